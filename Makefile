@@ -9,6 +9,9 @@ SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13)
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c '$(SUPPORTED)' 2>/dev/null && echo $$p && break; done)
 
+# pyright is pinned: no look-up of a newer one at every run.
+export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
+
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
 
 .PHONY: demo test test-slow lint format install slocum-cache clean
@@ -41,7 +44,7 @@ install: $(VENV)/.installed-dev
 slocum-cache: $(VENV)/.slocum-cache
 
 $(BIN)/python:
-	@test -n "$(PYTHON)" || { echo "auv-gym needs Python 3.11, 3.12 or 3.13, found $$(python3 --version 2>&1 || true):" \
+	@test -n "$(PYTHON)" || { echo "auv-gym needs Python 3.11, 3.12 or 3.13, found $$(python3 --version 2>/dev/null || echo none):" \
 		"install one of them, or name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
 	@"$(PYTHON)" -c '$(SUPPORTED)' || { echo "auv-gym needs Python 3.11, 3.12 or 3.13, got $$("$(PYTHON)" --version 2>&1):" \
 		"name another: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
@@ -50,12 +53,12 @@ $(BIN)/python:
 
 $(VENV)/.installed-demo: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing auv-gym and what the demo needs; this takes a minute or two the first time"
-	@$(PIP) install -e '.[render,slocum]' -c constraints.txt
+	@$(PIP) install --no-compile -e '.[render,slocum]' -c constraints.txt
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing auv-gym with its development tools; this takes a minute or two the first time"
-	@$(PIP) install -e '.[dev]' -c constraints.txt
+	@$(PIP) install --no-compile -e '.[dev]' -c constraints.txt
 	@touch $@ $(VENV)/.installed-demo
 
 $(VENV)/.slocum-cache: $(VENV)/.installed-dev
