@@ -1,0 +1,120 @@
+"""Physics as plain Python or as machine code: `compiled`, `bind` and the flat parameter view.
+
+Set `AUV_GYM_JIT=0` to run every compiled function as ordinary Python (slow, but a debugger can step through it).
+`AUV_GYM_CACHE` moves the folder of compiled code, by default `~/.cache/auv-gym`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sys
+import tempfile
+import types
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+JIT = os.environ.get("AUV_GYM_JIT", "1") != "0"
+_GENERATIONS_KEPT = 6
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """The function as machine code, cached on disk; the function itself where `AUV_GYM_JIT=0`.
+
+    Never fastmath: the plain and the compiled form agree to rounding.
+    """
+    if not JIT:
+        return function
+    import numba
+
+    # numba reads the cache folder when a function is decorated, so other packages' functions keep theirs.
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(_cache_folder(_package_folder(function)))
+    try:
+        return numba.njit(cache=True, error_model="numpy")(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def bind(template: Callable[..., Any], name: str, **meanings: Any) -> Any:
+    """The template compiled with its open global names given meanings, e.g. `bind(rk4, "glider", derivative=f)`.
+
+    One text serves every vehicle family, and each family's code is compiled when first called and found in the cache
+    at the next start (functions passed as arguments would be compiled anew by every process).
+    """
+    source = getattr(template, "py_func", template)
+    bound_name = f"{source.__name__}_{name}"
+    bound = types.FunctionType(source.__code__, {**source.__globals__, **meanings}, bound_name, source.__defaults__)
+    bound.__qualname__ = bound_name
+    bound.__module__ = source.__module__
+    bound.__doc__ = source.__doc__
+    return compiled(bound)
+
+
+def view_as(dtype: np.dtype, name: str) -> Any:
+    """A compiled function from a flat float64 vector to its record: `view(p).hull.mass`, no copy."""
+    if not JIT:  # attribute access on a numpy record costs a microsecond, on a namespace a tenth of it
+        return lambda vector: _namespace(dtype, iter(vector.tolist()))
+    return bind(_view, name, RECORD=dtype)
+
+
+def _namespace(dtype: np.dtype, values: Iterator[float]) -> Any:
+    if dtype.fields is None:
+        return next(values)
+    return types.SimpleNamespace(**{name: _namespace(dtype[name], values) for name in dtype.names or ()})
+
+
+RECORD = np.dtype(np.float64)
+
+
+def _view(vector):
+    return vector.view(RECORD)[0]
+
+
+def _package_folder(function: Callable[..., Any]) -> Path:
+    package = (function.__module__ or "").partition(".")[0]
+    file = getattr(sys.modules.get(package), "__file__", None)
+    return Path(file).parent if file else Path(__file__).parent
+
+
+@lru_cache
+def _cache_folder(package: Path) -> Path:
+    """The folder for code compiled from these sources; an edit anywhere in them opens a new one.
+
+    numba checks only the file of the function it loads, so it would keep a caller whose callee has changed.
+    """
+    own = Path(__file__).parent
+    digest = hashlib.sha256(sys.version.encode())
+    for folder in dict.fromkeys((own, package)):
+        for path in sorted(folder.rglob("*.py")):
+            text = path.read_bytes()
+            if b"compiled" in text:
+                digest.update(str(path.relative_to(folder)).encode() + b"\0" + text)
+    roots = [os.environ.get("AUV_GYM_CACHE"), os.environ.get("XDG_CACHE_HOME"), Path.home() / ".cache"]
+    for root in [Path(r) / "auv-gym" for r in roots if r] + [Path(tempfile.gettempdir()) / f"auv-gym-{os.getuid()}"]:
+        folder = root / "compiled" / digest.hexdigest()[:16]
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            os.utime(folder)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            _forget_old_generations(folder.parent)
+            return folder
+    return Path(tempfile.mkdtemp(prefix="auv-gym-"))
+
+
+def _forget_old_generations(root: Path) -> None:
+    try:
+        by_age = sorted((f for f in root.iterdir() if f.is_dir()), key=lambda f: f.stat().st_mtime, reverse=True)
+    except OSError:
+        return
+    for folder in by_age[_GENERATIONS_KEPT:]:
+        shutil.rmtree(folder, ignore_errors=True)

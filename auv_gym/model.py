@@ -1,0 +1,151 @@
+"""What an env steps and what every fit returns: the Model protocol, free simulation and prediction, save and load."""
+
+from __future__ import annotations
+
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from auv_gym.record import Record
+
+
+@runtime_checkable
+class Model(Protocol):
+    """A system in discrete time; inputs are held over a sample and there is no direct feedthrough.
+
+    inputs, states, outputs: channel names.  dt: s.  State vectors are passed in and returned, never kept.
+    """
+
+    @property
+    def inputs(self) -> tuple[str, ...]: ...
+
+    @property
+    def states(self) -> tuple[str, ...]: ...
+
+    @property
+    def outputs(self) -> tuple[str, ...]: ...
+
+    @property
+    def dt(self) -> float: ...
+
+    def initial(self, y0: np.ndarray) -> np.ndarray:
+        """A state with these outputs, shape (n_states,)."""
+        ...
+
+    def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The state one sample later; pure."""
+        ...
+
+    def output(self, x: np.ndarray) -> np.ndarray:
+        """The outputs in a state, shape (n_outputs,)."""
+        ...
+
+    def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The state after measuring y (NaN: not measured); what makes prediction differ from simulation."""
+        ...
+
+
+class Diverged(RuntimeError):
+    """A run left the finite numbers; says when, in which channel, and what the last finite values were."""
+
+    def __init__(self, time: float, channel: str, last: dict[str, float]):
+        self.time, self.channel, self.last = time, channel, last
+        values = ", ".join(f"{name} {value:.4g}" for name, value in last.items())
+        super().__init__(
+            f"The run diverged: {channel} is not finite at {time:.3f} s; last finite values: {values}. "
+            "Lower the step or check the model's coefficients."
+        )
+
+
+def inputs_of(model: Model, record: Record) -> np.ndarray:
+    """The record's inputs in the model's order, shape (n, n_inputs); channels a model has constants for may lack."""
+    constants = getattr(model, "constants", {})
+    columns = [
+        record[name] if record.has(name) or name not in constants else np.full(record.time.size, constants[name])
+        for name in model.inputs
+    ]
+    return np.ascontiguousarray(np.stack(columns, axis=1)) if columns else np.empty((record.time.size, 0))
+
+
+def outputs_of(model: Model, record: Record) -> np.ndarray:
+    """The record's outputs in the model's order, shape (n, n_outputs), NaN where a channel was not measured."""
+    missing = np.full(record.time.size, np.nan)
+    return np.stack([record[name] if record.has(name) else missing for name in model.outputs], axis=1)
+
+
+def simulate(model: Model, record: Record) -> Record:
+    """A free run through each segment of the record, from its first measured outputs and its inputs alone.
+
+    The result is the record with the model's outputs in place of the measured ones. A plant integrates to the record's
+    own times; other models raise if their dt is not its sample interval. Raises Diverged if a run leaves the finite
+    numbers.
+    """
+    inputs, measured = inputs_of(model, record), outputs_of(model, record)
+    run = getattr(model, "run", None)
+    if run is not None:
+        starts = np.array([model.initial(measured[s.start])[: len(model.outputs)] for s in record.segments])
+        result = run(record, record.segments, starts)
+    else:
+        result = np.empty_like(measured)
+        for segment in record.segments:
+            check_interval(model, record.time[segment])
+            x = model.initial(measured[segment.start])
+            for k in range(segment.start, segment.stop):
+                result[k] = model.output(x)
+                x = model.step(x, inputs[k])
+    return _with_outputs(model, record, result)
+
+
+def predict(model: Model, record: Record, horizon: int = 1) -> Record:
+    """Predictions `horizon` samples ahead: each runs free from the state corrected with all earlier measurements.
+
+    The first `horizon` samples of a segment run free from its start. Raises as `simulate` does.
+    """
+    if horizon < 1:
+        raise ValueError(f"predict needs a horizon of at least 1 sample, got {horizon}: 1 is one step ahead.")
+    inputs, measured = inputs_of(model, record), outputs_of(model, record)
+    result = np.empty_like(measured)
+    step_over = getattr(model, "step_over", None)
+    for segment in record.segments:
+        times = record.time[segment]
+        if step_over is None:
+            check_interval(model, times)
+
+        def advance(x, k, times=times, start=segment.start):
+            u = inputs[start + k]
+            return step_over(x, u, times[k + 1] - times[k]) if step_over else model.step(x, u)
+
+        corrected = [model.initial(measured[segment.start])]
+        for k in range(times.size - 1):
+            corrected.append(model.correct(advance(corrected[k], k), measured[segment.start + k + 1]))
+        for k in range(times.size):
+            origin = max(k - horizon, 0)
+            x = corrected[origin]
+            for j in range(origin, k):
+                x = advance(x, j)
+            result[segment.start + k] = model.output(x)
+    return _with_outputs(model, record, result)
+
+
+def check_interval(model: Model, times: np.ndarray) -> None:
+    """Raises if a model in discrete time cannot be used at these times, s."""
+    intervals = np.diff(times)
+    if intervals.size and np.max(np.abs(intervals - model.dt)) > 1e-3 * model.dt:
+        raise ValueError(
+            f"This model steps {model.dt:g} s at a time, got samples {intervals.min():g} to {intervals.max():g} s apart: "
+            f"call record.resample({model.dt:g}) first, or fit the model at the record's own interval."
+        )
+
+
+def check_finite(outputs: tuple[str, ...], times: np.ndarray, y: np.ndarray) -> None:
+    """Raises Diverged at the first value of y, shape (n, n_outputs), that is not finite."""
+    bad = ~np.isfinite(y)
+    if bad.any():
+        row = int(np.argmax(bad.any(axis=1)))
+        last = dict(zip(outputs, map(float, y[max(row - 1, 0)]), strict=True))
+        raise Diverged(float(times[row]), outputs[int(np.argmax(bad[row]))], last)
+
+
+def _with_outputs(model: Model, record: Record, result: np.ndarray) -> Record:
+    check_finite(model.outputs, record.time, result)
+    return record.with_channels(dict(zip(model.outputs, result.T, strict=True)))

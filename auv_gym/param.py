@@ -1,0 +1,142 @@
+"""Parameters declared once, with unit, bounds and probe, and the paths that read, replace and list them.
+
+A parameter tree is frozen dataclasses whose leaves are `param` fields. A path names a leaf from the root, such as
+`effects.rudder.offset`. An object that keeps its tree in a field `parameters` (a Plant) takes the same paths.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeVar, get_type_hints
+
+import numpy as np
+
+T = TypeVar("T")
+
+
+class Spec(NamedTuple):
+    """What is known of a parameter besides its value; `neutral` is the declared default."""
+
+    unit: str
+    title: str
+    neutral: float
+    bounds: tuple[float, float]
+    probe: float
+
+
+def param(
+    default: float, unit: str, title: str = "", *, bounds: tuple[float, float] = (-math.inf, math.inf), probe: float = 0.0
+) -> Any:
+    """A dataclass field that holds a float parameter.
+
+    title: words for a report.  bounds: the values that make physical sense.  probe: the smallest change worth
+    detecting, also the first step of a fit; 0 for a parameter that no fit may free.
+    """
+    return dataclasses.field(default=default, metadata={"spec": Spec(unit, title, default, bounds, probe)})
+
+
+def list_paths(tree: Any) -> list[str]:
+    """All parameter paths of a tree (or of the object that keeps it), in the order of the packed vector."""
+    return [path for path, _ in _specs(type(_tree(tree)))]
+
+
+def spec_at(tree: Any, path: str) -> Spec:
+    """Unit, title, neutral value, bounds and probe of the parameter at a path; raises on an unknown path."""
+    specs = dict(_specs(type(_tree(tree))))
+    if path not in specs:
+        raise _unknown_path(path, specs)
+    return specs[path]
+
+
+def value_at(tree: Any, path: str) -> float:
+    """The value at a path; raises on an unknown path."""
+    spec_at(tree, path)
+    node = _tree(tree)
+    for name in path.split("."):
+        node = getattr(node, name)
+    return float(node)
+
+
+def replace_at(tree: T, path: str | Mapping[str, float], value: float | None = None) -> T:
+    """A copy with one value replaced, or several given as a mapping; raises on an unknown path or a value out of bounds."""
+    changes = path if isinstance(path, Mapping) else {path: value}
+    for name, new in changes.items():
+        spec = spec_at(tree, name)
+        check_value(name, new, spec)
+        tree = _replaced(tree, ["parameters", *name.split(".")] if _tree(tree) is not tree else name.split("."), new)
+    return tree
+
+
+def check_value(path: str, value: Any, spec: Spec) -> None:
+    """Raises if the value is not a finite number within the parameter's bounds."""
+    low, high = spec.bounds
+    if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
+        raise ValueError(f"{path} needs a number in {spec.unit}, got {value!r}: give a plain number.")
+    if not math.isfinite(value) or not low <= value <= high:
+        raise ValueError(f"{path} needs a value from {low:g} to {high:g} {spec.unit}, got {value:g}: check its unit and sign.")
+
+
+def pack(tree: Any) -> np.ndarray:
+    """All values of the tree as a flat float64 vector, shape (n,), in the order of `list_paths`."""
+    tree = _tree(tree)
+    return np.array([value for value in _values(tree)], dtype=np.float64)
+
+
+def positions(tree: Any) -> dict[str, int]:
+    """Path to index in the packed vector."""
+    return {path: index for index, path in enumerate(list_paths(tree))}
+
+
+def record_type(tree_type: type) -> np.dtype:
+    """The record dtype of a parameter tree, nested as its dataclasses are; every leaf is a float64."""
+    hints = get_type_hints(tree_type)
+    fields = []
+    for field in dataclasses.fields(tree_type):
+        nested = hints[field.name]
+        fields.append((field.name, np.float64 if "spec" in field.metadata else record_type(nested)))
+    return np.dtype((np.record, fields))
+
+
+def did_you_mean(word: str, known: Any) -> str:
+    """`Did you mean 'slocum'? ` or nothing, to put into an error text."""
+    close = difflib.get_close_matches(word, list(known), n=3, cutoff=0.5)
+    return f"Did you mean {' or '.join(repr(c) for c in close)}? " if close else ""
+
+
+def _tree(tree: Any) -> Any:
+    return tree.parameters if hasattr(tree, "parameters") else tree
+
+
+@lru_cache
+def _specs(tree_type: type) -> tuple[tuple[str, Spec], ...]:
+    found: list[tuple[str, Spec]] = []
+    hints = get_type_hints(tree_type)
+    for field in dataclasses.fields(tree_type):
+        if "spec" in field.metadata:
+            found.append((field.name, field.metadata["spec"]))
+        else:
+            found += [(f"{field.name}.{path}", spec) for path, spec in _specs(hints[field.name])]
+    return tuple(found)
+
+
+def _values(tree: Any) -> Iterator[float]:
+    for field in dataclasses.fields(tree):
+        value = getattr(tree, field.name)
+        if "spec" in field.metadata:
+            yield float(value)
+        else:
+            yield from _values(value)
+
+
+def _replaced(tree: Any, names: list[str], value: Any) -> Any:
+    inner = float(value) if len(names) == 1 else _replaced(getattr(tree, names[0]), names[1:], value)
+    return dataclasses.replace(tree, **{names[0]: inner})
+
+
+def _unknown_path(path: str, known: Any) -> ValueError:
+    hint = did_you_mean(path, known)
+    return ValueError(f"No parameter {path!r}. {hint}Known: {', '.join(known)}.")

@@ -1,0 +1,62 @@
+"""What a command goes through before a fin stands where it stands."""
+
+from math import exp, inf
+
+from auv_gym.compiled import compiled
+
+
+@compiled
+def play(position, memory, width):
+    """Output of a backlash of full width `width` with its last output `memory`; the identity at width 0."""
+    half = 0.5 * width
+    return min(max(memory, position - half), position + half)
+
+
+@compiled
+def shape_command(command, memory, limit, actuator):
+    """The commanded angle after gain, offset, deadband, backlash and saturation, and the new backlash memory, rad.
+
+    memory: last output of the backlash, rad.  limit: mechanical stop, rad, before `actuator.lost_travel`.
+    The deadband is continuous: its output starts from zero at its edge. All steps but the backlash are memoryless, so
+    the dead time, which acts on the sampled signal, may follow them.
+    """
+    angle = command * actuator.gain + actuator.offset
+    angle -= min(max(angle, -actuator.deadband), actuator.deadband)
+    angle = play(angle, memory, actuator.backlash)
+    stop = max(limit - actuator.lost_travel, 0.0)
+    return min(max(angle, -stop), stop), angle
+
+
+@compiled
+def travel(position, target, lag, slowness, duration):
+    """Mean, slope and end of an actuator's position over a time in which its target is constant.
+
+    First-order lag with a rate limit, dx/dt = clip((target - x)/lag, +-1/slowness), solved in closed form: a straight
+    run at full rate, then an exponential. `mean + slope (t - duration/2)` has the exact zeroth and first moment of the
+    position, so forces taken from it keep a fourth-order integrator's order and are right however small the lag is.
+    lag: s.  slowness: s/rad, the inverse of the rate limit.  Source: Fossen 2021, sec. 9.7 (lag, rate limit).
+    """
+    error = position - target
+    if error == 0.0 or (lag <= 0.0 and slowness <= 0.0):
+        return target, 0.0, target
+    side = 1.0 if error > 0.0 else -1.0
+    size = abs(error)
+    run = 0.0
+    knee = lag / slowness if slowness > 0.0 else inf
+    area = 0.0
+    moment = 0.0
+    if size > knee:
+        run = min((size - knee) * slowness, duration)
+        area = size * run - run * run / (2.0 * slowness)
+        moment = size * run * run / 2.0 - run * run * run / (3.0 * slowness)
+        size -= run / slowness
+    rest = duration - run
+    if rest > 0.0 and lag > 0.0:
+        decay = exp(-rest / lag)
+        area += size * lag * (1.0 - decay)
+        moment += size * lag * (run * (1.0 - decay) + lag * (1.0 - decay * (1.0 + rest / lag)))
+        size *= decay
+    elif rest > 0.0:
+        size = 0.0
+    moment -= 0.5 * duration * area
+    return target + side * area / duration, side * 12.0 * moment / duration**3, target + side * size

@@ -1,0 +1,32 @@
+"""What a measured signal goes through before it is read."""
+
+from math import cos, exp, sin
+
+from auv_gym.compiled import compiled
+
+
+@compiled
+def deviation(heading, compass):
+    """Heading error of a compass near magnetic material, rad: the semicircular terms, sine and cosine of heading.
+
+    Source: Bowditch, American Practical Navigator, 2019, ch. 8 (coefficients B and C).
+    """
+    return compass.deviation_sin * sin(heading) + compass.deviation_cos * cos(heading)
+
+
+@compiled
+def lag_error(error, change, lag, duration):
+    """What a first-order sensor reads minus what it should, after its input has changed by `change` as a ramp.
+
+    Exact for a ramp; zero, bit for bit, at lag 0 from zero.  lag, duration: s.
+    """
+    if lag <= 0.0:
+        return 0.0
+    decay = exp(-duration / lag)
+    return error * decay - change / duration * lag * (1.0 - decay)
+
+
+@compiled
+def compass_reading(heading, error, compass):
+    """The heading that a compass gives, rad, with the lag's present error."""
+    return heading + deviation(heading, compass) + error + compass.bias

@@ -1,0 +1,305 @@
+"""Plant: a vehicle and its effects, integrated, as a Model; and the vehicle files it is read from and written to."""
+
+from __future__ import annotations
+
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from importlib.resources import files
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_gym import __version__
+from auv_gym.model import check_finite, inputs_of
+from auv_gym.param import check_value, did_you_mean, list_paths, pack, replace_at, spec_at, value_at
+from auv_gym.record import Record
+from auv_gym.rollout import Programs, bind_family
+from auv_gym.vehicles import FAMILIES, Family
+
+_FILE_KEYS = ("family", "name", "title", "description", "dt_s", "longest_step_s", "written_by")
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A vehicle and its effects as a Model.
+
+    dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
+    notes: where each number comes from, by path.
+    """
+
+    name: str
+    family: Family
+    parameters: Any
+    dt: float = 1.0
+    longest_step: float = 0.5
+    title: str = ""
+    description: str = ""
+    notes: Mapping[str, str] = field(default_factory=dict, compare=False)
+
+    def __post_init__(self):
+        for label, value in (("dt", self.dt), ("longest_step", self.longest_step)):
+            if not value > 0.0 or not np.isfinite(value):
+                raise ValueError(f"A plant needs {label} > 0 s, got {value!r}: give a sample time such as 1.0.")
+
+    @property
+    def hull(self) -> Any:
+        return self.parameters.hull
+
+    @property
+    def effects(self) -> Any:
+        return self.parameters.effects
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return self.family.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return self.family.outputs
+
+    @cached_property
+    def states(self) -> tuple[str, ...]:
+        f = self.family
+        past = [f"{name}[-{age}]" for age in range(self._history - 1, -1, -1) for name in f.actuators]
+        positions_, memories = [f"{a} position" for a in f.actuators], [f"{a} play" for a in f.actuators]
+        return (*f.states, *positions_, *memories, *f.sensors, *past)
+
+    @cached_property
+    def constants(self) -> dict[str, float]:
+        """Values of the inputs that a record need not have."""
+        named = self.family.constants
+        return {
+            name: value_at(self, named[name]) if name in named else 0.0
+            for name in self.family.inputs
+            if name not in self.family.required
+        }
+
+    @cached_property
+    def vector(self) -> np.ndarray:
+        """The parameters as the compiled functions take them, in the order of `list_paths`."""
+        return pack(self)
+
+    @cached_property
+    def programs(self) -> Programs:
+        return bind_family(self.family)
+
+    @cached_property
+    def _history(self) -> int:
+        dead_times = [value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")]
+        return max((ceil(t / self.dt - 1e-9) for t in dead_times), default=0) + 1
+
+    @cached_property
+    def _ages(self) -> np.ndarray:
+        return self.dt * np.arange(1 - self._history, 2.0)
+
+    def initial(self, y0: np.ndarray) -> np.ndarray:
+        """A state with these outputs where they are finite, zero otherwise; actuators at rest in the middle."""
+        x = np.zeros(len(self.states))
+        known = dict(zip(self.outputs, np.asarray(y0, dtype=float), strict=True))
+        for index, name in enumerate(self.family.states):
+            if np.isfinite(known.get(name, np.nan)):
+                x[index] = known[name]
+        return self.correct(x, y0)
+
+    def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The state one sample later, shape (n_states,); u: the inputs in order, in the channels' units."""
+        return self._advance(x, u, self._ages)
+
+    def step_over(self, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
+        """The state `duration` s later; the commands before it count as held for dt each."""
+        ages = self._ages.copy()
+        ages[-1] = duration
+        return self._advance(x, u, ages)
+
+    def _advance(self, x: np.ndarray, u: np.ndarray, ages: np.ndarray) -> np.ndarray:
+        next_x = np.empty(x.size)
+        work = np.empty((10, len(self.family.states)))
+        self.programs.step(x, u, ages, self.longest_step, self.vector, next_x, work)
+        return next_x
+
+    def output(self, x: np.ndarray) -> np.ndarray:
+        """The outputs as the sensors give them, shape (n_outputs,)."""
+        y = np.empty(len(self.outputs))
+        self.programs.read(x, self.vector, y)
+        return y
+
+    def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The state moved so that its outputs are y where y is finite; the rest of the state is kept."""
+        x = np.array(x, dtype=float)
+        for _ in range(3):  # the compass deviation depends on the heading: a fixed point
+            error = np.asarray(y, dtype=float) - self.output(x)
+            for index, name in enumerate(self.outputs):
+                if name in self.family.states and np.isfinite(error[index]):
+                    x[self.family.states.index(name)] += error[index]
+        return x
+
+    def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
+        """Outputs of free runs over windows of a record, shape (total rows, n_outputs).
+
+        starts: (n_windows, at least the family's states), the states at the windows' first rows; what was commanded
+        before a window, in its segment, counts.  Raises Diverged.
+        """
+        size = len(self.family.states)
+        y = self.run_many(Runs.over(self, record, windows), self.vector[None, :], starts[None, :, :size])[0]
+        times = np.concatenate([record.time[w] for w in windows])
+        check_finite(self.outputs, times, y)
+        return y
+
+    def run_many(self, runs: Runs, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        """Outputs for several parameter vectors (S, n) and starts (S, W, n_states): (S, rows, n_outputs), unchecked."""
+        y = np.empty((vectors.shape[0], runs.rows, len(self.outputs)))
+        self.programs.rollout(
+            vectors,
+            np.ascontiguousarray(starts),
+            runs.begin,
+            runs.stop,
+            runs.times,
+            runs.inputs,
+            runs.first,
+            self.longest_step,
+            y,
+        )
+        return y
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Windows of a record in the form the compiled rollout takes, made once for a whole fit."""
+
+    begin: np.ndarray
+    stop: np.ndarray
+    times: np.ndarray
+    inputs: np.ndarray
+    first: np.ndarray
+    rows: int
+
+    @classmethod
+    def over(cls, plant: Plant, record: Record, windows: Sequence[slice]) -> Runs:
+        first = np.empty(record.time.size, dtype=np.int64)
+        for segment in record.segments:
+            first[segment] = segment.start
+        begin = np.array([w.start for w in windows], dtype=np.int64)
+        stop = np.array([w.stop for w in windows], dtype=np.int64)
+        return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, int((stop - begin).sum()))
+
+
+def list_vehicles() -> dict[str, str]:
+    """Names and titles of the presets."""
+    return {path.stem: _parse(path.read_text(), path.stem).title for path in _presets()}
+
+
+def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
+    """The plant of a preset name or a vehicle file (TOML); raises with what is wrong in it, by key."""
+    presets = {path.stem: path for path in _presets()}
+    text = os.fspath(name)
+    if text in presets:
+        plant = _parse(presets[text].read_text(), text)
+    elif text.endswith(".toml"):
+        path = Path(text)
+        if not path.is_file():
+            raise ValueError(f"No vehicle file {text!r}: give a path to a TOML file or one of {', '.join(sorted(presets))}.")
+        plant = _parse(path.read_text(), path.name)
+    else:
+        hint = did_you_mean(text, presets)
+        raise ValueError(f"No vehicle {text!r}. {hint}Presets: {', '.join(sorted(presets))}; or give a .toml file.")
+    return plant if dt is None else replace(plant, dt=dt)
+
+
+def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str] | None = None) -> None:
+    """Write a vehicle file that `load_vehicle` reads back bit for bit; written aside, then renamed."""
+    notes = {**plant.notes, **(notes or {})}
+    lines = [
+        f'family = "{plant.family.name}"',
+        f'name = "{plant.name}"',
+        f"title = {_quoted(plant.title)}",
+        f"description = {_quoted(plant.description)}",
+        f"dt_s = {plant.dt!r}",
+        f"longest_step_s = {plant.longest_step!r}",
+        f'written_by = "auv-gym {__version__}"',
+    ]
+    table = ""
+    for parameter in list_paths(plant):
+        spec, value = spec_at(plant, parameter), value_at(plant, parameter)
+        if parameter.startswith("effects.") and value == spec.neutral:
+            continue
+        head, _, key = parameter.rpartition(".")
+        if head != table:
+            table = head
+            lines += ["", f"[{table}]"]
+        source = f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
+        lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{source} }}')
+    target = Path(path)
+    aside = target.with_name(f".{target.name}.part")
+    aside.write_text("\n".join(lines) + "\n")
+    aside.replace(target)
+
+
+def _presets() -> list[Path]:
+    folder = files("auv_gym") / "vehicles" / "presets"
+    return sorted((Path(str(item)) for item in folder.iterdir() if item.name.endswith(".toml")), key=lambda p: p.stem)
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{escaped}"'
+
+
+def _parse(text: str, origin: str) -> Plant:
+    try:
+        content = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"Vehicle file {origin} is not valid TOML: {error}.") from None
+    family = FAMILIES.get(content.get("family", ""))
+    if family is None:
+        got = content.get("family", "nothing")
+        raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILIES)}, got {got!r}.")
+    tables = {key: value for key, value in content.items() if isinstance(value, dict)}
+    for key in content:
+        if key not in _FILE_KEYS and key not in ("hull", "effects"):
+            hint = did_you_mean(key, (*_FILE_KEYS, "hull", "effects"))
+            raise ValueError(f"Vehicle file {origin} has an unknown key {key!r}. {hint}Known: {', '.join(_FILE_KEYS)}.")
+    parameters = family.parameters()
+    values, notes = {}, {}
+    for path, entry in _leaves(tables, ""):
+        try:
+            spec = spec_at(parameters, path)
+        except ValueError as error:
+            raise ValueError(f"Vehicle file {origin}: {error}") from None
+        value = entry.get("value") if isinstance(entry, dict) else entry
+        unit = entry.get("unit", spec.unit) if isinstance(entry, dict) else spec.unit
+        if unit != spec.unit:
+            raise ValueError(f"Vehicle file {origin}: {path} is in {spec.unit}, got unit {unit!r}: convert the value.")
+        try:
+            check_value(path, value, spec)
+        except ValueError as error:
+            raise ValueError(f"Vehicle file {origin}: {error}") from None
+        values[path] = float(value)
+        if isinstance(entry, dict) and "source" in entry:
+            notes[path] = entry["source"]
+    plant = Plant(
+        name=content.get("name", Path(origin).stem),
+        family=family,
+        parameters=replace_at(parameters, values),
+        dt=float(content.get("dt_s", 1.0)),
+        longest_step=float(content.get("longest_step_s", 0.5)),
+        title=content.get("title", ""),
+        description=content.get("description", ""),
+        notes=notes,
+    )
+    if family.name == "glider" and plant.hull.inertia <= 0.5 * plant.hull.density * plant.hull.length**5 * plant.hull.n_rdot:
+        raise ValueError(f"Vehicle file {origin}: hull.inertia minus the added inertia D5 N_rdot must be positive.")
+    return plant
+
+
+def _leaves(table: Mapping[str, Any], prefix: str):
+    for key, entry in table.items():
+        path = f"{prefix}{key}"
+        if isinstance(entry, dict) and not {"value", "unit", "source"} & entry.keys():
+            yield from _leaves(entry, f"{path}.")
+        else:
+            yield path, entry

@@ -1,0 +1,212 @@
+"""Integration of any vehicle family: RK4, one sample interval, and the rollout over windows of a record.
+
+The functions here are templates: names in capitals and the family's hooks are open, and `bind_family` gives them their
+meaning. A full state vector is
+
+    [states | actuator positions | backlash memories | sensor states | past shaped commands, oldest first]
+
+Commands are held over a sample. A delayed command switches inside a sample; the interval is cut there, so that the
+result is smooth in the dead time. Actuators move in closed form, see `physics.actuators.travel`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from auv_gym.compiled import bind
+from auv_gym.physics.actuators import travel
+from auv_gym.vehicles.family import Family
+
+# Open names of the templates, bound per family.
+STATES = ACTUATORS = SENSORS = OUTPUTS = INPUTS = 0
+derivative: Any
+shape: Any
+actuator_times: Any
+sense: Any
+settle_sensors: Any
+output: Any
+view: Any
+rk4: Any
+drive: Any
+interval: Any
+
+
+def _rk4(x, start, middle, end, inputs, h, p, work):
+    """One step of the classical fourth-order Runge-Kutta method on x in place; actuator angles given at its stages.
+
+    work: scratch, at least (5, STATES).  Source: Hairer, Norsett and Wanner 1993, sec. II.1, table 1.2.
+    """
+    k1, k2, k3, k4, y = work[0], work[1], work[2], work[3], work[4]
+    derivative(x, start, inputs, p, k1)
+    for i in range(STATES):
+        y[i] = x[i] + 0.5 * h * k1[i]
+    derivative(y, middle, inputs, p, k2)
+    for i in range(STATES):
+        y[i] = x[i] + 0.5 * h * k2[i]
+    derivative(y, middle, inputs, p, k3)
+    for i in range(STATES):
+        y[i] = x[i] + h * k3[i]
+    derivative(y, end, inputs, p, k4)
+    for i in range(STATES):
+        x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+
+
+def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, actuators_only, p, work):
+    """Advance x in place from t0 = times[k] to t1, in equal steps of at most `longest_step` between switching times.
+
+    shaped: (n, ACTUATORS) shaped commands, of which rows first..k are known; before row `first` its value is held.
+    actuators_only: move only the actuators, to find where they stand at the start of a window.
+    """
+    position = x[STATES : STATES + ACTUATORS]
+    sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
+    start, middle, end, before = work[5], work[6], work[7], work[8]
+    t = t0
+    while t < t1:
+        t_next = t1
+        for j in range(ACTUATORS):
+            dead_time = actuator_times(j, p)[0]
+            if dead_time > 0.0:
+                i = k
+                while i > first and times[i] + dead_time > t:
+                    t_next = min(t_next, times[i] + dead_time)
+                    i -= 1
+                work[9, j] = shaped[i, j]
+            else:
+                work[9, j] = shaped[k, j]
+        if t_next <= t:
+            t_next = t1
+        pieces = 1 if actuators_only else max(int(ceil((t_next - t) / longest_step - 1e-9)), 1)
+        h = (t_next - t) / pieces
+        for _ in range(pieces):
+            for j in range(ACTUATORS):
+                times_j = actuator_times(j, p)
+                mean, slope, last = travel(position[j], work[9, j], times_j[1], times_j[2], h)
+                start[j] = mean - 0.5 * h * slope
+                middle[j] = mean
+                end[j] = mean + 0.5 * h * slope
+                position[j] = last
+            if not actuators_only:
+                for i in range(STATES):
+                    before[i] = x[i]
+                rk4(x, start, middle, end, inputs, h, p, work)
+                sense(before, x, sensors, h, p)
+        t = t_next
+
+
+def _step(x, inputs, times, longest_step, vector, next_x, work):
+    """The full state one sample later, into next_x; times: (history,) s, of the past commands, ending at 0, then dt."""
+    p = view(vector)
+    history = times.shape[0] - 1
+    offset = STATES + 2 * ACTUATORS + SENSORS
+    next_x[:] = x
+    memory = next_x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
+    past = next_x[offset:].reshape((history, ACTUATORS))
+    for i in range(history - 1):
+        for j in range(ACTUATORS):
+            past[i, j] = past[i + 1, j]
+    shape(inputs, memory, p, past[history - 1])
+    interval(next_x, inputs, past, times, 0, history - 1, 0.0, times[history], longest_step, False, p, work)
+
+
+def _read(x, vector, y):
+    """Outputs of a full state into y."""
+    p = view(vector)
+    sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
+    output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y)
+
+
+def _drive(times, inputs, first, shaped, positions, p, work):
+    """Shaped commands and actuator positions at every sample of a record, (n, ACTUATORS) each, from the commands alone.
+
+    first: (n,) row at which each row's segment starts; there the actuators stand where they are told to.
+    """
+    x = np.zeros(STATES + 2 * ACTUATORS + SENSORS)
+    memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
+    still = True
+    for j in range(ACTUATORS):
+        dead_time, lag, slowness = actuator_times(j, p)
+        still = still and dead_time <= 0.0 and lag <= 0.0 and slowness <= 0.0
+    for k in range(times.shape[0]):
+        fresh = first[k] == k
+        if fresh:
+            for j in range(ACTUATORS):
+                memory[j] = inputs[k, j]
+            shape(inputs[k], memory, p, shaped[k])  # a play that starts in its middle
+            for j in range(ACTUATORS):
+                memory[j] = shaped[k, j]
+        shape(inputs[k], memory, p, shaped[k])
+        if fresh or still:
+            for j in range(ACTUATORS):
+                x[STATES + j] = shaped[k, j]
+        for j in range(ACTUATORS):
+            positions[k, j] = x[STATES + j]
+        if not still and k + 1 < times.shape[0] and first[k + 1] != k + 1:
+            interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], 1e9, True, p, work)
+
+
+def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y):
+    """Outputs of free runs over windows of a record, for several parameter vectors, into y.
+
+    vectors: (S, n_parameters).  starts: (S, W, STATES), the states at the windows' first rows.  begin, stop: (W,) rows.
+    times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
+    y: (S, sum of window lengths, OUTPUTS), the windows one after the other.
+    """
+    n = times.shape[0]
+    work = np.zeros((10, max(STATES, ACTUATORS)))
+    shaped = np.empty((n, ACTUATORS))
+    positions = np.empty((n, ACTUATORS))
+    x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
+    sensors = x[STATES + 2 * ACTUATORS :]
+    for s in range(vectors.shape[0]):
+        p = view(vectors[s])
+        drive(times, inputs, first, shaped, positions, p, work)
+        row = 0
+        for w in range(begin.shape[0]):
+            k = begin[w]
+            x[:STATES] = starts[s, w]
+            x[STATES : STATES + ACTUATORS] = positions[k]
+            x[STATES + ACTUATORS :] = 0.0
+            settle_sensors(x[:STATES], positions[k], sensors, p)
+            while k < stop[w]:
+                output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
+                row += 1
+                if k + 1 < stop[w]:
+                    interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], longest_step, False, p, work)
+                k += 1
+
+
+@dataclass(frozen=True, eq=False)
+class Programs:
+    """The compiled programs of one family."""
+
+    step: Any
+    read: Any
+    rollout: Any
+    derivative: Any
+
+
+@lru_cache
+def bind_family(family: Family) -> Programs:
+    """The programs of a family; each is compiled when first called and found in the cache afterwards."""
+    sizes = {
+        "STATES": len(family.states),
+        "ACTUATORS": len(family.actuators),
+        "SENSORS": len(family.sensors),
+        "OUTPUTS": len(family.outputs),
+        "INPUTS": len(family.inputs),
+    }
+    known = {**sizes, **family.hooks, "view": family.view, "travel": travel}
+    known["rk4"] = bind(_rk4, family.name, **known)
+    known["interval"] = bind(_interval, family.name, **known)
+    known["drive"] = bind(_drive, family.name, **known)
+    return Programs(
+        step=bind(_step, family.name, **known),
+        read=bind(_read, family.name, **known),
+        rollout=bind(_rollout, family.name, **known),
+        derivative=family.hooks["derivative"],
+    )

@@ -1,0 +1,192 @@
+"""The heading of an underwater glider: yaw from a rudder and two tunnel thrusters.
+
+Source: Putri, Latifa, Trilaksono and Hidayat, "Modelling and Identification of Underwater Glider for Heading Angle
+Correction": equations (1), (2), (11), (14), (15).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import cos, sin
+
+from auv_gym.compiled import compiled, view_as
+from auv_gym.effects import GliderEffects
+from auv_gym.param import param, record_type
+from auv_gym.physics.actuators import shape_command
+from auv_gym.physics.sensors import compass_reading, deviation, lag_error
+from auv_gym.vehicles.family import Family
+
+
+@dataclass(frozen=True)
+class GliderHull:
+    """Coefficients of equation (11), nondimensional by D_n = rho L^n / 2 as in the paper, and of its correction (15)."""
+
+    density: float = param(1000.0, "kg/m^3", "water density", bounds=(900.0, 1100.0))
+    length: float = param(2.0, "m", "length", bounds=(0.1, 20.0))
+    mass: float = param(92.8, "kg", "mass", bounds=(1.0, 1e4))
+    inertia: float = param(26.574, "kg m^2", "yaw inertia I_z", bounds=(0.01, 1e5))
+    n_rdot: float = param(7.275e-4, "1", "added yaw inertia N_rdot", bounds=(-0.1, 0.1))
+    n_r: float = param(-0.0170, "1", "yaw damping N_r", bounds=(-2.0, -1e-6), probe=1e-3)
+    n_delta: float = param(-0.0158, "1", "rudder effectiveness N_dr", bounds=(-1.0, 1.0), probe=1e-3)
+    n_wr: float = param(0.0, "1", "yaw damping from heave N_wr", bounds=(-2.0, 2.0))
+    speed: float = param(0.3, "m/s", "nominal forward speed", bounds=(0.01, 5.0))
+    speed_scaling: float = param(1.0, "1", "share of rudder and damping that follows the measured speed", bounds=(0.0, 1.0))
+    bow_thruster_arm: float = param(0.917, "m", "lever of the bow thruster L_t1", bounds=(-10.0, 10.0))
+    stern_thruster_arm: float = param(0.748, "m", "lever of the stern thruster L_t2", bounds=(-10.0, 10.0))
+    rudder_limit: float = param(0.5236, "rad", "rudder stop", bounds=(0.01, 1.6))
+    x_g: float = param(0.0, "m", "centre of gravity, forward x_G", bounds=(-5.0, 5.0))
+    y_g: float = param(0.0, "m", "centre of gravity, starboard y_G", bounds=(-1.0, 1.0))
+    y_b: float = param(0.0, "m", "centre of buoyancy, starboard y_B", bounds=(-1.0, 1.0))
+    volume: float = param(0.0928, "m^3", "displaced volume V_v", bounds=(1e-4, 100.0))
+    i_xy: float = param(0.0, "kg m^2", "product of inertia I_xy", bounds=(-1e3, 1e3))
+    heading_stiffness: float = param(0.0, "1/s^2", "K_y1 of equation (15)", bounds=(-1.0, 1.0))
+    damping_factor: float = param(1.0, "1", "K_y2 of equation (15)", bounds=(0.0, 100.0))
+    rudder_heading_rate: float = param(0.0, "1/s", "K_y3 of equation (15)", bounds=(-10.0, 10.0))
+    rudder_factor: float = param(1.0, "1", "K_y4 of equation (15)", bounds=(-100.0, 100.0))
+
+
+@dataclass(frozen=True)
+class GliderParameters:
+    """The parameter tree of a glider's heading."""
+
+    hull: GliderHull = field(default_factory=GliderHull)
+    effects: GliderEffects = field(default_factory=GliderEffects)
+
+
+GRAVITY = 9.81
+
+
+@compiled
+def yaw_inertia(hull):
+    """I_z - D5 N_rdot, kg m^2; the minus with a positive N_rdot is the paper's, kept as printed."""
+    return hull.inertia - 0.5 * hull.density * hull.length**5 * hull.n_rdot
+
+
+@compiled
+def yaw_rates(hull):
+    """The two coefficients of the linear form (14): damping of r, 1/s, and rudder, 1/s^2, at the nominal speed."""
+    d3 = 0.5 * hull.density * hull.length**3
+    d4 = d3 * hull.length
+    inertia = yaw_inertia(hull)
+    return d4 * hull.n_r * hull.speed / inertia, d3 * hull.n_delta * hull.speed**2 / inertia
+
+
+@compiled
+def heading_rate(r, rudder, hull):
+    """dpsi/dt, rad/s: the yaw rate, and with (15) a rudder term as well."""
+    return r + hull.rudder_heading_rate * rudder
+
+
+@compiled
+def derivative(x, actuators, inputs, p, dx):
+    """State derivative of [psi, r, north, east] into dx: equations (1), (2), (11), and (15) where its factors are set.
+
+    inputs: [rudder_rad, F_t1 N, F_t2 N, u m/s, w m/s, q rad/s, theta rad, phi rad], held over a sample, so the term
+    m y_G du/dt of (11) vanishes. u is through the water; it acts as far as `hull.speed_scaling` says.
+    Roll is zero in (11); the effect `yaw.roll_moment` is what a roll angle adds.
+    """
+    hull = p.hull
+    yaw = p.effects.yaw
+    psi = x[0]
+    r = x[1]
+    rudder = actuators[0]
+    u = inputs[3]
+    w = inputs[4]
+    d3 = 0.5 * hull.density * hull.length**3
+    d4 = d3 * hull.length
+    u_nominal = hull.speed
+    u_damping = u_nominal + hull.speed_scaling * (u - u_nominal)
+    u_squared = u_nominal**2 + (hull.speed_scaling + yaw.speed_squared) * (u**2 - u_nominal**2)
+    damping = d4 * (hull.n_r * u_damping + hull.n_wr * w) - hull.mass * hull.x_g * u_damping
+    rudder_moment = d3 * u_squared * hull.n_delta * rudder
+    weight_moment = GRAVITY * (hull.y_g * hull.mass - hull.y_b * hull.density * hull.volume) * sin(inputs[6])
+    moment = (
+        hull.damping_factor * damping * r
+        + hull.rudder_factor * rudder_moment
+        + hull.bow_thruster_arm * inputs[1]
+        + hull.stern_thruster_arm * inputs[2]
+        + weight_moment
+        - hull.i_xy * inputs[5] ** 2
+        + yaw.moment
+        + yaw.roll_moment * inputs[7]
+        - yaw.quadratic_damping * abs(r) * r
+    )
+    dx[0] = heading_rate(r, rudder, hull)
+    dx[1] = moment / yaw_inertia(hull) + hull.heading_stiffness * psi
+    dx[2] = u * cos(psi) + p.effects.current.north
+    dx[3] = u * sin(psi) + p.effects.current.east
+
+
+@compiled
+def shape(inputs, memory, p, shaped):
+    """The rudder command after its memoryless effects and backlash, into shaped; memory is updated."""
+    shaped[0], memory[0] = shape_command(inputs[0], memory[0], p.hull.rudder_limit, p.effects.rudder)
+
+
+@compiled
+def actuator_times(index, p):
+    """Dead time s, lag s and slowness s/rad of an actuator; there is one, the rudder."""
+    rudder = p.effects.rudder
+    return rudder.dead_time, rudder.lag, rudder.slowness
+
+
+@compiled
+def sense(before, x, sensors, duration, p):
+    """Update of the sensors' states [compass lag error] after the vehicle went from `before` to `x`."""
+    compass = p.effects.compass
+    if compass.lag <= 0.0:  # the usual case, without the trigonometry
+        sensors[0] = 0.0
+        return
+    change = x[0] + deviation(x[0], compass) - (before[0] + deviation(before[0], compass))
+    sensors[0] = lag_error(sensors[0], change, compass.lag, duration)
+
+
+@compiled
+def settle_sensors(x, actuators, sensors, p):
+    """Sensors' states of a vehicle that has been turning at its present rate for long."""
+    compass = p.effects.compass
+    rate = heading_rate(x[1], actuators[0], p.hull)
+    change = deviation(x[0] + rate, compass) - deviation(x[0], compass) + rate
+    sensors[0] = -compass.lag * change
+
+
+@compiled
+def output(x, actuators, sensors, p, y):
+    """Outputs [compass heading, yaw rate, north, east] into y."""
+    y[0] = compass_reading(x[0], sensors[0], p.effects.compass)
+    y[1] = heading_rate(x[1], actuators[0], p.hull)
+    y[2] = x[2]
+    y[3] = x[3]
+
+
+GLIDER = Family(
+    name="glider",
+    title="heading of an underwater glider",
+    parameters=GliderParameters,
+    inputs=(
+        "rudder_rad",
+        "bow_thruster_N",
+        "stern_thruster_N",
+        "u_mps",
+        "w_mps",
+        "q_radps",
+        "pitch_rad",
+        "roll_rad",
+    ),
+    constants={"u_mps": "hull.speed"},
+    required=("rudder_rad",),
+    states=("heading_rad", "r_radps", "north_m", "east_m"),
+    actuators=("rudder_rad",),
+    sensors=("heading_lag_rad",),
+    outputs=("heading_rad", "r_radps", "north_m", "east_m"),
+    coefficients=("hull.n_r", "hull.n_delta"),
+    view=view_as(record_type(GliderParameters), "glider"),
+    hooks={
+        "derivative": derivative,
+        "shape": shape,
+        "actuator_times": actuator_times,
+        "sense": sense,
+        "settle_sensors": settle_sensors,
+        "output": output,
+    },
+)
