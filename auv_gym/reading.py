@@ -127,8 +127,8 @@ def _load_mapping(mapping: Mapping[str, str] | str | Path | None) -> dict[str, s
 
 def _mapped(table: Table, mapping: Mapping[str, str]) -> Table:
     """The table under our names, without the columns that the mapping leaves out."""
-    for theirs in mapping:
-        if theirs != "*" and theirs not in table.columns:
+    for theirs, ours in mapping.items():
+        if ours and theirs not in table.columns:
             raise ValueError(
                 f"The mapping names the column {theirs!r}, which the file lacks. {did_you_mean(theirs, table.columns)}"
                 f"It has {_listed(table.columns)}."
@@ -251,11 +251,12 @@ def _csv_table(path: Path) -> Table:
     except UnicodeDecodeError:
         text = content.decode("latin-1")
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    if len(lines) < 2:
-        raise ValueError(f"A header and at least 2 rows are needed, got {len(lines)} lines: export the log again.")
+    if len(lines) < 3:
+        raise ValueError(
+            f"A header and at least 2 rows are needed, got {len(lines)} lines in all: export the log again."
+        )
     delimiter = max(",;\t", key=lines[0].count)
-    rows = list(csv.reader(lines, delimiter=delimiter, skipinitialspace=True))
-    header = [name.strip() for name in rows[0]]
+    header = [name.strip() for name in next(csv.reader(lines[:1], delimiter=delimiter, skipinitialspace=True))]
     if all(isinstance(_column([name]), np.ndarray) for name in header):
         raise ValueError(
             f"The first line holds numbers ({lines[0][:60]!r}): put a header above it that names the columns, such as "
@@ -265,12 +266,29 @@ def _csv_table(path: Path) -> Table:
     if repeated or "" in header:
         what = f"names {_listed(sorted(repeated))} twice" if repeated - {""} else "leaves a column without a name"
         raise ValueError(f"The header {what}: give each column a name of its own.")
-    width = len(header)
-    for number, row in enumerate(rows[1:]):
-        if len(row) != width:
-            last = " The file seems cut short: delete that line." if number == len(rows) - 2 else " Correct the line."
-            raise ValueError(f"Row {number + 1} below the header has {len(row)} cells, the header has {width}.{last}")
-    return Table(dict(zip(header, map(_column, zip(*rows[1:], strict=True)), strict=True)))
+    try:
+        return Table(dict(zip(header, _numeric_columns(lines[1:], delimiter), strict=True)))
+    except ValueError:  # labels, dates, quotes, or something wrong: cell by cell
+        rows = list(csv.reader(lines[1:], delimiter=delimiter, skipinitialspace=True))
+    for number, row in enumerate(rows):
+        if len(row) != len(header):
+            last = " The file seems cut short: delete that line." if number == len(rows) - 1 else " Correct the line."
+            raise ValueError(
+                f"Row {number + 1} below the header has {len(row)} cells, the header has {len(header)}.{last}"
+            )
+    return Table(dict(zip(header, map(_column, zip(*rows, strict=True)), strict=True)))
+
+
+def _numeric_columns(lines: list[str], delimiter: str) -> np.ndarray:
+    """The columns of lines of numbers and empty cells, shape (columns, rows), fast; raises on anything else."""
+    text = "\n".join(["", *lines, ""])
+    empty = delimiter * 2
+    if empty in text or f"\n{delimiter}" in text or f"{delimiter}\n" in text:
+        for _ in range(2):  # of three delimiters in a row, the first pass sees the first two
+            text = text.replace(empty, f"{delimiter}nan{delimiter}")
+        text = text.replace(f"\n{delimiter}", f"\nnan{delimiter}").replace(f"{delimiter}\n", f"{delimiter}nan\n")
+        lines = text.strip("\n").split("\n")
+    return np.loadtxt(lines, delimiter=delimiter, comments=None, ndmin=2).T
 
 
 def _open_netcdf(path: Path) -> xr.Dataset:

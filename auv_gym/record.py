@@ -64,7 +64,7 @@ class Record:
         for name, column in columns.items():
             known = channel(name)
             finite = np.isfinite(column)
-            if known.needed and not finite.any():
+            if known.needed and time.size and not finite.any():
                 raise ValueError(
                     f"Channel {name!r} has no value in any of its {time.size} samples: leave it out, or check the log."
                 )
@@ -178,9 +178,13 @@ class Record:
         return self.select((self.time >= start) & (self.time < stop))
 
     def split_gaps(self, max_gap_s: float | None = None) -> Record:
-        """The record cut wherever two samples are more than `max_gap_s` apart (default: 5 median intervals)."""
+        """The record cut wherever two samples are more than `max_gap_s` apart, without segments of a single sample.
+
+        Default: 5 times the median interval, or 3 times the longest of the shorter 90 % where sampling is uneven.
+        """
         if max_gap_s is None:
-            max_gap_s = 5.0 * self.sample_interval
+            intervals = self._intervals()
+            max_gap_s = max(5.0 * np.median(intervals), 3.0 * np.quantile(intervals, 0.9, method="lower"))
         if not max_gap_s > 0.0:
             raise ValueError(f"split_gaps needs a positive gap in s, got {max_gap_s}.")
         time = self.time

@@ -185,8 +185,8 @@ def _read_apart(path: Path, cache_dir: str | Path | None) -> dict[str, tuple[np.
         if run.returncode != 0:
             last = run.stderr.decode(errors="replace").strip().rpartition("\n")[2]
             raise ValueError(
-                f"{path} could not be read by dbdreader (exit status {run.returncode}; {last or 'no message'}): the log "
-                "may be damaged, copy it again."
+                f"{path} could not be read by dbdreader (exit status {run.returncode}; {last or 'no message'}): the "
+                "log may be damaged, copy it again."
             )
         with np.load(Path(private, "sensors.npz"), allow_pickle=False) as arrays:
             return {name: (arrays[name][0], arrays[name][1]) for name in arrays.files}
@@ -250,9 +250,9 @@ def _fetch_cache(name: str, places: list[Path], private: Path) -> None:
                 shutil.copyfile(place / candidate, private / name)
                 return
     raise ValueError(
-        f"needs the sensor list {name}, which is not in {', '.join(map(str, dict.fromkeys(places)))}. Copy that file from "
-        "the glider to one of these folders, or pass its folder as cache_dir. For the logs that dbdreader ships, it is in "
-        "dbdreader/data/cac of dbdreader's source archive, which pip does not install: "
+        f"needs the sensor list {name}, which is not in {', '.join(map(str, dict.fromkeys(places)))}. Copy that file "
+        "from the glider to one of these folders, or pass its folder as cache_dir. For the logs that dbdreader ships, "
+        "it is in dbdreader/data/cac of dbdreader's source archive, which pip does not install: "
         "`pip download --no-deps --no-binary dbdreader dbdreader`."
     )
 
