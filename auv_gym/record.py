@@ -184,7 +184,7 @@ class Record:
         """
         if max_gap_s is None:
             intervals = self._intervals()
-            max_gap_s = max(5.0 * np.median(intervals), 3.0 * np.quantile(intervals, 0.9, method="lower"))
+            max_gap_s = max(5.0 * float(np.median(intervals)), 3.0 * float(np.quantile(intervals, 0.9, method="lower")))
         if not max_gap_s > 0.0:
             raise ValueError(f"split_gaps needs a positive gap in s, got {max_gap_s}.")
         time = self.time
