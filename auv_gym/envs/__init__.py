@@ -1,0 +1,5 @@
+"""Environments for gymnasium; importing this package registers them."""
+
+from auv_gym.envs.registration import register_envs
+
+register_envs()

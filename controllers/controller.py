@@ -1,0 +1,26 @@
+"""What a controller is: from a reading and a target to a command, with its memory passed in and returned."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Protocol, TypeVar, runtime_checkable
+
+State = TypeVar("State")
+
+
+@runtime_checkable
+class Controller(Protocol[State]):
+    """A controller in discrete time; pure, so that a run can be repeated, cut and resumed."""
+
+    def start(self) -> State:
+        """The memory of a controller that has not acted yet."""
+        ...
+
+    def act(
+        self, state: State, reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], State]:
+        """The commands by channel name and the next memory; the memory passed in is not changed.
+
+        reading: measured channels, and `dt_s`, the time since the last call, s.  target: wanted values by channel.
+        """
+        ...

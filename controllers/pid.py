@@ -1,0 +1,138 @@
+"""PID control of one channel by one command, and its gains for the heading of a vehicle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf, isfinite, pi
+
+from auv_gym.channels import channel
+from auv_gym.plant import Plant
+from auv_gym.vehicles.glider import yaw_rates
+
+
+_INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
+
+
+@dataclass(frozen=True)
+class PidState:
+    """Memory of a Pid: the integral's part of the command, the filtered rate, last reading and command (None: none)."""
+
+    integral: float = 0.0
+    rate: float = 0.0
+    reading: float | None = None
+    command: float | None = None
+
+
+@dataclass(frozen=True)
+class Pid:
+    """PID with the derivative taken of the measurement and filtered; the errors of angles are wrapped.
+
+    Gains: command per error, per error and s, per rate of the reading; negative where the command acts the other way.
+    filter_time: s, of the derivative.  limit: largest command, either side.  rate_limit: of the command, per s.
+    integral_range: error beyond which nothing is integrated, so that a large step of the target does not overshoot.
+    Against windup the integral also rests while the error pushes the command further beyond a limit (clamping).
+    Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 3.3 and 3.5.
+    """
+
+    proportional: float
+    integral: float = 0.0
+    derivative: float = 0.0
+    measured: str = "heading_rad"
+    command: str = "rudder_rad"
+    filter_time: float = 0.0
+    limit: float = inf
+    rate_limit: float = inf
+    integral_range: float = inf
+
+    def __post_init__(self) -> None:
+        for name in ("proportional", "integral", "derivative"):
+            if not isfinite(getattr(self, name)):
+                raise ValueError(f"Pid needs a finite {name} gain, got {getattr(self, name)!r}.")
+        if self.proportional * self.integral < 0.0 or self.proportional * self.derivative < 0.0:
+            raise ValueError(
+                f"Pid needs gains of one sign, got {self.proportional:g}, {self.integral:g}, {self.derivative:g}: "
+                "make them all negative where the command acts the other way."
+            )
+        if not self.limit > 0.0 or not self.rate_limit > 0.0:
+            raise ValueError(f"Pid needs positive limits, got limit {self.limit:g} and rate_limit {self.rate_limit:g}.")
+        if not self.integral_range > 0.0:
+            raise ValueError(f"Pid needs integral_range > 0, got {self.integral_range!r}.")
+        if not 0.0 <= self.filter_time < inf:
+            raise ValueError(f"Pid needs filter_time >= 0 s, got {self.filter_time}.")
+        channel(self.measured), channel(self.command)
+
+    def start(self) -> PidState:
+        return PidState()
+
+    def act(
+        self, state: PidState, reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], PidState]:
+        """The command and the next memory; without a finite reading both stay as they are."""
+        measured, dt = reading[self.measured], reading["dt_s"]
+        if not isfinite(measured):
+            return {self.command: state.command or 0.0}, state
+        angle = channel(self.measured).angle
+        error = target[self.measured] - measured
+        error = _wrapped(error) if angle else error
+        rate = 0.0
+        if state.reading is not None:
+            change = measured - state.reading
+            change = _wrapped(change) if angle else change
+            rate = (self.filter_time * state.rate + change) / (self.filter_time + dt)
+        wanted = self.proportional * error + state.integral - self.derivative * rate
+        command = min(max(wanted, -self.limit), self.limit)
+        if state.command is not None:
+            step = self.rate_limit * dt
+            command = min(max(command, state.command - step), state.command + step)
+        growth = self.integral * error * dt
+        resting = abs(error) > self.integral_range or growth * (wanted - command) > 0.0
+        integral = state.integral if resting else state.integral + growth
+        return {self.command: command}, PidState(integral, rate, measured, command)
+
+
+def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: float = inf) -> Pid:
+    """A heading controller with its poles placed on the plant's linear form at nominal speed, effects left out.
+
+    From rudder to heading the form is k / (s (T s + 1)); with equation (15) k has the direct term K_y3. Two poles go to
+    -1/settling and one to a fifth of that. Where the lag T is too short to be worth it, the derivative gain is zero
+    and only the two slower poles are placed.  settling: s, default the larger of T and 3 samples.
+    Raises if the rudder does not turn the vehicle.  Source: Astrom and Murray 2021, sec. 8.2 (pole placement).
+    """
+    hull = plant.hull
+    damping, rudder = yaw_rates(plant.family.view(plant.vector).hull)
+    damping, rudder = hull.damping_factor * damping, hull.rudder_factor * rudder
+    gain = hull.rudder_heading_rate - rudder / damping if damping < 0.0 else 0.0
+    if abs(gain) < 1e-9:
+        raise ValueError(
+            f"The rudder of {plant.name!r} does not turn it steadily (damping {damping:g} 1/s, rudder {rudder:g} 1/s^2): "
+            "check hull.n_r and hull.n_delta."
+        )
+    # The rudder moves the heading at once where K_y3 carries the gain; the lag is that of the rest.
+    lag = (rudder / damping) / (rudder / damping - hull.rudder_heading_rate) / -damping
+    lag = max(lag, 0.0)
+    if settling is None:
+        settling = max(3.0 * plant.dt, lag)
+    elif not 0.0 < settling < inf:
+        raise ValueError(f"heading_pid needs settling > 0 s, got {settling!r}.")
+    pole, slow = 1.0 / settling, 0.2
+    derivative = lag * (2.0 + slow) * pole - 1.0
+    if derivative > 0.0:
+        proportional, integral = lag * (1.0 + 2.0 * slow) * pole**2, lag * slow * pole**3
+    else:
+        rest = 1.0 - (1.0 + slow) * pole * lag
+        derivative = 0.0
+        proportional, integral = slow * pole**2 * lag + (1.0 + slow) * pole * rest, slow * pole**2 * rest
+    return Pid(
+        proportional / gain,
+        integral / gain,
+        derivative / gain,
+        filter_time=plant.dt,
+        limit=hull.rudder_limit,
+        rate_limit=rate_limit,
+        integral_range=_INTEGRAL_RANGE,
+    )
+
+
+def _wrapped(angle: float) -> float:
+    return (angle + pi) % (2.0 * pi) - pi
