@@ -1,0 +1,327 @@
+"""Free runs of a plant over windows of a record as a least-squares problem, and its solution.
+
+Multiple shooting: every window starts from states of its own, which are fitted with the parameters and eliminated by
+blocks, so the cost grows with the length of the record and not with the square of the number of windows.
+Source: Bock 1983, "Recent advances in parameter identification techniques for ODE"; Schittkowski 2002, ch. 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import lfilter
+
+from auv_gym.channels import channel, wrap
+from auv_gym.model import outputs_of
+from auv_gym.param import positions, replace_at, spec_at, value_at
+from auv_gym.plant import Plant, Runs
+from auv_gym.record import Record
+
+STEP = 1e-2  # of a parameter's scale, for difference quotients; larger than the kinks' rounding, smaller than a probe
+RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A parameter vector, the states at the windows' starts, and what they give.
+
+    vector: (n_parameters,).  starts: (W, n_states).  residual: (rows, C), NaN where nothing was measured.
+    """
+
+    vector: np.ndarray
+    starts: np.ndarray
+    residual: np.ndarray
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Sensitivities of the outputs with the windows' starts projected out, weighted by the channels' deviations.
+
+    columns: (P, rows, C).  raw: (P,), their norms before the projection.  weights: (C,), 1/sigma.
+    """
+
+    columns: np.ndarray
+    raw: np.ndarray
+    weights: np.ndarray
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Normal matrix (P, P) of the parameters in units of their scales."""
+        flat = self.columns.reshape(len(self.columns), -1)
+        return flat @ flat.T
+
+
+class Shooting:
+    """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
+
+    channels: the plant's outputs that the record holds.  start_states: indices of the states that they reveal.
+    """
+
+    def __init__(self, plant: Plant, record: Record, windows: Sequence[slice]):
+        if not windows:
+            raise ValueError("A fit needs at least one window of data, got none: record longer or choose shorter windows.")
+        self.plant, self.record, self.windows = plant, record, tuple(windows)
+        self.runs = Runs.over(plant, record, windows)
+        self.channels = tuple(name for name in plant.outputs if record.has(name))
+        if not self.channels:
+            raise ValueError(
+                f"Plant {plant.name!r} needs at least one of {', '.join(plant.outputs)} in the record, "
+                f"got {', '.join(record.names)}: rename the columns by a mapping."
+            )
+        columns = [plant.outputs.index(name) for name in self.channels]
+        self.columns = np.array(columns)
+        self.angles = np.array([channel(name).angle for name in self.channels])
+        rows = np.concatenate([np.arange(w.start, w.stop) for w in windows])
+        self.measured = outputs_of(plant, record)[rows][:, columns]
+        self.finite = np.isfinite(self.measured)
+        self.counts = self.finite.sum(axis=0)
+        lengths = self.runs.stop - self.runs.begin
+        self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
+        self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
+        self.index = positions(plant)
+        self.start_states = self._revealed()
+
+    def scale(self, path: str) -> float:
+        """The change of a parameter that counts as one in the fit: its probe, or a tenth of its value."""
+        spec = spec_at(self.plant, path)
+        value = abs(value_at(self.plant, path))
+        return 0.1 * value if path in self.plant.family.coefficients and value > 0.0 else spec.probe or 0.1 * value or 1.0
+
+    def first_guess(self) -> np.ndarray:
+        """States at the windows' starts: measured where they are measured, else zero; shape (W, n_states)."""
+        family = self.plant.family
+        starts = np.zeros((len(self.windows), len(family.states)))
+        for w, offset in enumerate(self.offsets):
+            full = np.full(len(family.outputs), np.nan)
+            full[self.columns] = self.measured[offset]
+            starts[w] = self.plant.initial(full)[: len(family.states)]
+        return starts
+
+    def point(self, vector: np.ndarray, starts: np.ndarray) -> Point:
+        """The residuals and the cost of one parameter vector with these starts."""
+        return self._points(vector[None], starts[None])[0]
+
+    def linearise(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float = STEP) -> Linearisation:
+        """Sensitivities to the paths at a point, by differences of `step` scales, pointing into the bounds."""
+        _, _, flat, start_columns = self._differences(point, paths, sigma, step)
+        gram, cross, _ = self._blocks(start_columns, flat, None)
+        gain = np.linalg.solve(gram, cross)  # (W, F, P)
+        fitted = np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
+        return Linearisation(flat - fitted, np.sqrt((flat**2).sum(axis=(1, 2))), 1.0 / sigma)
+
+    def solve(
+        self,
+        plant: Plant,
+        paths: Sequence[str],
+        starts: np.ndarray | None = None,
+        max_iterations: int = 40,
+        tolerance: float = 1e-7,
+    ) -> Point:
+        """The point of least cost over the paths and the starts, from the plant's values; Levenberg-Marquardt.
+
+        The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
+        bounds by projection), Nocedal and Wright 2006, ch. 10.
+        """
+        here = self.point(plant.vector, self.first_guess() if starts is None else starts)
+        if not np.isfinite(here.cost):
+            here = self.point(plant.vector, self.first_guess())
+        index = [self.index[p] for p in paths]
+        scales = np.array([self.scale(p) for p in paths])
+        bounds = np.array([spec_at(plant, p).bounds for p in paths]).reshape(len(paths), 2)
+        damping = 1e-3
+        for _ in range(max_iterations):
+            sigma = self.sigma(here)
+            residual, mask, flat, start_columns = self._differences(here, paths, sigma, STEP)
+            weighted = np.where(mask, residual / sigma, 0.0)
+            gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
+            normal = np.einsum("prc,qrc->pq", flat, flat)
+            gradient = np.einsum("prc,rc->p", flat, weighted)
+            improved = False
+            for _ in range(10):
+                change, start_change = _block_step(normal, gradient, gram, cross, start_gradient, damping)
+                vector = here.vector.copy()
+                vector[index] = np.clip(vector[index] + change * scales, bounds[:, 0], bounds[:, 1])
+                moved = here.starts.copy()
+                moved[:, self.start_states] += start_change
+                there = self.point(vector, moved)
+                if there.cost < here.cost:
+                    improved = True
+                    break
+                damping *= 8.0
+            if not improved:
+                break
+            gain = here.cost - there.cost
+            here, damping = there, max(damping / 12.0, 1e-9)
+            if gain < tolerance * max(self.finite.sum(), 1):
+                break
+        return here
+
+    def sigma(self, point: Point) -> np.ndarray:
+        """Root mean square of each channel's residual, shape (C,)."""
+        return np.sqrt(np.nansum(point.residual**2, axis=0) / np.maximum(self.counts, 1)) + 1e-9
+
+    def plant_at(self, point: Point, paths: Sequence[str]) -> Plant:
+        """The plant with the point's values at the paths."""
+        return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
+
+    def _points(self, vectors: np.ndarray, starts: np.ndarray) -> list[Point]:
+        residuals = self._residuals(vectors, starts)
+        return [Point(v, s, r, self._cost(r)) for v, s, r in zip(vectors, starts, residuals, strict=True)]
+
+    def _residuals(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        y = self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)[:, :, self.columns]
+        residual = self.measured - y
+        residual[:, :, self.angles] = wrap(residual[:, :, self.angles])
+        return residual
+
+    def _cost(self, residual: np.ndarray) -> float:
+        squares = np.nansum(residual**2, axis=0)
+        if not np.all(np.isfinite(residual[self.finite])):
+            return np.inf
+        return 0.5 * float(np.sum(self.counts * np.log(squares / np.maximum(self.counts, 1) + RESIDUAL_FLOOR)))
+
+    def _differences(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float):
+        """Residual, mask, parameter columns (P, rows, C) per scale and start columns (F, rows, C), both over sigma."""
+        moves, sizes = [], []
+        for path in paths:
+            i, size = self.index[path], step * self.scale(path)
+            if point.vector[i] + size > spec_at(self.plant, path).bounds[1]:
+                size = -size
+            vector = point.vector.copy()
+            vector[i] += size
+            moves.append((vector, point.starts))
+            sizes.append(step if size > 0 else -step)
+        for state in self.start_states:
+            starts = point.starts.copy()
+            starts[:, state] += 1e-4
+            moves.append((point.vector, starts))
+            sizes.append(1e-4)
+        vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
+        residuals = self._residuals(vectors, all_starts)
+        mask = self.finite
+        with np.errstate(invalid="ignore", over="ignore"):
+            slopes = np.where(mask, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None] / sigma
+        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
+        return point.residual, mask, slopes[: len(paths)], slopes[len(paths) :]
+
+    def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
+        """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""
+
+        def summed(values):
+            return np.add.reduceat(values, self.offsets, axis=0)
+
+        gram = summed(np.einsum("frc,grc->rfg", start_columns, start_columns))
+        gram += 1e-12 * np.eye(gram.shape[1]) * np.maximum(np.einsum("wff->w", gram), 1e-12)[:, None, None]
+        cross = summed(np.einsum("frc,prc->rfp", start_columns, flat))
+        gradient = None if residual is None else summed(np.einsum("frc,rc->rf", start_columns, residual))
+        return gram, cross, gradient
+
+    def _revealed(self) -> np.ndarray:
+        """States whose start changes a measured output; the rest cannot be fitted and stay as guessed."""
+        starts = self.first_guess()
+        base = self._residuals(self.plant.vector[None], starts[None])[0]
+        revealed = []
+        for state in range(starts.shape[1]):
+            moved = starts.copy()
+            moved[:, state] += 1e-3
+            change = base - self._residuals(self.plant.vector[None], moved[None])[0]
+            if np.nanmax(np.abs(np.where(self.finite, change, 0.0))) > 1e-9:
+                revealed.append(state)
+        return np.array(revealed, dtype=int)
+
+
+def colour(problem: Shooting, point: Point) -> np.ndarray:
+    """First-order autocorrelation of each channel's residual within the windows, shape (C,), 0 where it is white.
+
+    A fit of F states per window of n samples takes about F/n from the autocorrelation of white noise; that is put back.
+    Coefficients within 2 standard errors of white count as white.
+    """
+    coefficients = []
+    same = problem.window_of_row[1:] == problem.window_of_row[:-1]
+    for c in range(len(problem.channels)):
+        e = np.where(problem.finite[:, c], point.residual[:, c], 0.0)
+        n, power = int(problem.counts[c]), float(e @ e)
+        length = n / len(problem.windows)
+        raw = float(np.sum(e[1:] * e[:-1] * same)) / power if power > 0.0 else 0.0
+        phi = raw * length / max(length - 1.0, 1.0) + len(problem.start_states) / len(problem.channels) / length
+        coefficients.append(0.0 if phi < 2.0 / np.sqrt(max(n, 1)) else min(phi, 0.98))
+    return np.array(coefficients)
+
+
+def whitened(problem: Shooting, values: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+    """Values (..., rows, C) as innovations of a first-order process in each window; unchanged where coefficients are 0.
+
+    Source: Prais and Winsten 1954, with the first sample of a window scaled by sqrt(1 - phi^2).
+    """
+    values = np.where(problem.finite, values, 0.0)
+    before = np.roll(values, 1, axis=-2)
+    first = np.zeros(values.shape[-2], dtype=bool)
+    first[problem.offsets] = True
+    return np.where(first[:, None], values * np.sqrt(1.0 - coefficients**2), values - coefficients * before)
+
+
+def window_costs(problem: Shooting, point: Point, coefficients: np.ndarray) -> np.ndarray:
+    """Sums of squared innovations by window and channel, shape (W, C)."""
+    return np.add.reduceat(whitened(problem, point.residual, coefficients) ** 2, problem.offsets, axis=0)
+
+
+def evidence(problem: Shooting, before: Point, after: Point, coefficients: np.ndarray) -> float:
+    """Twice the gain in log-likelihood from one point to another, residuals taken as first-order processes."""
+    a = window_costs(problem, before, coefficients).sum(axis=0)
+    b = window_costs(problem, after, coefficients).sum(axis=0)
+    return float(np.sum(problem.counts * np.log((a + RESIDUAL_FLOOR) / (b + RESIDUAL_FLOOR))))
+
+
+def covariance(
+    problem: Shooting, point: Point, linear: Linearisation, coefficients: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """Covariance of the parameters in units of their scales, (P, P), and its degrees of freedom.
+
+    Sandwich form for residuals with first-order correlation; it is the usual inverse of the normal matrix for white
+    ones.  Source: Ljung 1999, sec. 9.3-9.4.
+    """
+    columns = linear.columns
+    count = columns.shape[0]
+    fitted = count + len(problem.windows) * len(problem.start_states)
+    total = problem.counts.sum()
+    spread = total / max(total - fitted, 1.0)
+    middle = np.zeros((count, count))
+    for c, phi in enumerate(coefficients):
+        x = columns[:, :, c]
+        middle += _correlated(x, phi, problem.offsets) @ x.T
+    sigma = problem.sigma(point)
+    scaled = np.outer(sigma * linear.weights, sigma * linear.weights)
+    bread = np.linalg.pinv(linear.information, rcond=1e-12, hermitian=True)
+    variance = float(np.mean(np.diag(scaled))) * spread
+    return bread @ middle @ bread * variance, max(float(np.sum(problem.counts * (1.0 - coefficients))) - fitted, 3.0)
+
+
+def _correlated(x: np.ndarray, phi: float, offsets: np.ndarray) -> np.ndarray:
+    """x (P, rows) times the Toeplitz matrix phi^|i-j| of each window."""
+    if phi == 0.0:
+        return x
+    result = np.empty_like(x)
+    for start, stop in zip(offsets, np.r_[offsets[1:], x.shape[1]], strict=True):
+        block = x[:, start:stop]
+        forward = lfilter([1.0], [1.0, -phi], block)
+        backward = lfilter([1.0], [1.0, -phi], block[:, ::-1])[:, ::-1]
+        result[:, start:stop] = forward + backward - block
+    return result
+
+
+def _block_step(normal, gradient, gram, cross, start_gradient, damping):
+    """Damped Gauss-Newton step of the parameters (P,) and the starts (W, F), the starts eliminated."""
+    gram = gram + damping * np.einsum("wff->wf", gram)[:, :, None] * np.eye(gram.shape[1])
+    inner = np.linalg.solve(gram, np.concatenate([cross, start_gradient[:, :, None]], axis=2))
+    gain, offset = inner[:, :, :-1], inner[:, :, -1]
+    count = len(gradient)
+    if count == 0:
+        return np.zeros(0), offset
+    schur = normal - np.einsum("wfp,wfq->pq", cross, gain) + damping * np.diag(np.diag(normal) + 1e-30)
+    right = gradient - np.einsum("wfp,wf->p", cross, offset)
+    change = np.linalg.lstsq(schur, right, rcond=1e-14)[0]
+    return change, offset - gain @ change
