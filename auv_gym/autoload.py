@@ -1,7 +1,8 @@
 """Lets `gymnasium.make("auv_gym/...")` find the environments without an import of this package.
 
-Gymnasium 1.0 gave up the entry points that earlier versions read. The wheel therefore has a file `auv_gym_autoload.pth`,
-which imports this module at the start of Python; it waits for gymnasium and costs nothing where that is never imported.
+Gymnasium 1.0 gave up the entry points that earlier versions read. The wheel may therefore hold a file
+`auv_gym_autoload.pth` with the line `import auv_gym.autoload`, which Python runs at its start; this module then waits for
+gymnasium, and does nothing where that is never imported.
 """
 
 from __future__ import annotations

@@ -10,7 +10,6 @@ from auv_gym.channels import channel
 from auv_gym.plant import Plant
 from auv_gym.vehicles.glider import yaw_rates
 
-
 _INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
 
 
@@ -105,8 +104,8 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
     gain = hull.rudder_heading_rate - rudder / damping if damping < 0.0 else 0.0
     if abs(gain) < 1e-9:
         raise ValueError(
-            f"The rudder of {plant.name!r} does not turn it steadily (damping {damping:g} 1/s, rudder {rudder:g} 1/s^2): "
-            "check hull.n_r and hull.n_delta."
+            f"The rudder of {plant.name!r} does not turn it steadily (damping {damping:g} 1/s, rudder {rudder:g} "
+            "1/s^2): check hull.n_r and hull.n_delta."
         )
     # The rudder moves the heading at once where K_y3 carries the gain; the lag is that of the rest.
     lag = (rudder / damping) / (rudder / damping - hull.rudder_heading_rate) / -damping
