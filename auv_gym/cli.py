@@ -1,0 +1,377 @@
+"""The command `auv-gym`: simulate, diagnose, list.
+
+What a command needs is imported when it runs, so that the help is there at once. Set `AUV_GYM_DEBUG=1` for tracebacks.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+from auv_gym import __version__
+
+if TYPE_CHECKING:
+    from auv_gym.record import Record
+    from identification.diagnosis import Diagnosis
+
+app = typer.Typer(
+    name="auv-gym",
+    help="Simulate, identify and diagnose underwater vehicles.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode="rich",
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+_output = Console(highlight=False)
+_errors = Console(stderr=True, highlight=False)
+
+
+class Listing(StrEnum):
+    """What `auv-gym list` can list."""
+
+    vehicles = "vehicles"
+    effects = "effects"
+    methods = "methods"
+    channels = "channels"
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns the exit code: 1 for an error in the data or settings, 2 for one in the usage."""
+    try:
+        app(args=None if arguments is None else list(arguments), prog_name="auv-gym")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    except Exception as error:
+        if os.environ.get("AUV_GYM_DEBUG", "0") not in ("", "0") or not _is_ours(error):
+            raise
+        _errors.print("[bold red]Error:[/] ", end="")
+        _errors.print(str(error), markup=False, soft_wrap=True)
+        return 1
+    return 0
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether the message alone says what is wrong and what to do."""
+    return isinstance(error, ValueError | ImportError | OSError) or type(error).__name__ == "Diverged"
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        _output.print(f"auv-gym {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def simulate(
+    vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    out: Annotated[Path | None, typer.Option(help="Write the record: .nc or .csv.")] = None,
+    duration: Annotated[float, typer.Option(help="Length of the run, s.")] = 600.0,
+    dt: Annotated[float | None, typer.Option(help="Sample time, s; default: the vehicle's.")] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATH=VALUE", help="An effect, such as effects.rudder.offset=0.05; may be repeated."),
+    ] = None,
+    compass_noise_deg: Annotated[float, typer.Option(help="Noise of the compass, standard deviation, deg.")] = 0.5,
+    track_noise_m: Annotated[
+        float, typer.Option(help="Noise of the track, standard deviation, m; negative: no track.")
+    ] = 1.0,
+    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
+) -> None:
+    """Simulate a vehicle under heading control with excitation at the rudder, and record what its sensors give."""
+    if out is not None:
+        _check_file_writable(out)
+    import numpy as np
+
+    from auv_gym.param import replace_at
+    from auv_gym.plant import load_vehicle
+    from identification.experiment import closed_loop
+
+    if seed < 0:
+        raise ValueError(f"--seed needs a whole number from 0 on, got {seed}.")
+    if compass_noise_deg < 0.0:
+        raise ValueError(f"--compass-noise-deg needs a number from 0 on, got {compass_noise_deg:g}.")
+    plant = load_vehicle(vehicle, dt=dt)
+    changes = dict(_effect_of(text) for text in effect or [])
+    record = closed_loop(
+        replace_at(plant, changes),
+        rng=np.random.default_rng(seed),
+        duration=duration,
+        compass_noise=float(np.radians(compass_noise_deg)),
+        track_noise=None if track_noise_m < 0.0 else track_noise_m,
+    )
+    if out is not None:
+        _write_record(record, out)
+    _output.print(_record_table(record, f"{plant.name}, {record.duration_s:g} s in samples of {plant.dt:g} s"))
+    if out is not None:
+        _output.print(f"Written to {out}", markup=False, soft_wrap=True)
+
+
+@app.command()
+def diagnose(
+    log: Annotated[str, typer.Argument(help="A log: .csv, .nc, .mat, a Slocum file, or slocum:ammonite.")],
+    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
+    min_depth: Annotated[float | None, typer.Option(help="Use the log below this depth only, m.")] = None,
+    max_depth: Annotated[float | None, typer.Option(help="Use the log above this depth only, m.")] = None,
+    window: Annotated[float, typer.Option(help="Length of the free runs, s; every other window is held out.")] = 120.0,
+    mapping: Annotated[
+        Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
+    cache_dir: Annotated[
+        Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
+    ] = None,
+) -> None:
+    """Find the physical effect that a vehicle's model lacks to explain a measured log."""
+    with _progress() as progress:
+        progress(0.0, "starting")
+        from auv_gym.plant import load_vehicle
+        from identification.diagnosis import diagnose as diagnose_record
+        from identification.diagnosis import write_diagnosis
+        from identification.diagnosis.result_files import writable_folder
+
+        plant = load_vehicle(vehicle)
+        writable_folder(out)
+        progress(0.0, "reading the log")
+        record = _read_log(log, mapping, cache_dir, ("heading_rad", *plant.family.required))
+        record = _between_depths(record, min_depth, max_depth)
+        diagnosis = diagnose_record(
+            record,
+            plant,
+            window=window,
+            seed=seed,
+            source=Path(log).name,
+            progress=lambda fraction, text: progress(0.05 + 0.85 * fraction, text),
+        )
+        progress(0.9, "writing the report")
+        written = write_diagnosis(diagnosis, out)
+        progress(1.0, "done")
+    _output.print()
+    _output.print(diagnosis.summary(), markup=False)
+    _output.print()
+    _output.print(_error_table(diagnosis))
+    if diagnosis.effects:
+        _output.print(_effect_table(diagnosis))
+    for path in written.values():
+        _output.print(str(path), markup=False, soft_wrap=True)
+
+
+@app.command(name="list")
+def list_things(
+    what: Annotated[Listing | None, typer.Argument(help="Default: all of them.")] = None,
+) -> None:
+    """List vehicles, their effects, methods of identification, and channels with their units."""
+    tables = {
+        Listing.vehicles: _vehicles,
+        Listing.effects: _effects,
+        Listing.methods: _methods,
+        Listing.channels: _channels,
+    }
+    for name, make in tables.items():
+        if what in (None, name):
+            _output.print(make())
+
+
+def _effect_of(text: str) -> tuple[str, float]:
+    path, separator, value = text.partition("=")
+    try:
+        return path.strip(), float(value)
+    except ValueError:
+        got = "no '='" if not separator else f"the value {value!r}"
+        raise ValueError(
+            f"--effect needs PATH=VALUE, such as effects.rudder.offset=0.05, got {got} in {text!r}."
+        ) from None
+
+
+def _check_file_writable(path: Path) -> None:
+    """Raises ValueError, before any work is done, if a record cannot be written there."""
+    import tempfile
+
+    if path.suffix.lower() not in (".nc", ".csv"):
+        raise ValueError(f"--out needs a name that ends in .nc or .csv, got {path.name!r}.")
+    if path.is_dir():
+        raise ValueError(f"--out needs a file, and {path} is a folder.")
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise ValueError(f"Cannot write {path}: {error.strerror or error}. Choose a folder that is writable.") from None
+
+
+def _write_record(record: Record, path: Path) -> None:
+    """The record as NetCDF or as CSV, written aside and then renamed."""
+    if path.suffix.lower() == ".nc":
+        record.save(path)
+        return
+    names = ("time_s", *record.names)
+    rows = zip(*(record[name].tolist() for name in names))
+    aside = path.with_name(f".{path.name}.part")
+    try:
+        with aside.open("w", encoding="utf-8", newline="") as file:
+            file.write(",".join(names) + "\n")
+            file.writelines(",".join(f"{value:.10g}" for value in row) + "\n" for row in rows)
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _read_log(log: str, mapping: Path | None, cache_dir: Path | None, required: Sequence[str]) -> Record:
+    from auv_gym.reading import read_record
+
+    if cache_dir is None:
+        return read_record(log, mapping, required)
+    from auv_gym.slocum import read_slocum
+
+    if mapping is not None:
+        raise ValueError(
+            "--mapping renames the columns of a table and --cache-dir serves Slocum files: give one of them."
+        )
+    record = read_slocum(log, cache_dir)
+    for name in required:
+        record[name]
+    return record
+
+
+def _between_depths(record: Record, shallowest: float | None, deepest: float | None) -> Record:
+    import numpy as np
+
+    low = -np.inf if shallowest is None else shallowest
+    high = np.inf if deepest is None else deepest
+    if low >= high:
+        raise ValueError(f"--min-depth needs to be less than --max-depth, got {low:g} and {high:g} m.")
+    if shallowest is None and deepest is None:
+        return record
+    depth = record["depth_m"]
+    kept = (depth >= low) & (depth <= high)
+    if not kept.any():
+        raise ValueError(
+            f"No sample of the log lies between {low:g} and {high:g} m: its depth goes from {np.nanmin(depth):.1f} to "
+            f"{np.nanmax(depth):.1f} m. Change --min-depth or --max-depth."
+        )
+    return record.select(kept)
+
+
+@contextmanager
+def _progress() -> Iterator[Any]:
+    """A callable of fraction and text that draws a bar on stderr, where that is a terminal."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(bar_width=30), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=_errors, transient=True, disable=not _errors.is_terminal) as bars:
+        task = bars.add_task("", total=1.0)
+        yield lambda fraction, text: bars.update(task, completed=fraction, description=text)
+
+
+def _record_table(record: Record, title: str) -> Table:
+    from auv_gym.channels import channel
+
+    table = _table(title, "channel!", "what", "unit", "lowest>", "mean>", "highest>")
+    for name in record.names:
+        known, values = channel(name), record[name]
+        numbers = (f"{value:.4g}" for value in (values.min(), values.mean(), values.max()))
+        table.add_row(name, known.label, known.unit, *numbers)
+    return table
+
+
+def _error_table(diagnosis: Diagnosis) -> Table:
+    from auv_gym.channels import channel
+    from identification.diagnosis.verdict import quantity
+
+    horizon = diagnosis.window - diagnosis.settle
+    stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.effects else [])]
+    heads = ["as given>", "refitted>", "with the effects>"][: len(stages)]
+    table = _table(f"Root mean square error of free runs over {horizon:g} s, held out", "channel", *heads)
+    for name in diagnosis.before.scores:
+        unit = channel(name).unit
+        table.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages))
+    return table
+
+
+def _effect_table(diagnosis: Diagnosis) -> Table:
+    from identification.diagnosis.verdict import interval, quantity
+
+    table = _table("Effects", "effect", "path", "value>", "95 % interval>", "not told apart from")
+    for effect in diagnosis.effects:
+        size, limits = quantity(effect.value, effect.unit), interval(effect.ci95, effect.unit)
+        table.add_row(effect.title, effect.path, size, limits, ", ".join(effect.tied_with))
+    return table
+
+
+def _vehicles() -> Table:
+    from auv_gym.plant import list_vehicles, load_vehicle
+
+    table = _table("Vehicles", "name!", "family", "dt, s>", "what")
+    for name, title in list_vehicles().items():
+        plant = load_vehicle(name)
+        table.add_row(name, plant.family.name, f"{plant.dt:g}", title)
+    return table
+
+
+def _effects() -> Table:
+    from auv_gym.param import list_paths, spec_at
+    from auv_gym.vehicles import FAMILIES
+
+    table = _table("Effects, by family", "path!", "what", "unit", "neutral>", "bounds>", "probe>")
+    for family in FAMILIES.values():
+        table.add_row(f"[bold]{family.name}[/]", family.title)
+        tree = family.parameters()
+        for path in list_paths(tree):
+            if path.startswith("effects."):
+                spec = spec_at(tree, path)
+                low, high = spec.bounds
+                table.add_row(
+                    path, spec.title, spec.unit, f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}"
+                )
+        table.add_section()
+    return table
+
+
+def _methods() -> Table:
+    table = _table("Methods", "name", "what")
+    table.add_row(
+        "grey-box", "Frees parameters of a vehicle: output error over windows with initial states of their own."
+    )
+    table.add_row("diagnosis", "Names the effect that a vehicle lacks, decided on held-out windows.")
+    return table
+
+
+def _channels() -> Table:
+    from auv_gym.channels import CHANNELS
+
+    table = _table("Channels", "name!", "unit", "kind", "what")
+    for channel in CHANNELS.values():
+        table.add_row(channel.name, channel.unit, channel.kind, channel.label)
+    return table
+
+
+def _table(title: str, *columns: str) -> Table:
+    """A table with these columns; a name that ends in '>' is set to the right, one in '>' or '!' is never wrapped."""
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD)
+    for column in columns:
+        name, right, whole = column.rstrip(">!"), column.endswith(">"), column.endswith((">", "!"))
+        table.add_column(name, justify="right" if right else "left", overflow="fold", no_wrap=whole)
+    return table
+
+
+if __name__ == "__main__":
+    sys.exit(main())
