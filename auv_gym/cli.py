@@ -331,17 +331,16 @@ def _effects() -> Table:
     from auv_gym.param import list_paths, spec_at
     from auv_gym.vehicles import FAMILIES
 
-    table = _table("Effects, by family", "path!", "what", "unit", "neutral>", "bounds>", "probe>")
+    table = _table("Effects, by family", "path!", "unit", "neutral>", "bounds>", "probe>")
     for family in FAMILIES.values():
-        table.add_row(f"[bold]{family.name}[/]", family.title)
+        table.add_row(f"[bold]{family.name}[/]")
         tree = family.parameters()
         for path in list_paths(tree):
             if path.startswith("effects."):
                 spec = spec_at(tree, path)
                 low, high = spec.bounds
-                table.add_row(
-                    path, spec.title, spec.unit, f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}"
-                )
+                numbers = (f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}")
+                table.add_row(f"{path}\n  [dim]{spec.title}[/]", spec.unit, *numbers)
         table.add_section()
     return table
 
