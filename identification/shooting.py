@@ -21,6 +21,7 @@ from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
 
 STEP = 1e-2  # of a parameter's scale, for difference quotients; larger than the kinks' rounding, smaller than a probe
+RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad"}
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
 
 
@@ -92,13 +93,22 @@ class Shooting:
         return 0.1 * value if path in self.plant.family.coefficients and value > 0.0 else spec.probe or 0.1 * value or 1.0
 
     def first_guess(self) -> np.ndarray:
-        """States at the windows' starts: measured where they are measured, else zero; shape (W, n_states)."""
+        """States at the windows' starts, shape (W, n_states).
+
+        Measured where they are measured; rates of measured angles from their first samples; else zero.
+        """
         family = self.plant.family
         starts = np.zeros((len(self.windows), len(family.states)))
         for w, offset in enumerate(self.offsets):
             full = np.full(len(family.outputs), np.nan)
             full[self.columns] = self.measured[offset]
             starts[w] = self.plant.initial(full)[: len(family.states)]
+            head = slice(offset, min(offset + 4, offset + self.runs.stop[w] - self.runs.begin[w]))
+            for rate, angle in RATES.items():
+                if rate in family.states and rate not in self.channels and angle in self.channels:
+                    times = self.record.time[self.windows[w]][: head.stop - head.start]
+                    values = self.measured[head, self.channels.index(angle)]
+                    starts[w, family.states.index(rate)] = np.polyfit(times - times[0], values, 1)[0]
         return starts
 
     def point(self, vector: np.ndarray, starts: np.ndarray) -> Point:
@@ -126,9 +136,10 @@ class Shooting:
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
-        here = self.point(plant.vector, self.first_guess() if starts is None else starts)
-        if not np.isfinite(here.cost):
-            here = self.point(plant.vector, self.first_guess())
+        here = self.point(plant.vector, self.first_guess())
+        if starts is not None:
+            there = self.point(plant.vector, starts)
+            here = min(here, there, key=lambda point: point.cost)
         index = [self.index[p] for p in paths]
         scales = np.array([self.scale(p) for p in paths])
         bounds = np.array([spec_at(plant, p).bounds for p in paths]).reshape(len(paths), 2)

@@ -60,18 +60,32 @@ def free_runs(plant: Plant, record: Record, windows: Sequence[slice], settle: fl
 
     settle: s, at least three samples; those samples are not scored.  Raises Diverged.
     """
+    heads = head_windows(record, windows, settle)
+    starts = Shooting(plant, record, heads).solve(plant, ()).starts
+    scored = np.concatenate([np.arange(w.start, w.stop) >= h.stop for w, h in zip(windows, heads, strict=True)])
+    return _runs(Shooting(plant, record, windows), plant, starts, scored)
+
+
+def head_windows(record: Record, windows: Sequence[slice], settle: float) -> list[slice]:
+    """The first `settle` seconds of each window, at least three samples."""
     heads = []
     for w in windows:
         count = int(np.searchsorted(record.time[w], record.time[w.start] + settle))
         heads.append(slice(w.start, w.start + min(max(count, 3), w.stop - w.start)))
-    head = Shooting(plant, record, heads)
-    starts = head.solve(plant, ()).starts
-    whole = Shooting(plant, record, windows)
-    model = plant.run(record, windows, starts)[:, whole.columns]
-    residual = whole.point(plant.vector, starts).residual
-    rows = np.concatenate([np.arange(w.start, w.stop) for w in windows])
-    scored = np.concatenate([np.arange(w.start, w.stop) >= h.stop for w, h in zip(windows, heads, strict=True)])
-    return FreeRuns(whole.channels, rows, whole.window_of_row, model, residual, scored)
+    return heads
+
+
+def fitted_runs(plant: Plant, record: Record, windows: Sequence[slice]) -> FreeRuns:
+    """Free runs of a plant over windows of a record, each from the states that suit the whole window best."""
+    problem = Shooting(plant, record, windows)
+    return _runs(problem, plant, problem.solve(plant, ()).starts, np.ones(problem.runs.rows, dtype=bool))
+
+
+def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarray) -> FreeRuns:
+    model = plant.run(problem.record, problem.windows, starts)[:, problem.columns]
+    residual = problem.point(plant.vector, starts).residual
+    rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
+    return FreeRuns(problem.channels, rows, problem.window_of_row, model, residual, scored)
 
 
 def score(measured: np.ndarray, residual: np.ndarray) -> Score:

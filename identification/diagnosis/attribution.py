@@ -1,0 +1,260 @@
+"""Which effect, added to the vehicle, makes its free runs agree with data that took no part in the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from identification.diagnosis.candidates import SEEN, Candidate, Screening, screen
+from identification.shooting import Point, Shooting, colour, covariance, evidence, window_costs
+from identification.validation import head_windows
+
+FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
+HELD_LEAST = 2.7  # evidence from the held-out windows alone: the 5 % point of one parameter, one-sided
+HELD_SHARE = 0.1  # of the evidence in the fitted windows that the held-out ones must repeat
+HELD_RANKS = 0.01  # p value of the signed-rank test over held-out windows
+TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
+TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standard errors over the windows
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A vehicle with its free parameters fitted in the training windows, and its runs in both sets of windows."""
+
+    plant: Plant
+    paths: tuple[str, ...]
+    train: Point
+    held: Point
+    colour: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A candidate fitted jointly with everything fitted before it.
+
+    train, held: evidence for it in the fitted and in the held-out windows.  objection: why it is not accepted, or "".
+    """
+
+    candidate: Candidate
+    state: State | None
+    train: float
+    held: float
+    screening: Screening
+    objection: str
+
+    @property
+    def total(self) -> float:
+        """Evidence from all windows, less what a second component is expected to gain by chance."""
+        return self.train + self.held - 2.0 * (len(self.candidate.paths) - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it."""
+
+    trials: tuple[Trial, ...]
+    chosen: Trial | None
+    tied: tuple[Trial, ...]
+
+
+class Workbench:
+    """A record in training and held-out windows, and the fits made on it."""
+
+    def __init__(self, plant: Plant, record: Record, train: Sequence[slice], held: Sequence[slice], settle: float):
+        self.plant = plant
+        self.heads = Shooting(plant, record, head_windows(record, held, settle))
+        self.train = Shooting(plant, record, train)
+        self.held = Shooting(plant, record, held)
+
+    def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None, quick: bool = False) -> State:
+        """The state of least cost in the training windows over the paths, started from the plant's values."""
+        limits = {"max_iterations": 12, "tolerance": 1e-5} if quick else {}
+        train = self.train.solve(plant, paths, near.train.starts if near else None, **limits)
+        fitted = self.train.plant_at(train, paths)
+        held = self.held.solve(fitted, (), near.held.starts if near else None)
+        return State(fitted, tuple(paths), train, held, colour(self.train, train))
+
+    def gains(self, before: State, after: State) -> tuple[float, float]:
+        """Evidence for the change in the training and in the held-out windows."""
+        return (
+            evidence(self.train, before.train, after.train, after.colour),
+            evidence(self.held, before.held, after.held, after.colour),
+        )
+
+    def free_run_errors(self, plant: Plant) -> np.ndarray:
+        """Sum of squared errors of free runs by held-out window and channel, (W, C), started as an operator would.
+
+        The initial states are fitted to the settling time of each window alone, and its samples are not counted.
+        """
+        starts = self.heads.solve(plant, (), max_iterations=12, tolerance=1e-5).starts
+        squares = np.where(self.held.finite, self.held.point(plant.vector, starts).residual, 0.0) ** 2
+        past = np.arange(self.held.runs.rows) - self.held.offsets[self.held.window_of_row]
+        settled = past >= (self.heads.runs.stop - self.heads.runs.begin)[self.held.window_of_row]
+        return np.add.reduceat(squares * settled[:, None], self.held.offsets, axis=0)
+
+    def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
+        """Value, standard error and half width of the 95 % interval of each fitted path."""
+        linear = self.train.linearise(state.train, state.paths, self.train.sigma(state.train))
+        matrix, freedom = covariance(self.train, state.train, linear, state.colour)
+        errors = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+        width = float(stats.t.ppf(0.975, freedom))
+        result = {}
+        for path, error in zip(state.paths, errors, strict=True):
+            size = float(error * self.train.scale(path))
+            result[path] = (value_at(state.plant, path), size, width * size)
+        return result
+
+    def costs(self, state: State, reference: State) -> np.ndarray:
+        """Cost of each window, training then held-out, in units of the reference's innovation variance; shape (W,)."""
+        parts = []
+        for problem, point, against in (
+            (self.train, state.train, reference.train),
+            (self.held, state.held, reference.held),
+        ):
+            unit = window_costs(problem, against, reference.colour).sum(axis=0) / np.maximum(problem.counts, 1)
+            parts.append((window_costs(problem, point, reference.colour) / (unit + 1e-30)).sum(axis=1))
+        return np.concatenate(parts)
+
+
+def threshold(candidates: int, parameters: int = 1) -> float:
+    """The evidence that a candidate needs to be named, with a correction for the number of candidates."""
+    return float(stats.chi2.isf(FALSE_ALARM / max(candidates, 1), parameters))
+
+
+def attribute(
+    bench: Workbench, start: State, candidates: Sequence[Candidate], most: int, progress: Progress
+) -> tuple[State, list[Round]]:
+    """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
+
+    Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
+    and accepts the one with most evidence if the held-out windows repeat it.
+    """
+    state, rounds, left = start, [], list(candidates)
+    for number in range(most + 1):
+        trials = _trials(bench, state, left, len(candidates), progress, number / (most + 1), 1.0 / (most + 1))
+        accepted = [t for t in trials if not t.objection]
+        if not accepted or number == most:
+            rounds.append(Round(tuple(trials), None, ()))
+            break
+        chosen = max(accepted, key=lambda t: t.total)
+        tied = tuple(t for t in trials if t is not chosen and _tie(bench, chosen, t))
+        rounds.append(Round(tuple(trials), chosen, tied))
+        assert chosen.state is not None
+        state = bench.fit(chosen.state.plant, chosen.state.paths, chosen.state)
+        left = [c for c in left if c is not chosen.candidate]
+    return state, rounds
+
+
+def _trials(bench, state, candidates, count, progress, done, share) -> list[Trial]:
+    screenings = screen(bench.train, state.train, state.paths, candidates, state.colour, threshold(count))
+    trials = []
+    for number, s in enumerate(screenings):
+        progress(done + share * number / max(len(screenings), 1), s.candidate.title)
+        trials.append(_trial(bench, state, s, count))
+    return sorted(trials, key=lambda t: -t.total)
+
+
+def _trial(bench: Workbench, state: State, screening: Screening, count: int) -> Trial:
+    candidate = screening.candidate
+    if screening.seen < SEEN:
+        by = f": {screening.absorbed_by} does the same" if screening.absorbed_by else ""
+        return Trial(candidate, None, 0.0, 0.0, screening, f"cannot be seen in this record{by}")
+    if not candidate.kinked and screening.evidence < 2.0:
+        return Trial(candidate, None, screening.evidence, 0.0, screening, "leaves no trace in the residual")
+    best = None
+    for values in _first_values(state.plant, screening):
+        plant = replace_at(state.plant, dict(zip(candidate.paths, values, strict=True)))
+        found = bench.train.solve(plant, (*state.paths, *candidate.paths), state.train.starts, 12, 1e-5)
+        if best is None or found.cost < best.cost:
+            best = found
+    assert best is not None
+    if not np.isfinite(best.cost):
+        return Trial(candidate, None, 0.0, 0.0, screening, "no stable run with it")
+    paths = (*state.paths, *candidate.paths)
+    plant = bench.train.plant_at(best, paths)
+    held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5)
+    after = State(plant, paths, best, held, colour(bench.train, best))
+    train, test = bench.gains(state, after)
+    return Trial(candidate, after, train, test, screening, _objection(bench, state, after, candidate, train, test, count))
+
+
+def _objection(bench, before: State, after: State, candidate: Candidate, train: float, held: float, count: int) -> str:
+    sizes, at_bound = [], False
+    for path in candidate.paths:
+        spec, value = spec_at(after.plant, path), value_at(after.plant, path)
+        sizes.append(abs(value - spec.neutral) / spec.probe)
+        reach = spec.bounds[1] - spec.bounds[0]
+        edges = [edge for edge in spec.bounds if edge != spec.neutral]
+        at_bound |= any(abs(value - edge) < 1e-6 * reach for edge in edges)
+    if train + held < threshold(count, len(candidate.paths)):
+        return "not significant"
+    if held < max(HELD_LEAST, HELD_SHARE * train) or not _holds(bench, before, after):
+        return "does not hold in the held-out windows"
+    if at_bound:
+        return "only helps at the limit of what is physical"
+    if max(sizes) < 1.0:
+        return "smaller than its probe"
+    return ""
+
+
+def _holds(bench: Workbench, before: State, after: State) -> bool:
+    """Whether free runs through the held-out windows got better: in all, and window by window where there are many."""
+    unit = bench.held.sigma(after.held) ** 2
+    better = ((bench.free_run_errors(before.plant) - bench.free_run_errors(after.plant)) / unit).sum(axis=1)
+    if not float(better.sum()) > 0.0:
+        return False
+    few = better.size < 8
+    return few or float(stats.wilcoxon(better, alternative="greater").pvalue) < HELD_RANKS
+
+
+def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:
+    """Where to start a fit: at the screening's estimate, and one probe off neutral on the side it points to."""
+    starts = []
+    for far in (False, True):
+        values = []
+        for path, estimate in zip(screening.candidate.paths, screening.estimate, strict=True):
+            spec = spec_at(plant, path)
+            side = 1.0 if estimate >= 0.0 else -1.0
+            if screening.candidate.kinked:
+                side = 1.0
+            size = np.clip(abs(estimate), 1.0, 12.0) if far else 1.0
+            values.append(float(np.clip(spec.neutral + side * size * spec.probe, *spec.bounds)))
+        starts.append(tuple(values))
+    if screening.candidate.kinked:
+        starts.append(tuple(min(v + 5.0 * spec_at(plant, p).probe, spec_at(plant, p).bounds[1])
+                            for p, v in zip(screening.candidate.paths, starts[0], strict=True)))
+    return list(dict.fromkeys(starts))
+
+
+def _tie(bench: Workbench, best: Trial, other: Trial) -> bool:
+    """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample)."""
+    if other.state is None or best.state is None or other.objection:
+        return False
+    difference = best.total - other.total
+    per_window = bench.costs(other.state, best.state) - bench.costs(best.state, best.state)
+    error = float(np.std(per_window) * np.sqrt(per_window.size))
+    return difference < TIE or float(per_window.sum()) < TIE_ERRORS * error and per_window.size >= 10
+
+
+def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:
+    """The state with components of a pair dropped whose size is within two standard errors and less than a probe."""
+    sizes = bench.intervals(state)
+    idle = [
+        p
+        for paths in groups
+        if len(paths) > 1
+        for p in paths
+        if abs(sizes[p][0] - spec_at(state.plant, p).neutral) < max(2.0 * sizes[p][1], spec_at(state.plant, p).probe)
+    ]
+    if not idle:
+        return state
+    plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in idle})
+    return replace(bench.fit(plant, [p for p in state.paths if p not in idle], state))

@@ -1,0 +1,283 @@
+"""The whole diagnosis of one record: refit, attribute, judge."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from identification.diagnosis.attribution import (
+    Progress,
+    Round,
+    State,
+    Workbench,
+    attribute,
+    threshold,
+    without_idle_parts,
+)
+from identification.diagnosis.candidates import Screening, candidates_of, screen
+from identification.diagnosis.residual import noise_floor, remains_of
+from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis, Effect, Stage, Verdict
+from identification.validation import fitted_runs, free_runs, whiteness
+
+MOST_EFFECTS = 3
+LEAST_WINDOWS = 4
+WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
+EXCESS = 0.5  # of the noise variance: a coloured residual smaller than this is left to the noise
+EXPLAINED = 0.5  # share of the excess error that named effects must remove to count as the explanation
+
+
+def diagnose(
+    record: Record,
+    plant: Plant,
+    *,
+    window: float = 120.0,
+    settle: float = 20.0,
+    seed: int = 0,
+    most: int = MOST_EFFECTS,
+    source: str = "",
+    progress: Progress = lambda fraction, text: None,
+) -> Diagnosis:
+    """Which effect the plant lacks to explain the record, with the error before and after on held-out windows.
+
+    window: s, length of the free runs; every other window is held out.  settle: s at a window's start to which its
+    initial states are fitted.  seed: kept with the result; nothing here is drawn at random.
+    Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
+    """
+    windows = _checked_windows(record, plant, window, settle)
+    train, held = windows[0::2], windows[1::2]
+    bench = Workbench(plant, record, train, held, settle)
+    coefficients = _free_coefficients(bench, plant)
+    progress(0.0, "refitting the coefficients")
+    given = bench.fit(plant, ())
+    nominal = bench.fit(plant, coefficients, given)
+    candidates = candidates_of(plant)
+    state, rounds = attribute(bench, nominal, candidates, most, lambda f, t: progress(0.05 + 0.8 * f, t))
+    chosen = [r.chosen for r in rounds if r.chosen is not None]
+    state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
+    state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
+    progress(0.85, "scoring free runs")
+    stages = {
+        name: _stage(fitted.plant, record, windows, held, settle)
+        for name, fitted in (("given", given), ("before", nominal), ("after", state))
+    }
+    count = len(candidates)
+    screening = tuple(screen(bench.train, state.train, state.paths, candidates_of(state.plant), state.colour, threshold(count)))
+    sizes = bench.intervals(state)
+    found = tuple(
+        Coefficient(p, spec_at(plant, p).title, spec_at(plant, p).unit, value_at(plant, p), sizes[p][0], _span(sizes[p]))
+        for p in coefficients
+    )
+    effects, tied = _effects(state, rounds, sizes)
+    moved = _moved_coefficients(found, sizes, screening + tuple(t.screening for r in rounds for t in r.trials), count)
+    if moved and not effects:
+        stages["before"] = stages["given"]
+    tied += [group for group in moved if not any(group[0] in other for other in tied)]
+    effects += _as_effects(moved, effects, found, plant, bench, given, nominal)
+    explained = _explained(stages["before"], stages["after"])
+    verdict = _verdict(effects, tied, explained, stages["after"], moved)
+    progress(1.0, "done")
+    return Diagnosis(
+        verdict=verdict,
+        record=record,
+        given=stages["given"],
+        before=stages["before"],
+        after=stages["after"],
+        effects=tuple(effects),
+        tied=tuple(tied),
+        coefficients=found,
+        detectable=_detectable(plant, screening, rounds, {e.path for e in effects}),
+        rounds=tuple(rounds),
+        state=state,
+        screening=screening,
+        explained=explained,
+        remains=remains_of(stages["after"].fitted, record),
+        windows=(tuple(train), tuple(held)),
+        window=window,
+        settle=settle,
+        seed=seed,
+        source=source,
+        versions=_versions(),
+    )
+
+
+def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:
+    outputs = [name for name in plant.outputs if record.has(name)]
+    first = plant.outputs[0]
+    if first not in outputs:
+        raise ValueError(
+            f"The diagnosis of {plant.name} needs the channel {first}, got {', '.join(record.names)}: "
+            "rename the column by a mapping file."
+        )
+    for name in plant.family.required:
+        signal = record[name]
+        if np.ptp(signal) < 1e-3 * max(abs(float(signal.mean())), 1.0):
+            raise ValueError(
+                f"Nothing excites the vehicle: {name} is constant at {float(signal[0]):.4g} "
+                f"({channel(name).unit}). Use a log in which it moves."
+            )
+    if not settle < 0.5 * window:
+        raise ValueError(f"The settling time must be less than half a window of {window:g} s, got {settle:g} s.")
+    windows = record.windows(window)
+    if len(windows) < LEAST_WINDOWS:
+        longest = max(float(np.ptp(record.time[s])) for s in record.segments)
+        raise ValueError(
+            f"A diagnosis needs at least {LEAST_WINDOWS} windows of {window:g} s without a gap, got {len(windows)} "
+            f"(longest stretch {longest:.0f} s): record longer or choose shorter windows."
+        )
+    shortest = min(w.stop - w.start for w in windows)
+    if shortest < 8:
+        raise ValueError(
+            f"A window of {window:g} s holds only {shortest} samples; at least 8 are needed: choose longer windows."
+        )
+    return windows
+
+
+def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
+    """The coefficients that the record's inputs excite."""
+    point = bench.train.point(plant.vector, bench.train.first_guess())
+    paths = plant.family.coefficients
+    if not np.isfinite(point.cost):
+        return paths
+    linear = bench.train.linearise(point, paths, bench.train.sigma(point))
+    free = tuple(p for p, size in zip(paths, linear.raw, strict=True) if size > 1e-6)
+    return free or paths
+
+
+def _pruned(bench: Workbench, nominal: State, state: State, rounds: list[Round], count: int) -> tuple[State, list[Round]]:
+    """Backward elimination: an effect that a later one has made idle goes."""
+    chosen = [r.chosen for r in rounds if r.chosen is not None]
+    if len(chosen) < 2:
+        return state, rounds
+    for trial in chosen[:-1]:
+        paths = tuple(p for p in trial.candidate.paths if p in state.paths)
+        plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
+        without = bench.fit(plant, [p for p in state.paths if p not in paths], state)
+        if sum(bench.gains(without, state)) < threshold(count, len(paths)):
+            state = without
+            rounds = [r for r in rounds if r.chosen is not trial]
+    return state, rounds
+
+
+def _stage(plant: Plant, record: Record, windows: Sequence[slice], held: Sequence[slice], settle: float) -> Stage:
+    runs = free_runs(plant, record, held, settle)
+    every = free_runs(plant, record, windows, settle)
+    fitted = fitted_runs(plant, record, windows)
+    white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
+    return Stage(plant, runs, every, fitted, runs.scores(record), white)
+
+
+def _effects(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], list[tuple[str, ...]]]:
+    effects, groups = [], []
+    for r in rounds:
+        if r.chosen is None:
+            continue
+        own = tuple(p for p in r.chosen.candidate.paths if p in state.paths)
+        others = tuple(p for t in r.tied for p in t.candidate.paths)
+        if others:
+            groups.append((*own, *others))
+        for path in own:
+            spec = spec_at(state.plant, path)
+            effects.append(
+                Effect(
+                    path=path,
+                    title=spec.title,
+                    value=sizes[path][0],
+                    neutral=spec.neutral,
+                    unit=spec.unit,
+                    ci95=_span(sizes[path]),
+                    evidence_train=r.chosen.train,
+                    evidence_held=r.chosen.held,
+                    tied_with=others,
+                )
+            )
+    return effects, groups
+
+
+def _moved_coefficients(found, sizes, screenings: Sequence[Screening], count: int) -> list[tuple[str, ...]]:
+    """Coefficients that left their given value by more than the probe of an effect that acts as they do."""
+    moved = []
+    for c in found:
+        twins = dict.fromkeys(s.candidate.paths[0] for s in screenings if s.absorbed_by == c.path)
+        if not twins or c.given == 0.0:
+            continue
+        least = min(s.probe for s in screenings if s.absorbed_by == c.path)
+        change = abs(c.value - c.given)
+        if change > least * abs(c.given) and change > np.sqrt(threshold(count)) * sizes[c.path][1]:
+            moved.append((*twins, c.path))
+    return moved
+
+
+def _as_effects(moved, effects, found, plant, bench, given, nominal) -> list[Effect]:
+    """The finding that a coefficient, or the effect that acts as it does, differs from what was given."""
+    added = []
+    gains = bench.gains(given, nominal)
+    for group in moved:
+        path = group[0]
+        if any(e.path == path for e in effects):
+            continue
+        c = next(c for c in found if c.path == group[-1])
+        spec = spec_at(plant, path)
+        low, high = sorted(v / c.given for v in c.ci95)
+        added.append(Effect(path, spec.title, c.value / c.given, spec.neutral, spec.unit, (low, high), *gains, group[1:]))
+    return added
+
+
+def _explained(before: Stage, after: Stage) -> float:
+    """Share of the held-out squared error above the measurement noise that the effects remove."""
+    excess = {}
+    for name, stage in (("before", before), ("after", after)):
+        total = 0.0
+        for c, channel_name in enumerate(stage.held.channels):
+            floor = noise_floor(after.fitted.residual[:, c], after.fitted.window)
+            total += max(stage.scores[channel_name].rmse ** 2 / floor**2 - 1.0, 0.0)
+        excess[name] = total
+    return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0
+
+
+def _verdict(effects, tied, explained: float, after: Stage, moved) -> Verdict:
+    if effects:
+        if explained < EXPLAINED and not moved:
+            return "unexplained"
+        return "tied" if tied else "named"
+    for c, name in enumerate(after.fitted.channels):
+        floor = noise_floor(after.fitted.residual[:, c], after.fitted.window)
+        excess = float(np.nanmean(after.fitted.residual[:, c] ** 2)) / floor**2 - 1.0
+        if after.whiteness[name].p_value < WHITE and excess > EXCESS:
+            return "unexplained"
+    return "none"
+
+
+def _detectable(plant: Plant, screening: Sequence[Screening], rounds: Sequence[Round], named: set[str]) -> tuple[Detectable, ...]:
+    result = []
+    for s in screening:
+        for path, size in zip(s.candidate.paths, s.detectable, strict=True):
+            if path in named:
+                continue
+            spec = spec_at(plant, path)
+            reason = ""
+            if not np.isfinite(size):
+                reason = f"{s.absorbed_by} does the same" if s.absorbed_by else "changes nothing that was measured"
+            result.append(Detectable(path, spec.title, spec.unit, float(size), reason))
+    return tuple(result)
+
+
+def _span(size: tuple[float, float, float]) -> tuple[float, float]:
+    return (size[0] - size[2], size[0] + size[2])
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in ("auv-gym", "numpy", "scipy", "numba", "xarray"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            from auv_gym import __version__
+
+            found[package] = __version__
+    return found

@@ -1,0 +1,153 @@
+"""What a diagnosis says, and in which words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from identification.diagnosis.attribution import Round, State
+from identification.diagnosis.candidates import Screening
+from identification.validation import FreeRuns, Score, Whiteness
+
+Verdict = Literal["none", "named", "tied", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it."""
+
+    path: str
+    title: str
+    value: float
+    neutral: float
+    unit: str
+    ci95: tuple[float, float]
+    evidence_train: float
+    evidence_held: float
+    tied_with: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A coefficient of the vehicle, as given and as refitted."""
+
+    path: str
+    title: str
+    unit: str
+    given: float
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The smallest size of a candidate that this record would have shown, infinite if it cannot show it at all."""
+
+    path: str
+    title: str
+    unit: str
+    size: float
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A vehicle and its free runs.
+
+    held: over the held-out windows, which give the error; every: over all windows, for pictures; both from states
+    fitted to the first seconds.  fitted: over all windows from states fitted to whole windows, for tests of whiteness.
+    """
+
+    plant: Plant
+    held: FreeRuns
+    every: FreeRuns
+    fitted: FreeRuns
+    scores: dict[str, Score]
+    whiteness: dict[str, Whiteness]
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The result of comparing a record with a vehicle; `summary` says it in a paragraph.
+
+    given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
+    tied: groups of paths that the record cannot tell apart.  explained: share of the held-out squared error in excess
+    of the measurement noise that the effects remove.  windows: (training, held-out) slices of the record.
+    """
+
+    verdict: Verdict
+    record: Record
+    given: Stage
+    before: Stage
+    after: Stage
+    effects: tuple[Effect, ...]
+    tied: tuple[tuple[str, ...], ...]
+    coefficients: tuple[Coefficient, ...]
+    detectable: tuple[Detectable, ...]
+    rounds: tuple[Round, ...]
+    state: State
+    screening: tuple[Screening, ...]
+    explained: float
+    remains: dict[str, dict[str, Any]]
+    windows: tuple[tuple[slice, ...], tuple[slice, ...]]
+    window: float
+    settle: float
+    seed: int
+    source: str = ""
+    versions: dict[str, str] = field(default_factory=dict)
+
+    def summary(self) -> str:
+        """The verdict in plain words, with the error before and after."""
+        return " ".join([_sentence(self), _error_sentence(self)])
+
+
+def _sentence(d: Diagnosis) -> str:
+    names = [f"{e.title} ({quantity(e.value, e.unit)}, 95 % interval {interval(e.ci95, e.unit)})" for e in d.effects]
+    if d.verdict == "none":
+        return "No effect is missing that this record could show."
+    if d.verdict == "unexplained":
+        text = "The log and the vehicle disagree, and no effect known here explains it."
+        return text + (f" Part of it looks like {_listed(names)}." if names else "")
+    if d.verdict == "named":
+        return f"The vehicle lacks {_listed(names)}."
+    titles = {e.path: e.title for e in d.effects} | {x.path: x.title for x in d.detectable}
+    titles |= {c.path: c.title for c in d.coefficients}
+    groups = [" or ".join(titles.get(p, p) for p in group) for group in d.tied]
+    return f"The vehicle lacks {_listed(names)}. This record cannot tell apart: {'; '.join(groups)}."
+
+
+def _error_sentence(d: Diagnosis) -> str:
+    parts = []
+    for name, before in d.before.scores.items():
+        after = d.after.scores[name]
+        unit = name.rpartition("_")[2]
+        if d.effects:
+            parts.append(f"{name}: {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
+        else:
+            parts.append(f"{name}: {quantity(before.rmse, unit)}")
+    horizon = d.window - d.settle
+    return f"Root mean square error of free runs over {horizon:.0f} s in held-out windows: {'; '.join(parts)}."
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit, angles in degrees for people."""
+    if not np.isfinite(value):
+        return "not detectable"
+    if unit in ("rad", "rad/s", "radps"):
+        return f"{np.rad2deg(value):.3g} {'deg' if unit == 'rad' else 'deg/s'}"
+    shown = {"1": "", "mps": "m/s"}.get(unit, unit)
+    return f"{value:.3g} {shown}".strip()
+
+
+def interval(limits: tuple[float, float], unit: str) -> str:
+    """A 95 % interval with its unit, angles in degrees for people."""
+    low, high = (quantity(v, unit) for v in limits)
+    return f"{low.split(' ')[0]} to {high}"
+
+
+def _listed(items: list[str]) -> str:
+    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
