@@ -1,8 +1,8 @@
 """Lets `gymnasium.make("auv_gym/...")` find the environments without an import of this package.
 
-Gymnasium 1.0 gave up the entry points that earlier versions read. The wheel may therefore hold a file
-`auv_gym_autoload.pth` with the line `import auv_gym.autoload`, which Python runs at its start; this module then waits for
-gymnasium, and does nothing where that is never imported.
+Gymnasium 1.0 gave up the entry points that earlier versions read. The installed package therefore has, beside it, a file
+`auv_gym_autoload.pth` that imports this module when Python starts; the module waits for gymnasium, and does nothing
+where that is never imported.
 """
 
 from __future__ import annotations

@@ -331,7 +331,7 @@ def _effects() -> Table:
     from auv_gym.param import list_paths, spec_at
     from auv_gym.vehicles import FAMILIES
 
-    table = _table("Effects, by family", "path!", "unit", "neutral>", "bounds>", "probe>")
+    table = _table("Effects, by family", "path", "neutral>", "bounds>", "probe>")
     for family in FAMILIES.values():
         table.add_row(f"[bold]{family.name}[/]")
         tree = family.parameters()
@@ -340,7 +340,8 @@ def _effects() -> Table:
                 spec = spec_at(tree, path)
                 low, high = spec.bounds
                 numbers = (f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}")
-                table.add_row(f"{path}\n  [dim]{spec.title}[/]", spec.unit, *numbers)
+                unit = "" if spec.unit == "1" else f", {spec.unit}"
+                table.add_row(f"{path}\n  [dim]{spec.title}{unit}[/]", *numbers)
         table.add_section()
     return table
 

@@ -9,7 +9,7 @@ from scipy.signal import max_len_seq
 
 
 def prbs(n: int, hold: int, amplitude: float, rng: np.random.Generator) -> np.ndarray:
-    """A pseudo-random binary signal of -amplitude and +amplitude, shape (n,), that changes at most every `hold` samples.
+    """A pseudo-random binary signal of -amplitude and +amplitude, shape (n,), each bit `hold` samples long.
 
     The shortest maximum-length sequence that does not repeat within n, from a drawn phase.
     Source: Ljung 1999, System Identification, sec. 13.3.

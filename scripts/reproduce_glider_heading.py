@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def reproduce(duration: float = 25.0) -> Reproduction:
     """The published numbers as the plants give them; duration: s, of each run at constant rudder."""
-    analytic, corrected = load_vehicle(ANALYTIC), load_vehicle(CORRECTED)
+    analytic, corrected = (load_vehicle(name, dt=0.1) for name in (ANALYTIC, CORRECTED))
     damping, rudder = yaw_rates(analytic.family.view(analytic.vector).hull)
     runs = {
         (plant.name, angle): pool_run(plant, radians(angle), duration)

@@ -1,0 +1,188 @@
+from dataclasses import replace
+from math import inf, pi, radians
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from auv_gym.vehicles.glider import yaw_rates
+from controllers.controller import Controller
+from controllers.pid import Pid, heading_pid
+
+VEHICLES = ["slocum", "ganeshblue", "ganeshblue_corrected"]
+
+
+def act(pid, state, heading, target, dt=1.0):
+    command, state = pid.act(state, {"heading_rad": heading, "dt_s": dt}, {"heading_rad": target})
+    return command["rudder_rad"], state
+
+
+def follow(plant, pid, targets, heading=0.0):
+    """True headings and commands of a closed loop without noise."""
+    x, state = plant.initial(np.array([heading, 0.0, 0.0, 0.0])), pid.start()
+    u = np.array([plant.constants.get(name, 0.0) for name in plant.inputs])
+    headings, commands = [], []
+    for target in targets:
+        u[0], state = act(pid, state, plant.output(x)[0], target, plant.dt)
+        headings.append(x[0])
+        commands.append(u[0])
+        x = plant.step(x, u)
+    return np.array(headings), np.array(commands)
+
+
+def test_each_term_by_hand():
+    pid = Pid(2.0, integral=0.5, derivative=3.0, filter_time=1.0)
+    first, state = act(pid, pid.start(), 0.1, 0.5)
+    assert first == pytest.approx(2.0 * 0.4)
+    second, state = act(pid, state, 0.2, 0.5)
+    # rate 0.1 through a filter of one sample: half of it; the integral holds the first error
+    assert second == pytest.approx(2.0 * 0.3 + 0.5 * 0.4 - 3.0 * 0.05)
+    assert state.integral == pytest.approx(0.5 * (0.4 + 0.3))
+
+
+def test_it_turns_the_short_way():
+    command, _ = act(Pid(1.0), Pid(1.0).start(), radians(170.0), radians(-170.0))
+    assert command == pytest.approx(radians(20.0))
+
+
+def test_a_reading_that_passes_south_has_no_kick():
+    pid = Pid(1.0, derivative=1.0)
+    _, state = act(pid, pid.start(), pi - 0.01, pi)
+    command, _ = act(pid, state, -pi + 0.01, pi)
+    assert command == pytest.approx(-0.01 - 0.02)
+
+
+def test_a_step_of_the_target_does_not_kick_the_derivative():
+    pid = Pid(1.0, derivative=100.0)
+    _, state = act(pid, pid.start(), 0.0, 0.0)
+    command, _ = act(pid, state, 0.0, 0.3)
+    assert command == pytest.approx(0.3)
+
+
+def test_limits_of_the_command_and_of_its_rate():
+    pid = Pid(10.0, limit=0.5, rate_limit=0.2)
+    first, state = act(pid, pid.start(), 0.0, 1.0)
+    second, _ = act(pid, state, 1.0, 0.0)
+    assert first == 0.5
+    assert second == pytest.approx(0.3)
+
+
+def test_it_is_pure():
+    pid = Pid(1.0, integral=1.0)
+    state = pid.start()
+    one, two = act(pid, state, 0.0, 1.0), act(pid, state, 0.0, 1.0)
+    assert one == two
+    assert state == pid.start()
+    assert isinstance(pid, Controller)
+
+
+def test_without_a_reading_the_last_command_stands():
+    pid = Pid(1.0, integral=0.1)
+    before, state = act(pid, pid.start(), 0.0, 0.3)
+    held, after = act(pid, state, float("nan"), 0.3)
+    assert held == before
+    assert after == state
+    assert act(pid, pid.start(), float("nan"), 0.3)[0] == 0.0
+
+
+def test_the_integral_does_not_wind_up_at_the_stop():
+    pid = Pid(1.0, integral=0.1, limit=0.2)
+    state = pid.start()
+    for _ in range(500):
+        command, state = act(pid, state, 0.0, 1.0)
+    assert command == 0.2
+    assert state.integral == 0.0  # the error pushed further all along
+    command, state = act(pid, state, 1.1, 1.0)
+    assert command == pytest.approx(-0.1)  # off the stop at the first sample past the target
+
+
+def test_the_integral_leaves_the_stop_when_the_error_turns():
+    pid = Pid(0.1, integral=0.1, limit=0.2)
+    state = replace(pid.start(), integral=5.0)
+    _, state = act(pid, state, 1.0, 0.0)
+    assert state.integral == pytest.approx(5.0 - 0.1)
+
+
+def test_windup_would_overshoot_and_clamping_does_not():
+    """A slow vehicle at the stop for a minute; a copy of the controller that integrates all the same overshoots."""
+    plant = load_vehicle("ganeshblue_corrected")
+    pid = replace(heading_pid(plant), integral_range=inf)
+    clamped, commands = follow(plant, pid, [radians(60.0)] * 400)
+    assert np.mean(np.abs(commands) >= plant.hull.rudder_limit) > 0.2
+    x, integral = plant.initial(np.zeros(4)), 0.0
+    u = np.array([plant.constants.get(name, 0.0) for name in plant.inputs])
+    wound = []
+    for _ in range(400):
+        error = radians(60.0) - x[0]
+        u[0] = np.clip(pid.proportional * error + integral, -pid.limit, pid.limit)
+        integral += pid.integral * error
+        wound.append(x[0])
+        x = plant.step(x, u)
+    assert max(wound) > radians(90.0)
+    assert clamped.max() < radians(63.0)
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_heading_pid_follows_a_step_and_leaves_no_error(vehicle):
+    plant = replace_at(load_vehicle(vehicle), {"effects.rudder.offset": 0.03, "effects.yaw.moment": 0.005})
+    samples = int(600.0 / plant.dt)
+    headings, commands = follow(plant, heading_pid(plant), [radians(50.0)] * samples)
+    assert headings.max() < radians(55.0)
+    assert abs(headings[-1] - radians(50.0)) < radians(0.5)
+    assert np.abs(commands).max() <= plant.hull.rudder_limit
+
+
+@pytest.mark.parametrize("vehicle", ["slocum", "ganeshblue"])
+@pytest.mark.parametrize("settling", [20.0, 60.0])
+def test_the_poles_are_where_they_were_put(vehicle, settling):
+    plant = load_vehicle(vehicle)
+    pid = heading_pid(plant, settling=settling)
+    damping, rudder = yaw_rates(plant.family.view(plant.vector).hull)
+    # s^3 - a s^2 + b (Kd s^2 + Kp s + Ki), from (14) with an unfiltered derivative
+    polynomial = [1.0, rudder * pid.derivative - damping, rudder * pid.proportional, rudder * pid.integral]
+    poles = np.sort(np.abs(np.roots(polynomial)))
+    assert poles[0] == pytest.approx(0.2 / settling, rel=1e-6)
+    assert poles[1] == pytest.approx(1.0 / settling, rel=1e-5)  # a double pole: roots lose half the digits
+    assert (np.real(np.roots(polynomial)) < 0.0).all()
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES)
+@pytest.mark.parametrize(
+    "effect, value",
+    [
+        ("effects.rudder.dead_time", 1.5),
+        ("effects.rudder.lag", 1.5),
+        ("effects.rudder.gain", 1.3),
+        ("effects.rudder.backlash", 0.09),
+        ("effects.compass.lag", 1.5),
+    ],
+)
+def test_it_stays_stable_with_effects_at_three_probes(vehicle, effect, value):
+    plant = load_vehicle(vehicle)
+    headings, _ = follow(replace_at(plant, effect, value), heading_pid(plant), [radians(40.0)] * int(600.0 / plant.dt))
+    settled = headings[-int(120.0 / plant.dt) :]
+    assert np.abs(settled - radians(40.0)).max() < radians(5.0)
+
+
+def test_a_vehicle_that_does_not_turn_is_refused():
+    with pytest.raises(ValueError, match="does not turn it steadily"):
+        heading_pid(replace_at(load_vehicle("slocum"), "hull.n_delta", 0.0))
+    with pytest.raises(ValueError, match="settling > 0"):
+        heading_pid(load_vehicle("slocum"), settling=0.0)
+
+
+@pytest.mark.parametrize(
+    "settings, words",
+    [
+        ({"proportional": float("nan")}, "finite proportional"),
+        ({"proportional": 1.0, "integral": -1.0}, "one sign"),
+        ({"proportional": 1.0, "limit": 0.0}, "positive limits"),
+        ({"proportional": 1.0, "filter_time": -1.0}, "filter_time"),
+        ({"proportional": 1.0, "integral_range": 0.0}, "integral_range"),
+        ({"proportional": 1.0, "measured": "heading_furlongs"}, "unknown unit suffix"),
+    ],
+)
+def test_bad_settings_are_refused(settings, words):
+    with pytest.raises(ValueError, match=words):
+        Pid(**settings)

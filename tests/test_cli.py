@@ -1,0 +1,145 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from auv_gym import __version__
+from auv_gym.channels import CHANNELS
+from auv_gym.cli import main
+from auv_gym.effects import GliderEffects
+from auv_gym.param import list_paths
+from auv_gym.plant import list_vehicles, load_vehicle
+from auv_gym.reading import read_record
+from auv_gym.record import Record
+from identification.experiment import closed_loop
+
+
+@pytest.fixture(autouse=True)
+def wide(monkeypatch):
+    """Tables as on a wide terminal, so that nothing is folded."""
+    monkeypatch.setattr("auv_gym.cli._output.width", 200)
+    monkeypatch.setattr("auv_gym.cli._errors.width", 200)
+
+
+def test_help_and_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == f"auv-gym {__version__}"
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    assert all(command in text for command in ("simulate", "diagnose", "list"))
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys\nfrom auv_gym.cli import main\nmain(['--help'])\n"
+        "print([m for m in ('numpy', 'numba', 'xarray', 'scipy', 'gymnasium') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip().splitlines()[-1] == "[]"
+
+
+def test_lists_name_everything(capsys):
+    assert main(["list"]) == 0
+    text = capsys.readouterr().out
+    assert all(name in text for name in list_vehicles())
+    assert all(name in text for name in CHANNELS)
+    assert all(f"effects.{path}" in text for path in list_paths(GliderEffects()))
+    assert main(["list", "vehicles"]) == 0
+    assert "heading_rad" not in capsys.readouterr().out
+
+
+def test_simulate_writes_the_experiment_as_netcdf(tmp_path, capsys):
+    out = tmp_path / "run.nc"
+    assert main(["simulate", "slocum", "--out", str(out), "--seed", "5", "--duration", "200"]) == 0
+    expected = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(5), duration=200.0)
+    written = Record.load(out)
+    assert written.names == expected.names
+    np.testing.assert_array_equal(written["heading_rad"], expected["heading_rad"])
+    assert str(out) in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["run.nc"]
+
+
+def test_simulate_writes_csv_that_reads_back(tmp_path):
+    arguments = ["simulate", "ganeshblue", "--dt", "2", "--duration", "100", "--track-noise-m", "-1"]
+    for name in ("run.csv", "run.nc"):
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+    text, exact = read_record(tmp_path / "run.csv"), Record.load(tmp_path / "run.nc")
+    assert not text.has("north_m")
+    assert text.sample_interval == 2.0
+    for name in exact.names:
+        np.testing.assert_allclose(text[name], exact[name], rtol=1e-9, atol=1e-9)
+
+
+def test_simulate_takes_effects(tmp_path):
+    effects = ["--effect", "effects.rudder.offset=0.05", "--effect", "effects.yaw.moment=0.01"]
+    assert main(["simulate", "slocum", "--out", str(tmp_path / "with.nc"), *effects]) == 0
+    assert main(["simulate", "slocum", "--out", str(tmp_path / "without.nc")]) == 0
+    one, two = Record.load(tmp_path / "with.nc"), Record.load(tmp_path / "without.nc")
+    np.testing.assert_array_equal(one["u_mps"], two["u_mps"])
+    assert (one["heading_rad"] != two["heading_rad"]).any()
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        (["simulate", "slocm"], "Did you mean 'slocum'"),
+        (["simulate", "slocum", "--effect", "effects.rudder.offset"], "got no '='"),
+        (["simulate", "slocum", "--effect", "effects.rudder.offset=much"], "the value 'much'"),
+        (["simulate", "slocum", "--effect", "effects.rudder.ofset=0.1"], "Did you mean 'effects.rudder.offset'"),
+        (["simulate", "slocum", "--effect", "effects.rudder.offset=9"], "from -0.5 to 0.5 rad"),
+        (["simulate", "slocum", "--duration", "1"], "at least one sample"),
+        (["simulate", "slocum", "--dt", "0"], "dt > 0"),
+        (["simulate", "slocum", "--seed", "-1"], "--seed"),
+        (["simulate", "slocum", "--compass-noise-deg", "-1"], "--compass-noise-deg"),
+        (["simulate", "slocum", "--out", "run.xlsx"], ".nc or .csv"),
+        (["simulate", "slocum", "--out", "no/such/folder/run.nc"], "Cannot write"),
+        (["diagnose", "nothing.csv", "--vehicle", "slocum", "--out", "OUT"], "There is no file nothing.csv"),
+        (["diagnose", "nothing.csv", "--vehicle", "slocm", "--out", "OUT"], "Did you mean 'slocum'"),
+        (["diagnose", "nothing.csv", "--vehicle", "slocum", "--out", "FILE"], "Cannot write into"),
+    ],
+)
+def test_errors_are_one_message_and_exit_code_1(arguments, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("AUV_GYM_DEBUG", raising=False)
+    (tmp_path / "file").write_text("")
+    places = {"OUT": str(tmp_path / "out"), "FILE": str(tmp_path / "file" / "out")}
+    assert main([places.get(argument, argument) for argument in arguments]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("Error: ")
+    assert words in error
+    assert "Traceback" not in error
+
+
+def test_usage_errors_exit_with_2(capsys):
+    assert main(["simulate"]) == 2
+    assert main(["list", "vehicels"]) == 2
+    assert main(["nonsense"]) == 2
+    assert "Usage" in capsys.readouterr().err
+
+
+def test_debug_shows_the_traceback(monkeypatch):
+    monkeypatch.setenv("AUV_GYM_DEBUG", "1")
+    with pytest.raises(ValueError, match="slocum"):
+        main(["simulate", "slocm"])
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--min-depth", "500"], "No sample of the log lies between 500"),
+        (["--min-depth", "30", "--max-depth", "20"], "--min-depth needs to be less"),
+    ],
+)
+def test_diagnose_says_why_a_depth_range_is_empty(options, words, tmp_path, capsys):
+    log = tmp_path / "run.csv"
+    assert main(["simulate", "slocum", "--out", str(log)]) == 0
+    capsys.readouterr()
+    assert main(["diagnose", str(log), "--vehicle", "slocum", "--out", str(tmp_path / "out"), *options]) == 1
+    assert words in capsys.readouterr().err
+
+
+def test_the_folder_is_checked_before_the_log_is_read(tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    out = str(tmp_path / "file" / "out")
+    assert main(["diagnose", "no-such-log.csv", "--vehicle", "slocum", "--out", out]) == 1
+    assert "Cannot write into" in capsys.readouterr().err
