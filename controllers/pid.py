@@ -59,7 +59,8 @@ class Pid:
             raise ValueError(f"Pid needs integral_range > 0, got {self.integral_range!r}.")
         if not 0.0 <= self.filter_time < inf:
             raise ValueError(f"Pid needs filter_time >= 0 s, got {self.filter_time}.")
-        channel(self.measured), channel(self.command)
+        for name in (self.measured, self.command):
+            channel(name)  # raises on an unknown one
 
     def start(self) -> PidState:
         return PidState()

@@ -1,5 +1,6 @@
 import subprocess
 import sys
+from importlib import metadata
 
 import pytest
 
@@ -37,3 +38,15 @@ def test_gymnasiums_module_is_left_as_it_was():
         "print(type(module.__loader__).__name__, type(module.__spec__.loader).__name__, watching)"
     )
     assert loader == "SourceFileLoader SourceFileLoader []"
+
+
+def test_an_installed_package_is_found_without_an_import(tmp_path):
+    try:
+        files = metadata.files("auv-gym") or []
+    except metadata.PackageNotFoundError:
+        files = []
+    if not any(file.name == "auv_gym_autoload.pth" for file in files):
+        pytest.skip("auv-gym is not installed here: pip install -e .")
+    code = f"import gymnasium; print(gymnasium.make('{NAME}').spec.id)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert done.stdout.strip() == NAME
