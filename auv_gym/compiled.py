@@ -6,6 +6,7 @@ Set `AUV_GYM_JIT=0` to run every compiled function as ordinary Python (slow, but
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import shutil
@@ -28,7 +29,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def compiled(function: F) -> F:
     """The function as machine code, cached on disk; the function itself where `AUV_GYM_JIT=0`.
 
-    Never fastmath: the plain and the compiled form agree to rounding.
+    Never fastmath: the plain and the compiled form agree to rounding. Calls are inlined, which halves a rollout's time:
+    small functions would spend most of theirs counting references to the arrays they are given.
     """
     if not JIT:
         return function
@@ -38,7 +40,7 @@ def compiled(function: F) -> F:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_cache_folder(_package_folder(function)))
     try:
-        return numba.njit(cache=True, error_model="numpy")(function)
+        return numba.njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
     finally:
         numba.config.CACHE_DIR = before
 
@@ -95,10 +97,10 @@ def _cache_folder(package: Path) -> Path:
     for folder in dict.fromkeys((own, package)):
         for path in sorted(folder.rglob("*.py")):
             text = path.read_bytes()
-            if b"compiled" in text:
+            if b"compiled" in text or b"param(" in text:  # a view has the layout of its parameter tree built in
                 digest.update(str(path.relative_to(folder)).encode() + b"\0" + text)
-    roots = [os.environ.get("AUV_GYM_CACHE"), os.environ.get("XDG_CACHE_HOME"), Path.home() / ".cache"]
-    for root in [Path(r) / "auv-gym" for r in roots if r] + [Path(tempfile.gettempdir()) / f"auv-gym-{os.getuid()}"]:
+    roots = [os.environ.get("AUV_GYM_CACHE"), os.environ.get("XDG_CACHE_HOME"), os.path.expanduser("~/.cache")]
+    for root in [Path(root) / "auv-gym" for root in roots if root]:
         folder = root / "compiled" / digest.hexdigest()[:16]
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -108,7 +110,10 @@ def _cache_folder(package: Path) -> Path:
         if os.access(folder, os.W_OK):
             _forget_old_generations(folder.parent)
             return folder
-    return Path(tempfile.mkdtemp(prefix="auv-gym-"))
+    # Not a fixed place that other users can write to: what lies in a cache is run.
+    folder = Path(tempfile.mkdtemp(prefix="auv-gym-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
 
 
 def _forget_old_generations(root: Path) -> None:

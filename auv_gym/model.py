@@ -83,7 +83,7 @@ def simulate(model: Model, record: Record) -> Record:
     inputs, measured = inputs_of(model, record), outputs_of(model, record)
     run = getattr(model, "run", None)
     if run is not None:
-        starts = np.array([model.initial(measured[s.start])[: len(model.outputs)] for s in record.segments])
+        starts = np.array([model.initial(measured[s.start]) for s in record.segments])
         result = run(record, record.segments, starts)
     else:
         result = np.empty_like(measured)
@@ -132,8 +132,8 @@ def check_interval(model: Model, times: np.ndarray) -> None:
     intervals = np.diff(times)
     if intervals.size and np.max(np.abs(intervals - model.dt)) > 1e-3 * model.dt:
         raise ValueError(
-            f"This model steps {model.dt:g} s at a time, got samples {intervals.min():g} to {intervals.max():g} s apart: "
-            f"call record.resample({model.dt:g}) first, or fit the model at the record's own interval."
+            f"This model steps {model.dt:g} s at a time, got samples {intervals.min():g} to {intervals.max():g} s "
+            f"apart: call record.resample({model.dt:g}) first, or fit the model at the record's own interval."
         )
 
 

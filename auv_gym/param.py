@@ -29,7 +29,12 @@ class Spec(NamedTuple):
 
 
 def param(
-    default: float, unit: str, title: str = "", *, bounds: tuple[float, float] = (-math.inf, math.inf), probe: float = 0.0
+    default: float,
+    unit: str,
+    title: str = "",
+    *,
+    bounds: tuple[float, float] = (-math.inf, math.inf),
+    probe: float = 0.0,
 ) -> Any:
     """A dataclass field that holds a float parameter.
 
@@ -62,7 +67,7 @@ def value_at(tree: Any, path: str) -> float:
 
 
 def replace_at(tree: T, path: str | Mapping[str, float], value: float | None = None) -> T:
-    """A copy with one value replaced, or several given as a mapping; raises on an unknown path or a value out of bounds."""
+    """A copy with one value replaced, or several given as a mapping; raises on an unknown path or value out of bounds."""
     changes = path if isinstance(path, Mapping) else {path: value}
     for name, new in changes.items():
         spec = spec_at(tree, name)
@@ -77,13 +82,15 @@ def check_value(path: str, value: Any, spec: Spec) -> None:
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
         raise ValueError(f"{path} needs a number in {spec.unit}, got {value!r}: give a plain number.")
     if not math.isfinite(value) or not low <= value <= high:
-        raise ValueError(f"{path} needs a value from {low:g} to {high:g} {spec.unit}, got {value:g}: check its unit and sign.")
+        raise ValueError(
+            f"{path} needs a value from {low:g} to {high:g} {spec.unit}, got {value:g}: check its unit and sign."
+        )
 
 
 def pack(tree: Any) -> np.ndarray:
     """All values of the tree as a flat float64 vector, shape (n,), in the order of `list_paths`."""
     tree = _tree(tree)
-    return np.array([value for value in _values(tree)], dtype=np.float64)
+    return np.fromiter(_values(tree), dtype=np.float64)
 
 
 def positions(tree: Any) -> dict[str, int]:

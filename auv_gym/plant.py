@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from auv_gym.rollout import Programs, bind_family
 from auv_gym.vehicles import FAMILIES, Family
 
 _FILE_KEYS = ("family", "name", "title", "description", "dt_s", "longest_step_s", "written_by")
+_TABLES = ("hull", "effects")
 
 
 @dataclass(frozen=True)
@@ -98,13 +100,16 @@ class Plant:
         return self.dt * np.arange(1 - self._history, 2.0)
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
-        """A state with these outputs where they are finite, zero otherwise; actuators at rest in the middle."""
+        """A state with these outputs where they are finite, zero otherwise; actuators centred, sensors settled."""
         x = np.zeros(len(self.states))
         known = dict(zip(self.outputs, np.asarray(y0, dtype=float), strict=True))
         for index, name in enumerate(self.family.states):
             if np.isfinite(known.get(name, np.nan)):
                 x[index] = known[name]
-        return self.correct(x, y0)
+        for _ in range(3):  # what the compass lags behind depends on the heading where it deviates: a fixed point
+            self.programs.settle(x, self.vector)
+            x = self.correct(x, y0)
+        return x
 
     def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The state one sample later, shape (n_states,); u: the inputs in order, in the channels' units."""
@@ -117,6 +122,12 @@ class Plant:
         return self._advance(x, u, ages)
 
     def _advance(self, x: np.ndarray, u: np.ndarray, ages: np.ndarray) -> np.ndarray:
+        x, u = _floats(x), _floats(u)
+        if x.shape != (len(self.states),) or u.shape != (len(self.inputs),):  # compiled code checks no index
+            raise ValueError(
+                f"A step of {self.name} needs a state of shape ({len(self.states)},), as `initial` returns it, and "
+                f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {x.shape} and {u.shape}."
+            )
         next_x = np.empty(x.size)
         work = np.empty((10, len(self.family.states)))
         self.programs.step(x, u, ages, self.longest_step, self.vector, next_x, work)
@@ -124,15 +135,20 @@ class Plant:
 
     def output(self, x: np.ndarray) -> np.ndarray:
         """The outputs as the sensors give them, shape (n_outputs,)."""
+        x = _floats(x)
+        if x.shape != (len(self.states),):
+            raise ValueError(f"A state of {self.name} has shape ({len(self.states)},), got {x.shape}: see `initial`.")
         y = np.empty(len(self.outputs))
         self.programs.read(x, self.vector, y)
         return y
 
     def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """The state moved so that its outputs are y where y is finite; the rest of the state is kept."""
-        x = np.array(x, dtype=float)
-        for _ in range(3):  # the compass deviation depends on the heading: a fixed point
-            error = np.asarray(y, dtype=float) - self.output(x)
+        x, y = np.array(x, dtype=float), np.asarray(y, dtype=float)
+        for _ in range(100):  # the compass deviation depends on the heading: a fixed point
+            error = y - self.output(x)
+            if not np.any(np.abs(error) > 1e-13 * (1.0 + np.abs(y))):
+                break
             for index, name in enumerate(self.outputs):
                 if name in self.family.states and np.isfinite(error[index]):
                     x[self.family.states.index(name)] += error[index]
@@ -152,10 +168,16 @@ class Plant:
 
     def run_many(self, runs: Runs, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
         """Outputs for several parameter vectors (S, n) and starts (S, W, n_states): (S, rows, n_outputs), unchecked."""
+        expected = (vectors.shape[0], runs.begin.size, len(self.family.states))
+        if vectors.shape[1:] != self.vector.shape or starts.shape != expected:
+            raise ValueError(
+                f"run_many needs parameter vectors of shape (S, {self.vector.size}) and starts of shape {expected}, "
+                f"got {vectors.shape} and {starts.shape}: see `vector` and `family.states`."
+            )
         y = np.empty((vectors.shape[0], runs.rows, len(self.outputs)))
         self.programs.rollout(
-            vectors,
-            np.ascontiguousarray(starts),
+            _floats(vectors),
+            _floats(starts),
             runs.begin,
             runs.stop,
             runs.times,
@@ -183,6 +205,9 @@ class Runs:
         first = np.empty(record.time.size, dtype=np.int64)
         for segment in record.segments:
             first[segment] = segment.start
+        for w in windows:
+            if not 0 <= w.start < w.stop <= first.size or first[w.start] != first[w.stop - 1]:
+                raise ValueError(f"A window must lie inside a segment of the record, got rows {w.start} to {w.stop}.")
         begin = np.array([w.start for w in windows], dtype=np.int64)
         stop = np.array([w.stop for w in windows], dtype=np.int64)
         return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, int((stop - begin).sum()))
@@ -190,7 +215,7 @@ class Runs:
 
 def list_vehicles() -> dict[str, str]:
     """Names and titles of the presets."""
-    return {path.stem: _parse(path.read_text(), path.stem).title for path in _presets()}
+    return {path.stem: _parse(_text(path), path.stem).title for path in _presets()}
 
 
 def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
@@ -198,12 +223,14 @@ def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
     presets = {path.stem: path for path in _presets()}
     text = os.fspath(name)
     if text in presets:
-        plant = _parse(presets[text].read_text(), text)
+        plant = _parse(_text(presets[text]), text)
     elif text.endswith(".toml"):
         path = Path(text)
         if not path.is_file():
-            raise ValueError(f"No vehicle file {text!r}: give a path to a TOML file or one of {', '.join(sorted(presets))}.")
-        plant = _parse(path.read_text(), path.name)
+            raise ValueError(
+                f"No vehicle file {text!r}: give a path to a TOML file or one of {', '.join(sorted(presets))}."
+            )
+        plant = _parse(_text(path), path.name)
     else:
         hint = did_you_mean(text, presets)
         raise ValueError(f"No vehicle {text!r}. {hint}Presets: {', '.join(sorted(presets))}; or give a .toml file.")
@@ -215,11 +242,11 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
     notes = {**plant.notes, **(notes or {})}
     lines = [
         f'family = "{plant.family.name}"',
-        f'name = "{plant.name}"',
+        f"name = {_quoted(plant.name)}",
         f"title = {_quoted(plant.title)}",
         f"description = {_quoted(plant.description)}",
-        f"dt_s = {plant.dt!r}",
-        f"longest_step_s = {plant.longest_step!r}",
+        f"dt_s = {float(plant.dt)!r}",
+        f"longest_step_s = {float(plant.longest_step)!r}",
         f'written_by = "auv-gym {__version__}"',
     ]
     table = ""
@@ -235,8 +262,18 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
         lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{source} }}')
     target = Path(path)
     aside = target.with_name(f".{target.name}.part")
-    aside.write_text("\n".join(lines) + "\n")
-    aside.replace(target)
+    try:
+        aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        aside.replace(target)
+    except OSError as error:
+        aside.unlink(missing_ok=True)
+        raise ValueError(
+            f"Cannot write {path}: {error.strerror}. Choose a folder that exists and is writable."
+        ) from error
+
+
+def _floats(array: Any) -> np.ndarray:
+    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def _presets() -> list[Path]:
@@ -244,9 +281,15 @@ def _presets() -> list[Path]:
     return sorted((Path(str(item)) for item in folder.iterdir() if item.name.endswith(".toml")), key=lambda p: p.stem)
 
 
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"Cannot read vehicle file {path.name}: {error}. Give a TOML file in UTF-8.") from None
+
+
 def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{escaped}"'
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON's escapes are TOML's, but for DEL
 
 
 def _parse(text: str, origin: str) -> Plant:
@@ -254,15 +297,21 @@ def _parse(text: str, origin: str) -> Plant:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"Vehicle file {origin} is not valid TOML: {error}.") from None
-    family = FAMILIES.get(content.get("family", ""))
-    if family is None:
-        got = content.get("family", "nothing")
-        raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILIES)}, got {got!r}.")
-    tables = {key: value for key, value in content.items() if isinstance(value, dict)}
-    for key in content:
-        if key not in _FILE_KEYS and key not in ("hull", "effects"):
-            hint = did_you_mean(key, (*_FILE_KEYS, "hull", "effects"))
-            raise ValueError(f"Vehicle file {origin} has an unknown key {key!r}. {hint}Known: {', '.join(_FILE_KEYS)}.")
+    named = content.get("family", "nothing")
+    if not isinstance(named, str) or named not in FAMILIES:
+        raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILIES)}, got {named!r}.")
+    family = FAMILIES[named]
+    for key, value in content.items():
+        if key not in _FILE_KEYS and key not in _TABLES:
+            hint = did_you_mean(key, (*_FILE_KEYS, *_TABLES))
+            known = ", ".join((*_FILE_KEYS, *_TABLES))
+            raise ValueError(f"Vehicle file {origin} has an unknown key {key!r}. {hint}Known: {known}.")
+        kind, wanted = (dict, "a table") if key in _TABLES else (str, "text in quotes")
+        if key.endswith("_s"):
+            kind, wanted = (int | float, "a number of seconds")
+        if not isinstance(value, kind) or isinstance(value, bool):
+            raise ValueError(f"Vehicle file {origin}: {key} needs {wanted}, got {value!r}.")
+    tables = {key: content[key] for key in _TABLES if key in content}
     parameters = family.parameters()
     values, notes = {}, {}
     for path, entry in _leaves(tables, ""):
@@ -270,8 +319,10 @@ def _parse(text: str, origin: str) -> Plant:
             spec = spec_at(parameters, path)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
-        value = entry.get("value") if isinstance(entry, dict) else entry
-        unit = entry.get("unit", spec.unit) if isinstance(entry, dict) else spec.unit
+        entry = entry if isinstance(entry, dict) else {"value": entry}
+        for key in entry.keys() - {"value", "unit", "source"}:
+            raise ValueError(f"Vehicle file {origin}: {path} has an unknown key {key!r}. Known: value, unit, source.")
+        value, unit = entry.get("value"), entry.get("unit", spec.unit)
         if unit != spec.unit:
             raise ValueError(f"Vehicle file {origin}: {path} is in {spec.unit}, got unit {unit!r}: convert the value.")
         try:
@@ -279,8 +330,8 @@ def _parse(text: str, origin: str) -> Plant:
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
         values[path] = float(value)
-        if isinstance(entry, dict) and "source" in entry:
-            notes[path] = entry["source"]
+        if "source" in entry:
+            notes[path] = str(entry["source"])
     plant = Plant(
         name=content.get("name", Path(origin).stem),
         family=family,
@@ -291,7 +342,10 @@ def _parse(text: str, origin: str) -> Plant:
         description=content.get("description", ""),
         notes=notes,
     )
-    if family.name == "glider" and plant.hull.inertia <= 0.5 * plant.hull.density * plant.hull.length**5 * plant.hull.n_rdot:
+    if (
+        family.name == "glider"
+        and plant.hull.inertia <= 0.5 * plant.hull.density * plant.hull.length**5 * plant.hull.n_rdot
+    ):
         raise ValueError(f"Vehicle file {origin}: hull.inertia minus the added inertia D5 N_rdot must be positive.")
     return plant
 

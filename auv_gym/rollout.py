@@ -56,11 +56,11 @@ def _rk4(x, start, middle, end, inputs, h, p, work):
         x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
 
 
-def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, actuators_only, p, work):
+def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
     """Advance x in place from t0 = times[k] to t1, in equal steps of at most `longest_step` between switching times.
 
     shaped: (n, ACTUATORS) shaped commands, of which rows first..k are known; before row `first` its value is held.
-    actuators_only: move only the actuators, to find where they stand at the start of a window.
+    longest_step: s; 0 moves the actuators only, to find where they stand at the start of a window.
     """
     position = x[STATES : STATES + ACTUATORS]
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
@@ -78,9 +78,7 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, actuator
                 work[9, j] = shaped[i, j]
             else:
                 work[9, j] = shaped[k, j]
-        if t_next <= t:
-            t_next = t1
-        pieces = 1 if actuators_only else max(int(ceil((t_next - t) / longest_step - 1e-9)), 1)
+        pieces = max(ceil((t_next - t) / longest_step - 1e-9), 1) if longest_step > 0.0 else 1
         h = (t_next - t) / pieces
         for _ in range(pieces):
             for j in range(ACTUATORS):
@@ -90,7 +88,7 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, actuator
                 middle[j] = mean
                 end[j] = mean + 0.5 * h * slope
                 position[j] = last
-            if not actuators_only:
+            if longest_step > 0.0:
                 for i in range(STATES):
                     before[i] = x[i]
                 rk4(x, start, middle, end, inputs, h, p, work)
@@ -102,15 +100,16 @@ def _step(x, inputs, times, longest_step, vector, next_x, work):
     """The full state one sample later, into next_x; times: (history,) s, of the past commands, ending at 0, then dt."""
     p = view(vector)
     history = times.shape[0] - 1
-    offset = STATES + 2 * ACTUATORS + SENSORS
-    next_x[:] = x
+    oldest = np.int64(0)  # a bare 0 is a type of its own to numba, for which `interval` would be compiled once more
+    for i in range(x.shape[0]):
+        next_x[i] = x[i]
     memory = next_x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
-    past = next_x[offset:].reshape((history, ACTUATORS))
+    past = next_x[STATES + 2 * ACTUATORS + SENSORS :].reshape((history, ACTUATORS))
     for i in range(history - 1):
         for j in range(ACTUATORS):
             past[i, j] = past[i + 1, j]
     shape(inputs, memory, p, past[history - 1])
-    interval(next_x, inputs, past, times, 0, history - 1, 0.0, times[history], longest_step, False, p, work)
+    interval(next_x, inputs, past, times, oldest, history - 1, 0.0, times[history], longest_step, p, work)
 
 
 def _read(x, vector, y):
@@ -120,12 +119,18 @@ def _read(x, vector, y):
     output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y)
 
 
+def _settle(x, vector):
+    """The sensors' states in a full state, in place, as after a long time at its present rates."""
+    sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
+    settle_sensors(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, view(vector))
+
+
 def _drive(times, inputs, first, shaped, positions, p, work):
     """Shaped commands and actuator positions at every sample of a record, (n, ACTUATORS) each, from the commands alone.
 
     first: (n,) row at which each row's segment starts; there the actuators stand where they are told to.
     """
-    x = np.zeros(STATES + 2 * ACTUATORS + SENSORS)
+    x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
     still = True
     for j in range(ACTUATORS):
@@ -146,7 +151,7 @@ def _drive(times, inputs, first, shaped, positions, p, work):
         for j in range(ACTUATORS):
             positions[k, j] = x[STATES + j]
         if not still and k + 1 < times.shape[0] and first[k + 1] != k + 1:
-            interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], 1e9, True, p, work)
+            interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], 0.0, p, work)
 
 
 def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y):
@@ -157,7 +162,7 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
     y: (S, sum of window lengths, OUTPUTS), the windows one after the other.
     """
     n = times.shape[0]
-    work = np.zeros((10, max(STATES, ACTUATORS)))
+    work = np.empty((10, max(STATES, ACTUATORS)))
     shaped = np.empty((n, ACTUATORS))
     positions = np.empty((n, ACTUATORS))
     x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
@@ -168,15 +173,18 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
         row = 0
         for w in range(begin.shape[0]):
             k = begin[w]
-            x[:STATES] = starts[s, w]
-            x[STATES : STATES + ACTUATORS] = positions[k]
-            x[STATES + ACTUATORS :] = 0.0
+            for i in range(STATES):
+                x[i] = starts[s, w, i]
+            for j in range(ACTUATORS):
+                x[STATES + j] = positions[k, j]
+            for i in range(STATES + ACTUATORS, x.shape[0]):
+                x[i] = 0.0
             settle_sensors(x[:STATES], positions[k], sensors, p)
             while k < stop[w]:
                 output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
                 row += 1
                 if k + 1 < stop[w]:
-                    interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], longest_step, False, p, work)
+                    interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], longest_step, p, work)
                 k += 1
 
 
@@ -186,6 +194,7 @@ class Programs:
 
     step: Any
     read: Any
+    settle: Any
     rollout: Any
     derivative: Any
 
@@ -207,6 +216,7 @@ def bind_family(family: Family) -> Programs:
     return Programs(
         step=bind(_step, family.name, **known),
         read=bind(_read, family.name, **known),
+        settle=bind(_settle, family.name, **known),
         rollout=bind(_rollout, family.name, **known),
         derivative=family.hooks["derivative"],
     )

@@ -1,6 +1,6 @@
 """What a command goes through before a fin stands where it stands."""
 
-from math import exp, inf
+from math import expm1, inf
 
 from auv_gym.compiled import compiled
 
@@ -52,10 +52,10 @@ def travel(position, target, lag, slowness, duration):
         size -= run / slowness
     rest = duration - run
     if rest > 0.0 and lag > 0.0:
-        decay = exp(-rest / lag)
-        area += size * lag * (1.0 - decay)
-        moment += size * lag * (run * (1.0 - decay) + lag * (1.0 - decay * (1.0 + rest / lag)))
-        size *= decay
+        gone = -expm1(-rest / lag)
+        area += size * lag * gone
+        moment += size * lag * (run * gone + lag * gone - rest * (1.0 - gone))
+        size *= 1.0 - gone
     elif rest > 0.0:
         size = 0.0
     moment -= 0.5 * duration * area

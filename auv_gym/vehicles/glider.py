@@ -19,7 +19,7 @@ from auv_gym.vehicles.family import Family
 
 @dataclass(frozen=True)
 class GliderHull:
-    """Coefficients of equation (11), nondimensional by D_n = rho L^n / 2 as in the paper, and of its correction (15)."""
+    """Coefficients of equation (11), made nondimensional by D_n = rho L^n / 2, and of its correction (15)."""
 
     density: float = param(1000.0, "kg/m^3", "water density", bounds=(900.0, 1100.0))
     length: float = param(2.0, "m", "length", bounds=(0.1, 20.0))
@@ -30,7 +30,9 @@ class GliderHull:
     n_delta: float = param(-0.0158, "1", "rudder effectiveness N_dr", bounds=(-1.0, 1.0), probe=1e-3)
     n_wr: float = param(0.0, "1", "yaw damping from heave N_wr", bounds=(-2.0, 2.0))
     speed: float = param(0.3, "m/s", "nominal forward speed", bounds=(0.01, 5.0))
-    speed_scaling: float = param(1.0, "1", "share of rudder and damping that follows the measured speed", bounds=(0.0, 1.0))
+    speed_scaling: float = param(
+        1.0, "1", "share of rudder and damping that follows the measured speed", bounds=(0.0, 1.0)
+    )
     bow_thruster_arm: float = param(0.917, "m", "lever of the bow thruster L_t1", bounds=(-10.0, 10.0))
     stern_thruster_arm: float = param(0.748, "m", "lever of the stern thruster L_t2", bounds=(-10.0, 10.0))
     rudder_limit: float = param(0.5236, "rad", "rudder stop", bounds=(0.01, 1.6))
@@ -99,7 +101,9 @@ def derivative(x, actuators, inputs, p, dx):
     u_squared = u_nominal**2 + (hull.speed_scaling + yaw.speed_squared) * (u**2 - u_nominal**2)
     damping = d4 * (hull.n_r * u_damping + hull.n_wr * w) - hull.mass * hull.x_g * u_damping
     rudder_moment = d3 * u_squared * hull.n_delta * rudder
-    weight_moment = GRAVITY * (hull.y_g * hull.mass - hull.y_b * hull.density * hull.volume) * sin(inputs[6])
+    weight_moment = GRAVITY * (hull.y_g * hull.mass - hull.y_b * hull.density * hull.volume)
+    if weight_moment != 0.0:  # the usual case is zero, without the trigonometry
+        weight_moment *= sin(inputs[6])
     moment = (
         hull.damping_factor * damping * r
         + hull.rudder_factor * rudder_moment
