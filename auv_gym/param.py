@@ -67,7 +67,7 @@ def value_at(tree: Any, path: str) -> float:
 
 
 def replace_at(tree: T, path: str | Mapping[str, float], value: float | None = None) -> T:
-    """A copy with one value replaced, or several given as a mapping; raises on an unknown path or value out of bounds."""
+    """A copy with one value replaced, or several, given as a mapping; raises on an unknown path or a bad value."""
     changes = path if isinstance(path, Mapping) else {path: value}
     for name, new in changes.items():
         spec = spec_at(tree, name)

@@ -122,20 +122,18 @@ class Plant:
         return self._advance(x, u, ages)
 
     def _advance(self, x: np.ndarray, u: np.ndarray, ages: np.ndarray) -> np.ndarray:
-        x, u = _floats(x), _floats(u)
-        if x.shape != (len(self.states),) or u.shape != (len(self.inputs),):  # compiled code checks no index
+        next_x, u = np.array(x, dtype=np.float64), np.ascontiguousarray(u, dtype=np.float64)
+        if next_x.shape != (len(self.states),) or u.shape != (len(self.inputs),):  # compiled code checks no index
             raise ValueError(
                 f"A step of {self.name} needs a state of shape ({len(self.states)},), as `initial` returns it, and "
-                f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {x.shape} and {u.shape}."
+                f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {next_x.shape} and {u.shape}."
             )
-        next_x = np.empty(x.size)
-        work = np.empty((10, len(self.family.states)))
-        self.programs.step(x, u, ages, self.longest_step, self.vector, next_x, work)
+        self.programs.step(next_x, u, ages, self.longest_step, self.vector)
         return next_x
 
     def output(self, x: np.ndarray) -> np.ndarray:
         """The outputs as the sensors give them, shape (n_outputs,)."""
-        x = _floats(x)
+        x = np.ascontiguousarray(x, dtype=np.float64)
         if x.shape != (len(self.states),):
             raise ValueError(f"A state of {self.name} has shape ({len(self.states)},), got {x.shape}: see `initial`.")
         y = np.empty(len(self.outputs))
@@ -176,8 +174,8 @@ class Plant:
             )
         y = np.empty((vectors.shape[0], runs.rows, len(self.outputs)))
         self.programs.rollout(
-            _floats(vectors),
-            _floats(starts),
+            np.ascontiguousarray(vectors, dtype=np.float64),
+            np.ascontiguousarray(starts, dtype=np.float64),
             runs.begin,
             runs.stop,
             runs.times,
@@ -270,10 +268,6 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
         raise ValueError(
             f"Cannot write {path}: {error.strerror}. Choose a folder that exists and is writable."
         ) from error
-
-
-def _floats(array: Any) -> np.ndarray:
-    return np.ascontiguousarray(array, dtype=np.float64)
 
 
 def _presets() -> list[Path]:

@@ -96,20 +96,19 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
         t = t_next
 
 
-def _step(x, inputs, times, longest_step, vector, next_x, work):
-    """The full state one sample later, into next_x; times: (history,) s, of the past commands, ending at 0, then dt."""
+def _step(x, inputs, times, longest_step, vector):
+    """Advance the full state x in place by a sample; times: s, of the commands kept in x, ending at 0, then its end."""
+    work = np.empty((10, max(STATES, ACTUATORS)))
     p = view(vector)
     history = times.shape[0] - 1
     oldest = np.int64(0)  # a bare 0 is a type of its own to numba, for which `interval` would be compiled once more
-    for i in range(x.shape[0]):
-        next_x[i] = x[i]
-    memory = next_x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
-    past = next_x[STATES + 2 * ACTUATORS + SENSORS :].reshape((history, ACTUATORS))
+    memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
+    past = x[STATES + 2 * ACTUATORS + SENSORS :].reshape((history, ACTUATORS))
     for i in range(history - 1):
         for j in range(ACTUATORS):
             past[i, j] = past[i + 1, j]
     shape(inputs, memory, p, past[history - 1])
-    interval(next_x, inputs, past, times, oldest, history - 1, 0.0, times[history], longest_step, p, work)
+    interval(x, inputs, past, times, oldest, history - 1, 0.0, times[history], longest_step, p, work)
 
 
 def _read(x, vector, y):
