@@ -1,0 +1,138 @@
+"""Parameter paths: reading, replacing with bounds, packing in the layout of the compiled view."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auv_gym.param import (
+    did_you_mean,
+    list_paths,
+    pack,
+    param,
+    positions,
+    record_type,
+    replace_at,
+    spec_at,
+    value_at,
+)
+from auv_gym.plant import load_vehicle
+from auv_gym.vehicles import FAMILIES
+
+
+@dataclass(frozen=True)
+class Fin:
+    area: float = param(0.02, "m^2", "fin area", bounds=(0.0, 1.0), probe=1e-3)
+    angle: float = param(0.0, "rad")
+
+
+@dataclass(frozen=True)
+class Tail:
+    upper: Fin = field(default_factory=Fin)
+    arm: float = param(0.8, "m", bounds=(0.0, 10.0))
+    lower: Fin = field(default_factory=lambda: Fin(area=0.03))
+
+
+PATHS = ["upper.area", "upper.angle", "arm", "lower.area", "lower.angle"]
+
+
+def test_paths_are_in_the_order_of_the_fields():
+    assert list_paths(Tail()) == PATHS
+    assert positions(Tail()) == {path: index for index, path in enumerate(PATHS)}
+
+
+def test_the_packed_vector():
+    assert np.array_equal(pack(Tail()), [0.02, 0.0, 0.8, 0.03, 0.0])
+
+
+def test_a_parameter_is_known_by_its_declaration():
+    spec = spec_at(Tail(), "upper.area")
+    assert spec == ("m^2", "fin area", 0.02, (0.0, 1.0), 1e-3)
+    assert spec_at(Tail(), "lower.angle").bounds == (-math.inf, math.inf)
+
+
+def test_replacing_makes_a_copy():
+    tail = Tail()
+    changed = replace_at(tail, "lower.area", 0.5)
+    assert (value_at(tail, "lower.area"), value_at(changed, "lower.area")) == (0.03, 0.5)
+    assert changed == replace_at(tail, {"lower.area": 0.5})
+    assert replace_at(changed, {"lower.area": 0.03, "arm": 0.8}) == tail
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, 1, np.float64(0.5), np.float32(0.5), np.int64(1)])
+def test_numbers_within_bounds_are_taken_and_kept_as_float(value):
+    found = replace_at(Tail(), "upper.area", value).upper.area
+    assert type(found) is float
+    assert found == value
+
+
+@pytest.mark.parametrize("value", [-1e-9, 1.0 + 1e-9, math.inf, -math.inf, math.nan])
+def test_values_out_of_bounds_are_refused(value):
+    with pytest.raises(
+        ValueError, match=r"upper\.area needs a value from 0 to 1 m\^2, got .*: check its unit and sign"
+    ):
+        replace_at(Tail(), "upper.area", value)
+
+
+@pytest.mark.parametrize("value", [None, "0.5", True, [0.5], np.array([0.5])])
+def test_what_is_no_number_is_refused(value):
+    with pytest.raises(ValueError, match=r"upper\.area needs a number in m\^2, got"):
+        replace_at(Tail(), "upper.area", value)
+
+
+@pytest.mark.parametrize("path", ["upper.aera", "upper", "", "area", "upper.area.x"])
+def test_an_unknown_path_is_refused_with_those_known(path):
+    for use in (spec_at, value_at, lambda tree, name: replace_at(tree, name, 0.1)):
+        with pytest.raises(ValueError, match=rf"No parameter {path!r}\. .*Known: upper\.area, upper\.angle"):
+            use(Tail(), path)
+
+
+def test_a_near_miss_is_guessed():
+    with pytest.raises(ValueError, match=r"Did you mean 'upper\.area'"):
+        value_at(Tail(), "upper.aera")
+    with pytest.raises(ValueError, match=r"Did you mean 'effects\.rudder\.offset'"):
+        value_at(load_vehicle("slocum"), "effects.rudder.ofset")
+    assert did_you_mean("xyz", ["slocum"]) == ""
+
+
+def test_a_plant_takes_the_paths_of_its_parameters():
+    plant = load_vehicle("slocum")
+    changed = replace_at(plant, "effects.rudder.offset", 0.05)
+    assert list_paths(plant) == list_paths(plant.parameters)
+    assert value_at(changed, "effects.rudder.offset") == changed.effects.rudder.offset == 0.05
+    assert (changed.name, changed.dt, plant.effects.rudder.offset) == (plant.name, plant.dt, 0.0)
+
+
+@given(values=st.lists(st.floats(0.0, 1.0), min_size=5, max_size=5))
+def test_the_record_reads_what_was_packed(values):
+    tail = replace_at(Tail(), dict(zip(PATHS, values, strict=True)))
+    record = pack(tail).view(record_type(Tail))[0]
+    for path in PATHS:
+        read = record
+        for name in path.split("."):
+            read = read[name]
+        assert read == value_at(tail, path) == pack(tail)[positions(tail)[path]]
+
+
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+def test_every_family_has_a_leaf_for_each_place_in_its_vector(family):
+    tree = family.parameters()
+    assert record_type(family.parameters).itemsize == 8 * len(list_paths(tree)) == pack(tree).nbytes
+
+
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+def test_every_parameter_says_what_it_is_and_is_neutral_within_its_bounds(family):
+    tree = family.parameters()
+    for path in list_paths(tree):
+        spec = spec_at(tree, path)
+        low, high = spec.bounds
+        assert spec.unit, path
+        assert spec.title, path
+        assert low <= spec.neutral <= high, path
+        assert spec.neutral + spec.probe <= high, path
+        if path.startswith("effects."):
+            assert spec.probe > 0.0, path
+    assert all(spec_at(tree, path).probe > 0.0 for path in family.coefficients)
