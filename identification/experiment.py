@@ -33,6 +33,7 @@ def closed_loop(
     speed: float | None = None,
     rudder_excitation: float = 0.3,
     bit_time: float | None = None,
+    run_in: float = 30.0,
 ) -> Record:
     """A record of a glider that follows steps of its commanded heading, with a PRBS added at the rudder.
 
@@ -41,12 +42,14 @@ def closed_loop(
     and depth follow dives and climbs. All of it is drawn before the run, so one seed gives one and the same
     experiment whatever the plant's effects. Noises are white, standard deviations: compass_noise rad, track_noise m,
     gyro_noise rad/s; None leaves the channels out. rudder_excitation: amplitude of the PRBS over the rudder stop;
-    bit_time: s, default the larger of 2 samples and 8 s.  Raises Diverged.
+    bit_time: s, default the larger of 2 samples and 8 s.  run_in: s before the record begins, as a log begins in
+    mid-mission.  Raises Diverged.
     """
     if plant.family.name != "glider":
         raise ValueError(f"closed_loop needs a vehicle of family 'glider', got {plant.name!r} ({plant.family.name!r}).")
-    n = floor(duration / plant.dt + 1e-9) + 1
-    if n < 2:
+    skipped = round(run_in / plant.dt)
+    n = floor(duration / plant.dt + 1e-9) + 1 + skipped
+    if n < 2 + skipped:
         raise ValueError(f"closed_loop needs a duration of at least one sample ({plant.dt:g} s), got {duration:g} s.")
     controller = heading_pid(plant) if controller is None else controller
     time = plant.dt * np.arange(n)
@@ -101,7 +104,8 @@ def closed_loop(
     if gyro_noise is not None:
         channels["r_radps"] = measured["r_radps"] + gyro_noise * gyro
         attrs["gyro_noise_radps"] = gyro_noise
-    return Record.from_arrays(time, channels, attrs=attrs)
+    recorded = {name: values[skipped:] for name, values in channels.items()}
+    return Record.from_arrays(time[: n - skipped], recorded, attrs=attrs)
 
 
 def _dives(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import lfilter
 
-from auv_gym.channels import channel, wrap
+from auv_gym.channels import channel
 from auv_gym.model import outputs_of
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, Runs
@@ -22,6 +22,7 @@ from auv_gym.record import Record
 
 STEP = 1e-2  # of a parameter's scale, for difference quotients; larger than the kinks' rounding, smaller than a probe
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad"}
+FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
 
 
@@ -186,13 +187,16 @@ class Shooting:
     def _residuals(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
         y = self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)[:, :, self.columns]
         residual = self.measured - y
-        residual[:, :, self.angles] = wrap(residual[:, :, self.angles])
+        # An angle's residual is continuous in a window and starts within half a turn: one that grows beyond stays large.
+        turns = np.round(residual[:, self.offsets][:, :, self.angles] / (2.0 * np.pi))
+        turns = np.where(np.isfinite(turns), turns, 0.0)
+        residual[:, :, self.angles] -= 2.0 * np.pi * turns[:, self.window_of_row]
         return residual
 
     def _cost(self, residual: np.ndarray) -> float:
-        squares = np.nansum(residual**2, axis=0)
-        if not np.all(np.isfinite(residual[self.finite])):
+        if not np.all(np.abs(residual[self.finite]) < FAR):
             return np.inf
+        squares = np.nansum(residual**2, axis=0)
         return 0.5 * float(np.sum(self.counts * np.log(squares / np.maximum(self.counts, 1) + RESIDUAL_FLOOR)))
 
     def _differences(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float):
@@ -248,8 +252,8 @@ class Shooting:
 def colour(problem: Shooting, point: Point) -> np.ndarray:
     """First-order autocorrelation of each channel's residual within the windows, shape (C,), 0 where it is white.
 
-    A fit of F states per window of n samples takes about F/n from the autocorrelation of white noise; that is put back.
-    Coefficients within 2 standard errors of white count as white.
+    A fit of F states per window of n samples takes about F (1 + 2 phi) / n from the estimate (Marriott and Pope 1954,
+    for a mean and a trend); that is put back. Coefficients within 2 standard errors of white count as white.
     """
     coefficients = []
     same = problem.window_of_row[1:] == problem.window_of_row[:-1]
@@ -258,7 +262,8 @@ def colour(problem: Shooting, point: Point) -> np.ndarray:
         n, power = int(problem.counts[c]), float(e @ e)
         length = n / len(problem.windows)
         raw = float(np.sum(e[1:] * e[:-1] * same)) / power if power > 0.0 else 0.0
-        phi = raw * length / max(length - 1.0, 1.0) + len(problem.start_states) / len(problem.channels) / length
+        lost = len(problem.start_states) / len(problem.channels) / length
+        phi = (raw * length / max(length - 1.0, 1.0) + lost) / max(1.0 - 2.0 * lost, 0.5)
         coefficients.append(0.0 if phi < 2.0 / np.sqrt(max(n, 1)) else min(phi, 0.98))
     return np.array(coefficients)
 

@@ -184,6 +184,7 @@ GLIDER = Family(
     sensors=("heading_lag_rad",),
     outputs=("heading_rad", "r_radps", "north_m", "east_m"),
     coefficients=("hull.n_r", "hull.n_delta"),
+    twins={"effects.rudder.gain": "hull.n_delta"},
     view=view_as(record_type(GliderParameters), "glider"),
     hooks={
         "derivative": derivative,

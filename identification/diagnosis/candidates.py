@@ -40,7 +40,7 @@ class Screening:
     estimate: (len(paths),), in probes.  evidence: twice the gain in log-likelihood that it promises.
     seen: share of the signature that neither coefficients nor initial states can imitate.
     detectable: (len(paths),), the size in the parameters' units that this record would show with 95 % probability.
-    absorbed_by: the coefficient that imitates it, if one does.  probe: of the first component.
+    absorbed_by: the coefficient that imitates it, if one does.
     """
 
     candidate: Candidate
@@ -49,7 +49,6 @@ class Screening:
     seen: float
     detectable: np.ndarray
     absorbed_by: str = ""
-    probe: float = 0.0
 
 
 def candidates_of(plant: Plant) -> list[Candidate]:
@@ -123,11 +122,11 @@ def screen(
             promised = float(estimate @ (own @ left))
             deviations = np.sqrt(np.diag(np.linalg.pinv(gram, hermitian=True)))
             units = np.array([problem.scale(p) for p in candidate.paths])
-            detectable = (np.sqrt(threshold) + 1.645) * deviations * units
+            detectable = np.maximum(np.sqrt(threshold), 1.0 / deviations) * deviations * units + 1.645 * deviations * units
         else:
             estimate, promised = np.zeros(len(candidate.paths)), 0.0
             detectable = np.full(len(candidate.paths), np.inf)
-        result.append(Screening(candidate, estimate, promised, seen, detectable, absorbed, problem.scale(candidate.paths[0])))
+        result.append(Screening(candidate, estimate, promised, seen, detectable, absorbed))
     return sorted(result, key=lambda s: -s.evidence)
 
 

@@ -74,7 +74,7 @@ def diagnose(
         for p in coefficients
     )
     effects, tied = _effects(state, rounds, sizes)
-    moved = _moved_coefficients(found, sizes, screening + tuple(t.screening for r in rounds for t in r.trials), count)
+    moved = _moved_coefficients(plant, found, sizes, count)
     if moved and not effects:
         stages["before"] = stages["given"]
     tied += [group for group in moved if not any(group[0] in other for other in tied)]
@@ -199,17 +199,17 @@ def _effects(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], li
     return effects, groups
 
 
-def _moved_coefficients(found, sizes, screenings: Sequence[Screening], count: int) -> list[tuple[str, ...]]:
+def _moved_coefficients(plant: Plant, found, sizes, count: int) -> list[tuple[str, ...]]:
     """Coefficients that left their given value by more than the probe of an effect that acts as they do."""
     moved = []
-    for c in found:
-        twins = dict.fromkeys(s.candidate.paths[0] for s in screenings if s.absorbed_by == c.path)
-        if not twins or c.given == 0.0:
+    for effect, path in plant.family.twins.items():
+        c = next((c for c in found if c.path == path), None)
+        if c is None or c.given == 0.0:
             continue
-        least = min(s.probe for s in screenings if s.absorbed_by == c.path)
-        change = abs(c.value - c.given)
-        if change > least * abs(c.given) and change > np.sqrt(threshold(count)) * sizes[c.path][1]:
-            moved.append((*twins, c.path))
+        change = abs(c.value / c.given - 1.0)
+        error = sizes[path][1] / abs(c.given)
+        if change > spec_at(plant, effect).probe and change > np.sqrt(threshold(count)) * error:
+            moved.append((effect, path))
     return moved
 
 

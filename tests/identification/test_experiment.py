@@ -14,7 +14,7 @@ VEHICLES = ["slocum", "ganeshblue", "ganeshblue_corrected"]
 
 
 def record_of(plant, seed=0, **settings):
-    return closed_loop(plant, rng=np.random.default_rng(seed), **settings)
+    return closed_loop(plant, rng=np.random.default_rng(seed), **{"run_in": 0.0, **settings})
 
 
 @pytest.mark.parametrize("vehicle", VEHICLES)
@@ -111,3 +111,12 @@ def test_what_cannot_be_run_is_refused():
     unstable = replace(replace_at(plant, {"hull.heading_stiffness": 1.0, "effects.yaw.moment": 1.0}), dt=10.0)
     with pytest.raises(Diverged, match="not finite at"):
         record_of(unstable, duration=50_000.0)
+
+
+def test_the_run_in_is_cut_off():
+    plant = load_vehicle("slocum")
+    whole = record_of(plant, duration=640.0)
+    cut = record_of(plant, duration=600.0, run_in=40.0)
+    assert cut.time[0] == 0.0
+    np.testing.assert_array_equal(cut["rudder_rad"], whole["rudder_rad"][10:])
+    np.testing.assert_array_equal(cut["heading_rad"], whole["heading_rad"][10:])

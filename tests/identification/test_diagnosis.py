@@ -1,0 +1,187 @@
+"""The diagnosis on logs whose truth it is not told, on a real log, and on bad input."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from auv_gym.model import simulate
+from auv_gym.param import replace_at, value_at
+from auv_gym.plant import load_vehicle
+from auv_gym.reading import read_record
+from auv_gym.record import Record
+from identification.diagnosis import as_json, diagnose, write_diagnosis
+from identification.diagnosis.attribution import threshold
+from identification.diagnosis.candidates import candidates_of
+from identification.experiment import closed_loop
+from scripts.blind_logs import CLEAN, effects_of, one, study
+
+DEGREE = np.pi / 180.0
+VEHICLES = ("slocum", "ganeshblue")
+
+
+def log_of(vehicle="slocum", seed=0, duration=600.0, track=None, **effects) -> Record:
+    """A closed-loop log of a vehicle with effects given as `yaw__moment=0.02`."""
+    changes = {f"effects.{name.replace('__', '.')}": value for name, value in effects.items()}
+    plant = replace_at(load_vehicle(vehicle), changes)
+    return closed_loop(
+        plant, rng=np.random.default_rng(seed), duration=duration, compass_noise=0.5 * DEGREE, track_noise=track
+    )
+
+
+@pytest.fixture(scope="module")
+def ammonite():
+    pytest.importorskip("dbdreader", reason="the extra `slocum` is not installed")
+    record = read_record("slocum:ammonite")
+    return diagnose(record.select(record["depth_m"] > 10.0), load_vehicle("slocum"), source="slocum:ammonite")
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "effect"), [(v, e) for v in VEHICLES for e in (CLEAN, *effects_of(v))], ids=lambda x: x.removeprefix("effects.")
+)
+def test_an_undeclared_effect_is_named_or_in_the_named_tie(vehicle, effect):
+    result = one((vehicle, effect, 1))[3]
+    assert result["right"], result
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vehicle", VEHICLES)
+def test_twenty_seeds_of_every_effect_and_of_clean_logs(vehicle):
+    rows = study([vehicle], None, range(20), jobs=2)
+    misses = {row["effect"]: row["misses"] for row in rows if row["right"] < (20 if row["effect"] == CLEAN else 19)}
+    assert not misses
+
+
+def test_a_real_glider_log_lacks_a_turning_moment(ammonite):
+    assert ammonite.verdict == "tied"
+    (group,) = ammonite.tied
+    # at a nearly constant speed and roll, these three turn the glider alike
+    assert {"effects.yaw.moment", "effects.rudder.offset", "effects.yaw.roll_moment"} <= set(group)
+    before = ammonite.before.scores["heading_rad"].rmse / DEGREE
+    after = ammonite.after.scores["heading_rad"].rmse / DEGREE
+    assert 12.0 < before < 18.0
+    assert after <= 7.0
+    assert ammonite.explained > 0.75
+
+
+def test_held_out_windows_took_no_part_in_the_fit(ammonite):
+    fitted, held = ammonite.windows
+    rows = {k for w in fitted for k in range(w.start, w.stop)}
+    assert rows.isdisjoint(k for w in held for k in range(w.start, w.stop))
+    assert set(ammonite.after.held.rows) <= {k for w in held for k in range(w.start, w.stop)}
+    assert abs(len(fitted) - len(held)) <= 1
+
+
+def test_a_moment_and_a_rudder_offset_tie_at_constant_speed():
+    result = diagnose(log_of(yaw__moment=0.012), load_vehicle("slocum"))
+    assert result.verdict == "tied"
+    assert {"effects.yaw.moment", "effects.rudder.offset"} <= set(result.tied[0])
+
+
+def test_a_current_needs_a_track_to_be_seen():
+    result = diagnose(log_of(current__north=0.05), load_vehicle("slocum"))
+    assert result.verdict == "none"
+    unseen = {d.path: d.reason for d in result.detectable if not np.isfinite(d.size)}
+    assert unseen["effects.current.north"] == "changes nothing that was measured"
+    assert unseen["effects.compass.bias"]
+    named = diagnose(log_of(current__north=0.05, track=1.0), load_vehicle("slocum"))
+    assert [e.path for e in named.effects] == ["effects.current.north"]
+    low, high = named.effects[0].ci95
+    assert low < 0.05 < high
+
+
+def test_a_clean_log_says_what_it_could_have_shown():
+    result = diagnose(log_of(seed=3), load_vehicle("slocum"))
+    assert result.verdict == "none"
+    sizes = {d.path: d.size for d in result.detectable}
+    smallest = sizes["effects.rudder.offset"]
+    assert 0.0 < smallest < 0.05
+    # an effect of that size, put in, is found (95 % power for the linear case; this seed is fixed)
+    found = diagnose(log_of(seed=4, rudder__offset=1.2 * smallest), load_vehicle("slocum"))
+    assert any("effects.rudder.offset" in group for group in found.tied) or found.effects[0].path == "effects.rudder.offset"
+
+
+@pytest.mark.parametrize("shape", ["square", "wander"])
+def test_a_cause_outside_the_library_is_not_explained_away(shape):
+    plant = load_vehicle("ganeshblue")
+    rng = np.random.default_rng(11)
+    record = closed_loop(plant, rng=rng, duration=1200.0, compass_noise=0.0, track_noise=None)
+    time = record.time
+    hidden = 0.05 * np.sign(np.sin(2 * np.pi * time / 47.0))
+    if shape == "wander":  # first-order noise with a correlation time of 30 s
+        hidden = lfilter([0.012], [1.0, -np.exp(-1 / 30.0)], rng.standard_normal(time.size))
+    truth = simulate(plant, record.with_channels({"bow_thruster_N": hidden}))
+    log = record.with_channels({"heading_rad": truth["heading_rad"] + 0.5 * DEGREE * rng.standard_normal(time.size)})
+    result = diagnose(log, plant)
+    assert result.verdict == "unexplained"
+    assert "no effect known here explains it" in result.summary()
+
+
+def test_two_effects_at_once_are_both_named():
+    result = diagnose(log_of(duration=1200.0, rudder__deadband=0.06, yaw__roll_moment=0.4), load_vehicle("slocum"))
+    assert {e.path for e in result.effects} == {"effects.rudder.deadband", "effects.yaw.roll_moment"}
+
+
+def test_the_files_say_the_same_and_give_back_the_corrected_vehicle(tmp_path):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    result = diagnose(log_of(seed=5, rudder__deadband=0.06), load_vehicle("slocum"), seed=7, source="test log")
+    paths = write_diagnosis(result, tmp_path / "new" / "folder")
+    content = json.loads(paths["diagnosis.json"].read_text())
+    assert content["verdict"] == result.verdict == "named"
+    assert content["effects"][0]["path"] == "effects.rudder.deadband"
+    assert content["effects"][0]["unit"] == "rad"
+    low, high = content["effects"][0]["ci95"]
+    assert low < content["effects"][0]["value"] < high
+    error = content["error"]
+    assert error["horizon_s"] == 100.0
+    assert error["after"]["heading_rad"]["rmse"] < error["before"]["heading_rad"]["rmse"]
+    assert content["seed"] == 7
+    assert "numpy" in content["versions"]
+    vehicle = load_vehicle(paths["vehicle.toml"])
+    assert np.array_equal(vehicle.vector, result.after.plant.vector)
+    assert value_at(vehicle, "effects.rudder.deadband") == content["effects"][0]["value"]
+    assert not list(paths["report.html"].parent.glob(".*"))
+
+
+def test_the_same_log_gives_the_same_verdict_to_the_last_digit():
+    log = log_of(seed=6, yaw__moment=0.02)
+    assert as_json(diagnose(log, load_vehicle("slocum"))) == as_json(diagnose(log, load_vehicle("slocum")))
+
+
+def test_bad_logs_are_refused_with_what_was_needed_and_what_came(tmp_path):
+    plant, log = load_vehicle("slocum"), log_of()
+    with pytest.raises(ValueError, match=r"needs the channel heading_rad, got .*rudder_rad"):
+        diagnose(log.without(["heading_rad"]), plant)
+    with pytest.raises(ValueError, match="rudder_rad"):
+        diagnose(log.without(["rudder_rad"]), plant)
+    with pytest.raises(ValueError, match=r"rudder_rad is constant at 0\.1 .*in which it moves"):
+        diagnose(log.with_channels({"rudder_rad": np.full(len(log), 0.1)}), plant)
+    with pytest.raises(ValueError, match=r"at least 4 windows of 120 s .* got 0 \(longest stretch"):
+        diagnose(log.between(0.0, 100.0), plant)
+    with pytest.raises(ValueError, match="holds only"):
+        diagnose(log, plant, window=20.0, settle=4.0)
+    with pytest.raises(ValueError, match="less than half a window"):
+        diagnose(log, plant, settle=90.0)
+    if os.geteuid() != 0:
+        tmp_path.chmod(0o500)
+        with pytest.raises(ValueError, match="Cannot write into"):
+            write_diagnosis(diagnose(log, plant), tmp_path / "out")
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(ValueError, match="Cannot write into"):
+        write_diagnosis(diagnose(log, plant), tmp_path / "file")
+
+
+def test_the_bar_for_a_name_rises_with_the_number_of_candidates():
+    assert threshold(1) == pytest.approx(10.83, abs=0.01)  # chi-square table, p = 0.001
+    assert threshold(20) > threshold(10) > threshold(1)
+    assert threshold(10, 2) > threshold(10)
+
+
+def test_every_neutral_effect_is_a_candidate_once():
+    plant = load_vehicle("slocum")
+    paths = [p for c in candidates_of(plant) for p in c.paths]
+    assert sorted(paths) == sorted(effects_of("slocum"))
+    changed = replace_at(plant, "effects.rudder.deadband", 0.01)
+    assert "effects.rudder.deadband" not in [p for c in candidates_of(changed) for p in c.paths]
