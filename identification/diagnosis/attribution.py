@@ -19,6 +19,7 @@ FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing e
 HELD_LEAST = 2.7  # evidence from the held-out windows alone: the 5 % point of one parameter, one-sided
 HELD_SHARE = 0.1  # of the evidence in the fitted windows that the held-out ones must repeat
 HELD_RANKS = 0.01  # p value of the signed-rank test over held-out windows
+SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
 TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
 TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standard errors over the windows
 
@@ -202,6 +203,9 @@ def _objection(bench, before: State, after: State, candidate: Candidate, train: 
         return "only helps at the limit of what is physical"
     if max(sizes) < 1.0:
         return "smaller than its probe"
+    intervals = bench.intervals(after)
+    if all(abs(intervals[p][0] - spec_at(after.plant, p).neutral) < SURE / 1.96 * intervals[p][2] for p in candidate.paths):
+        return "its size is too uncertain"
     return ""
 
 

@@ -74,13 +74,14 @@ def diagnose(
         for p in coefficients
     )
     effects, tied = _effects(state, rounds, sizes)
-    moved = _moved_coefficients(plant, found, sizes, count)
-    if moved and not effects:
-        stages["before"] = stages["given"]
-    tied += [group for group in moved if not any(group[0] in other for other in tied)]
-    effects += _as_effects(moved, effects, found, plant, bench, given, nominal)
     explained = _explained(stages["before"], stages["after"])
-    verdict = _verdict(effects, tied, explained, stages["after"], moved)
+    moved = _moved_coefficients(plant, found, sizes, count)
+    if moved and _explained(stages["given"], stages["after"]) >= EXPLAINED:
+        if not effects:
+            stages["before"], explained = stages["given"], _explained(stages["given"], stages["after"])
+        effects += _as_effects(moved, effects, found, plant, bench.gains(given, nominal))
+        tied += [group for group in moved if not any(group[0] in other for other in tied)]
+    verdict = _verdict(effects, tied, explained, stages["after"])
     progress(1.0, "done")
     return Diagnosis(
         verdict=verdict,
@@ -207,16 +208,15 @@ def _moved_coefficients(plant: Plant, found, sizes, count: int) -> list[tuple[st
         if c is None or c.given == 0.0:
             continue
         change = abs(c.value / c.given - 1.0)
-        error = sizes[path][1] / abs(c.given)
+        error = sizes[path][2] / 1.96 / abs(c.given)
         if change > spec_at(plant, effect).probe and change > np.sqrt(threshold(count)) * error:
             moved.append((effect, path))
     return moved
 
 
-def _as_effects(moved, effects, found, plant, bench, given, nominal) -> list[Effect]:
+def _as_effects(moved, effects, found, plant, gains: tuple[float, float]) -> list[Effect]:
     """The finding that a coefficient, or the effect that acts as it does, differs from what was given."""
     added = []
-    gains = bench.gains(given, nominal)
     for group in moved:
         path = group[0]
         if any(e.path == path for e in effects):
@@ -240,11 +240,11 @@ def _explained(before: Stage, after: Stage) -> float:
     return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0
 
 
-def _verdict(effects, tied, explained: float, after: Stage, moved) -> Verdict:
-    if effects:
-        if explained < EXPLAINED and not moved:
-            return "unexplained"
+def _verdict(effects, tied, explained: float, after: Stage) -> Verdict:
+    if effects and explained >= EXPLAINED:
         return "tied" if tied else "named"
+    if effects:
+        return "unexplained"
     for c, name in enumerate(after.fitted.channels):
         floor = noise_floor(after.fitted.residual[:, c], after.fitted.window)
         excess = float(np.nanmean(after.fitted.residual[:, c] ** 2)) / floor**2 - 1.0

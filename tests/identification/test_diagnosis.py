@@ -15,6 +15,7 @@ from auv_gym.record import Record
 from identification.diagnosis import as_json, diagnose, write_diagnosis
 from identification.diagnosis.attribution import threshold
 from identification.diagnosis.candidates import candidates_of
+from identification.excitation import prbs
 from identification.experiment import closed_loop
 from scripts.blind_logs import CLEAN, effects_of, one, study
 
@@ -74,10 +75,20 @@ def test_held_out_windows_took_no_part_in_the_fit(ammonite):
     assert abs(len(fitted) - len(held)) <= 1
 
 
-def test_a_moment_and_a_rudder_offset_tie_at_constant_speed():
-    result = diagnose(log_of(yaw__moment=0.012), load_vehicle("slocum"))
+def test_a_moment_and_a_rudder_offset_tie_unless_the_rudder_meets_its_stop():
+    plant = replace_at(load_vehicle("slocum"), "effects.yaw.moment", 0.012)
+    rng = np.random.default_rng(0)
+    time = 4.0 * np.arange(180)
+    rudder = prbs(180, 5, 0.2, rng)
+    quiet = Record.from_arrays(time, {"rudder_rad": rudder, "heading_rad": np.zeros(180)})
+    heading = simulate(plant, quiet)["heading_rad"] + 0.5 * DEGREE * rng.standard_normal(180)
+    result = diagnose(quiet.with_channels({"heading_rad": heading}), load_vehicle("slocum"))
     assert result.verdict == "tied"
     assert {"effects.yaw.moment", "effects.rudder.offset"} <= set(result.tied[0])
+    # a closed loop that drives the rudder into its stop, where an offset does nothing, tells them apart
+    result = diagnose(log_of(yaw__moment=0.012), load_vehicle("slocum"))
+    assert [e.path for e in result.effects] == ["effects.yaw.moment"]
+    assert result.verdict == "named"
 
 
 def test_a_current_needs_a_track_to_be_seen():
