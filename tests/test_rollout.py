@@ -88,7 +88,7 @@ def test_rudder_with_lag_against_the_closed_form():
     # r' = -k r + b step (1 - exp(-t/lag)), from rest
     a = 1.0 / lag
     rate = RUDDER * step * ((1 - math.exp(-k * t)) / k - (math.exp(-a * t) - math.exp(-k * t)) / (k - a))
-    assert end[1] == pytest.approx(rate, abs=1e-9)  # fourth order: (0.05 s / 8 s)^4
+    assert end[1] == pytest.approx(rate, abs=1e-9)  # fourth order: (0.05 s / 12 s)^4
 
 
 def heading_after_step(elapsed: float, size: float) -> float:
@@ -102,7 +102,7 @@ def test_dead_time_shifts_the_response_exactly(dead_time):
     plant = replace(replace_at(SLOCUM, "effects.rudder.dead_time", dead_time), longest_step=0.25)
     made = record([0.0] + [0.3] * 8)
     exact = [heading_after_step(t - 4.0 - dead_time, 0.3) for t in made.time]
-    # fourth order: (0.25 s / 8 s)^4 of angles of order 1
+    # fourth order: (0.25 s / 12 s)^4 of angles of order 1
     assert free_run(plant, made)[:, 0] == pytest.approx(exact, abs=1e-7)
 
 
@@ -128,7 +128,7 @@ def test_a_dead_time_outlives_the_next_command():
     made = record([0.0, 0.3, -0.2, 0.0, 0.1, 0.1, 0.1, 0.1])
     changes = [(4.0, 0.3), (8.0, -0.5), (12.0, 0.2), (16.0, 0.1)]
     exact = [sum(heading_after_step(t - at - 6.0, size) for at, size in changes) for t in made.time]
-    assert free_run(plant, made)[:, 0] == pytest.approx(exact, abs=1e-8)  # (0.1 s / 8 s)^4
+    assert free_run(plant, made)[:, 0] == pytest.approx(exact, abs=1e-8)  # (0.1 s / 12 s)^4
 
 
 def test_uneven_samples_are_integrated_to_their_own_times():
@@ -137,7 +137,7 @@ def test_uneven_samples_are_integrated_to_their_own_times():
     made = Record.from_arrays(time, {"rudder_rad": np.where(time > 0.0, 0.3, 0.0)})
     plant = replace(replace_at(SLOCUM, "effects.rudder.dead_time", 2.5), longest_step=0.1)
     exact = [heading_after_step(t - time[1] - 2.5, 0.3) for t in time]
-    assert free_run(plant, made)[:, 0] == pytest.approx(exact, abs=1e-7)  # (0.1 s / 8 s)^4, of angles up to 2
+    assert free_run(plant, made)[:, 0] == pytest.approx(exact, abs=1e-7)  # (0.1 s / 12 s)^4, of angles up to 2
 
 
 EFFECTS = {
