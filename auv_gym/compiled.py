@@ -13,7 +13,7 @@ import shutil
 import sys
 import tempfile
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -32,13 +32,15 @@ def compiled(function: F) -> F:
     Never fastmath: the plain and the compiled form agree to rounding. Calls are inlined, which halves a rollout's time:
     small functions would spend most of theirs counting references to the arrays they are given.
     """
-    if not JIT:
-        return function
+    return _compiled(function, [function]) if JIT else function
+
+
+def _compiled(function: Any, calls: Iterable[Any]) -> Any:
     import numba
 
     # numba reads the cache folder when a function is decorated, so other packages' functions keep theirs.
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder(_package_folder(function)))
+    numba.config.CACHE_DIR = str(_cache_folder(frozenset(_package_folder(callee) for callee in calls)))
     try:
         return numba.njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
     finally:
@@ -57,14 +59,15 @@ def bind(template: Callable[..., Any], name: str, **meanings: Any) -> Any:
     bound.__qualname__ = bound_name
     bound.__module__ = source.__module__
     bound.__doc__ = source.__doc__
-    return compiled(bound)
+    return _compiled(bound, [bound, *filter(callable, meanings.values())]) if JIT else bound
 
 
 def view_as(dtype: np.dtype, name: str) -> Any:
     """A compiled function from a flat float64 vector to its record: `view(p).hull.mass`, no copy."""
     if not JIT:  # attribute access on a numpy record costs a microsecond, on a namespace a tenth of it
         return lambda vector: _namespace(dtype, iter(vector.tolist()))
-    return bind(_view, name, RECORD=dtype)
+    layout = hashlib.sha256(repr(dtype).encode()).hexdigest()[:8]  # two layouts of one name are two functions
+    return bind(_view, f"{name}_{layout}", RECORD=dtype)
 
 
 def _namespace(dtype: np.dtype, values: Iterator[float]) -> Any:
@@ -87,14 +90,13 @@ def _package_folder(function: Callable[..., Any]) -> Path:
 
 
 @lru_cache
-def _cache_folder(package: Path) -> Path:
-    """The folder for code compiled from these sources; an edit anywhere in them opens a new one.
+def _cache_folder(packages: frozenset[Path]) -> Path:
+    """The folder for code compiled from the sources in these packages; an edit anywhere in them opens a new one.
 
     numba checks only the file of the function it loads, so it would keep a caller whose callee has changed.
     """
-    own = Path(__file__).parent
     digest = hashlib.sha256(sys.version.encode())
-    for folder in dict.fromkeys((own, package)):
+    for folder in sorted(packages | {Path(__file__).parent}):
         for path in sorted(folder.rglob("*.py")):
             text = path.read_bytes()
             if b"compiled" in text or b"param(" in text:  # a view has the layout of its parameter tree built in

@@ -27,7 +27,7 @@ EFFECTS = {
         "rudder.lost_travel": 0.2,
     },
     "compass": {"compass.lag": 6.0, "compass.deviation_sin": 0.1, "compass.deviation_cos": -0.05, "compass.bias": 0.2},
-    # A dead time of 4 s cuts no sample. The rollout takes the first command for what it has always been, `step` does not:
+    # A dead time of 4 s cuts no sample. The rollout takes the first command for what has always been, `step` does not:
     # where the vehicle moves from the start, a cut in one of the two makes them differ by the integrator's error.
     "all together": {
         "rudder.dead_time": 4.0,

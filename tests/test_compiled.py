@@ -1,0 +1,138 @@
+"""The cache of compiled code: found again, renewed when a callee changes, done without where it cannot be written."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auv_gym import compiled as compiled_module
+from auv_gym.compiled import JIT, bind, compiled, view_as
+
+ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.skipif(not JIT, reason="AUV_GYM_JIT=0: nothing is compiled")
+
+INNER = """from auv_gym.compiled import compiled
+
+
+@compiled
+def added(x):
+    return x + {number}
+"""
+OUTER = """from auv_gym.compiled import bind, compiled
+from toy.inner import added
+
+
+@compiled
+def doubled(x):
+    return 2.0 * added(x)
+"""
+RUN = """import json
+from toy.outer import doubled
+from auv_gym.compiled import bind
+from toy.inner import added
+
+hook = None
+def template(x):
+    return hook(x) + 0.5
+template.__module__ = "auv_gym.rollout"  # as if a family outside the package had brought the hook
+bound = bind(template, "toy", hook=added)
+stats = lambda function: [sum(count.values()) for count in (function.stats.cache_hits, function.stats.cache_misses)]
+print(json.dumps([doubled(1.0), bound(1.0), stats(doubled)]))
+"""
+
+
+@pytest.fixture
+def toy(tmp_path):
+    """A package of its own outside the project: returns a function that runs it in a new process."""
+    package = tmp_path / "toy"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    (package / "inner.py").write_text(INNER.format(number="1.0"))
+    (package / "outer.py").write_text(OUTER)
+    (tmp_path / "run.py").write_text(RUN)
+
+    def run(**environment):
+        paths = os.pathsep.join([str(tmp_path), str(ROOT)])
+        environment = {**os.environ, "PYTHONPATH": paths, "AUV_GYM_CACHE": str(tmp_path / "cache"), **environment}
+        done = subprocess.run(
+            [sys.executable, str(tmp_path / "run.py")], env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    run.package = package
+    return run
+
+
+def test_the_cache_is_found_again_and_renewed_by_an_edit_in_a_callee(toy):
+    assert toy() == [4.0, 2.5, [0, 1]]
+    assert toy() == [4.0, 2.5, [1, 0]]
+    (toy.package / "inner.py").write_text(INNER.format(number="10.0"))
+    assert toy() == [22.0, 11.5, [0, 1]]
+
+
+def test_an_unwritable_cache_folder_is_done_without(toy, tmp_path):
+    nowhere = {"AUV_GYM_CACHE": os.devnull, "XDG_CACHE_HOME": os.devnull, "HOME": os.devnull}
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    assert toy(**nowhere, TMPDIR=str(temporary)) == [4.0, 2.5, [0, 1]]
+    assert not list(temporary.glob("auv-gym-*"))
+
+
+def test_old_generations_of_the_cache_are_removed(tmp_path):
+    for age in range(9):
+        folder = tmp_path / f"generation{age}"
+        folder.mkdir()
+        (folder / "code.nbi").touch()
+        os.utime(folder, (1e9 - age, 1e9 - age))
+    compiled_module._forget_old_generations(tmp_path)
+    assert sorted(folder.name for folder in tmp_path.iterdir()) == [f"generation{age}" for age in range(6)]
+    compiled_module._forget_old_generations(tmp_path / "none")  # another process may have removed it
+
+
+def test_other_packages_keep_their_cache_folder():
+    import numba
+
+    folder_of_others = numba.config.CACHE_DIR
+
+    @compiled
+    def one():
+        return 1.0
+
+    assert folder_of_others == numba.config.CACHE_DIR
+    assert str(one._cache.cache_path).startswith(str(compiled_module._cache_folder(frozenset({Path(__file__).parent}))))
+
+
+scale = offset = None
+
+
+def line(x):
+    """A template with two open names."""
+    return scale * x + offset
+
+
+def test_a_template_takes_its_meanings():
+    steep, flat = bind(line, "steep", scale=3.0, offset=1.0), bind(line, "flat", scale=0.0, offset=2.0)
+    assert (steep(2.0), flat(2.0), steep(1.0)) == (7.0, 2.0, 4.0)
+    assert (steep.__name__, steep.__doc__) == ("line_steep", line.__doc__)
+    assert scale is None
+
+
+def test_division_by_zero_is_infinite_as_numpy_has_it():
+    @compiled
+    def inverse(x):
+        return 1.0 / x
+
+    assert inverse(0.0) == np.inf
+
+
+def test_a_view_is_not_a_copy_and_follows_its_layout():
+    one = view_as(np.dtype((np.record, [("a", np.float64), ("b", np.float64)])), "pair")
+    two = view_as(np.dtype((np.record, [("b", np.float64), ("a", np.float64)])), "pair")
+    vector = np.array([1.0, 2.0])
+    assert (one(vector).a, two(vector).a) == (1.0, 2.0)
+    assert one.__name__ != two.__name__
