@@ -76,8 +76,8 @@ def replace_at(tree: T, path: str | Mapping[str, float], value: float | None = N
     return tree
 
 
-def check_value(path: str, value: Any, spec: Spec) -> None:
-    """Raises if the value is not a finite number within the parameter's bounds."""
+def check_value(path: str, value: Any, spec: Spec) -> float:
+    """The value as a float; raises if it is not a finite number within the parameter's bounds."""
     low, high = spec.bounds
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
         raise ValueError(f"{path} needs a number in {spec.unit}, got {value!r}: give a plain number.")
@@ -85,6 +85,7 @@ def check_value(path: str, value: Any, spec: Spec) -> None:
         raise ValueError(
             f"{path} needs a value from {low:g} to {high:g} {spec.unit}, got {value:g}: check its unit and sign."
         )
+    return float(value)
 
 
 def pack(tree: Any) -> np.ndarray:

@@ -64,12 +64,16 @@ class Plant:
     def outputs(self) -> tuple[str, ...]:
         return self.family.outputs
 
-    @cached_property
+    @property
     def states(self) -> tuple[str, ...]:
         f = self.family
         past = [f"{name}[-{age}]" for age in range(self._history - 1, -1, -1) for name in f.actuators]
         positions_, memories = [f"{a} position" for a in f.actuators], [f"{a} play" for a in f.actuators]
         return (*f.states, *positions_, *memories, *f.sensors, *past)
+
+    @cached_property
+    def _size(self) -> int:
+        return len(self.states)
 
     @cached_property
     def constants(self) -> dict[str, float]:
@@ -101,7 +105,7 @@ class Plant:
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
         """A state with these outputs where they are finite, zero otherwise; actuators centred, sensors settled."""
-        x = np.zeros(len(self.states))
+        x = np.zeros(self._size)
         known = dict(zip(self.outputs, np.asarray(y0, dtype=float), strict=True))
         for index, name in enumerate(self.family.states):
             if np.isfinite(known.get(name, np.nan)):
@@ -123,9 +127,9 @@ class Plant:
 
     def _advance(self, x: np.ndarray, u: np.ndarray, ages: np.ndarray) -> np.ndarray:
         next_x, u = np.array(x, dtype=np.float64), np.ascontiguousarray(u, dtype=np.float64)
-        if next_x.shape != (len(self.states),) or u.shape != (len(self.inputs),):  # compiled code checks no index
+        if next_x.shape != (self._size,) or u.shape != (len(self.inputs),):  # compiled code checks no index
             raise ValueError(
-                f"A step of {self.name} needs a state of shape ({len(self.states)},), as `initial` returns it, and "
+                f"A step of {self.name} needs a state of shape ({self._size},), as `initial` returns it, and "
                 f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {next_x.shape} and {u.shape}."
             )
         self.programs.step(next_x, u, ages, self.longest_step, self.vector)
@@ -134,8 +138,8 @@ class Plant:
     def output(self, x: np.ndarray) -> np.ndarray:
         """The outputs as the sensors give them, shape (n_outputs,)."""
         x = np.ascontiguousarray(x, dtype=np.float64)
-        if x.shape != (len(self.states),):
-            raise ValueError(f"A state of {self.name} has shape ({len(self.states)},), got {x.shape}: see `initial`.")
+        if x.shape != (self._size,):
+            raise ValueError(f"A state of {self.name} has shape ({self._size},), got {x.shape}: see `initial`.")
         y = np.empty(len(self.outputs))
         self.programs.read(x, self.vector, y)
         return y
@@ -320,10 +324,9 @@ def _parse(text: str, origin: str) -> Plant:
         if unit != spec.unit:
             raise ValueError(f"Vehicle file {origin}: {path} is in {spec.unit}, got unit {unit!r}: convert the value.")
         try:
-            check_value(path, value, spec)
+            values[path] = check_value(path, value, spec)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
-        values[path] = float(value)
         if "source" in entry:
             notes[path] = str(entry["source"])
     plant = Plant(

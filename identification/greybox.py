@@ -151,7 +151,9 @@ class GreyBox:
             word = problems.get(path, "")
             half = np.inf if word else width * error
             spec = spec_at(fitted, path)
-            estimates.append(Estimate(path, spec.unit, value, np.inf if word else error, (value - half, value + half), word))
+            estimates.append(
+                Estimate(path, spec.unit, value, np.inf if word else error, (value - half, value + half), word)
+            )
         return GreyBoxFit(
             model=fitted,
             estimates=tuple(estimates),

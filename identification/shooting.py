@@ -8,7 +8,7 @@ Source: Bock 1983, "Recent advances in parameter identification techniques for O
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -65,7 +65,9 @@ class Shooting:
 
     def __init__(self, plant: Plant, record: Record, windows: Sequence[slice]):
         if not windows:
-            raise ValueError("A fit needs at least one window of data, got none: record longer or choose shorter windows.")
+            raise ValueError(
+                "A fit needs at least one window of data, got none: record longer or choose shorter windows."
+            )
         self.plant, self.record, self.windows = plant, record, tuple(windows)
         self.runs = Runs.over(plant, record, windows)
         self.channels = tuple(name for name in plant.outputs if record.has(name))
@@ -91,7 +93,9 @@ class Shooting:
         """The change of a parameter that counts as one in the fit: its probe, or a tenth of its value."""
         spec = spec_at(self.plant, path)
         value = abs(value_at(self.plant, path))
-        return 0.1 * value if path in self.plant.family.coefficients and value > 0.0 else spec.probe or 0.1 * value or 1.0
+        return (
+            0.1 * value if path in self.plant.family.coefficients and value > 0.0 else spec.probe or 0.1 * value or 1.0
+        )
 
     def first_guess(self) -> np.ndarray:
         """States at the windows' starts, shape (W, n_states).
@@ -187,7 +191,7 @@ class Shooting:
     def _residuals(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
         y = self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)[:, :, self.columns]
         residual = self.measured - y
-        # An angle's residual is continuous in a window and starts within half a turn: one that grows beyond stays large.
+        # An angle's residual is continuous in a window and starts within half a turn; beyond that it is not wrapped.
         turns = np.round(residual[:, self.offsets][:, :, self.angles] / (2.0 * np.pi))
         turns = np.where(np.isfinite(turns), turns, 0.0)
         residual[:, :, self.angles] -= 2.0 * np.pi * turns[:, self.window_of_row]
@@ -324,7 +328,7 @@ def _correlated(x: np.ndarray, phi: float, offsets: np.ndarray) -> np.ndarray:
     for start, stop in zip(offsets, np.r_[offsets[1:], x.shape[1]], strict=True):
         block = x[:, start:stop]
         forward = lfilter([1.0], [1.0, -phi], block)
-        backward = lfilter([1.0], [1.0, -phi], block[:, ::-1])[:, ::-1]
+        backward = np.fliplr(lfilter([1.0], [1.0, -phi], np.fliplr(block)))
         result[:, start:stop] = forward + backward - block
     return result
 
@@ -332,8 +336,8 @@ def _correlated(x: np.ndarray, phi: float, offsets: np.ndarray) -> np.ndarray:
 def _block_step(normal, gradient, gram, cross, start_gradient, damping):
     """Damped Gauss-Newton step of the parameters (P,) and the starts (W, F), the starts eliminated."""
     gram = gram + damping * np.einsum("wff->wf", gram)[:, :, None] * np.eye(gram.shape[1])
-    inner = np.linalg.solve(gram, np.concatenate([cross, start_gradient[:, :, None]], axis=2))
-    gain, offset = inner[:, :, :-1], inner[:, :, -1]
+    inner = np.asarray(np.linalg.solve(gram, np.concatenate([cross, start_gradient[:, :, None]], axis=2)))
+    gain, offset = inner[..., :-1], inner[..., -1]
     count = len(gradient)
     if count == 0:
         return np.zeros(0), offset

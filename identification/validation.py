@@ -91,7 +91,9 @@ def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarra
 def score(measured: np.ndarray, residual: np.ndarray) -> Score:
     """The score of a residual against the measured signal it belongs to."""
     if residual.size == 0:
-        raise ValueError("A score needs at least one sample, got none: choose longer windows or a shorter settling time.")
+        raise ValueError(
+            "A score needs at least one sample, got none: choose longer windows or a shorter settling time."
+        )
     power, spread = float(residual @ residual), float(np.sum((measured - measured.mean()) ** 2))
     ratio = power / spread if spread > 0.0 else np.inf
     return Score(
@@ -133,7 +135,10 @@ def whiteness(residual: np.ndarray, window: np.ndarray, lags: int = 15) -> White
     lags = max(min(lags, int(np.min(np.bincount(window)[np.unique(window)])) - 1), 1)
     power, n = float(e @ e), e.size
     correlation = np.array(
-        [np.sum(e[k:] * e[:-k] * (window[k:] == window[:-k])) / power if power > 0.0 else 0.0 for k in range(1, lags + 1)]
+        [
+            np.sum(e[k:] * e[:-k] * (window[k:] == window[:-k])) / power if power > 0.0 else 0.0
+            for k in range(1, lags + 1)
+        ]
     )
     pairs = np.array([np.sum(window[k:] == window[:-k]) for k in range(1, lags + 1)])
     # the mean of an estimate over short windows is scaled to the number of pairs that it has

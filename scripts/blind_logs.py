@@ -87,7 +87,9 @@ def one(job: tuple[str, str, int]) -> tuple[str, str, int, dict, float]:
         return vehicle, effect, seed, judge(folder), perf_counter() - start
 
 
-def study(vehicles: Sequence[str], effects: Sequence[str] | None, seeds: Sequence[int], jobs: int, tell=None) -> list[dict]:
+def study(
+    vehicles: Sequence[str], effects: Sequence[str] | None, seeds: Sequence[int], jobs: int, tell=None
+) -> list[dict]:
     """A row for each vehicle and effect: how many logs, how many right, which other names were given."""
     rows = []
     work = [
@@ -129,8 +131,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser.parse_args(argv)
 
     def tell(row):
-        line = f"{row['vehicle']:12s} {row['effect']:34s} right {row['right']:3d} / {row['logs']:<3d} exact {row['exact']:3d}"
-        print(f"{line}  {row['seconds'] / row['logs']:5.2f} s a log  {row['misses'][:3] or ''}", flush=True)
+        line = f"{row['vehicle']:12s} {row['effect']:34s} right {row['right']:3d} / {row['logs']:<3d}"
+        print(
+            f"{line} exact {row['exact']:3d}  {row['seconds'] / row['logs']:5.2f} s a log  {row['misses'][:3] or ''}",
+            flush=True,
+        )
 
     seeds = range(args.first_seed, args.first_seed + args.seeds)
     rows = study(args.vehicle or ["slocum", "ganeshblue"], args.effect, seeds, args.jobs, tell)

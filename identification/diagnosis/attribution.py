@@ -184,7 +184,9 @@ def _trial(bench: Workbench, state: State, screening: Screening, count: int) -> 
     held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5)
     after = State(plant, paths, best, held, colour(bench.train, best))
     train, test = bench.gains(state, after)
-    return Trial(candidate, after, train, test, screening, _objection(bench, state, after, candidate, train, test, count))
+    return Trial(
+        candidate, after, train, test, screening, _objection(bench, state, after, candidate, train, test, count)
+    )
 
 
 def _objection(bench, before: State, after: State, candidate: Candidate, train: float, held: float, count: int) -> str:
@@ -204,7 +206,9 @@ def _objection(bench, before: State, after: State, candidate: Candidate, train: 
     if max(sizes) < 1.0:
         return "smaller than its probe"
     intervals = bench.intervals(after)
-    if all(abs(intervals[p][0] - spec_at(after.plant, p).neutral) < SURE / 1.96 * intervals[p][2] for p in candidate.paths):
+    if all(
+        abs(intervals[p][0] - spec_at(after.plant, p).neutral) < SURE / 1.96 * intervals[p][2] for p in candidate.paths
+    ):
         return "its size is too uncertain"
     return ""
 
@@ -216,7 +220,7 @@ def _holds(bench: Workbench, before: State, after: State) -> bool:
     if not float(better.sum()) > 0.0:
         return False
     few = better.size < 8
-    return few or float(stats.wilcoxon(better, alternative="greater").pvalue) < HELD_RANKS
+    return few or bool(np.asarray(stats.wilcoxon(better, alternative="greater"))[1] < HELD_RANKS)
 
 
 def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:
@@ -233,8 +237,12 @@ def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]
             values.append(float(np.clip(spec.neutral + side * size * spec.probe, *spec.bounds)))
         starts.append(tuple(values))
     if screening.candidate.kinked:
-        starts.append(tuple(min(v + 5.0 * spec_at(plant, p).probe, spec_at(plant, p).bounds[1])
-                            for p, v in zip(screening.candidate.paths, starts[0], strict=True)))
+        starts.append(
+            tuple(
+                min(v + 5.0 * spec_at(plant, p).probe, spec_at(plant, p).bounds[1])
+                for p, v in zip(screening.candidate.paths, starts[0], strict=True)
+            )
+        )
     return list(dict.fromkeys(starts))
 
 
@@ -245,7 +253,7 @@ def _tie(bench: Workbench, best: Trial, other: Trial) -> bool:
     difference = best.total - other.total
     per_window = bench.costs(other.state, best.state) - bench.costs(best.state, best.state)
     error = float(np.std(per_window) * np.sqrt(per_window.size))
-    return difference < TIE or float(per_window.sum()) < TIE_ERRORS * error and per_window.size >= 10
+    return difference < TIE or (float(per_window.sum()) < TIE_ERRORS * error and per_window.size >= 10)
 
 
 def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:

@@ -122,7 +122,9 @@ def screen(
             promised = float(estimate @ (own @ left))
             deviations = np.sqrt(np.diag(np.linalg.pinv(gram, hermitian=True)))
             units = np.array([problem.scale(p) for p in candidate.paths])
-            detectable = np.maximum(np.sqrt(threshold), 1.0 / deviations) * deviations * units + 1.645 * deviations * units
+            detectable = (
+                np.maximum(np.sqrt(threshold), 1.0 / deviations) * deviations * units + 1.645 * deviations * units
+            )
         else:
             estimate, promised = np.zeros(len(candidate.paths)), 0.0
             detectable = np.full(len(candidate.paths), np.inf)

@@ -67,10 +67,14 @@ def diagnose(
         for name, fitted in (("given", given), ("before", nominal), ("after", state))
     }
     count = len(candidates)
-    screening = tuple(screen(bench.train, state.train, state.paths, candidates_of(state.plant), state.colour, threshold(count)))
+    screening = tuple(
+        screen(bench.train, state.train, state.paths, candidates_of(state.plant), state.colour, threshold(count))
+    )
     sizes = bench.intervals(state)
     found = tuple(
-        Coefficient(p, spec_at(plant, p).title, spec_at(plant, p).unit, value_at(plant, p), sizes[p][0], _span(sizes[p]))
+        Coefficient(
+            p, spec_at(plant, p).title, spec_at(plant, p).unit, value_at(plant, p), sizes[p][0], _span(sizes[p])
+        )
         for p in coefficients
     )
     effects, tied = _effects(state, rounds, sizes)
@@ -150,7 +154,9 @@ def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
     return free or paths
 
 
-def _pruned(bench: Workbench, nominal: State, state: State, rounds: list[Round], count: int) -> tuple[State, list[Round]]:
+def _pruned(
+    bench: Workbench, nominal: State, state: State, rounds: list[Round], count: int
+) -> tuple[State, list[Round]]:
     """Backward elimination: an effect that a later one has made idle goes."""
     chosen = [r.chosen for r in rounds if r.chosen is not None]
     if len(chosen) < 2:
@@ -224,7 +230,9 @@ def _as_effects(moved, effects, found, plant, gains: tuple[float, float]) -> lis
         c = next(c for c in found if c.path == group[-1])
         spec = spec_at(plant, path)
         low, high = sorted(v / c.given for v in c.ci95)
-        added.append(Effect(path, spec.title, c.value / c.given, spec.neutral, spec.unit, (low, high), *gains, group[1:]))
+        added.append(
+            Effect(path, spec.title, c.value / c.given, spec.neutral, spec.unit, (low, high), *gains, group[1:])
+        )
     return added
 
 
@@ -253,7 +261,9 @@ def _verdict(effects, tied, explained: float, after: Stage) -> Verdict:
     return "none"
 
 
-def _detectable(plant: Plant, screening: Sequence[Screening], rounds: Sequence[Round], named: set[str]) -> tuple[Detectable, ...]:
+def _detectable(
+    plant: Plant, screening: Sequence[Screening], rounds: Sequence[Round], named: set[str]
+) -> tuple[Detectable, ...]:
     result = []
     for s in screening:
         for path, size in zip(s.candidate.paths, s.detectable, strict=True):

@@ -41,7 +41,9 @@ def writable_folder(folder: str | os.PathLike) -> Path:
         with tempfile.NamedTemporaryFile(dir=out):
             pass
     except OSError as error:
-        raise ValueError(f"Cannot write into {out}: {error.strerror or error}. Give another folder with --out.") from None
+        raise ValueError(
+            f"Cannot write into {out}: {error.strerror or error}. Give another folder with --out."
+        ) from None
     return out
 
 

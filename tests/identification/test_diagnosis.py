@@ -40,7 +40,9 @@ def ammonite():
 
 
 @pytest.mark.parametrize(
-    ("vehicle", "effect"), [(v, e) for v in VEHICLES for e in (CLEAN, *effects_of(v))], ids=lambda x: x.removeprefix("effects.")
+    "vehicle, effect",
+    [(v, e) for v in VEHICLES for e in (CLEAN, *effects_of(v))],
+    ids=lambda x: x.removeprefix("effects."),
 )
 def test_an_undeclared_effect_is_named_or_in_the_named_tie(vehicle, effect):
     result = one((vehicle, effect, 1))[3]
@@ -111,7 +113,10 @@ def test_a_clean_log_says_what_it_could_have_shown():
     assert 0.0 < smallest < 0.05
     # an effect of that size, put in, is found (95 % power for the linear case; this seed is fixed)
     found = diagnose(log_of(seed=4, rudder__offset=1.2 * smallest), load_vehicle("slocum"))
-    assert any("effects.rudder.offset" in group for group in found.tied) or found.effects[0].path == "effects.rudder.offset"
+    assert (
+        any("effects.rudder.offset" in group for group in found.tied)
+        or found.effects[0].path == "effects.rudder.offset"
+    )
 
 
 @pytest.mark.parametrize("shape", ["square", "wander"])

@@ -16,7 +16,9 @@ FREE = ("hull.n_r", "hull.n_delta", "effects.yaw.moment", "effects.compass.lag")
 TRUTH = {"effects.yaw.moment": 0.01, "effects.compass.lag": 1.5}
 
 
-def slocum_log(seed: int, noise: float = radians(0.5), colour: float = 0.0, truth=TRUTH, duration: float = 600.0) -> Record:
+def slocum_log(
+    seed: int, noise: float = radians(0.5), colour: float = 0.0, truth=TRUTH, duration: float = 600.0
+) -> Record:
     """Heading log of a Slocum with known effects; white compass noise, or coloured noise of the same innovations."""
     rng = np.random.default_rng(seed)
     plant = replace_at(load_vehicle("slocum"), truth)
@@ -54,7 +56,7 @@ def test_exact_data_give_the_exact_parameters():
 def test_intervals_hold_the_truth_as_often_as_they_say(colour):
     # the binomial spread of 200 seeds is 1.5 %: the stated band of 90 to 99 % leaves room for it
     shares = coverage(range(200), colour)
-    assert np.all(shares >= 0.90) and np.all(shares <= 0.99), shares
+    assert np.all((shares >= 0.90) & (shares <= 0.99)), shares
 
 
 def test_intervals_hold_the_truth_in_a_short_draw():
