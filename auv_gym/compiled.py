@@ -15,6 +15,7 @@ import tempfile
 import types
 from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -36,8 +37,7 @@ def compiled(function: F) -> F:
 
 
 def _compiled(function: Any, calls: Iterable[Any]) -> Any:
-    import numba
-
+    numba: Any = import_module("numba")  # here, so that plain Python starts without it
     # numba reads the cache folder when a function is decorated, so other packages' functions keep theirs.
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_cache_folder(frozenset(_package_folder(callee) for callee in calls)))
