@@ -25,6 +25,7 @@ from auv_gym.vehicles.family import Family
 # Open names of the templates, bound per family.
 STATES = ACTUATORS = SENSORS = OUTPUTS = INPUTS = 0
 derivative: Any
+stable_step: Any
 shape: Any
 actuator_times: Any
 sense: Any
@@ -57,7 +58,7 @@ def _rk4(x, start, middle, end, inputs, h, p, work):
 
 
 def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
-    """Advance x in place from t0 = times[k] to t1, in equal steps of at most `longest_step` between switching times.
+    """Advance x in place from t0 = times[k] to t1, in equal, stable steps of at most `longest_step` between switchings.
 
     shaped: (n, ACTUATORS) shaped commands, of which rows first..k are known; before row `first` its value is held.
     longest_step: s; 0 moves the actuators only, to find where they stand at the start of a window.
@@ -78,7 +79,11 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
                 work[9, j] = shaped[i, j]
             else:
                 work[9, j] = shaped[k, j]
-        pieces = max(ceil((t_next - t) / longest_step - 1e-9), 1) if longest_step > 0.0 else 1
+        pieces = 1
+        if longest_step > 0.0:
+            # a fit may try coefficients that are too quick for the vehicle's step; fifty times shorter will do
+            step = max(min(longest_step, stable_step(x, inputs, p)), 0.02 * longest_step)
+            pieces = max(ceil((t_next - t) / step - 1e-9), 1)
         h = (t_next - t) / pieces
         for _ in range(pieces):
             for j in range(ACTUATORS):

@@ -14,9 +14,9 @@ class Family:
     inputs: all input channels; `required` must be in a record, the others fall back to the parameter that `constants`
     names, or to zero.  states: integrated by RK4.  actuators: one per commanded input, which come first in `inputs`,
     in the same order.  coefficients: the paths that a first fit frees.  twins: effects that act as a coefficient does.
-    hooks: compiled `derivative(x, actuators, inputs, p, dx)`, `shape(inputs, memory, p, shaped)`,
-    `actuator_times(index, p)`, `sense(before, x, sensors, duration, p)`, `settle_sensors(x, actuators, sensors, p)`,
-    `output(x, actuators, sensors, p, y)`; view: flat parameter vector to record.
+    hooks: compiled `derivative(x, actuators, inputs, p, dx)`, `stable_step(x, inputs, p)`,
+    `shape(inputs, memory, p, shaped)`, `actuator_times(index, p)`, `sense(before, x, sensors, duration, p)`,
+    `settle_sensors(x, actuators, sensors, p)`, `output(x, actuators, sensors, p, y)`; view: flat vector to record.
     """
 
     name: str

@@ -80,6 +80,22 @@ def heading_rate(r, rudder, hull):
 
 
 @compiled
+def linear_damping(inputs, p):
+    """The factor of r in equation (11), N m s, with K_y2 of (15)."""
+    hull = p.hull
+    u = hull.speed + hull.speed_scaling * (inputs[3] - hull.speed)
+    d4 = 0.5 * hull.density * hull.length**3 * hull.length
+    return hull.damping_factor * (d4 * (hull.n_r * u + hull.n_wr * inputs[4]) - hull.mass * hull.x_g * u)
+
+
+@compiled
+def stable_step(x, inputs, p):
+    """The longest RK4 step, s, that keeps the damped yaw rate stable with a margin of two in the limit of 2.78."""
+    damping = abs(linear_damping(inputs, p)) + 2.0 * p.effects.yaw.quadratic_damping * abs(x[1])
+    return 1.4 * yaw_inertia(p.hull) / (damping + 1e-12)
+
+
+@compiled
 def derivative(x, actuators, inputs, p, dx):
     """State derivative of [psi, r, north, east] into dx: equations (1), (2), (11), and (15) where its factors are set.
 
@@ -93,19 +109,14 @@ def derivative(x, actuators, inputs, p, dx):
     r = x[1]
     rudder = actuators[0]
     u = inputs[3]
-    w = inputs[4]
     d3 = 0.5 * hull.density * hull.length**3
-    d4 = d3 * hull.length
-    u_nominal = hull.speed
-    u_damping = u_nominal + hull.speed_scaling * (u - u_nominal)
-    u_squared = u_nominal**2 + (hull.speed_scaling + yaw.speed_squared) * (u**2 - u_nominal**2)
-    damping = d4 * (hull.n_r * u_damping + hull.n_wr * w) - hull.mass * hull.x_g * u_damping
+    u_squared = hull.speed**2 + (hull.speed_scaling + yaw.speed_squared) * (u**2 - hull.speed**2)
     rudder_moment = d3 * u_squared * hull.n_delta * rudder
     weight_moment = GRAVITY * (hull.y_g * hull.mass - hull.y_b * hull.density * hull.volume)
     if weight_moment != 0.0:  # the usual case is zero, without the trigonometry
         weight_moment *= sin(inputs[6])
     moment = (
-        hull.damping_factor * damping * r
+        linear_damping(inputs, p) * r
         + hull.rudder_factor * rudder_moment
         + hull.bow_thruster_arm * inputs[1]
         + hull.stern_thruster_arm * inputs[2]
@@ -188,6 +199,7 @@ GLIDER = Family(
     view=view_as(record_type(GliderParameters), "glider"),
     hooks={
         "derivative": derivative,
+        "stable_step": stable_step,
         "shape": shape,
         "actuator_times": actuator_times,
         "sense": sense,

@@ -10,7 +10,7 @@ from auv_gym.compiled import compiled
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
-from auv_gym.vehicles.glider import GLIDER, GRAVITY
+from auv_gym.vehicles.glider import GLIDER, GRAVITY, stable_step
 
 VEHICLES = sorted(list_vehicles())
 # One family so far; another brings its effect-free twin below.
@@ -76,6 +76,7 @@ BARE = replace(
     name="bare_glider",
     hooks={
         "derivative": bare_derivative,
+        "stable_step": stable_step,
         "shape": bare_shape,
         "actuator_times": bare_times,
         "sense": bare_sense,

@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from auv_gym.model import simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
+from auv_gym.record import Record
 from auv_gym.vehicles.glider import GRAVITY, derivative, yaw_inertia, yaw_rates
 
 INPUTS = ("rudder_rad", "bow_thruster_N", "stern_thruster_N", "u_mps", "w_mps", "q_radps", "pitch_rad", "roll_rad")
@@ -196,3 +198,13 @@ def test_compass_effects_in_a_steady_turn():
     assert read(deviation_cos=0.1) == pytest.approx(true + 0.1 * math.cos(true), abs=1e-14)
     # a ramp is followed at a distance of rate times lag; the transient is exp(-200/5)
     assert read(lag=5.0) == pytest.approx(true - 5.0 * rate, abs=1e-12)
+
+
+def test_a_yaw_rate_too_quick_for_the_step_stays_stable():
+    plant = replace_at(load_vehicle("ganeshblue"), "hull.n_r", -0.15)  # 24 1/s: 6 times the step of 0.25 s
+    n = 200
+    record = Record.from_arrays(np.arange(float(n)), {"rudder_rad": np.full(n, 0.2), "heading_rad": np.zeros(n)})
+    rate = np.diff(simulate(plant, record)["heading_rad"])
+    damping, rudder = yaw_rates(plant.family.view(plant.vector).hull)
+    # at rest after the first second: the turn is the steady one, a fixed point that every stable step keeps
+    np.testing.assert_allclose(rate[1:], -0.2 * rudder / damping, rtol=1e-9)
