@@ -137,7 +137,10 @@ def diagnose(
     mapping: Annotated[
         Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
+    cut_gaps: Annotated[
+        bool, typer.Option("--cut-gaps", help="Where values are missing, cut the log instead of refusing it.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Kept with the result; the diagnosis itself draws nothing.")] = 0,
     cache_dir: Annotated[
         Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
     ] = None,
@@ -153,7 +156,7 @@ def diagnose(
         plant = load_vehicle(vehicle)
         writable_folder(out)
         progress(0.0, "reading the log")
-        record = _read_log(log, mapping, cache_dir, ("heading_rad", *plant.family.required))
+        record = _read_log(log, mapping, cache_dir, ("heading_rad", *plant.family.required), cut_gaps)
         record = _between_depths(record, min_depth, max_depth)
         diagnosis = diagnose_record(
             record,
@@ -235,11 +238,13 @@ def _write_record(record: Record, path: Path) -> None:
         aside.unlink(missing_ok=True)
 
 
-def _read_log(log: str, mapping: Path | None, cache_dir: Path | None, required: Sequence[str]) -> Record:
+def _read_log(
+    log: str, mapping: Path | None, cache_dir: Path | None, required: Sequence[str], cut_gaps: bool
+) -> Record:
     from auv_gym.reading import read_record
 
     if cache_dir is None:
-        return read_record(log, mapping, required)
+        return read_record(log, mapping, required, long_runs="cut" if cut_gaps else "raise")
     from auv_gym.slocum import read_slocum
 
     if mapping is not None:

@@ -387,7 +387,7 @@ def _check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) 
             raise ValueError(
                 f"Channel {name!r} has no value in {run.size} rows, {run[0] + 1} to {run[-1] + 1} "
                 f"({time[run[0]]:.10g} to {time[run[-1]]:.10g} s); up to {max_fill} in a row are filled in. "
-                "Remove these rows, or cut the record there (long_runs='cut')."
+                "Remove these rows, or cut the record there (long_runs='cut'; on the command line: --cut-gaps)."
             )
 
 

@@ -12,6 +12,7 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.diagnosis.attribution import (
+    MANY_WINDOWS,
     Progress,
     Round,
     State,
@@ -78,11 +79,11 @@ def diagnose(
         for p in coefficients
     )
     effects, tied = _effects(state, rounds, sizes)
-    explained = _explained(stages["before"], stages["after"])
+    explained = _explained(stages["before"], stages["after"], len(held))
     moved = _moved_coefficients(plant, found, sizes, count)
-    if moved and _explained(stages["given"], stages["after"]) >= EXPLAINED:
+    if moved and _explained(stages["given"], stages["after"], len(held)) >= EXPLAINED:
         if not effects:
-            stages["before"], explained = stages["given"], _explained(stages["given"], stages["after"])
+            stages["before"], explained = stages["given"], _explained(stages["given"], stages["after"], len(held))
         effects += _as_effects(moved, effects, found, plant, bench.gains(given, nominal))
         tied += [group for group in moved if not any(group[0] in other for other in tied)]
     verdict = _verdict(effects, tied, explained, stages["after"])
@@ -236,14 +237,20 @@ def _as_effects(moved, effects, found, plant, gains: tuple[float, float]) -> lis
     return added
 
 
-def _explained(before: Stage, after: Stage) -> float:
-    """Share of the held-out squared error above the measurement noise that the effects remove."""
+def _explained(before: Stage, after: Stage, held_windows: int) -> float:
+    """Share of the squared error above the measurement noise that the effects remove.
+
+    Of free runs in the held-out windows; where these are few, of runs from fitted states in all windows.
+    """
+    many = held_windows >= MANY_WINDOWS
     excess = {}
     for name, stage in (("before", before), ("after", after)):
+        runs = stage.held if many else stage.fitted
         total = 0.0
-        for c, channel_name in enumerate(stage.held.channels):
+        for c in range(len(runs.channels)):
             floor = noise_floor(after.fitted.residual[:, c], after.fitted.window)
-            total += max(stage.scores[channel_name].rmse ** 2 / floor**2 - 1.0, 0.0)
+            squares = runs.residual[runs.scored, c] ** 2
+            total += max(float(np.nanmean(squares)) / floor**2 - 1.0, 0.0)
         excess[name] = total
     return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0
 
