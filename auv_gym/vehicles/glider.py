@@ -26,7 +26,7 @@ class GliderHull:
     mass: float = param(92.8, "kg", "mass", bounds=(1.0, 1e4))
     inertia: float = param(26.574, "kg m^2", "yaw inertia I_z", bounds=(0.01, 1e5))
     n_rdot: float = param(7.275e-4, "1", "added yaw inertia N_rdot", bounds=(-0.1, 0.1))
-    n_r: float = param(-0.0170, "1", "yaw damping N_r", bounds=(-0.2, -1e-6), probe=1e-3)
+    n_r: float = param(-0.0170, "1", "yaw damping N_r", bounds=(-0.1, -1e-6), probe=1e-3)
     n_delta: float = param(-0.0158, "1", "rudder effectiveness N_dr", bounds=(-1.0, 1.0), probe=1e-3)
     n_wr: float = param(0.0, "1", "yaw damping from heave N_wr", bounds=(-2.0, 2.0))
     speed: float = param(0.3, "m/s", "nominal forward speed", bounds=(0.01, 5.0))

@@ -21,6 +21,7 @@ HELD_SHARE = 0.02  # of the evidence in the fitted windows that the held-out one
 MANY_WINDOWS = 8  # held-out windows from which on they are judged one by one
 HELD_RANKS = 0.01  # p value of the signed-rank test over held-out windows
 LEAST_TRACE = 2.0  # evidence that the screening must promise before a candidate without a corner is fitted
+FIRST_ITERATIONS, ITERATIONS = 5, 15  # of each start, and then of the best of them
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on candidates are also sought from its given value
 SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
 TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
@@ -200,10 +201,12 @@ def _trial(bench: Workbench, state: State, bases: Sequence[tuple[State, Screenin
     for base, s in traces:
         for values in _first_values(base.plant, s):
             plant = replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)))
-            found.append(bench.train.solve(plant, paths, base.train.starts, 12, 1e-5))
+            found.append(bench.train.solve(plant, paths, base.train.starts, FIRST_ITERATIONS, 1e-5))
     best = min(found, key=lambda point: point.cost)
     if not np.isfinite(best.cost):
         return Trial(candidate, None, 0.0, 0.0, screening, "no stable run with it")
+    plant = bench.train.plant_at(best, paths)
+    best = bench.train.solve(plant, paths, best.starts, ITERATIONS, 1e-5)
     plant = bench.train.plant_at(best, paths)
     held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5)
     after = State(plant, paths, best, held, colour(bench.train, best))

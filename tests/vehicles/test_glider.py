@@ -201,7 +201,7 @@ def test_compass_effects_in_a_steady_turn():
 
 
 def test_a_yaw_rate_too_quick_for_the_step_stays_stable():
-    plant = replace_at(load_vehicle("ganeshblue"), "hull.n_r", -0.15)  # 24 1/s: 6 times the step of 0.25 s
+    plant = replace_at(load_vehicle("ganeshblue"), "hull.n_r", -0.1)  # 16 1/s, with a step of 0.25 s
     n = 200
     record = Record.from_arrays(np.arange(float(n)), {"rudder_rad": np.full(n, 0.2), "heading_rad": np.zeros(n)})
     rate = np.diff(simulate(plant, record)["heading_rad"])
