@@ -46,8 +46,8 @@ class CompassEffects:
 
     bias: float = param(0.0, "rad", "compass bias", bounds=(-pi, pi), probe=0.02)
     lag: float = param(0.0, "s", "compass lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
-    deviation_sin: float = param(0.0, "rad", "compass deviation, sine of heading", bounds=(-0.9, 0.9), probe=0.03)
-    deviation_cos: float = param(0.0, "rad", "compass deviation, cosine of heading", bounds=(-0.9, 0.9), probe=0.03)
+    deviation_sin: float = param(0.0, "rad", "compass deviation, sine of heading", bounds=(-0.9, 0.9), probe=0.035)
+    deviation_cos: float = param(0.0, "rad", "compass deviation, cosine of heading", bounds=(-0.9, 0.9), probe=0.035)
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
     assert content["verdict"] == "named"
     assert content["seed"] == 5
     assert [e["path"] for e in content["effects"]] == ["effects.rudder.deadband"]
-    assert set(p.name for p in out.iterdir()) == {"diagnosis.json", "vehicle.toml", "report.html"}
+    assert {p.name for p in out.iterdir()} == {"diagnosis.json", "vehicle.toml", "report.html"}
     assert load_vehicle(out / "vehicle.toml").effects.rudder.deadband == pytest.approx(0.06, rel=0.2)  # its interval
 
 
@@ -62,15 +62,16 @@ def bad_logs(record):
         "missing column": ({"time_s": time, "heading_rad": heading}, ["rudder_rad", "heading_rad"]),
         "unknown unit suffix": ({"time_s": time, "heading_degree": heading, "rudder_rad": rudder}, ["heading_degree"]),
         "constant rudder": (columns_of(record, rudder_rad=np.full(n, 0.1)), ["Nothing excites", "constant at 0.1"]),
-        "shorter than one window": ({k: v[:20] for k, v in columns_of(record).items()}, ["at least 4 windows of 120 s"]),
+        "too short": ({k: v[:20] for k, v in columns_of(record).items()}, ["at least 4 windows of 120 s"]),
         "NaN runs": (columns_of(record, heading_rad=gap), ["heading_rad", "20"]),
         "time going backwards": (columns_of(record, time_s=back), ["time goes backwards"]),
     }
 
 
-@pytest.mark.parametrize(
-    "case", ["missing column", "unknown unit suffix", "constant rudder", "shorter than one window", "NaN runs", "time going backwards"]
-)
+CASES = ["missing column", "unknown unit suffix", "constant rudder", "too short", "NaN runs", "time going backwards"]
+
+
+@pytest.mark.parametrize("case", CASES)
 def test_bad_logs_are_refused_in_words(case, log, tmp_path, capsys):
     columns, words = bad_logs(log)[case]
     out = tmp_path / "out"
