@@ -176,6 +176,7 @@ def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosi
     )
     text = Outline(diagnosis_page(d)).text
     assert "Before is the vehicle as it was given." in text
+    assert "rudder gain acts exactly as rudder effectiveness" in text
     c = next(c for c in d.coefficients if c.path == "hull.n_delta")
     assert f"{amount(c.value, c.unit)} instead of {amount(c.given, c.unit)}" in text
 
