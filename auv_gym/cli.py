@@ -152,6 +152,9 @@ def diagnose(
         from identification.diagnosis import diagnose as diagnose_record
         from identification.diagnosis import write_diagnosis
         from identification.diagnosis.result_files import writable_folder
+        from identification.figures import require_render
+
+        require_render()
 
         plant = load_vehicle(vehicle)
         writable_folder(out)

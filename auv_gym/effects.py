@@ -37,7 +37,7 @@ class YawEffects:
     moment: float = param(0.0, "N m", "constant yaw moment", bounds=(-50.0, 50.0), probe=0.004)
     roll_moment: float = param(0.0, "N m/rad", "yaw moment from roll", bounds=(-100.0, 100.0), probe=0.10)
     speed_squared: float = param(0.0, "1", "rudder effectiveness with speed squared", bounds=(-3.0, 3.0), probe=0.15)
-    quadratic_damping: float = param(0.0, "N m s^2/rad^2", "quadratic yaw damping", bounds=(0.0, 1e5), probe=12.0)
+    quadratic_damping: float = param(0.0, "N m s^2/rad^2", "quadratic yaw damping", bounds=(0.0, 1e5), probe=16.0)
 
 
 @dataclass(frozen=True)

@@ -226,8 +226,10 @@ def _objection(bench, before: State, after: State, candidate: Candidate, train: 
         at_bound |= any(abs(value - edge) < 1e-6 * reach for edge in edges)
     if train + held < threshold(count, len(candidate.paths)):
         return "not significant"
-    if held < max(HELD_LEAST, HELD_SHARE * train) or not _holds(bench, before, after):
+    if held < max(HELD_LEAST, HELD_SHARE * train):
         return "does not hold in the held-out windows"
+    if not _holds(bench, before, after):
+        return "free runs in the held-out windows did not improve in enough of them"
     if at_bound:
         return "only helps at the limit of what is physical"
     if max(sizes) < 1.0:

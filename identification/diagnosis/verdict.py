@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from auv_gym.channels import channel
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.diagnosis.attribution import Round, State
@@ -124,11 +125,11 @@ def _error_sentence(d: Diagnosis) -> str:
     parts = []
     for name, before in d.before.scores.items():
         after = d.after.scores[name]
-        unit = name.rpartition("_")[2]
+        label, unit = channel(name).label, channel(name).unit
         if d.effects:
-            parts.append(f"{name}: {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
+            parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:
-            parts.append(f"{name}: {quantity(before.rmse, unit)}")
+            parts.append(f"{label} {quantity(before.rmse, unit)}")
     horizon = d.window - d.settle
     return f"Root mean square error of free runs over {horizon:.0f} s in held-out windows: {'; '.join(parts)}."
 
@@ -137,10 +138,10 @@ def quantity(value: float, unit: str) -> str:
     """A number with its unit, angles in degrees for people."""
     if not np.isfinite(value):
         return "not detectable"
-    if unit in ("rad", "rad/s", "radps"):
-        return f"{np.rad2deg(value):.3g} {'deg' if unit == 'rad' else 'deg/s'}"
-    shown = {"1": "", "mps": "m/s"}.get(unit, unit)
-    return f"{value:.3g} {shown}".strip()
+    if unit in ("rad", "rad/s"):
+        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
+    digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+    return f"{digits} {'' if unit == '1' else unit}".strip()
 
 
 def interval(limits: tuple[float, float], unit: str) -> str:
