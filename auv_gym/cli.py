@@ -318,10 +318,13 @@ def _error_table(diagnosis: Diagnosis) -> Table:
 def _effect_table(diagnosis: Diagnosis) -> Table:
     from identification.diagnosis.verdict import interval, quantity
 
-    table = _table("Effects", "effect", "path", "value>", "95 % interval>", "not told apart from")
+    from auv_gym.param import spec_at
+
+    table = _table("Effects", "effect", "value>", "95 % interval>", "not told apart from")
     for effect in diagnosis.effects:
         size, limits = quantity(effect.value, effect.unit), interval(effect.ci95, effect.unit)
-        table.add_row(effect.title, effect.path, size, limits, ", ".join(effect.tied_with))
+        alike = ", ".join(spec_at(diagnosis.given.plant, path).title for path in effect.tied_with)
+        table.add_row(effect.title, size, limits, alike)
     return table
 
 

@@ -623,6 +623,9 @@ def _inline(text: str, name: str, label: str) -> str:
     """The SVG element alone, with ids of its own, two decimals in its paths and a label for screen readers."""
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>", "", text, flags=re.DOTALL)
+    # matplotlib makes ids of clip paths from addresses in memory: numbers give the same page for the same diagnosis
+    for count, made in enumerate(dict.fromkeys(re.findall(r'\bid="([pm][0-9a-f]{10})"', text))):
+        text = text.replace(made, f"c{count}")
     text = re.sub(r'\bid="', f'id="{name}-', text)
     text = text.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
     text = re.sub(r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)

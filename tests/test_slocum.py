@@ -1,4 +1,5 @@
 import importlib.util
+import subprocess
 import sys
 from pathlib import Path
 
@@ -157,5 +158,9 @@ def test_without_dbdreader_the_extra_is_named(monkeypatch, tmp_path):
 @needs_dbdreader
 def test_dbdreader_is_not_imported_here(ammonite):
     assert len(ammonite) > 0
-    assert "dbdreader" not in sys.modules
+    read = "from auv_gym.slocum import read_slocum, shipped_log; import sys; read_slocum(shipped_log('ammonite'))"
+    done = subprocess.run(
+        [sys.executable, "-c", read + "; print('dbdreader' in sys.modules)"], capture_output=True, text=True
+    )
+    assert done.stdout.strip() == "False", done.stderr
     assert all(Path(name).suffix in (".mbd", ".dbd") for name in LOGS.values())

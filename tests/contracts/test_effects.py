@@ -159,5 +159,5 @@ def test_an_effect_shows_at_first_order(name, path):
 
     # One hundredth but for curvature: what a probe adds to the track of a heading, or how often the rudder is in a band
     # of its width. A second-order effect would give 1e-4.
-    assert response(0.01) / response(1.0) == pytest.approx(0.01, rel=0.5)
+    assert 0.005 < response(0.01) / response(1.0) < 0.02
     assert response(0.001) / response(0.01) == pytest.approx(0.1, rel=0.2)
