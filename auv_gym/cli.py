@@ -316,9 +316,8 @@ def _error_table(diagnosis: Diagnosis) -> Table:
 
 
 def _effect_table(diagnosis: Diagnosis) -> Table:
-    from identification.diagnosis.verdict import interval, quantity
-
     from auv_gym.param import spec_at
+    from identification.diagnosis.verdict import interval, quantity
 
     table = _table("Effects", "effect", "value>", "95 % interval>", "not told apart from")
     for effect in diagnosis.effects:
