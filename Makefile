@@ -53,12 +53,12 @@ $(BIN)/python:
 
 $(VENV)/.installed-demo: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing auv-gym and what the demo needs; this takes a minute or two the first time"
-	@$(PIP) install --no-compile -e '.[render,slocum]' -c constraints.txt
+	@$(PIP) install -e '.[render,slocum]' -c constraints.txt
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing auv-gym with its development tools; this takes a minute or two the first time"
-	@$(PIP) install --no-compile -e '.[dev]' -c constraints.txt
+	@$(PIP) install -e '.[dev]' -c constraints.txt
 	@touch $@ $(VENV)/.installed-demo
 
 $(VENV)/.slocum-cache: $(VENV)/.installed-dev

@@ -97,6 +97,7 @@ class Shooting:
             0.1 * value if path in self.plant.family.coefficients and value > 0.0 else spec.probe or 0.1 * value or 1.0
         )
 
+    @cached_property
     def first_guess(self) -> np.ndarray:
         """States at the windows' starts, shape (W, n_states).
 
@@ -141,7 +142,7 @@ class Shooting:
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
-        here = self.point(plant.vector, self.first_guess())
+        here = self.point(plant.vector, self.first_guess)
         if starts is not None:
             there = self.point(plant.vector, starts)
             here = min(here, there, key=lambda point: point.cost)
@@ -241,7 +242,7 @@ class Shooting:
 
     def _revealed(self) -> np.ndarray:
         """States whose start changes a measured output; the rest cannot be fitted and stay as guessed."""
-        starts = self.first_guess()
+        starts = self.first_guess
         base = self._residuals(self.plant.vector[None], starts[None])[0]
         revealed = []
         for state in range(starts.shape[1]):

@@ -146,7 +146,7 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
 
 def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
     """The coefficients that the record's inputs excite."""
-    point = bench.train.point(plant.vector, bench.train.first_guess())
+    point = bench.train.point(plant.vector, bench.train.first_guess)
     paths = plant.family.coefficients
     if not np.isfinite(point.cost):
         return paths
