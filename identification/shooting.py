@@ -43,10 +43,12 @@ class Point:
 class Linearisation:
     """Sensitivities of the outputs with the windows' starts projected out, weighted by the channels' deviations.
 
-    columns: (P, rows, C).  raw: (P,), their norms before the projection.  weights: (C,), 1/sigma.
+    columns: (P, rows, C).  starts: (F, rows, C), sensitivities to the windows' starts.  raw: (P,), norms of the columns
+    before the projection.  weights: (C,), 1/sigma.
     """
 
     columns: np.ndarray
+    starts: np.ndarray
     raw: np.ndarray
     weights: np.ndarray
 
@@ -127,7 +129,7 @@ class Shooting:
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
         fitted = np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
-        return Linearisation(flat - fitted, np.sqrt((flat**2).sum(axis=(1, 2))), 1.0 / sigma)
+        return Linearisation(flat - fitted, start_columns, np.sqrt((flat**2).sum(axis=(1, 2))), 1.0 / sigma)
 
     def solve(
         self,
@@ -303,22 +305,30 @@ def covariance(
     """Covariance of the parameters in units of their scales, (P, P), and its degrees of freedom.
 
     Sandwich form for residuals with first-order correlation; it is the usual inverse of the normal matrix for white
-    ones.  Source: Ljung 1999, sec. 9.3-9.4.
+    ones. Slow residuals are what the fitted starts and parameters absorb most: the residuals' variance is raised by
+    what they take of it.  Source: Ljung 1999, sec. 9.3-9.4.
     """
-    columns = linear.columns
-    count = columns.shape[0]
-    fitted = count + len(problem.windows) * len(problem.start_states)
-    total = problem.counts.sum()
-    spread = total / max(total - fitted, 1.0)
+    count = linear.columns.shape[0]
     middle = np.zeros((count, count))
+    gram, mixed = np.zeros(1), np.zeros(1)
     for c, phi in enumerate(coefficients):
-        x = columns[:, :, c]
+        x, z = linear.columns[:, :, c], linear.starts[:, :, c]
         middle += _correlated(x, phi, problem.offsets) @ x.T
-    sigma = problem.sigma(point)
-    scaled = np.outer(sigma * linear.weights, sigma * linear.weights)
+        gram += _by_window(z, z, problem.offsets)
+        mixed += _by_window(z, _correlated(z, phi, problem.offsets), problem.offsets)
     bread = np.linalg.pinv(linear.information, rcond=1e-12, hermitian=True)
-    variance = float(np.mean(np.diag(scaled))) * spread
-    return bread @ middle @ bread * variance, max(float(np.sum(problem.counts * (1.0 - coefficients))) - fitted, 3.0)
+    taken = np.trace(bread @ middle) + np.einsum("wff->", np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ mixed)
+    total = float(problem.counts.sum())
+    sigma = problem.sigma(point)
+    variance = float(np.mean((sigma * linear.weights) ** 2)) * total / max(total - float(taken), 0.1 * total)
+    fitted = count + len(problem.windows) * len(problem.start_states)
+    freedom = float(np.sum(problem.counts * (1.0 - coefficients))) - fitted
+    return bread @ middle @ bread * variance, max(freedom, 3.0)
+
+
+def _by_window(x: np.ndarray, y: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """x y^T over the rows of each window; x, y: (F, rows); the result is (W, F, F)."""
+    return np.add.reduceat(np.einsum("fr,gr->rfg", x, y), offsets, axis=0)
 
 
 def _correlated(x: np.ndarray, phi: float, offsets: np.ndarray) -> np.ndarray:
