@@ -310,7 +310,7 @@ def covariance(
     """
     count = linear.columns.shape[0]
     middle = np.zeros((count, count))
-    gram, mixed = np.zeros(1), np.zeros(1)
+    gram, mixed = np.zeros((2, len(problem.windows), len(linear.starts), len(linear.starts)))
     for c, phi in enumerate(coefficients):
         x, z = linear.columns[:, :, c], linear.starts[:, :, c]
         middle += _correlated(x, phi, problem.offsets) @ x.T
