@@ -307,7 +307,7 @@ def _error_table(diagnosis: Diagnosis) -> Table:
 
     horizon = diagnosis.window - diagnosis.settle
     stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.effects else [])]
-    heads = ["as given>", "refitted>", "with the effects>"][: len(stages)]
+    heads = ["as given>", "before>" if diagnosis.effects else "refitted>", "after>"][: len(stages)]
     table = _table(f"Root mean square error of free runs over {horizon:g} s, held out", "channel", *heads)
     for name in diagnosis.before.scores:
         unit = channel(name).unit

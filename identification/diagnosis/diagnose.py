@@ -81,12 +81,13 @@ def diagnose(
     effects, tied = _effects(state, rounds, sizes)
     explained = _explained(stages["before"], stages["after"], len(held))
     moved = _moved_coefficients(plant, found, sizes, count)
+    refit_is_all = not effects
     if moved and _explained(stages["given"], stages["after"], len(held)) >= EXPLAINED:
-        if not effects:
+        if refit_is_all:
             stages["before"], explained = stages["given"], _explained(stages["given"], stages["after"], len(held))
         effects += _as_effects(moved, effects, found, plant, bench.gains(given, nominal))
         tied += [group for group in moved if not any(group[0] in other for other in tied)]
-    verdict = _verdict(effects, tied, explained, stages["after"])
+    verdict = _verdict(effects, tied, explained, stages["after"], refit_is_all)
     progress(1.0, "done")
     return Diagnosis(
         verdict=verdict,
@@ -255,17 +256,23 @@ def _explained(before: Stage, after: Stage, held_windows: int) -> float:
     return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0
 
 
-def _verdict(effects, tied, explained: float, after: Stage) -> Verdict:
-    if effects and explained >= EXPLAINED:
-        return "tied" if tied else "named"
-    if effects:
+def _verdict(effects, tied, explained: float, after: Stage, refit_is_all: bool) -> Verdict:
+    """Effects must explain most of the excess error; a refit alone must leave no more than noise."""
+    if (refit_is_all and _disagrees(after)) or (effects and explained < EXPLAINED):
         return "unexplained"
+    if effects:
+        return "tied" if tied else "named"
+    return "none"
+
+
+def _disagrees(after: Stage) -> bool:
+    """Whether what remains is coloured, and more than the noise could be."""
     for c, name in enumerate(after.fitted.channels):
         floor = noise_floor(after.fitted.residual[:, c], after.fitted.window)
         excess = float(np.nanmean(after.fitted.residual[:, c] ** 2)) / floor**2 - 1.0
         if after.whiteness[name].p_value < WHITE and excess > EXCESS:
-            return "unexplained"
-    return "none"
+            return True
+    return False
 
 
 def _detectable(
