@@ -1,4 +1,4 @@
-"""What an env steps and what every fit returns: the Model protocol, free simulation and prediction, save and load."""
+"""What an env steps and what every fit returns: the Model protocol, free simulation and prediction."""
 
 from __future__ import annotations
 
