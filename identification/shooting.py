@@ -121,11 +121,12 @@ class Shooting:
 
     def point(self, vector: np.ndarray, starts: np.ndarray) -> Point:
         """The residuals and the cost of one parameter vector with these starts."""
-        return self._points(vector[None], starts[None])[0]
+        residual = self._residuals(vector[None], starts[None])[0]
+        return Point(vector, starts, residual, self._cost(residual))
 
     def linearise(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float = STEP) -> Linearisation:
         """Sensitivities to the paths at a point, by differences of `step` scales, pointing into the bounds."""
-        _, _, flat, start_columns = self._differences(point, paths, sigma, step)
+        flat, start_columns = self._differences(point, paths, sigma, step)
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
         fitted = np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
@@ -154,8 +155,8 @@ class Shooting:
         damping = 1e-3
         for _ in range(max_iterations):
             sigma = self.sigma(here)
-            residual, mask, flat, start_columns = self._differences(here, paths, sigma, STEP)
-            weighted = np.where(mask, residual / sigma, 0.0)
+            flat, start_columns = self._differences(here, paths, sigma, STEP)
+            weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
             normal = np.einsum("prc,qrc->pq", flat, flat)
             gradient = np.einsum("prc,rc->p", flat, weighted)
@@ -187,10 +188,6 @@ class Shooting:
         """The plant with the point's values at the paths."""
         return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
 
-    def _points(self, vectors: np.ndarray, starts: np.ndarray) -> list[Point]:
-        residuals = self._residuals(vectors, starts)
-        return [Point(v, s, r, self._cost(r)) for v, s, r in zip(vectors, starts, residuals, strict=True)]
-
     def _residuals(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
         y = self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)[:, :, self.columns]
         residual = self.measured - y
@@ -207,7 +204,7 @@ class Shooting:
         return 0.5 * float(np.sum(self.counts * np.log(squares / np.maximum(self.counts, 1) + RESIDUAL_FLOOR)))
 
     def _differences(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float):
-        """Residual, mask, parameter columns (P, rows, C) per scale and start columns (F, rows, C), both over sigma."""
+        """Parameter columns (P, rows, C) per scale and start columns (F, rows, C), both over sigma."""
         moves, sizes = [], []
         for path in paths:
             i, size = self.index[path], step * self.scale(path)
@@ -224,11 +221,10 @@ class Shooting:
             sizes.append(1e-4)
         vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
         residuals = self._residuals(vectors, all_starts)
-        mask = self.finite
         with np.errstate(invalid="ignore", over="ignore"):
-            slopes = np.where(mask, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None] / sigma
+            slopes = np.where(self.finite, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None] / sigma
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-        return point.residual, mask, slopes[: len(paths)], slopes[len(paths) :]
+        return slopes[: len(paths)], slopes[len(paths) :]
 
     def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
         """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""

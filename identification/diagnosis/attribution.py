@@ -79,10 +79,9 @@ class Workbench:
         self.train = Shooting(plant, record, train)
         self.held = Shooting(plant, record, held)
 
-    def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None, quick: bool = False) -> State:
+    def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
         """The state of least cost in the training windows over the paths, started from the plant's values."""
-        limits = {"max_iterations": 12, "tolerance": 1e-5} if quick else {}
-        train = self.train.solve(plant, paths, near.train.starts if near else None, **limits)
+        train = self.train.solve(plant, paths, near.train.starts if near else None)
         fitted = self.train.plant_at(train, paths)
         held = self.held.solve(fitted, (), near.held.starts if near else None)
         return State(fitted, tuple(paths), train, held, colour(self.train, train))
