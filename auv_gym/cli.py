@@ -229,16 +229,13 @@ def _write_record(record: Record, path: Path) -> None:
     if path.suffix.lower() == ".nc":
         record.save(path)
         return
+    from auv_gym.writing import replacing
+
     names = ("time_s", *record.names)
     rows = zip(*(record[name].tolist() for name in names))
-    aside = path.with_name(f".{path.name}.part")
-    try:
-        with aside.open("w", encoding="utf-8", newline="") as file:
-            file.write(",".join(names) + "\n")
-            file.writelines(",".join(f"{value:.10g}" for value in row) + "\n" for row in rows)
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with replacing(path) as new, new.open("w", encoding="utf-8", newline="") as file:
+        file.write(",".join(names) + "\n")
+        file.writelines(",".join(f"{value:.10g}" for value in row) + "\n" for row in rows)
 
 
 def _read_log(

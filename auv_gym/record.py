@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,6 +13,7 @@ import xarray as xr
 
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, channel
 from auv_gym.param import did_you_mean
+from auv_gym.writing import replacing
 
 MAX_FILL = 3  # samples; longer runs without a value are gaps
 _LABELS = "segment_labels"
@@ -239,20 +238,8 @@ class Record:
 
     def save(self, path: str | Path) -> None:
         """Writes NetCDF, aside and then renamed; raises if the folder cannot be written."""
-        path = Path(path)
-        try:
-            handle, aside = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-            os.close(handle)
-        except OSError as error:
-            raise ValueError(
-                f"Cannot write {path}: {error.strerror}. Choose a folder that exists and is writable."
-            ) from error
-        try:
-            self.dataset.to_netcdf(aside, engine="h5netcdf")
-            os.chmod(aside, 0o666 & ~_umask())
-            os.replace(aside, path)
-        finally:
-            Path(aside).unlink(missing_ok=True)
+        with replacing(path) as new:
+            self.dataset.to_netcdf(new, engine="h5netcdf")
 
     @classmethod
     def load(cls, path: str | Path) -> Record:
@@ -304,12 +291,6 @@ def _common(name: str, records: Sequence[Record]) -> dict[str, Any]:
     found = dict(records[0].dataset[name].attrs)
     filled = sum(int(record.dataset[name].attrs.get("filled", 0)) for record in records)
     return {**found, "filled": filled} if filled else found
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _vector(name: str, values: Any, size: int | None) -> np.ndarray:

@@ -23,6 +23,7 @@ import numpy as np
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
+from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
 from identification.experiment import closed_loop
 
@@ -143,7 +144,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if sized:
         print(f"95 % intervals of exactly named sizes hold the truth in {sum(r['covered'] for r in rows)} of {sized}.")
     if args.json:
-        args.json.write_text(json.dumps(rows, indent=1))
+        with replacing(args.json) as new:
+            new.write_text(json.dumps(rows, indent=1))
     return 0
 
 

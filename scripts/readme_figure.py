@@ -12,6 +12,7 @@ from pathlib import Path
 
 from auv_gym.plant import load_vehicle
 from auv_gym.reading import read_record
+from auv_gym.writing import replacing
 from identification.diagnosis import diagnose
 from identification.figures import zoom_figure
 
@@ -26,9 +27,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(result.summary())
     args.out.mkdir(parents=True, exist_ok=True)
     path = args.out / "ammonite.png"
-    aside = path.with_name(".ammonite.part.png")
-    zoom_figure(result).savefig(aside, dpi=120)
-    aside.replace(path)
+    with replacing(path) as new:
+        zoom_figure(result).savefig(new, format="png", dpi=120)
     print(path)
     return 0
 

@@ -22,6 +22,7 @@ from auv_gym.model import simulate
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
 from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.writing import replacing
 
 ANALYTIC, CORRECTED = "ganeshblue", "ganeshblue_corrected"
 RUDDERS_DEG = (15.0, 30.0, -15.0, -30.0)
@@ -106,10 +107,9 @@ def draw(found: Reproduction, folder: Path) -> list[Path]:
         axes[0].set_ylabel("heading, deg")
         axes[0].legend(frameon=False)
         path = folder / f"glider_heading_{side}_rudder.png"
-        aside = path.with_name(f".{path.name}.part")
-        figure.savefig(aside, format="png", dpi=150)
+        with replacing(path) as new:
+            figure.savefig(new, format="png", dpi=150)
         plt.close(figure)
-        aside.replace(path)
         written.append(path)
     return written
 

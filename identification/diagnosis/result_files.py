@@ -12,6 +12,7 @@ import numpy as np
 
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import save_vehicle
+from auv_gym.writing import replacing
 from identification.diagnosis.verdict import Diagnosis, Stage
 
 
@@ -122,6 +123,5 @@ def _errors(stage: Stage) -> dict[str, dict[str, float]]:
 
 
 def _write(path: Path, text: str) -> None:
-    aside = path.with_name(f".{path.name}.part")
-    aside.write_text(text, encoding="utf-8")
-    aside.replace(path)
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")

@@ -1,0 +1,31 @@
+"""Writing a file whole or not at all: aside first, then renamed over the one that stood there."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def replacing(path: str | os.PathLike) -> Iterator[Path]:
+    """A new empty file beside `path`, to be written in the block; it takes that name when the block ends well.
+
+    Where the block raises, what stood at `path` stays as it was and nothing is left beside it. Raises ValueError where
+    the system refuses to write.  Use: `with replacing(path) as new: new.write_text(text, encoding="utf-8")`.
+    """
+    target = Path(path)
+    # a name of its own for each writer: two processes that write the same file each put a whole one there
+    aside = target.with_name(f".{target.name}.{secrets.token_hex(6)}.part")
+    try:
+        aside.open("x").close()
+        yield aside
+        aside.replace(target)
+    except OSError as error:
+        raise ValueError(
+            f"Cannot write {path}: {error.strerror or error}. Choose a folder that exists and is writable."
+        ) from error
+    finally:
+        aside.unlink(missing_ok=True)
