@@ -70,6 +70,7 @@ _LISTED: Final = (
     Channel("heading_cmd_rad", "rad", "commanded heading", "command", angle=True),
     Channel("pitch_cmd_rad", "rad", "commanded pitch", "command", angle=True),
     Channel("depth_cmd_m", "m", "commanded depth", "command"),
+    Channel("speed_cmd_mps", "m/s", "commanded speed through the water", "input"),
     Channel("rudder_cmd_rad", "rad", "commanded rudder", "command"),
     Channel("elevator_cmd_rad", "rad", "commanded elevator", "command"),
     Channel("u_dvl_mps", "m/s", "forward speed over ground"),

@@ -62,8 +62,13 @@ def bind(template: Callable[..., Any], name: str, **meanings: Any) -> Any:
     return _compiled(bound, [bound, *filter(callable, meanings.values())]) if JIT else bound
 
 
-def view_as(dtype: np.dtype, name: str) -> Any:
-    """A compiled function from a flat float64 vector to its record: `view(p).hull.mass`, no copy."""
+def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
+    """A compiled function from a flat float64 vector to its record: `view(p).hull.mass`, no copy.
+
+    writable: what is assigned to the record's fields reaches the vector in plain Python too.
+    """
+    if not JIT and writable:
+        return lambda vector: vector.view(dtype)[0]
     if not JIT:  # attribute access on a numpy record costs a microsecond, on a namespace a tenth of it
         return lambda vector: _namespace(dtype, iter(vector.tolist()))
     layout = hashlib.sha256(repr(dtype).encode()).hexdigest()[:8]  # two layouts of one name are two functions
@@ -71,6 +76,8 @@ def view_as(dtype: np.dtype, name: str) -> Any:
 
 
 def _namespace(dtype: np.dtype, values: Iterator[float]) -> Any:
+    if dtype.subdtype is not None:
+        return np.array([next(values) for _ in range(int(np.prod(dtype.shape)))]).reshape(dtype.shape)
     if dtype.fields is None:
         return next(values)
     return types.SimpleNamespace(**{name: _namespace(dtype[name], values) for name in dtype.names or ()})

@@ -7,10 +7,11 @@ apply them are in `physics`. Probes are the smallest changes worth detecting in 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import pi
 
-from auv_gym.param import param
+from auv_gym.param import param, part
+from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
 
 @dataclass(frozen=True)
@@ -20,14 +21,14 @@ class ActuatorEffects:
     Order: gain and offset, deadband, backlash, dead time, saturation, then lag and rate limit.
     """
 
-    offset: float = param(0.0, "rad", "rudder offset", bounds=(-0.5, 0.5), probe=0.010)
-    gain: float = param(1.0, "1", "rudder gain", bounds=(0.05, 5.0), probe=0.10)
-    deadband: float = param(0.0, "rad", "rudder deadband (half width)", bounds=(0.0, 0.5), probe=0.015)
-    backlash: float = param(0.0, "rad", "rudder backlash (full width)", bounds=(0.0, 0.5), probe=0.03)
-    dead_time: float = param(0.0, "s", "rudder dead time", bounds=(0.0, 20.0), probe=0.5)
-    lost_travel: float = param(0.0, "rad", "rudder saturates early, by", bounds=(0.0, 1.0), probe=0.04)
-    lag: float = param(0.0, "s", "rudder lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
-    slowness: float = param(0.0, "s/rad", "rudder rate limit, as time per angle", bounds=(0.0, 200.0), probe=2.0)
+    offset: float = param(0.0, "rad", "{} offset", bounds=(-0.5, 0.5), probe=0.010)
+    gain: float = param(1.0, "1", "{} gain", bounds=(0.05, 5.0), probe=0.10)
+    deadband: float = param(0.0, "rad", "{} deadband (half width)", bounds=(0.0, 0.5), probe=0.015)
+    backlash: float = param(0.0, "rad", "{} backlash (full width)", bounds=(0.0, 0.5), probe=0.03)
+    dead_time: float = param(0.0, "s", "{} dead time", bounds=(0.0, 20.0), probe=0.5)
+    lost_travel: float = param(0.0, "rad", "{} saturates early, by", bounds=(0.0, 1.0), probe=0.04)
+    lag: float = param(0.0, "s", "{} lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
+    slowness: float = param(0.0, "s/rad", "{} rate limit, as time per angle", bounds=(0.0, 200.0), probe=2.0)
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,203 @@ class CurrentEffects:
 class GliderEffects:
     """All effects of the heading family."""
 
-    rudder: ActuatorEffects = field(default_factory=ActuatorEffects)
-    yaw: YawEffects = field(default_factory=YawEffects)
-    compass: CompassEffects = field(default_factory=CompassEffects)
-    current: CurrentEffects = field(default_factory=CurrentEffects)
+    rudder: ActuatorEffects = part(ActuatorEffects, "rudder")
+    yaw: YawEffects = part(YawEffects)
+    compass: CompassEffects = part(CompassEffects)
+    current: CurrentEffects = part(CurrentEffects)
+
+
+@dataclass(frozen=True)
+class FinEffects:
+    """Damage to a fin: how much of it is gone, and whether it follows its command."""
+
+    lost: float = param(0.0, "1", "share of the {} lost", bounds=(0.0, 1.0), probe=0.1)
+    stuck: float = param(0.0, "1", "{} stuck, 1 for wholly", bounds=(0.0, 1.0), probe=0.1)
+    stuck_at: float = param(0.0, "rad", "angle at which the {} is stuck", bounds=(-1.6, 1.6))
+
+
+@dataclass(frozen=True)
+class PropellerEffects:
+    """What can happen between a propulsion command and the thrust; sizes as shares of the largest command."""
+
+    offset: float = param(0.0, "1", "propeller offset", bounds=(-0.5, 0.5), probe=0.03)
+    gain: float = param(1.0, "1", "propeller gain", bounds=(0.05, 5.0), probe=0.05)
+    deadband: float = param(0.0, "1", "propeller deadband (half width)", bounds=(0.0, 0.5), probe=0.03)
+    dead_time: float = param(0.0, "s", "propeller dead time", bounds=(0.0, 20.0), probe=0.5)
+    lost_travel: float = param(0.0, "1", "propeller saturates early, by", bounds=(0.0, 1.0), probe=0.05)
+    lag: float = param(0.0, "s", "propeller lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
+    slowness: float = param(0.0, "s", "propeller rate limit, as time to full", bounds=(0.0, 200.0), probe=2.0)
+    thrust_loss: float = param(0.0, "1", "share of the thrust lost", bounds=(0.0, 1.0), probe=0.03)
+    torque: float = param(0.0, "m", "propeller torque on the hull per thrust", bounds=(-1.0, 1.0), probe=0.003)
+
+
+@dataclass(frozen=True)
+class FlowEffects:
+    """Velocity of the water over ground in three dimensions: current + shear (depth - reference_depth)."""
+
+    north: float = param(0.0, "m/s", "steady current to the north", bounds=(-3.0, 3.0), probe=0.01)
+    east: float = param(0.0, "m/s", "steady current to the east", bounds=(-3.0, 3.0), probe=0.01)
+    down: float = param(0.0, "m/s", "steady vertical current", bounds=(-1.0, 1.0), probe=0.01)
+    shear_north: float = param(0.0, "1/s", "shear of the northward current", bounds=(-1.0, 1.0), probe=0.002)
+    shear_east: float = param(0.0, "1/s", "shear of the eastward current", bounds=(-1.0, 1.0), probe=0.002)
+    reference_depth: float = param(0.0, "m", "depth at which the steady current is stated", bounds=(0.0, 1.1e4))
+
+
+@dataclass(frozen=True)
+class WaveEffects:
+    """A regular wave; surface elevation is amplitude_cos cos(phase) + amplitude_sin sin(phase), up."""
+
+    amplitude_cos: float = param(0.0, "m", "wave amplitude, cosine part", bounds=(-10.0, 10.0), probe=0.05)
+    amplitude_sin: float = param(0.0, "m", "wave amplitude, sine part", bounds=(-10.0, 10.0), probe=0.05)
+    period: float = param(8.0, "s", "wave period", bounds=(1.0, 30.0))
+    direction: float = param(0.0, "rad", "direction that waves travel to", bounds=(-2 * pi, 2 * pi))
+
+
+@dataclass(frozen=True)
+class WaterEffects:
+    """What the water is like."""
+
+    density: float = param(0.0, "1", "relative excess of the water's density", bounds=(-0.2, 0.2), probe=0.003)
+
+
+@dataclass(frozen=True)
+class LoadEffects:
+    """Weights and forces that a first model leaves out; body axes forward, starboard, down."""
+
+    net_buoyancy: float = param(0.0, "N", "net buoyancy, up", bounds=(-1e4, 1e4), probe=0.2)
+    x_g: float = param(0.0, "m", "centre of gravity shifted forward", bounds=(-1.0, 1.0), probe=0.002)
+    y_g: float = param(0.0, "m", "centre of gravity shifted to starboard", bounds=(-0.2, 0.2), probe=0.001)
+    z_g: float = param(0.0, "m", "centre of gravity shifted down", bounds=(-0.2, 0.2), probe=0.002)
+    payload: float = param(0.0, "kg", "payload mass in water, at the centre of gravity", bounds=(-1e3, 1e3), probe=0.05)
+    force_x: float = param(0.0, "N", "constant force forward", bounds=(-1e4, 1e4), probe=0.2)
+    force_y: float = param(0.0, "N", "constant force to starboard", bounds=(-1e4, 1e4), probe=0.2)
+    force_z: float = param(0.0, "N", "constant body force down", bounds=(-1e4, 1e4), probe=0.2)
+    moment_x: float = param(0.0, "N m", "constant roll moment", bounds=(-1e4, 1e4), probe=0.02)
+    moment_y: float = param(0.0, "N m", "constant pitch moment", bounds=(-1e4, 1e4), probe=0.1)
+    moment_z: float = param(0.0, "N m", "constant yaw moment", bounds=(-1e4, 1e4), probe=0.1)
+    tether_north: float = param(0.0, "N", "tether pull to the north", bounds=(-1e4, 1e4), probe=0.2)
+    tether_east: float = param(0.0, "N", "tether pull to the east", bounds=(-1e4, 1e4), probe=0.2)
+    tether_down: float = param(0.0, "N", "tether pull down", bounds=(-1e4, 1e4), probe=0.2)
+    tether_drag: float = param(0.0, "kg/m", "tether drag", bounds=(0.0, 1e3), probe=0.1)
+    tether_station: float = param(0.0, "m", "where the tether is tied, forward of the origin", bounds=(-10.0, 10.0))
+
+
+@dataclass(frozen=True)
+class HullEffects:
+    """Relative errors of the hull's coefficients: `damping_sway` 0.1 is 10 % more of all damping in sway."""
+
+    fouling: float = param(0.0, "1", "fouling: all drag more, by", bounds=(-0.9, 5.0), probe=0.05)
+    damping_surge: float = param(0.0, "1", "damping in surge more, by", bounds=(-0.9, 5.0), probe=0.05)
+    damping_sway: float = param(0.0, "1", "damping in sway more, by", bounds=(-0.9, 5.0), probe=0.05)
+    damping_heave: float = param(0.0, "1", "damping in heave more, by", bounds=(-0.9, 5.0), probe=0.05)
+    damping_roll: float = param(0.0, "1", "damping in roll more, by", bounds=(-0.9, 5.0), probe=0.1)
+    damping_pitch: float = param(0.0, "1", "damping in pitch more, by", bounds=(-0.9, 5.0), probe=0.05)
+    damping_yaw: float = param(0.0, "1", "damping in yaw more, by", bounds=(-0.9, 5.0), probe=0.05)
+    added_mass_surge: float = param(0.0, "1", "added mass in surge more, by", bounds=(-0.9, 5.0), probe=0.1)
+    added_mass_sway: float = param(0.0, "1", "added mass in sway more, by", bounds=(-0.9, 5.0), probe=0.1)
+    added_mass_heave: float = param(0.0, "1", "added mass in heave more, by", bounds=(-0.9, 5.0), probe=0.1)
+    added_mass_roll: float = param(0.0, "1", "added inertia in roll more, by", bounds=(-0.9, 5.0), probe=0.2)
+    added_mass_pitch: float = param(0.0, "1", "added inertia in pitch more, by", bounds=(-0.9, 5.0), probe=0.1)
+    added_mass_yaw: float = param(0.0, "1", "added inertia in yaw more, by", bounds=(-0.9, 5.0), probe=0.1)
+
+
+@dataclass(frozen=True)
+class DiscoveredTerms:
+    """Force terms that no named effect explains, found in data; on top of the hull's own polynomials."""
+
+    surge: DiscoveredForce = part(DiscoveredForce, "discovered surge")
+    sway: DiscoveredForce = part(DiscoveredForce, "discovered sway")
+    heave: DiscoveredForce = part(DiscoveredForce, "discovered heave")
+    roll: DiscoveredMoment = part(DiscoveredMoment, "discovered roll")
+    pitch: DiscoveredMoment = part(DiscoveredMoment, "discovered pitch")
+    yaw: DiscoveredMoment = part(DiscoveredMoment, "discovered yaw")
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """What happens to a reading when it is sampled; no fit frees these, since they are drawn or in whole samples."""
+
+    delay: float = param(0.0, "s", "{} delay", bounds=(0.0, 20.0))
+    noise: float = param(0.0, "channel's", "{} noise (standard deviation)", bounds=(0.0, 100.0))
+    quantisation: float = param(0.0, "channel's", "{} resolution", bounds=(0.0, 100.0))
+    dropout: float = param(0.0, "1", "chance that a reading of the {} is missing", bounds=(0.0, 1.0))
+
+
+@dataclass(frozen=True)
+class DepthSensor:
+    """Errors of the measured depth."""
+
+    bias: float = param(0.0, "m", "depth sensor bias", bounds=(-100.0, 100.0), probe=0.05)
+    scale: float = param(0.0, "1", "depth sensor scale error", bounds=(-0.5, 0.5), probe=0.01)
+    lag: float = param(0.0, "s", "depth sensor lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
+
+
+@dataclass(frozen=True)
+class Inclinometer:
+    """Errors of the measured roll and pitch."""
+
+    roll_bias: float = param(0.0, "rad", "roll sensor bias", bounds=(-1.0, 1.0), probe=0.01)
+    pitch_bias: float = param(0.0, "rad", "pitch sensor bias", bounds=(-1.0, 1.0), probe=0.01)
+
+
+@dataclass(frozen=True)
+class Gyros:
+    """Errors of the measured body rates."""
+
+    bias_p: float = param(0.0, "rad/s", "roll gyro bias", bounds=(-1.0, 1.0), probe=0.003)
+    bias_q: float = param(0.0, "rad/s", "pitch gyro bias", bounds=(-1.0, 1.0), probe=0.003)
+    bias_r: float = param(0.0, "rad/s", "yaw gyro bias", bounds=(-1.0, 1.0), probe=0.003)
+    scale: float = param(0.0, "1", "gyro scale error", bounds=(-0.5, 0.5), probe=0.02)
+    misalignment: float = param(0.0, "rad", "gyros turned about the vertical axis", bounds=(-pi, pi), probe=0.02)
+    lag: float = param(0.0, "s", "gyro lag (time constant)", bounds=(0.0, 60.0), probe=0.2)
+
+
+@dataclass(frozen=True)
+class VelocityLog:
+    """Errors of a Doppler velocity log, over ground or through the water."""
+
+    bias_u: float = param(0.0, "m/s", "{} bias forward", bounds=(-3.0, 3.0), probe=0.01)
+    bias_v: float = param(0.0, "m/s", "{} bias to starboard", bounds=(-3.0, 3.0), probe=0.01)
+    bias_w: float = param(0.0, "m/s", "{} bias down", bounds=(-3.0, 3.0), probe=0.01)
+    scale: float = param(0.0, "1", "{} scale error", bounds=(-0.5, 0.5), probe=0.01)
+    misalignment: float = param(0.0, "rad", "{} turned about the vertical axis", bounds=(-pi, pi), probe=0.01)
+    lag: float = param(0.0, "s", "{} lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
+
+
+@dataclass(frozen=True)
+class SamplingEffects:
+    """Sampling of each sensor's readings."""
+
+    depth: Sampling = part(Sampling, "depth sensor")
+    compass: Sampling = part(Sampling, "compass")
+    inclinometer: Sampling = part(Sampling, "inclinometer")
+    gyros: Sampling = part(Sampling, "gyros")
+    dvl_ground: Sampling = part(Sampling, "DVL over ground")
+    dvl_water: Sampling = part(Sampling, "DVL through the water")
+    position: Sampling = part(Sampling, "position")
+
+
+@dataclass(frozen=True)
+class TorpedoEffects:
+    """All effects of the six-degree-of-freedom family."""
+
+    rudder: ActuatorEffects = part(ActuatorEffects, "rudder")
+    stern_plane: ActuatorEffects = part(ActuatorEffects, "stern plane")
+    bow_plane: ActuatorEffects = part(ActuatorEffects, "bow plane")
+    propeller: PropellerEffects = part(PropellerEffects)
+    rudder_fin: FinEffects = part(FinEffects, "rudder")
+    stern_plane_fin: FinEffects = part(FinEffects, "stern plane")
+    bow_plane_fin: FinEffects = part(FinEffects, "bow plane")
+    current: FlowEffects = part(FlowEffects)
+    waves: WaveEffects = part(WaveEffects)
+    water: WaterEffects = part(WaterEffects)
+    load: LoadEffects = part(LoadEffects)
+    hull: HullEffects = part(HullEffects)
+    discovered: DiscoveredTerms = part(DiscoveredTerms)
+    depth: DepthSensor = part(DepthSensor)
+    compass: CompassEffects = part(CompassEffects)
+    inclinometer: Inclinometer = part(Inclinometer)
+    gyros: Gyros = part(Gyros)
+    dvl_ground: VelocityLog = part(VelocityLog, "DVL over ground")
+    dvl_water: VelocityLog = part(VelocityLog, "DVL through the water")
+    sampling: SamplingEffects = part(SamplingEffects)

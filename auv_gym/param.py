@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, TypeVar, get_type_hints
 import numpy as np
 
 T = TypeVar("T")
+_LISTED_AT_ONCE = 60
 
 
 class Spec(NamedTuple):
@@ -42,6 +43,11 @@ def param(
     detecting, also the first step of a fit; 0 for a parameter that no fit may free.
     """
     return dataclasses.field(default=default, metadata={"spec": Spec(unit, title, default, bounds, probe)})
+
+
+def part(group: type, subject: str = "") -> Any:
+    """A dataclass field that holds a group of parameters; `{}` in their titles stands for the subject."""
+    return dataclasses.field(default_factory=group, metadata={"subject": subject})
 
 
 def list_paths(tree: Any) -> list[str]:
@@ -100,7 +106,12 @@ def positions(tree: Any) -> dict[str, int]:
 
 
 def record_type(tree_type: type) -> np.dtype:
-    """The record dtype of a parameter tree, nested as its dataclasses are; every leaf is a float64."""
+    """The record dtype of a parameter tree, nested as its dataclasses are; every leaf is a float64.
+
+    A group whose class says `as_array = True` becomes one array field in the order of its leaves.
+    """
+    if getattr(tree_type, "as_array", False):
+        return np.dtype((np.float64, (len(_specs(tree_type)),)))
     hints = get_type_hints(tree_type)
     fields = []
     for field in dataclasses.fields(tree_type):
@@ -127,7 +138,9 @@ def _specs(tree_type: type) -> tuple[tuple[str, Spec], ...]:
         if "spec" in field.metadata:
             found.append((field.name, field.metadata["spec"]))
         else:
-            found += [(f"{field.name}.{path}", spec) for path, spec in _specs(hints[field.name])]
+            subject = field.metadata.get("subject", "")
+            for path, spec in _specs(hints[field.name]):
+                found.append((f"{field.name}.{path}", spec._replace(title=spec.title.replace("{}", subject))))
     return tuple(found)
 
 
@@ -147,4 +160,12 @@ def _replaced(tree: Any, names: list[str], value: Any) -> Any:
 
 def _unknown_path(path: str, known: Any) -> ValueError:
     hint = did_you_mean(path, known)
-    return ValueError(f"No parameter {path!r}. {hint}Known: {', '.join(known)}.")
+    group = path.rpartition(".")[0]
+    while group and not any(name.startswith(f"{group}.") for name in known):
+        group = group.rpartition(".")[0]
+    # the neighbours of what was meant, or the groups: a six-degree-of-freedom vehicle has hundreds of parameters
+    near = [name for name in known if name.startswith(f"{group}.")] if group else list(known)
+    if len(near) > _LISTED_AT_ONCE:
+        depth = group.count(".") + 2 if group else 2
+        near = list(dict.fromkeys(".".join(name.split(".")[:depth]) for name in near))
+    return ValueError(f"No parameter {path!r}. {hint}Known: {', '.join(near)}.")

@@ -19,11 +19,12 @@ from auv_gym import __version__
 from auv_gym.model import check_finite, inputs_of
 from auv_gym.param import check_value, did_you_mean, list_paths, pack, replace_at, spec_at, value_at
 from auv_gym.record import Record
-from auv_gym.rollout import Programs, bind_family
+from auv_gym.rollout import Programs, bind_family, scratch_for
 from auv_gym.vehicles import FAMILIES, Family
 
 _FILE_KEYS = ("family", "name", "title", "description", "dt_s", "longest_step_s", "written_by")
 _TABLES = ("hull", "effects")
+_ANY = (-np.inf, np.inf)
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,13 @@ class Plant:
         return pack(self)
 
     @cached_property
+    def derived(self) -> np.ndarray:
+        """What the compiled programs take in place of the parameters: these, and what follows from them alone."""
+        derived = np.zeros(self.family.derived)
+        self.programs.derive(self.vector, derived)
+        return derived
+
+    @cached_property
     def programs(self) -> Programs:
         return bind_family(self.family)
 
@@ -111,7 +119,7 @@ class Plant:
             if np.isfinite(known.get(name, np.nan)):
                 x[index] = known[name]
         for _ in range(3):  # what the compass lags behind depends on the heading where it deviates: a fixed point
-            self.programs.settle(x, self.vector)
+            self.programs.settle(x, self.derived)
             x = self.correct(x, y0)
         return x
 
@@ -132,7 +140,7 @@ class Plant:
                 f"A step of {self.name} needs a state of shape ({self._size},), as `initial` returns it, and "
                 f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {next_x.shape} and {u.shape}."
             )
-        self.programs.step(next_x, u, ages, self.longest_step, self.vector)
+        self.programs.step(next_x, u, ages, self.longest_step, self.derived, scratch_for(self.family))
         return next_x
 
     def output(self, x: np.ndarray) -> np.ndarray:
@@ -141,7 +149,7 @@ class Plant:
         if x.shape != (self._size,):
             raise ValueError(f"A state of {self.name} has shape ({self._size},), got {x.shape}: see `initial`.")
         y = np.empty(len(self.outputs))
-        self.programs.read(x, self.vector, y)
+        self.programs.read(x, self.derived, y)
         return y
 
     def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -311,7 +319,7 @@ def _parse(text: str, origin: str) -> Plant:
             raise ValueError(f"Vehicle file {origin}: {key} needs {wanted}, got {value!r}.")
     tables = {key: content[key] for key in _TABLES if key in content}
     parameters = family.parameters()
-    values, notes = {}, {}
+    values, notes, primes = {}, {}, []
     for path, entry in _leaves(tables, ""):
         try:
             spec = spec_at(parameters, path)
@@ -321,14 +329,26 @@ def _parse(text: str, origin: str) -> Plant:
         for key in entry.keys() - {"value", "unit", "source"}:
             raise ValueError(f"Vehicle file {origin}: {path} has an unknown key {key!r}. Known: value, unit, source.")
         value, unit = entry.get("value"), entry.get("unit", spec.unit)
+        if unit == "prime":
+            primes.append(path)
+            unit = spec.unit
         if unit != spec.unit:
             raise ValueError(f"Vehicle file {origin}: {path} is in {spec.unit}, got unit {unit!r}: convert the value.")
         try:
-            values[path] = check_value(path, value, spec)
+            values[path] = check_value(path, value, spec._replace(bounds=_ANY) if path in primes else spec)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
         if "source" in entry:
             notes[path] = str(entry["source"])
+    for path in primes:
+        spec = spec_at(parameters, path)
+        try:
+            scale = _prime_scale(
+                replace_at(parameters, _given(values, ("hull.density", "hull.length"))), path, spec.unit
+            )
+            values[path] = check_value(path, values[path] * scale, spec)
+        except ValueError as error:
+            raise ValueError(f"Vehicle file {origin}: {error}") from None
     plant = Plant(
         name=content.get("name", Path(origin).stem),
         family=family,
@@ -339,12 +359,22 @@ def _parse(text: str, origin: str) -> Plant:
         description=content.get("description", ""),
         notes=notes,
     )
-    if (
-        family.name == "glider"
-        and plant.hull.inertia <= 0.5 * plant.hull.density * plant.hull.length**5 * plant.hull.n_rdot
-    ):
-        raise ValueError(f"Vehicle file {origin}: hull.inertia minus the added inertia D5 N_rdot must be positive.")
+    problem = family.problem(plant.parameters)
+    if problem:
+        raise ValueError(f"Vehicle file {origin}: {problem}.")
     return plant
+
+
+def _given(values: Mapping[str, float], paths: Sequence[str]) -> dict[str, float]:
+    return {path: values[path] for path in paths if path in values}
+
+
+def _prime_scale(parameters: Any, path: str, unit: str) -> float:
+    """What makes a coefficient of the prime system dimensional: rho L^n / 2, where its unit is kg m^(n - 3)."""
+    powers = {"kg/m": 2, "kg": 3, "kg m": 4, "kg m^2": 5, "kg m^3": 6}
+    if unit not in powers or not hasattr(parameters.hull, "length"):
+        raise ValueError(f"{path} is in {unit}, which has no prime form: give the value in {unit}.")
+    return 0.5 * parameters.hull.density * parameters.hull.length ** powers[unit]
 
 
 def _leaves(table: Mapping[str, Any], prefix: str):

@@ -12,7 +12,6 @@ result is smooth in the dead time. Actuators move in closed form, see `physics.a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from math import ceil
 from typing import Any
 
@@ -23,7 +22,7 @@ from auv_gym.physics.actuators import travel
 from auv_gym.vehicles.family import Family
 
 # Open names of the templates, bound per family.
-STATES = ACTUATORS = SENSORS = OUTPUTS = INPUTS = 0
+STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = DERIVED = WORK_ROWS = WORK_COLUMNS = 0
 derivative: Any
 stable_step: Any
 shape: Any
@@ -31,30 +30,34 @@ actuator_times: Any
 sense: Any
 settle_sensors: Any
 output: Any
+enter: Any
+leave: Any
+derive: Any
 view: Any
 rk4: Any
 drive: Any
 interval: Any
 
 
-def _rk4(x, start, middle, end, inputs, h, p, work):
-    """One step of the classical fourth-order Runge-Kutta method on x in place; actuator angles given at its stages.
+def _rk4(z, actuators, inputs, h, p, work):
+    """One step of the classical fourth-order Runge-Kutta method on z in place.
 
-    work: scratch, at least (5, STATES).  Source: Hairer, Norsett and Wanner 1993, sec. II.1, table 1.2.
+    actuators: (3, ACTUATORS), positions at start, middle and end.  work: scratch, see `scratch_for`.
+    Source: Hairer, Norsett and Wanner 1993, sec. II.1, table 1.2.
     """
-    k1, k2, k3, k4, y = work[0], work[1], work[2], work[3], work[4]
-    derivative(x, start, inputs, p, k1)
-    for i in range(STATES):
-        y[i] = x[i] + 0.5 * h * k1[i]
-    derivative(y, middle, inputs, p, k2)
-    for i in range(STATES):
-        y[i] = x[i] + 0.5 * h * k2[i]
-    derivative(y, middle, inputs, p, k3)
-    for i in range(STATES):
-        y[i] = x[i] + h * k3[i]
-    derivative(y, end, inputs, p, k4)
-    for i in range(STATES):
-        x[i] += h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i])
+    slope, y, total, terms = work[0], work[1], work[2], work[3]
+    for i in range(INTEGRATED):
+        y[i] = z[i]
+        total[i] = 0.0
+    for stage in range(4):  # a loop, so that the derivative is compiled into it once
+        derivative(y, actuators[(stage + 1) // 2], inputs, p, slope, terms)
+        weight = 2.0 if stage == 1 or stage == 2 else 1.0
+        reach = 0.5 * h if stage < 2 else h
+        for i in range(INTEGRATED):
+            total[i] += weight * slope[i]
+            y[i] = z[i] + reach * slope[i]
+    for i in range(INTEGRATED):
+        z[i] += h / 6.0 * total[i]
 
 
 def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
@@ -65,7 +68,8 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
     """
     position = x[STATES : STATES + ACTUATORS]
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
-    start, middle, end, before = work[5], work[6], work[7], work[8]
+    z, before, target, path = work[4], work[5], work[6], work[7:10]
+    enter(x[:STATES], z)
     t = t0
     while t < t1:
         t_next = t1
@@ -76,35 +80,39 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
                 while i > first and times[i] + dead_time > t:
                     t_next = min(t_next, times[i] + dead_time)
                     i -= 1
-                work[9, j] = shaped[i, j]
+                target[j] = shaped[i, j]
             else:
-                work[9, j] = shaped[k, j]
+                target[j] = shaped[k, j]
         pieces = 1
         if longest_step > 0.0:
             # a fit may try coefficients that are too quick for the vehicle's step; fifty times shorter will do
-            step = max(min(longest_step, stable_step(x, inputs, p)), 0.02 * longest_step)
+            step = max(min(longest_step, stable_step(z, inputs, p)), 0.02 * longest_step)
             pieces = max(ceil((t_next - t) / step - 1e-9), 1)
         h = (t_next - t) / pieces
         for _ in range(pieces):
             for j in range(ACTUATORS):
                 times_j = actuator_times(j, p)
-                mean, slope, last = travel(position[j], work[9, j], times_j[1], times_j[2], h)
-                start[j] = mean - 0.5 * h * slope
-                middle[j] = mean
-                end[j] = mean + 0.5 * h * slope
+                mean, slope, last = travel(position[j], target[j], times_j[1], times_j[2], h)
+                path[0, j] = mean - 0.5 * h * slope
+                path[1, j] = mean
+                path[2, j] = mean + 0.5 * h * slope
                 position[j] = last
             if longest_step > 0.0:
-                for i in range(STATES):
-                    before[i] = x[i]
-                rk4(x, start, middle, end, inputs, h, p, work)
-                sense(before, x, sensors, h, p)
+                for i in range(INTEGRATED):
+                    before[i] = z[i]
+                rk4(z, path, inputs, h, p, work)
+                sense(before, z, sensors, h, p)
         t = t_next
+    if longest_step > 0.0:
+        leave(z, x[:STATES])
 
 
-def _step(x, inputs, times, longest_step, vector):
-    """Advance the full state x in place by a sample; times: s, of the commands kept in x, ending at 0, then its end."""
-    work = np.empty((10, max(STATES, ACTUATORS)))
-    p = view(vector)
+def _step(x, inputs, times, longest_step, derived, work):
+    """Advance the full state x in place by a sample; times: s, of the commands kept in x, ending at 0, then its end.
+
+    work: scratch, see `scratch_for`.
+    """
+    p = view(derived)
     history = times.shape[0] - 1
     oldest = np.int64(0)  # a bare 0 is a type of its own to numba, for which `interval` would be compiled once more
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
@@ -116,17 +124,17 @@ def _step(x, inputs, times, longest_step, vector):
     interval(x, inputs, past, times, oldest, history - 1, 0.0, times[history], longest_step, p, work)
 
 
-def _read(x, vector, y):
+def _read(x, derived, y):
     """Outputs of a full state into y."""
-    p = view(vector)
+    p = view(derived)
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
     output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y)
 
 
-def _settle(x, vector):
+def _settle(x, derived):
     """The sensors' states in a full state, in place, as after a long time at its present rates."""
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
-    settle_sensors(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, view(vector))
+    settle_sensors(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, view(derived))
 
 
 def _drive(times, inputs, first, shaped, positions, p, work):
@@ -166,13 +174,15 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
     y: (S, sum of window lengths, OUTPUTS), the windows one after the other.
     """
     n = times.shape[0]
-    work = np.empty((10, max(STATES, ACTUATORS)))
+    work = np.empty((WORK_ROWS, WORK_COLUMNS))
+    derived = np.empty(DERIVED)
     shaped = np.empty((n, ACTUATORS))
     positions = np.empty((n, ACTUATORS))
     x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
     sensors = x[STATES + 2 * ACTUATORS :]
     for s in range(vectors.shape[0]):
-        p = view(vectors[s])
+        derive(vectors[s], derived)
+        p = view(derived)
         drive(times, inputs, first, shaped, positions, p, work)
         row = 0
         for w in range(begin.shape[0]):
@@ -194,33 +204,53 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
 
 @dataclass(frozen=True, eq=False)
 class Programs:
-    """The compiled programs of one family."""
+    """The compiled programs of one kind of vehicle."""
 
     step: Any
     read: Any
     settle: Any
     rollout: Any
     derivative: Any
+    derive: Any
 
 
-@lru_cache
+def scratch_for(family: Family) -> np.ndarray:
+    """The work array that `step` needs: a row each for slope, stage, sum and terms, six for the interval."""
+    return np.empty(_work_shape(family))
+
+
+def _work_shape(family: Family) -> tuple[int, int]:
+    return 10, max(family.integrated, len(family.actuators), family.scratch)
+
+
+_BOUND: dict[str, Programs] = {}
+
+
 def bind_family(family: Family) -> Programs:
-    """The programs of a family; each is compiled when first called and found in the cache afterwards."""
+    """The programs of a family's kind; each is compiled when first called and found in the cache afterwards."""
+    if family.kind in _BOUND:
+        return _BOUND[family.kind]
+    rows, columns = _work_shape(family)
     sizes = {
         "STATES": len(family.states),
+        "INTEGRATED": family.integrated,
         "ACTUATORS": len(family.actuators),
         "SENSORS": len(family.sensors),
         "OUTPUTS": len(family.outputs),
         "INPUTS": len(family.inputs),
+        "DERIVED": family.derived,
+        "WORK_ROWS": rows,
+        "WORK_COLUMNS": columns,
     }
     known = {**sizes, **family.hooks, "view": family.view, "travel": travel}
-    known["rk4"] = bind(_rk4, family.name, **known)
-    known["interval"] = bind(_interval, family.name, **known)
-    known["drive"] = bind(_drive, family.name, **known)
-    return Programs(
-        step=bind(_step, family.name, **known),
-        read=bind(_read, family.name, **known),
-        settle=bind(_settle, family.name, **known),
-        rollout=bind(_rollout, family.name, **known),
+    for name, template in (("rk4", _rk4), ("interval", _interval), ("drive", _drive)):
+        known[name] = bind(template, family.kind, **known)
+    _BOUND[family.kind] = Programs(
+        step=bind(_step, family.kind, **known),
+        read=bind(_read, family.kind, **known),
+        settle=bind(_settle, family.kind, **known),
+        rollout=bind(_rollout, family.kind, **known),
         derivative=family.hooks["derivative"],
+        derive=family.hooks["derive"],
     )
+    return _BOUND[family.kind]

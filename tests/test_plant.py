@@ -262,9 +262,9 @@ def test_an_older_file_stays_where_writing_fails(tmp_path):
 HEAD = 'family = "glider"\n'
 BAD_FILES = {
     "not TOML": ("family = ", "Vehicle file v.toml is not valid TOML: "),
-    "no family": ("dt_s = 1.0", "needs family = one of glider, got 'nothing'"),
-    "another family": ('family = "blimp"', "needs family = one of glider, got 'blimp'"),
-    "family of another type": ("family = [1]", "needs family = one of glider, got [1]"),
+    "no family": ("dt_s = 1.0", "needs family = one of glider, torpedo, torpedo_voltage, torpedo_speed, got 'nothing'"),
+    "another family": ('family = "blimp"', "needs family = one of glider, torpedo, torpedo_voltage, torpedo_speed, got 'blimp'"),
+    "family of another type": ("family = [1]", "needs family = one of glider, torpedo, torpedo_voltage, torpedo_speed, got [1]"),
     "unknown key": (HEAD + "dt = 1.0", "unknown key 'dt'. Did you mean 'dt_s'? Known: family, name"),
     "unknown table": (HEAD + "[hulls]\nmass = 3.0", "unknown key 'hulls'. Did you mean 'hull'?"),
     "number for a table": (HEAD + "hull = 3", "hull needs a table, got 3"),

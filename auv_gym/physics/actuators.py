@@ -13,18 +13,34 @@ def play(position, memory, width):
 
 
 @compiled
-def shape_command(command, memory, limit, actuator):
-    """The commanded angle after gain, offset, deadband, backlash and saturation, and the new backlash memory, rad.
+def shaped_command(command, memory, gain, offset, deadband, backlash, stop):
+    """A command after gain, offset, deadband, backlash and saturation at +-stop, and the new backlash memory.
 
-    memory: last output of the backlash, rad.  limit: mechanical stop, rad, before `actuator.lost_travel`.
-    The deadband is continuous: its output starts from zero at its edge. All steps but the backlash are memoryless, so
-    the dead time, which acts on the sampled signal, may follow them.
+    memory: last output of the backlash.  The deadband is continuous: its output starts from zero at its edge. All steps
+    but the backlash are memoryless, so the dead time, which acts on the sampled signal, may follow them.
     """
-    angle = command * actuator.gain + actuator.offset
-    angle -= min(max(angle, -actuator.deadband), actuator.deadband)
-    angle = play(angle, memory, actuator.backlash)
-    stop = max(limit - actuator.lost_travel, 0.0)
-    return min(max(angle, -stop), stop), angle
+    position = command * gain + offset
+    position -= min(max(position, -deadband), deadband)
+    position = play(position, memory, backlash)
+    stop = max(stop, 0.0)
+    return min(max(position, -stop), stop), position
+
+
+@compiled
+def shape_command(command, memory, limit, actuator):
+    """The commanded angle after an actuator's effects, and the new backlash memory, rad; see `shaped_command`.
+
+    limit: mechanical stop, rad, before `actuator.lost_travel`.
+    """
+    return shaped_command(
+        command,
+        memory,
+        actuator.gain,
+        actuator.offset,
+        actuator.deadband,
+        actuator.backlash,
+        limit - actuator.lost_travel,
+    )
 
 
 @compiled

@@ -6,15 +6,15 @@ Correction": equations (1), (2), (11), (14), (15).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import cos, sin
 
 from auv_gym.compiled import compiled, view_as
 from auv_gym.effects import GliderEffects
-from auv_gym.param import param, record_type
+from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shape_command
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
-from auv_gym.vehicles.family import Family
+from auv_gym.vehicles.family import Family, copied
 
 
 @dataclass(frozen=True)
@@ -51,8 +51,8 @@ class GliderHull:
 class GliderParameters:
     """The parameter tree of a glider's heading."""
 
-    hull: GliderHull = field(default_factory=GliderHull)
-    effects: GliderEffects = field(default_factory=GliderEffects)
+    hull: GliderHull = part(GliderHull)
+    effects: GliderEffects = part(GliderEffects)
 
 
 GRAVITY = 9.81
@@ -96,7 +96,7 @@ def stable_step(x, inputs, p):
 
 
 @compiled
-def derivative(x, actuators, inputs, p, dx):
+def derivative(x, actuators, inputs, p, dx, scratch):
     """State derivative of [psi, r, north, east] into dx: equations (1), (2), (11), and (15) where its factors are set.
 
     inputs: [rudder_rad, F_t1 N, F_t2 N, u m/s, w m/s, q rad/s, theta rad, phi rad], held over a sample, so the term
@@ -174,8 +174,17 @@ def output(x, actuators, sensors, p, y):
     y[3] = x[3]
 
 
+def inertia_problem(parameters: GliderParameters) -> str:
+    """What is wrong with the yaw inertia, or nothing."""
+    hull = parameters.hull
+    if hull.inertia <= 0.5 * hull.density * hull.length**5 * hull.n_rdot:
+        return "hull.inertia minus the added inertia D5 N_rdot must be positive"
+    return ""
+
+
 GLIDER = Family(
     name="glider",
+    kind="glider",
     title="heading of an underwater glider",
     parameters=GliderParameters,
     inputs=(
@@ -191,6 +200,9 @@ GLIDER = Family(
     constants={"u_mps": "hull.speed"},
     required=("rudder_rad",),
     states=("heading_rad", "r_radps", "north_m", "east_m"),
+    integrated=4,
+    derived=len(list_paths(GliderParameters())),
+    problem=inertia_problem,
     actuators=("rudder_rad",),
     sensors=("heading_lag_rad",),
     outputs=("heading_rad", "r_radps", "north_m", "east_m"),
@@ -205,5 +217,8 @@ GLIDER = Family(
         "sense": sense,
         "settle_sensors": settle_sensors,
         "output": output,
+        "enter": copied,
+        "leave": copied,
+        "derive": copied,
     },
 )

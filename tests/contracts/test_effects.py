@@ -18,7 +18,7 @@ PATHS = [path for path in list_paths(load_vehicle("slocum")) if path.startswith(
 
 
 @compiled
-def bare_derivative(x, actuators, inputs, p, dx):
+def bare_derivative(x, actuators, inputs, p, dx, scratch):
     """Equation (11) with (15), without a word about effects."""
     hull = p.hull
     u = inputs[3]
@@ -74,6 +74,7 @@ def bare_output(x, actuators, sensors, p, y):
 BARE = replace(
     GLIDER,
     name="bare_glider",
+    kind="bare_glider",
     hooks={
         "derivative": bare_derivative,
         "stable_step": stable_step,
@@ -82,6 +83,7 @@ BARE = replace(
         "sense": bare_sense,
         "settle_sensors": bare_settle,
         "output": bare_output,
+        **{name: GLIDER.hooks[name] for name in ("enter", "leave", "derive")},
     },
 )
 

@@ -29,7 +29,7 @@ def parameters(plant: Plant):
 def rates(plant: Plant, psi=0.0, r=0.0, rudder=0.0, **given_inputs: float) -> np.ndarray:
     dx = np.empty(4)
     x = np.array([psi, r, 0.0, 0.0])
-    derivative(x, np.array([rudder]), inputs(plant, **given_inputs), parameters(plant), dx)
+    derivative(x, np.array([rudder]), inputs(plant, **given_inputs), parameters(plant), dx, np.empty(0))
     return dx
 
 

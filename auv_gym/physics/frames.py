@@ -1,0 +1,61 @@
+"""Attitude: unit quaternions inside an integration step, Euler angles (roll, pitch, heading) between steps.
+
+Quaternions [eta, e1, e2, e3] turn body axes into north-east-down.  Source: Fossen 2021, sec. 2.2.
+"""
+
+from math import atan2, cos, floor, pi, sin
+
+from auv_gym.compiled import compiled
+
+
+@compiled
+def wrapped(angle):
+    """The angle in [-pi, pi), rad."""
+    return angle - 2.0 * pi * floor((angle + pi) / (2.0 * pi))
+
+
+@compiled
+def quaternion_of(roll, pitch, heading):
+    """The unit quaternion of Euler angles in the order heading, pitch, roll.  Source: Fossen 2021, eq. (2.85)."""
+    cr, sr = cos(0.5 * roll), sin(0.5 * roll)
+    cp, sp = cos(0.5 * pitch), sin(0.5 * pitch)
+    ch, sh = cos(0.5 * heading), sin(0.5 * heading)
+    return (
+        ch * cp * cr + sh * sp * sr,
+        ch * cp * sr - sh * sp * cr,
+        ch * sp * cr + sh * cp * sr,
+        sh * cp * cr - ch * sp * sr,
+    )
+
+
+@compiled
+def rotation_of(eta, e1, e2, e3):
+    """The nine entries, by rows, of the rotation from body axes to north-east-down; the norm may be a little off 1.
+
+    Source: Fossen 2021, eq. (2.69), divided by the squared norm, so that an integrator's drift does not stretch it.
+    """
+    s = 2.0 / (eta * eta + e1 * e1 + e2 * e2 + e3 * e3)
+    return (
+        1.0 - s * (e2 * e2 + e3 * e3),
+        s * (e1 * e2 - e3 * eta),
+        s * (e1 * e3 + e2 * eta),
+        s * (e1 * e2 + e3 * eta),
+        1.0 - s * (e1 * e1 + e3 * e3),
+        s * (e2 * e3 - e1 * eta),
+        s * (e1 * e3 - e2 * eta),
+        s * (e2 * e3 + e1 * eta),
+        1.0 - s * (e1 * e1 + e2 * e2),
+    )
+
+
+@compiled
+def euler_angles_of(r11, r12, r13, r21, r22, r23, r31):
+    """Roll, pitch and heading of a rotation, rad; together they give it back even where the bow points straight down.
+
+    There heading and roll turn about one axis and each alone is arbitrary: roll is taken relative to the heading found.
+    """
+    heading = atan2(r21, r11)
+    ch, sh = cos(heading), sin(heading)
+    pitch = atan2(-r31, ch * r11 + sh * r21)
+    roll = atan2(sh * r13 - ch * r23, ch * r22 - sh * r12)
+    return roll, pitch, heading

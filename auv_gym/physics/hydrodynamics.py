@@ -1,0 +1,60 @@
+"""Forces of the water on hull and fins, and of gravity, in body axes."""
+
+from math import atan2, sqrt
+
+from auv_gym.compiled import compiled
+
+STRIPS = 11
+
+
+@compiled
+def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length):
+    """Sway and heave force, N, pitch and yaw moment, N m, of the flow across a hull of constant section, by strips.
+
+    drag_y, drag_z: drag coefficient times height, and times breadth, m.  The speed of a strip is that of the whole
+    cross flow, so that sway and heave couple.  Eleven strips from -L/2 to L/2, each of weight L/10.
+    Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), cross-flow integrals; heave by w - x q in both.
+    """
+    sway = heave = pitch = yaw = 0.0
+    spacing = length / (STRIPS - 1)
+    for i in range(STRIPS):
+        x = -0.5 * length + i * spacing
+        across, down = v + x * r, w - x * q
+        speed = sqrt(across * across + down * down)
+        side, lift = drag_y * across * speed, drag_z * down * speed
+        sway -= side
+        heave -= lift
+        pitch += x * lift
+        yaw -= x * side
+    scale = 0.5 * density * spacing
+    return scale * sway, scale * heave, scale * pitch, scale * yaw
+
+
+@compiled
+def angle_of_attack(angle, u, cross, turn, fin):
+    """The angle between a pair of fins and the flow as far as the hull's own terms leave it out, rad, up to stall.
+
+    cross: v at a rudder, w at a plane; turn: r, or -q.  With `fin.inflow` 0, usual for captive tests, the fin's angle.
+    """
+    if fin.inflow != 0.0:
+        flow = atan2(cross + fin.station * turn, abs(u))
+        angle -= fin.inflow * flow if fin.lift > 0.0 else -fin.inflow * flow
+    return min(max(angle, -fin.stall), fin.stall)
+
+
+@compiled
+def righting(weight, buoyancy, x_g, y_g, z_g, x_b, y_b, z_b, down_x, down_y, down_z):
+    """Force, N, and moment, N m, of weight and buoyancy; down: the downward direction in body axes.
+
+    Source: Fossen 2021, eq. (4.6), there with the opposite sign, g(eta).
+    """
+    net = weight - buoyancy
+    x, y, z = weight * x_g - buoyancy * x_b, weight * y_g - buoyancy * y_b, weight * z_g - buoyancy * z_b
+    return (
+        net * down_x,
+        net * down_y,
+        net * down_z,
+        y * down_z - z * down_y,
+        z * down_x - x * down_z,
+        x * down_y - y * down_x,
+    )

@@ -1,0 +1,89 @@
+"""Thrust and torque of a propeller, and the command that gives a wanted thrust."""
+
+from math import pi, sqrt
+
+from auv_gym.compiled import compiled
+
+RADPS_PER_RPM = pi / 30.0
+
+
+@compiled
+def shaft_law(shaft_speed, u, per_square, per_speed):
+    """Thrust (or torque) from shaft speed n in rad/s and speed of advance: per_square n|n| + per_speed |n| u.
+
+    The same as K_T(J) linear in the advance number J = u/(n D).  Source: Fossen 2021, eq. (9.11).
+    """
+    return per_square * shaft_speed * abs(shaft_speed) + per_speed * abs(shaft_speed) * u
+
+
+@compiled
+def table_thrust(voltage, inflow, table, voltages, inflows):
+    """Thrust, N, from a table over voltage (rows) and inflow in m/s, bilinear, held at its edges.
+
+    table: (rows * columns,).  voltages, inflows: rising tuples.  Astern, T(-V, u) = -T(V, -u).
+    """
+    side = 1.0
+    if voltage < 0.0:
+        side, voltage, inflow = -1.0, -voltage, -inflow
+    columns = len(inflows)
+    row, share = _cell(voltage, voltages)
+    column, part = _cell(inflow, inflows)
+    at = row * columns + column
+    low = table[at] + part * (table[at + 1] - table[at])
+    high = table[at + columns] + part * (table[at + columns + 1] - table[at + columns])
+    return side * (low + share * (high - low))
+
+
+@compiled
+def _cell(value, grid):
+    """Index of the grid interval that holds a value and the share of it that lies below, 0 to 1."""
+    index = 0
+    for i in range(1, len(grid) - 1):
+        if value >= grid[i]:
+            index = i
+    share = (value - grid[index]) / (grid[index + 1] - grid[index])
+    return index, min(max(share, 0.0), 1.0)
+
+
+@compiled
+def table_voltage(thrust, inflow, table, voltages, inflows):
+    """The voltage that gives a thrust in N at an inflow in m/s: the inverse of `table_thrust`, within the table.
+
+    The table rises with voltage, so that a sign of the voltage and a cell in it are unique.
+    """
+    side = 1.0
+    if thrust < table_thrust(0.0, inflow, table, voltages, inflows):
+        side, thrust, inflow = -1.0, -thrust, -inflow
+    low_voltage = voltages[0]
+    low = table_thrust(low_voltage, inflow, table, voltages, inflows)
+    for i in range(1, len(voltages)):
+        high = table_thrust(voltages[i], inflow, table, voltages, inflows)
+        if thrust <= high:
+            share = (thrust - low) / (high - low) if high > low else 0.0
+            return side * (low_voltage + max(share, 0.0) * (voltages[i] - low_voltage))
+        low_voltage, low = voltages[i], high
+    return side * voltages[-1]
+
+
+@compiled
+def shaft_speed_for(thrust, u, per_square, per_speed):
+    """The shaft speed, rad/s, at which `shaft_law` gives a thrust in N: the root that turns the way it pushes."""
+    side = 1.0 if thrust >= 0.0 else -1.0
+    # per_square n^2 + side per_speed u n - |thrust| = 0 for n = |shaft speed|
+    half = 0.5 * side * per_speed * u
+    root = sqrt(half * half + per_square * abs(thrust))
+    return side * max((root - half) / per_square, 0.0)
+
+
+@compiled
+def slipstream_speed(shaft_speed, u, pitch, c_t1):
+    """u eps of the NPS propulsion model, m/s: what the propeller adds to the flow at the planes.
+
+    eps = -1 + sign(n)/sign(u) (sqrt(C_t + 1) - 1)/(sqrt(C_t1 + 1) - 1), C_t = c_t1 eta|eta|, eta = pitch n/u; times u
+    here, so that nothing divides by it. The form has no value where C_t < -1 (astern): the root is held at zero there.
+    Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3).
+    """
+    drive = pitch * shaft_speed
+    inner = c_t1 * drive * abs(drive) * (1.0 if u >= 0.0 else -1.0) + u * u
+    side = 1.0 if shaft_speed > 0.0 else -1.0 if shaft_speed < 0.0 else 0.0
+    return -u + side * (sqrt(max(inner, 0.0)) - abs(u)) / (sqrt(c_t1 + 1.0) - 1.0)

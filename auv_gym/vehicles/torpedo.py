@@ -1,0 +1,686 @@
+"""Underwater vehicles in six degrees of freedom: torpedo-shaped hulls with fins and a propeller.
+
+    M dnu/dt = -C(nu) nu + polynomials(nu) + cross-flow drag + fins + propulsion + weight and buoyancy + loads
+
+nu = [u v w p q r] is the velocity through the water, so that a steady current only moves the frame. States between
+samples are [nu | north east depth | roll pitch heading | wave phase]; inside a sample the attitude is a quaternion, and
+a vehicle may pitch through 90 deg.  Source: Fossen 2021, eqs. (6.1), (8.1), (10.150).
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+
+import numpy as np
+
+from auv_gym.compiled import compiled, view_as
+from auv_gym.param import list_paths, pack, record_type
+from auv_gym.physics.actuators import shape_command, shaped_command
+from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
+from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
+from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
+from auv_gym.physics.propulsion import RADPS_PER_RPM, shaft_law, slipstream_speed, table_thrust
+from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, invert
+from auv_gym.physics.sensors import compass_reading, deviation, lag_error
+from auv_gym.physics.water import orbital_velocity
+from auv_gym.vehicles.family import Family
+from auv_gym.vehicles.torpedo_parameters import INFLOWS, VOLTAGES, TorpedoParameters
+
+N_TERMS = len(TERMS)
+# What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
+_DAMPING = tuple(1.0 if len(t) == 1 or "_" in t or (t[0] == "u" and t != "uu") else 0.0 for t in TERMS)
+# What fouling scales: drag proper, without lift.
+_DRAG = tuple(1.0 if len(t) == 1 or "_" in t else 0.0 for t in TERMS)
+
+_COMPUTED = np.dtype(
+    (
+        np.record,
+        [
+            ("inverse_mass", np.float64, (6, 6)),
+            ("momentum", np.float64, (6, 6)),  # M_RB and the share of M_A whose Coriolis forces are added
+            ("rigid_mass", np.float64, (6, 6)),
+            ("coefficients", np.float64, (N_TERMS, 6)),  # of the terms that are there, in the order of `terms`
+            ("terms", np.float64, (N_TERMS,)),
+            ("environment", np.float64, (len(ENVIRONMENT_TERMS), 6)),
+            ("damping", np.float64, (6, 3)),  # rates, 1/s: constant, per |u|, per own speed; for the stable step
+            ("cross_y", np.float64),
+            ("cross_z", np.float64),
+            ("density", np.float64),  # relative to that of the coefficients
+            ("weight", np.float64),
+            ("buoyancy", np.float64),
+            ("x_g", np.float64),
+            ("y_g", np.float64),
+            ("z_g", np.float64),
+            ("term_count", np.float64),
+            ("has_environment", np.float64),
+            ("has_cross_flow", np.float64),
+            ("has_table", np.float64),
+            ("has_moving_water", np.float64),
+            ("has_waves", np.float64),
+            ("has_tether", np.float64),
+        ],
+    )
+)
+_PARAMETERS = record_type(TorpedoParameters)
+_WHOLE = np.dtype(
+    (np.record, [("hull", _PARAMETERS["hull"]), ("effects", _PARAMETERS["effects"]), ("computed", _COMPUTED)])
+)
+N_PARAMETERS = len(list_paths(TorpedoParameters()))
+N_DERIVED = _WHOLE.itemsize // 8
+view = view_as(_WHOLE, "torpedo")
+writable_view = view_as(_WHOLE, "torpedo", writable=True)
+
+
+@compiled
+def fill_added_mass(added, matrix):
+    """M_A = -[derivatives] into matrix, shape (6, 6); zero where the tree has no such derivative."""
+    for i in range(6):
+        for j in range(6):
+            matrix[i, j] = 0.0
+    matrix[0, 0], matrix[0, 1], matrix[0, 2] = -added.x_udot, -added.x_vdot, -added.x_wdot
+    matrix[0, 4], matrix[0, 5] = -added.x_qdot, -added.x_rdot
+    matrix[1, 1], matrix[1, 3], matrix[1, 5] = -added.y_vdot, -added.y_pdot, -added.y_rdot
+    matrix[2, 2], matrix[2, 4] = -added.z_wdot, -added.z_qdot
+    matrix[3, 1], matrix[3, 3], matrix[3, 5] = -added.k_vdot, -added.k_pdot, -added.k_rdot
+    matrix[4, 2], matrix[4, 4] = -added.m_wdot, -added.m_qdot
+    matrix[5, 1], matrix[5, 3], matrix[5, 5] = -added.n_vdot, -added.n_pdot, -added.n_rdot
+
+
+@compiled
+def added_mass_factor(effects, i):
+    """1 and the relative error of the added mass on axis i."""
+    errors = (
+        effects.added_mass_surge,
+        effects.added_mass_sway,
+        effects.added_mass_heave,
+        effects.added_mass_roll,
+        effects.added_mass_pitch,
+        effects.added_mass_yaw,
+    )
+    return 1.0 + errors[i]
+
+
+@compiled
+def damping_error(effects, i):
+    """The relative error of the damping on axis i."""
+    errors = (
+        effects.damping_surge,
+        effects.damping_sway,
+        effects.damping_heave,
+        effects.damping_roll,
+        effects.damping_pitch,
+        effects.damping_yaw,
+    )
+    return errors[i]
+
+
+@compiled
+def hull_coefficient(hull, i, k):
+    """Coefficient of term k in the polynomial of axis i."""
+    if i == 0:
+        return hull.surge[k]
+    if i == 1:
+        return hull.sway[k]
+    if i == 2:
+        return hull.heave[k]
+    if i == 3:
+        return hull.roll[k]
+    if i == 4:
+        return hull.pitch[k]
+    return hull.yaw[k]
+
+
+@compiled
+def fill_mass(p, matrix, rigid, momentum):
+    """M_RB + M_A into matrix, M_RB into rigid, and M_RB with the M_A whose Coriolis forces are added into momentum."""
+    hull, load = p.hull, p.effects.load
+    density = 1.0 + p.effects.water.density
+    mass = hull.mass + load.payload
+    fill_rigid_body_mass(mass, hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g, hull, rigid)
+    added = np.empty((6, 6))
+    fill_added_mass(hull.added_mass, added)
+    for i in range(6):
+        added[i, i] *= added_mass_factor(p.effects.hull, i)
+    for i in range(6):
+        for j in range(6):
+            matrix[i, j] = rigid[i, j] + density * added[i, j]
+            half = 0.5 * density * hull.coriolis_of_added_mass
+            momentum[i, j] = rigid[i, j] + half * (added[i, j] + added[j, i])
+
+
+@compiled
+def derive(vector, derived):
+    """The parameters and what follows from them alone into derived, shape (N_DERIVED,): masses, active terms, flags."""
+    for i in range(N_PARAMETERS):
+        derived[i] = vector[i]
+    p = writable_view(derived)
+    hull, effects, computed = p.hull, p.effects, p.computed
+    load = effects.load
+    density = 1.0 + effects.water.density
+    matrix = np.empty((6, 6))
+    fill_mass(p, matrix, computed.rigid_mass, computed.momentum)
+    invert(matrix, computed.inverse_mass)
+    count = 0
+    for i in range(6):
+        for j in range(3):
+            computed.damping[i, j] = 0.0
+    for k in range(N_TERMS):
+        used = False
+        for i in range(6):
+            factor = 1.0 + _DAMPING[k] * damping_error(effects.hull, i)
+            factor *= 1.0 + _DRAG[k] * effects.hull.fouling
+            value = density * factor * hull_coefficient(hull, i, k) + hull_coefficient(effects.discovered, i, k)
+            computed.coefficients[count, i] = value
+            used = used or value != 0.0
+            own = abs(computed.inverse_mass[i, i] * value)
+            if k == i:
+                computed.damping[i, 0] += own
+            if k == 6 + i:
+                computed.damping[i, 2] += 2.0 * own
+            if i > 0 and k == 16 + i:  # u times the axis's own velocity
+                computed.damping[i, 1] += own
+        if used:
+            computed.terms[count] = k
+            count += 1
+    computed.term_count = count
+    computed.has_environment = 0.0
+    for k in range(len(ENVIRONMENT_TERMS)):
+        for i in range(6):
+            value = hull_coefficient(effects.discovered, i, N_TERMS + k)
+            computed.environment[k, i] = value
+            if value != 0.0:
+                computed.has_environment = 1.0
+    computed.density = density
+    fouling = 1.0 + effects.hull.fouling
+    flow = hull.cross_flow
+    computed.cross_y = fouling * (1.0 + effects.hull.damping_sway) * flow.drag_y * flow.height
+    computed.cross_z = fouling * (1.0 + effects.hull.damping_heave) * flow.drag_z * flow.breadth
+    computed.has_cross_flow = 1.0 if computed.cross_y != 0.0 or computed.cross_z != 0.0 else 0.0
+    strip = hull.density * density * hull.length  # the slope of a v|v| law in both its speeds
+    computed.damping[1, 2] += strip * computed.cross_y * computed.inverse_mass[1, 1]
+    computed.damping[2, 2] += strip * computed.cross_z * computed.inverse_mass[2, 2]
+    lever = hull.length**3 / 32.0
+    computed.damping[4, 2] += strip * computed.cross_z * computed.inverse_mass[4, 4] * lever
+    computed.damping[5, 2] += strip * computed.cross_y * computed.inverse_mass[5, 5] * lever
+    computed.weight = (hull.mass + load.payload) * hull.gravity
+    computed.buoyancy = hull.buoyancy * density + load.net_buoyancy
+    computed.x_g, computed.y_g, computed.z_g = hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g
+    stiffness = computed.weight * computed.z_g - computed.buoyancy * hull.z_b
+    computed.damping[3, 0] += 0.5 * sqrt(abs(computed.inverse_mass[3, 3] * stiffness))
+    computed.has_table = 0.0
+    for i in range(len(VOLTAGES) * len(INFLOWS)):
+        if hull.propulsion.table[i] != 0.0:
+            computed.has_table = 1.0
+    waves, current = effects.waves, effects.current
+    computed.has_waves = 1.0 if waves.amplitude_cos != 0.0 or waves.amplitude_sin != 0.0 else 0.0
+    sheared = current.shear_north != 0.0 or current.shear_east != 0.0
+    computed.has_moving_water = 1.0 if sheared or computed.has_waves != 0.0 else 0.0
+    pulled = load.tether_north != 0.0 or load.tether_east != 0.0 or load.tether_down != 0.0
+    computed.has_tether = 1.0 if pulled or load.tether_drag != 0.0 else 0.0
+
+
+@compiled
+def stable_step(z, inputs, p):
+    """The longest RK4 step, s, that keeps the quickest motion stable, with a margin of two in the limit of 2.78."""
+    rates = p.computed.damping
+    u = abs(z[0])
+    quickest = 1e-12
+    for i in range(6):
+        quickest = max(quickest, rates[i, 0] + rates[i, 1] * u + rates[i, 2] * abs(z[i]))
+    return 1.4 / quickest
+
+
+@compiled
+def fill_terms(u, v, w, p, q, r, terms):
+    """The values of TERMS at these velocities into terms, shape (N_TERMS,)."""
+    terms[0], terms[1], terms[2], terms[3], terms[4], terms[5] = u, v, w, p, q, r
+    terms[6], terms[7], terms[8] = u * abs(u), v * abs(v), w * abs(w)
+    terms[9], terms[10], terms[11] = p * abs(p), q * abs(q), r * abs(r)
+    terms[12], terms[13], terms[14], terms[15], terms[16] = v * v, w * w, p * p, q * q, r * r
+    terms[17], terms[18], terms[19], terms[20], terms[21] = u * v, u * w, u * p, u * q, u * r
+    terms[22], terms[23], terms[24], terms[25] = v * w, v * p, v * q, v * r
+    terms[26], terms[27], terms[28] = w * p, w * q, w * r
+    terms[29], terms[30], terms[31] = p * q, p * r, q * r
+
+
+@compiled
+def fin_angle(position, damage):
+    """The angle at which a fin stands, rad, given where its actuator is."""
+    return (1.0 - damage.stuck) * position + damage.stuck * damage.stuck_at
+
+
+@compiled
+def thrust_and_torque(command, u, p):
+    """Thrust, N, and roll moment, N m, of the propeller at a command in its channel's unit."""
+    law = p.hull.propulsion
+    n = RADPS_PER_RPM * command
+    thrust = shaft_law(n, u, law.t_nn, law.t_nu) + law.t_cc * command * abs(command)
+    torque = shaft_law(n, u, law.q_nn, law.q_nu)
+    if p.computed.has_table != 0.0:
+        thrust += table_thrust(command, u, law.table, VOLTAGES, INFLOWS)
+    working = p.computed.density * (1.0 - p.effects.propeller.thrust_loss)
+    thrust *= working
+    return thrust, working * torque + (law.torque_arm + p.effects.propeller.torque) * thrust
+
+
+@compiled
+def derivative(z, actuators, inputs, p, dz, terms):
+    """State derivative of [u v w p q r | north east depth | quaternion | wave phase] into dz.
+
+    actuators: [rudder, stern plane, bow plane rad, propulsion command].  terms: scratch, shape (N_TERMS,).
+    """
+    u, v, w, roll_rate, q, r = z[0], z[1], z[2], z[3], z[4], z[5]
+    hull, effects, computed = p.hull, p.effects, p.computed
+    r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(z[9], z[10], z[11], z[12])
+
+    # hull polynomials
+    fill_terms(u, v, w, roll_rate, q, r, terms)
+    x_force = y_force = z_force = k_moment = m_moment = n_moment = 0.0
+    c = computed.coefficients
+    for i in range(int(computed.term_count)):
+        value = terms[int(computed.terms[i])]
+        x_force += c[i, 0] * value
+        y_force += c[i, 1] * value
+        z_force += c[i, 2] * value
+        k_moment += c[i, 3] * value
+        m_moment += c[i, 4] * value
+        n_moment += c[i, 5] * value
+    if computed.has_environment != 0.0:
+        heading = sqrt(max(r11 * r11 + r21 * r21, 1e-12))
+        values = (z[8], r21 / heading, r11 / heading)
+        e = computed.environment
+        for i in range(len(values)):
+            x_force += e[i, 0] * values[i]
+            y_force += e[i, 1] * values[i]
+            z_force += e[i, 2] * values[i]
+            k_moment += e[i, 3] * values[i]
+            m_moment += e[i, 4] * values[i]
+            n_moment += e[i, 5] * values[i]
+    if computed.has_cross_flow != 0.0:
+        sway, heave, pitch, yaw = cross_flow_drag(
+            v, w, q, r, computed.cross_y, computed.cross_z, hull.density * computed.density, hull.length
+        )
+        y_force += sway
+        z_force += heave
+        m_moment += pitch
+        n_moment += yaw
+
+    # inertial forces of the turning frame, weight and buoyancy
+    f1, f2, f3, f4, f5, f6 = coriolis_forces(computed.momentum, u, v, w, roll_rate, q, r)
+    g1, g2, g3, g4, g5, g6 = righting(
+        computed.weight,
+        computed.buoyancy,
+        computed.x_g,
+        computed.y_g,
+        computed.z_g,
+        hull.x_b,
+        hull.y_b,
+        hull.z_b,
+        r31,
+        r32,
+        r33,
+    )
+
+    # fins
+    uu = computed.density * u * abs(u)
+    rudder, stern, bow = hull.rudder, hull.stern_plane, hull.bow_plane
+    rudder_there = 1.0 - effects.rudder_fin.lost
+    stern_there = 1.0 - effects.stern_plane_fin.lost
+    bow_there = 1.0 - effects.bow_plane_fin.lost
+    angle_r = angle_of_attack(fin_angle(actuators[0], effects.rudder_fin), u, v, r, rudder)
+    angle_s = angle_of_attack(fin_angle(actuators[1], effects.stern_plane_fin), u, w, -q, stern)
+    angle_b = angle_of_attack(fin_angle(actuators[2], effects.bow_plane_fin), u, w, -q, bow)
+    loss = computed.density * u
+    x_force += (
+        rudder_there * angle_r * (uu * rudder.drag * angle_r + loss * (rudder.drag_rate * r + rudder.drag_slip * v))
+    )
+    x_force += stern_there * angle_s * (uu * stern.drag * angle_s + loss * (stern.drag_rate * q + stern.drag_slip * w))
+    x_force += bow_there * angle_b * (uu * bow.drag * angle_b + loss * (bow.drag_rate * q + bow.drag_slip * w))
+    y_force += rudder_there * uu * rudder.lift * angle_r
+    n_moment += rudder_there * uu * rudder.moment * angle_r
+    z_force += uu * (stern_there * stern.lift * angle_s + bow_there * bow.lift * angle_b)
+    m_moment += uu * (stern_there * stern.moment * angle_s + bow_there * bow.moment * angle_b)
+
+    # propulsion
+    thrust, torque = thrust_and_torque(actuators[3], u, p)
+    x_force += thrust
+    k_moment += torque
+    slip = hull.slipstream
+    if slip.c_t1 != 0.0:
+        stream = computed.density * slipstream_speed(RADPS_PER_RPM * actuators[3], u, slip.pitch, slip.c_t1)
+        x_force += (
+            stream * stern_there * angle_s * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle_s)
+        )
+        z_force += stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * stern_there * angle_s)
+        k_moment += stream * slip.k_up * roll_rate
+        m_moment += stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * stern_there * angle_s)
+
+    # loads
+    load = effects.load
+    x_force += f1 + g1 + load.force_x
+    y_force += f2 + g2 + load.force_y
+    z_force += f3 + g3 + load.force_z
+    k_moment += f4 + g4 + load.moment_x
+    m_moment += f5 + g5 + load.moment_y
+    n_moment += f6 + g6 + load.moment_z
+    if computed.has_tether != 0.0:
+        drag = load.tether_drag * sqrt(u * u + v * v + w * w)
+        tx = r11 * load.tether_north + r21 * load.tether_east + r31 * load.tether_down - drag * u
+        ty = r12 * load.tether_north + r22 * load.tether_east + r32 * load.tether_down - drag * v
+        tz = r13 * load.tether_north + r23 * load.tether_east + r33 * load.tether_down - drag * w
+        x_force += tx
+        y_force += ty
+        z_force += tz
+        m_moment -= load.tether_station * tz
+        n_moment += load.tether_station * ty
+
+    # motion over ground
+    current = effects.current
+    north = r11 * u + r12 * v + r13 * w + current.north
+    east = r21 * u + r22 * v + r23 * w + current.east
+    down = r31 * u + r32 * v + r33 * w + current.down
+    dz[13] = 0.0
+    if computed.has_moving_water != 0.0:
+        below = z[8] - current.reference_depth
+        north += current.shear_north * below
+        east += current.shear_east * below
+        a_along = a_down = push_along = push_down = 0.0
+        c_dir, s_dir = 1.0, 0.0
+        if computed.has_waves != 0.0:
+            waves = effects.waves
+            along, sinking = orbital_velocity(z[13], z[8], waves, hull.gravity)
+            c_dir, s_dir = cos(waves.direction), sin(waves.direction)
+            north += along * c_dir
+            east += along * s_dir
+            down += sinking
+            omega = 2.0 * pi / waves.period
+            wavenumber = omega * omega / hull.gravity
+            encounter = omega - wavenumber * (north * c_dir + east * s_dir)
+            decay = wavenumber * down if z[8] > 0.0 else 0.0
+            dz[13] = encounter
+            # the water's acceleration as the vehicle meets it, and at a fixed point, where the pressure gradient is
+            a_along = -encounter * sinking - decay * along
+            a_down = encounter * along - decay * sinking
+            push_along, push_down = -omega * sinking, omega * along
+        a_north = a_along * c_dir + current.shear_north * down
+        a_east = a_along * s_dir + current.shear_east * down
+        ax = r11 * a_north + r21 * a_east + r31 * a_down
+        ay = r12 * a_north + r22 * a_east + r32 * a_down
+        az = r13 * a_north + r23 * a_east + r33 * a_down
+        m = computed.rigid_mass
+        x_force -= m[0, 0] * ax + m[0, 1] * ay + m[0, 2] * az
+        y_force -= m[1, 0] * ax + m[1, 1] * ay + m[1, 2] * az
+        z_force -= m[2, 0] * ax + m[2, 1] * ay + m[2, 2] * az
+        k_moment -= m[3, 0] * ax + m[3, 1] * ay + m[3, 2] * az
+        m_moment -= m[4, 0] * ax + m[4, 1] * ay + m[4, 2] * az
+        n_moment -= m[5, 0] * ax + m[5, 1] * ay + m[5, 2] * az
+        displaced = computed.buoyancy / hull.gravity
+        px = displaced * (r11 * push_along * c_dir + r21 * push_along * s_dir + r31 * push_down)
+        py = displaced * (r12 * push_along * c_dir + r22 * push_along * s_dir + r32 * push_down)
+        pz = displaced * (r13 * push_along * c_dir + r23 * push_along * s_dir + r33 * push_down)
+        x_force += px
+        y_force += py
+        z_force += pz
+        k_moment += hull.y_b * pz - hull.z_b * py
+        m_moment += hull.z_b * px - hull.x_b * pz
+        n_moment += hull.x_b * py - hull.y_b * px
+
+    i = computed.inverse_mass
+    for k in range(6):
+        dz[k] = (
+            i[k, 0] * x_force
+            + i[k, 1] * y_force
+            + i[k, 2] * z_force
+            + i[k, 3] * k_moment
+            + i[k, 4] * m_moment
+            + i[k, 5] * n_moment
+        )
+    dz[6], dz[7], dz[8] = north, east, down
+    # quaternion rates, Fossen 2021, eq. (2.76)
+    e0, e1, e2, e3 = z[9], z[10], z[11], z[12]
+    dz[9] = -0.5 * (e1 * roll_rate + e2 * q + e3 * r)
+    dz[10] = 0.5 * (e0 * roll_rate - e3 * q + e2 * r)
+    dz[11] = 0.5 * (e3 * roll_rate + e0 * q - e1 * r)
+    dz[12] = 0.5 * (-e2 * roll_rate + e1 * q + e0 * r)
+
+
+@compiled
+def enter(x, z):
+    """States as they are kept, with Euler angles, into states as they are integrated, with a quaternion."""
+    for i in range(9):
+        z[i] = x[i]
+    z[9], z[10], z[11], z[12] = quaternion_of(x[9], x[10], x[11])
+    z[13] = x[12]
+
+
+@compiled
+def leave(z, x):
+    """Integrated states back into kept ones, in place; angles go on from those in x without a jump of a turn."""
+    for i in range(9):
+        x[i] = z[i]
+    r11, r12, r13, r21, r22, r23, r31, _, _ = rotation_of(z[9], z[10], z[11], z[12])
+    roll, pitch, heading = euler_angles_of(r11, r12, r13, r21, r22, r23, r31)
+    x[9] += wrapped(roll - x[9])
+    x[10] = pitch
+    x[11] += wrapped(heading - x[11])
+    x[12] = z[13]
+
+
+@compiled
+def shape(inputs, memory, p, shaped):
+    """The four commands after their memoryless effects and backlash, into shaped; memory is updated."""
+    hull, effects = p.hull, p.effects
+    shaped[0], memory[0] = shape_command(inputs[0], memory[0], hull.rudder.limit, effects.rudder)
+    shaped[1], memory[1] = shape_command(inputs[1], memory[1], hull.stern_plane.limit, effects.stern_plane)
+    shaped[2], memory[2] = shape_command(inputs[2], memory[2], hull.bow_plane.limit, effects.bow_plane)
+    propeller, limit = effects.propeller, hull.propulsion.limit
+    shaped[3], memory[3] = shaped_command(
+        inputs[3],
+        memory[3],
+        propeller.gain,
+        propeller.offset * limit,
+        propeller.deadband * limit,
+        0.0,
+        limit - propeller.lost_travel * limit,
+    )
+
+
+@compiled
+def actuator_times(index, p):
+    """Dead time s, lag s and slowness (s per unit) of an actuator, the vehicle's own and the effect's together."""
+    hull, effects = p.hull, p.effects
+    if index == 0:
+        return (
+            effects.rudder.dead_time,
+            hull.rudder.lag + effects.rudder.lag,
+            hull.rudder.slowness + effects.rudder.slowness,
+        )
+    if index == 1:
+        fin, effect = hull.stern_plane, effects.stern_plane
+        return effect.dead_time, fin.lag + effect.lag, fin.slowness + effect.slowness
+    if index == 2:
+        fin, effect = hull.bow_plane, effects.bow_plane
+        return effect.dead_time, fin.lag + effect.lag, fin.slowness + effect.slowness
+    drive, propeller = hull.propulsion, effects.propeller
+    return propeller.dead_time, drive.lag + propeller.lag, (drive.slowness + propeller.slowness) / drive.limit
+
+
+@compiled
+def water_velocity(depth, phase, p, r11, r12, r13, r21, r22, r23, r31, r32, r33):
+    """Velocity of the water over ground in body axes, m/s, at a depth and a phase of the waves."""
+    current = p.effects.current
+    below = depth - current.reference_depth
+    north = current.north + current.shear_north * below
+    east = current.east + current.shear_east * below
+    down = current.down
+    if p.computed.has_waves != 0.0:
+        waves = p.effects.waves
+        along, sinking = orbital_velocity(phase, depth, waves, p.hull.gravity)
+        north += along * cos(waves.direction)
+        east += along * sin(waves.direction)
+        down += sinking
+    return (
+        r11 * north + r21 * east + r31 * down,
+        r12 * north + r22 * east + r32 * down,
+        r13 * north + r23 * east + r33 * down,
+    )
+
+
+# Sensor states: how far a reading lags behind, of depth, heading, p q r, velocity over ground, velocity through water.
+SENSORS = (
+    "depth_lag_m",
+    "heading_lag_rad",
+    *(f"{name}_lag" for name in ("p", "q", "r", "u_dvl", "v_dvl", "w_dvl", "u", "v", "w")),
+)
+
+
+@compiled
+def sense(before, z, sensors, duration, p):
+    """Update of the lag errors in sensors after the vehicle went from `before` to z (integrated states)."""
+    effects = p.effects
+    lagging = (
+        effects.depth.lag + effects.compass.lag + effects.gyros.lag + effects.dvl_ground.lag + effects.dvl_water.lag
+    )
+    if lagging <= 0.0:  # the usual case
+        for i in range(11):
+            sensors[i] = 0.0
+        return
+    sensors[0] = lag_error(sensors[0], z[8] - before[8], effects.depth.lag, duration)
+    a11, a12, a13, a21, a22, a23, a31, a32, a33 = rotation_of(before[9], before[10], before[11], before[12])
+    b11, b12, b13, b21, b22, b23, b31, b32, b33 = rotation_of(z[9], z[10], z[11], z[12])
+    _, _, old = euler_angles_of(a11, a12, a13, a21, a22, a23, a31)
+    _, _, new = euler_angles_of(b11, b12, b13, b21, b22, b23, b31)
+    compass = effects.compass
+    turned = wrapped(new - old) + deviation(new, compass) - deviation(old, compass)
+    sensors[1] = lag_error(sensors[1], turned, compass.lag, duration)
+    for i in range(3):
+        sensors[2 + i] = lag_error(sensors[2 + i], z[3 + i] - before[3 + i], effects.gyros.lag, duration)
+        sensors[8 + i] = lag_error(sensors[8 + i], z[i] - before[i], effects.dvl_water.lag, duration)
+    if effects.dvl_ground.lag > 0.0:
+        x0, y0, z0 = water_velocity(before[8], before[13], p, a11, a12, a13, a21, a22, a23, a31, a32, a33)
+        x1, y1, z1 = water_velocity(z[8], z[13], p, b11, b12, b13, b21, b22, b23, b31, b32, b33)
+        lag = effects.dvl_ground.lag
+        sensors[5] = lag_error(sensors[5], z[0] - before[0] + x1 - x0, lag, duration)
+        sensors[6] = lag_error(sensors[6], z[1] - before[1] + y1 - y0, lag, duration)
+        sensors[7] = lag_error(sensors[7], z[2] - before[2] + z1 - z0, lag, duration)
+    else:
+        sensors[5] = sensors[6] = sensors[7] = 0.0
+
+
+@compiled
+def settle_sensors(x, actuators, sensors, p):
+    """Lag errors of a vehicle that has been turning and sinking at its present rates for long (kept states)."""
+    effects = p.effects
+    for i in range(11):
+        sensors[i] = 0.0
+    if effects.depth.lag > 0.0:
+        sinking = -sin(x[10]) * x[0] + cos(x[10]) * (sin(x[9]) * x[1] + cos(x[9]) * x[2]) + effects.current.down
+        sensors[0] = -effects.depth.lag * sinking
+    compass = effects.compass
+    if compass.lag > 0.0:
+        level = cos(x[10])
+        level = level if abs(level) > 1e-3 else 1e-3
+        rate = (sin(x[9]) * x[4] + cos(x[9]) * x[5]) / level
+        sensors[1] = -compass.lag * (rate + deviation(x[11] + rate, compass) - deviation(x[11], compass))
+
+
+@compiled
+def turned_and_scaled(a, b, angle, scale):
+    """Two horizontal components as an instrument turned about the vertical axis gives them, with its scale error."""
+    if angle == 0.0:  # not a 1 * a + 0 * b: neutral leaves the bits as they are
+        return (1.0 + scale) * a, (1.0 + scale) * b
+    c, s = cos(angle), sin(angle)
+    return (1.0 + scale) * (c * a + s * b), (1.0 + scale) * (c * b - s * a)
+
+
+@compiled
+def output(x, actuators, sensors, p, y):
+    """Readings [roll pitch heading | p q r | velocity through water | the same over ground | position] into y."""
+    effects = p.effects
+    y[0] = x[9] + effects.inclinometer.roll_bias
+    y[1] = x[10] + effects.inclinometer.pitch_bias
+    y[2] = compass_reading(x[11], sensors[1], effects.compass)
+    gyros, water, ground = effects.gyros, effects.dvl_water, effects.dvl_ground
+    a, b = turned_and_scaled(x[3] + sensors[2], x[4] + sensors[3], gyros.misalignment, gyros.scale)
+    y[3], y[4] = a + gyros.bias_p, b + gyros.bias_q
+    y[5] = (1.0 + gyros.scale) * (x[5] + sensors[4]) + gyros.bias_r
+    a, b = turned_and_scaled(x[0] + sensors[8], x[1] + sensors[9], water.misalignment, water.scale)
+    y[6], y[7] = a + water.bias_u, b + water.bias_v
+    y[8] = (1.0 + water.scale) * (x[2] + sensors[10]) + water.bias_w
+    current = effects.current
+    flowing = p.computed.has_moving_water != 0.0 or current.north != 0.0 or current.east != 0.0 or current.down != 0.0
+    cx = cy = cz = 0.0
+    if flowing:
+        e0, e1, e2, e3 = quaternion_of(x[9], x[10], x[11])
+        r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(e0, e1, e2, e3)
+        cx, cy, cz = water_velocity(x[8], x[12], p, r11, r12, r13, r21, r22, r23, r31, r32, r33)
+    a, b = turned_and_scaled(x[0] + cx + sensors[5], x[1] + cy + sensors[6], ground.misalignment, ground.scale)
+    y[9], y[10] = a + ground.bias_u, b + ground.bias_v
+    y[11] = (1.0 + ground.scale) * (x[2] + cz + sensors[7]) + ground.bias_w
+    y[12], y[13] = x[6], x[7]
+    y[14] = (1.0 + effects.depth.scale) * (x[8] + sensors[0]) + effects.depth.bias
+
+
+def mass_problem(parameters: TorpedoParameters) -> str:
+    """What is wrong with the mass matrix, or nothing: its symmetric part must be positive definite."""
+    derived = np.zeros(N_DERIVED)
+    matrix, rigid, momentum = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6))
+    derived[:N_PARAMETERS] = pack(parameters)
+    fill_mass(view(derived), matrix, rigid, momentum)
+    for name, part in (
+        ("mass matrix of the rigid body", rigid),
+        ("mass matrix with added mass", 0.5 * (matrix + matrix.T)),
+    ):
+        values, vectors = np.linalg.eigh(part)
+        if values[0] <= 0.0:
+            axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[int(np.argmax(np.abs(vectors[:, 0])))]
+            return (
+                f"the {name} is not positive definite (smallest eigenvalue {values[0]:.3g}, mostly in {axis}): "
+                "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there)"
+            )
+    return ""
+
+
+def _family(name: str, propulsion: str, title: str) -> Family:
+    commands = ("rudder_rad", "stern_plane_rad", "bow_plane_rad", propulsion)
+    return Family(
+        name=name,
+        kind="torpedo",
+        title=title,
+        parameters=TorpedoParameters,
+        inputs=commands,
+        required=("rudder_rad", "stern_plane_rad", propulsion),
+        states=(
+            *("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps"),
+            *("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad", "wave_phase_rad"),
+        ),
+        integrated=14,
+        scratch=N_TERMS,
+        actuators=commands,
+        sensors=SENSORS,
+        outputs=(
+            *("roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"),
+            *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
+        ),
+        coefficients=("hull.surge.u_u", "hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "hull.rudder.moment"),
+        derived=N_DERIVED,
+        problem=mass_problem,
+        view=view,
+        hooks={
+            "derivative": derivative,
+            "stable_step": stable_step,
+            "shape": shape,
+            "actuator_times": actuator_times,
+            "sense": sense,
+            "settle_sensors": settle_sensors,
+            "output": output,
+            "enter": enter,
+            "leave": leave,
+            "derive": derive,
+        },
+    )
+
+
+TORPEDO = _family("torpedo", "propeller_rpm", "six degrees of freedom, propeller by shaft speed")
+TORPEDO_VOLTAGE = _family("torpedo_voltage", "propeller_V", "six degrees of freedom, propeller by voltage")
+TORPEDO_SPEED = _family("torpedo_speed", "speed_cmd_mps", "six degrees of freedom, thrust for a desired speed")
