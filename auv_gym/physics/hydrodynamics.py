@@ -8,20 +8,24 @@ STRIPS = 11
 
 
 @compiled
-def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length):
+def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length, scratch):
     """Sway and heave force, N, pitch and yaw moment, N m, of the flow across a hull of constant section, by strips.
 
     drag_y, drag_z: drag coefficient times height, and times breadth, m.  The speed of a strip is that of the whole
-    cross flow, so that sway and heave couple.  Eleven strips from -L/2 to L/2, each of weight L/10.
+    cross flow, so that sway and heave couple.  Eleven strips from -L/2 to L/2, each of weight L/10.  scratch: (22,).
     Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), cross-flow integrals; heave by w - x q in both.
     """
     sway = heave = pitch = yaw = 0.0
     spacing = length / (STRIPS - 1)
-    for i in range(STRIPS):
-        x = -0.5 * length + i * spacing
+    for i in range(STRIPS):  # apart from the sums, so that several roots are taken at a time
+        x = (i - (STRIPS - 1) // 2) * spacing
         across, down = v + x * r, w - x * q
         speed = sqrt(across * across + down * down)
-        side, lift = drag_y * across * speed, drag_z * down * speed
+        scratch[i] = drag_y * across * speed
+        scratch[STRIPS + i] = drag_z * down * speed
+    for i in range(STRIPS):
+        x = (i - (STRIPS - 1) // 2) * spacing
+        side, lift = scratch[i], scratch[STRIPS + i]
         sway -= side
         heave -= lift
         pitch += x * lift
@@ -38,7 +42,8 @@ def angle_of_attack(angle, u, cross, turn, fin):
     """
     if fin.inflow != 0.0:
         flow = atan2(cross + fin.station * turn, abs(u))
-        angle -= fin.inflow * flow if fin.lift > 0.0 else -fin.inflow * flow
+        # force goes with u|u|: astern the flow's part of it must not, or a fin would drive what it damps ahead
+        angle -= fin.inflow * flow if fin.lift * u > 0.0 else -fin.inflow * flow
     return min(max(angle, -fin.stall), fin.stall)
 
 
