@@ -370,3 +370,17 @@ def test_full_deflection_stays_finite(name):
         assert np.all(np.isfinite(states))
         assert np.abs(states[:, :3]).max() < top
         assert np.abs(states[:, 3:6]).max() < 2.0
+
+
+def test_the_vehicle_in_the_guide_loads_and_drives(tmp_path):
+    guide = (Path(__file__).parents[2] / "docs" / "vehicles.md").read_text(encoding="utf-8")
+    text = guide.partition("```toml\n")[2].partition("```")[0]
+    path = tmp_path / "mine.toml"
+    path.write_text(text, encoding="utf-8")
+    plant = load_vehicle(path)
+    assert plant.hull.yaw.uv == pytest.approx(0.009 * 0.5 * 1000.0 * 2.0**3)
+    # thrust against drag; 1.4 N of buoyancy trim it a little
+    assert steady_speed(plant, 1000.0, 1.0) == pytest.approx(math.sqrt(5e-4 / 3.0) * 1000.0 * math.pi / 30.0, rel=0.02)
+    path.write_text(text.replace('value = -2.0, unit = "kg"', 'value = -2.0, unit = "kg m"'), encoding="utf-8")
+    with pytest.raises(ValueError, match=r"hull\.added_mass\.x_udot is in kg"):
+        load_vehicle(path)
