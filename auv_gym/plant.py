@@ -99,6 +99,10 @@ class Plant:
         return derived
 
     @cached_property
+    def _work_size(self) -> int:
+        return scratch_for(self.family).size
+
+    @cached_property
     def programs(self) -> Programs:
         return bind_family(self.family)
 
@@ -140,7 +144,7 @@ class Plant:
                 f"A step of {self.name} needs a state of shape ({self._size},), as `initial` returns it, and "
                 f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {next_x.shape} and {u.shape}."
             )
-        self.programs.step(next_x, u, ages, self.longest_step, self.derived, scratch_for(self.family))
+        self.programs.step(next_x, u, ages, self.longest_step, self.derived, np.empty(self._work_size))
         return next_x
 
     def output(self, x: np.ndarray) -> np.ndarray:

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import bind
-from auv_gym.physics.actuators import travel
+from auv_gym.compiled import bind, view_as
+from auv_gym.physics.actuators import decay_of, travel
 from auv_gym.vehicles.family import Family
 
 # Open names of the templates, bound per family.
-STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = DERIVED = WORK_ROWS = WORK_COLUMNS = 0
+STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = DERIVED = WORK = 0
 derivative: Any
 stable_step: Any
 shape: Any
@@ -35,22 +35,23 @@ leave: Any
 derive: Any
 view: Any
 rk4: Any
+workspace: Any
 drive: Any
 interval: Any
 
 
-def _rk4(z, actuators, inputs, h, p, work):
-    """One step of the classical fourth-order Runge-Kutta method on z in place.
+def _rk4(h, inputs, p, room):
+    """One step of the classical fourth-order Runge-Kutta method on room.z in place.
 
-    actuators: (3, ACTUATORS), positions at start, middle and end.  work: scratch, see `scratch_for`.
+    room: record of work arrays; room.path has the actuators' positions at start, middle and end of the step.
     Source: Hairer, Norsett and Wanner 1993, sec. II.1, table 1.2.
     """
-    slope, y, total, terms = work[0], work[1], work[2], work[3]
+    z, slope, y, total, terms, path = room.z, room.slope, room.y, room.total, room.terms, room.path
     for i in range(INTEGRATED):
         y[i] = z[i]
         total[i] = 0.0
     for stage in range(4):  # a loop, so that the derivative is compiled into it once
-        derivative(y, actuators[(stage + 1) // 2], inputs, p, slope, terms)
+        derivative(y, path[(stage + 1) // 2], inputs, p, slope, terms)
         weight = 2.0 if stage == 1 or stage == 2 else 1.0
         reach = 0.5 * h if stage < 2 else h
         for i in range(INTEGRATED):
@@ -68,7 +69,9 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
     """
     position = x[STATES : STATES + ACTUATORS]
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
-    z, before, target, path = work[4], work[5], work[6], work[7:10]
+    room = workspace(work)
+    z, before, target, path = room.z, room.before, room.target, room.path
+    lags, slownesses, decays = room.lags, room.slownesses, room.decays
     enter(x[:STATES], z)
     t = t0
     while t < t1:
@@ -89,10 +92,12 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
             step = max(min(longest_step, stable_step(z, inputs, p)), 0.02 * longest_step)
             pieces = max(ceil((t_next - t) / step - 1e-9), 1)
         h = (t_next - t) / pieces
+        for j in range(ACTUATORS):
+            _, lags[j], slownesses[j] = actuator_times(j, p)
+            decays[j] = decay_of(lags[j], h)
         for _ in range(pieces):
             for j in range(ACTUATORS):
-                times_j = actuator_times(j, p)
-                mean, slope, last = travel(position[j], target[j], times_j[1], times_j[2], h)
+                mean, slope, last = travel(position[j], target[j], lags[j], slownesses[j], h, decays[j])
                 path[0, j] = mean - 0.5 * h * slope
                 path[1, j] = mean
                 path[2, j] = mean + 0.5 * h * slope
@@ -100,7 +105,7 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
             if longest_step > 0.0:
                 for i in range(INTEGRATED):
                     before[i] = z[i]
-                rk4(z, path, inputs, h, p, work)
+                rk4(h, inputs, p, room)
                 sense(before, z, sensors, h, p)
         t = t_next
     if longest_step > 0.0:
@@ -174,7 +179,7 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
     y: (S, sum of window lengths, OUTPUTS), the windows one after the other.
     """
     n = times.shape[0]
-    work = np.empty((WORK_ROWS, WORK_COLUMNS))
+    work = np.empty(WORK)
     derived = np.empty(DERIVED)
     shaped = np.empty((n, ACTUATORS))
     positions = np.empty((n, ACTUATORS))
@@ -215,12 +220,17 @@ class Programs:
 
 
 def scratch_for(family: Family) -> np.ndarray:
-    """The work array that `step` needs: a row each for slope, stage, sum and terms, six for the interval."""
-    return np.empty(_work_shape(family))
+    """The work array that `step` needs."""
+    return np.empty(_work_type(family).itemsize // 8)
 
 
-def _work_shape(family: Family) -> tuple[int, int]:
-    return 10, max(family.integrated, len(family.actuators), family.scratch)
+def _work_type(family: Family) -> np.dtype:
+    """Work arrays as fields of one record: compiled code counts no references to these, at a third of a step's time."""
+    states, actuators = family.integrated, len(family.actuators)
+    rows = dict.fromkeys(("z", "before", "slope", "y", "total"), (states,))
+    rows |= {"terms": (max(family.scratch, 1),), "path": (3, actuators)}
+    rows |= dict.fromkeys(("target", "lags", "slownesses", "decays"), (actuators,))
+    return np.dtype((np.record, [(name, np.float64, shape) for name, shape in rows.items()]))
 
 
 _BOUND: dict[str, Programs] = {}
@@ -230,7 +240,6 @@ def bind_family(family: Family) -> Programs:
     """The programs of a family's kind; each is compiled when first called and found in the cache afterwards."""
     if family.kind in _BOUND:
         return _BOUND[family.kind]
-    rows, columns = _work_shape(family)
     sizes = {
         "STATES": len(family.states),
         "INTEGRATED": family.integrated,
@@ -239,14 +248,14 @@ def bind_family(family: Family) -> Programs:
         "OUTPUTS": len(family.outputs),
         "INPUTS": len(family.inputs),
         "DERIVED": family.derived,
-        "WORK_ROWS": rows,
-        "WORK_COLUMNS": columns,
+        "WORK": scratch_for(family).size,
     }
     known = {**sizes, **family.hooks, "view": family.view, "travel": travel}
+    known["workspace"] = view_as(_work_type(family), f"{family.kind}_work")
     for name, template in (("rk4", _rk4), ("interval", _interval), ("drive", _drive)):
         known[name] = bind(template, family.kind, **known)
     _BOUND[family.kind] = Programs(
-        step=bind(_step, family.kind, **known),
+        step=bind(_step, family.kind, inline=False, **known),
         read=bind(_read, family.kind, **known),
         settle=bind(_settle, family.kind, **known),
         rollout=bind(_rollout, family.kind, **known),

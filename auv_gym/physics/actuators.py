@@ -44,13 +44,20 @@ def shape_command(command, memory, limit, actuator):
 
 
 @compiled
-def travel(position, target, lag, slowness, duration):
+def decay_of(lag, duration):
+    """The share of its way to the target that a first-order lag has gone after a time."""
+    return -expm1(-duration / lag) if lag > 0.0 else 1.0
+
+
+@compiled
+def travel(position, target, lag, slowness, duration, decay=-1.0):
     """Mean, slope and end of an actuator's position over a time in which its target is constant.
 
     First-order lag with a rate limit, dx/dt = clip((target - x)/lag, +-1/slowness), solved in closed form: a straight
     run at full rate, then an exponential. `mean + slope (t - duration/2)` has the exact zeroth and first moment of the
     position, so forces taken from it keep a fourth-order integrator's order and are right however small the lag is.
-    lag: s.  slowness: s/rad, the inverse of the rate limit.  Source: Fossen 2021, sec. 9.7 (lag, rate limit).
+    lag: s.  slowness: s/rad, the inverse of the rate limit.  decay: `decay_of(lag, duration)`, where it is known.
+    Source: Fossen 2021, sec. 9.7 (lag, rate limit).
     """
     error = position - target
     if error == 0.0 or (lag <= 0.0 and slowness <= 0.0):
@@ -68,7 +75,7 @@ def travel(position, target, lag, slowness, duration):
         size -= run / slowness
     rest = duration - run
     if rest > 0.0 and lag > 0.0:
-        gone = -expm1(-rest / lag)
+        gone = decay if run == 0.0 and decay >= 0.0 else decay_of(lag, rest)
         area += size * lag * gone
         moment += size * lag * (run * gone + lag * gone - rest * (1.0 - gone))
         size *= 1.0 - gone

@@ -8,24 +8,20 @@ STRIPS = 11
 
 
 @compiled
-def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length, scratch):
+def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length):
     """Sway and heave force, N, pitch and yaw moment, N m, of the flow across a hull of constant section, by strips.
 
     drag_y, drag_z: drag coefficient times height, and times breadth, m.  The speed of a strip is that of the whole
-    cross flow, so that sway and heave couple.  Eleven strips from -L/2 to L/2, each of weight L/10.  scratch: (22,).
+    cross flow, so that sway and heave couple.  Eleven strips from -L/2 to L/2, each of weight L/10.
     Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), cross-flow integrals; heave by w - x q in both.
     """
     sway = heave = pitch = yaw = 0.0
     spacing = length / (STRIPS - 1)
-    for i in range(STRIPS):  # apart from the sums, so that several roots are taken at a time
+    for i in range(STRIPS):
         x = (i - (STRIPS - 1) // 2) * spacing
         across, down = v + x * r, w - x * q
         speed = sqrt(across * across + down * down)
-        scratch[i] = drag_y * across * speed
-        scratch[STRIPS + i] = drag_z * down * speed
-    for i in range(STRIPS):
-        x = (i - (STRIPS - 1) // 2) * spacing
-        side, lift = scratch[i], scratch[STRIPS + i]
+        side, lift = drag_y * across * speed, drag_z * down * speed
         sway -= side
         heave -= lift
         pitch += x * lift

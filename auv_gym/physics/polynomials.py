@@ -1,7 +1,9 @@
 """The terms of a hull's hydrodynamic polynomials and the parameter groups that hold their coefficients.
 
 A force is a sum of coefficients times products of the velocities through the water: the form in which captive model
-tests are reduced (Gertler and Hagen 1967) and from which the published sets draw. `uv` is u v, `v_v` is v |v|.
+tests are reduced (Gertler and Hagen 1967) and from which the published sets draw. `uv` is u v, `v_v` is v |v|. They
+hold for u > 0; astern, u times an axis's own velocity (sway `uv`, heave `uw`, roll `up`, pitch `uq`, yaw `ur`) is |u|
+times it, so that damping still damps.
 """
 
 from __future__ import annotations

@@ -5,6 +5,12 @@ from math import pi, sqrt
 from auv_gym.compiled import compiled
 
 RADPS_PER_RPM = pi / 30.0
+# The grid of a thrust table: even, so that a cell is found without a search.
+ROWS, COLUMNS = 6, 5
+VOLTAGE_STEP = 1.0  # V
+LOWEST_INFLOW, INFLOW_STEP = -1.5, 0.75  # m/s
+VOLTAGES = tuple(VOLTAGE_STEP * i for i in range(ROWS))
+INFLOWS = tuple(LOWEST_INFLOW + INFLOW_STEP * j for j in range(COLUMNS))
 
 
 @compiled
@@ -17,52 +23,41 @@ def shaft_law(shaft_speed, u, per_square, per_speed):
 
 
 @compiled
-def table_thrust(voltage, inflow, table, voltages, inflows):
-    """Thrust, N, from a table over voltage (rows) and inflow in m/s, bilinear, held at its edges.
+def table_thrust(voltage, inflow, table):
+    """Thrust, N, from a table over VOLTAGES (rows) and INFLOWS, m/s, bilinear, held at its edges.
 
-    table: (rows * columns,).  voltages, inflows: rising tuples.  Astern, T(-V, u) = -T(V, -u).
+    table: (rows * columns,).  Astern, T(-V, u) = -T(V, -u).
     """
     side = 1.0
     if voltage < 0.0:
         side, voltage, inflow = -1.0, -voltage, -inflow
-    columns = len(inflows)
-    row, share = _cell(voltage, voltages)
-    column, part = _cell(inflow, inflows)
-    at = row * columns + column
+    row = min(max(0.0, voltage / VOLTAGE_STEP), ROWS - 1.0)
+    column = min(max(0.0, (inflow - LOWEST_INFLOW) / INFLOW_STEP), COLUMNS - 1.0)
+    i, j = min(int(row), ROWS - 2), min(int(column), COLUMNS - 2)
+    share, part = row - i, column - j
+    at = i * COLUMNS + j
     low = table[at] + part * (table[at + 1] - table[at])
-    high = table[at + columns] + part * (table[at + columns + 1] - table[at + columns])
+    high = table[at + COLUMNS] + part * (table[at + COLUMNS + 1] - table[at + COLUMNS])
     return side * (low + share * (high - low))
 
 
 @compiled
-def _cell(value, grid):
-    """Index of the grid interval that holds a value and the share of it that lies below, 0 to 1."""
-    index = 0
-    for i in range(1, len(grid) - 1):
-        if value >= grid[i]:
-            index = i
-    share = (value - grid[index]) / (grid[index + 1] - grid[index])
-    return index, min(max(share, 0.0), 1.0)
-
-
-@compiled
-def table_voltage(thrust, inflow, table, voltages, inflows):
+def table_voltage(thrust, inflow, table):
     """The voltage that gives a thrust in N at an inflow in m/s: the inverse of `table_thrust`, within the table.
 
     The table rises with voltage, so that a sign of the voltage and a cell in it are unique.
     """
     side = 1.0
-    if thrust < table_thrust(0.0, inflow, table, voltages, inflows):
+    if thrust < table_thrust(0.0, inflow, table):
         side, thrust, inflow = -1.0, -thrust, -inflow
-    low_voltage = voltages[0]
-    low = table_thrust(low_voltage, inflow, table, voltages, inflows)
-    for i in range(1, len(voltages)):
-        high = table_thrust(voltages[i], inflow, table, voltages, inflows)
+    low = table_thrust(0.0, inflow, table)
+    for i in range(1, ROWS):
+        high = table_thrust(i * VOLTAGE_STEP, inflow, table)
         if thrust <= high:
             share = (thrust - low) / (high - low) if high > low else 0.0
-            return side * (low_voltage + max(share, 0.0) * (voltages[i] - low_voltage))
-        low_voltage, low = voltages[i], high
-    return side * voltages[-1]
+            return side * (i - 1 + max(share, 0.0)) * VOLTAGE_STEP
+        low = high
+    return side * (ROWS - 1) * VOLTAGE_STEP
 
 
 @compiled

@@ -39,13 +39,13 @@ def coriolis_forces(momentum, u, v, w, p, q, r):
     dP/dt = -omega x P and dH/dt = -omega x H - v x P (Kirchhoff); with M_A the last term is the Munk moment.
     Source: Fossen 2021, theorem 3.2.
     """
-    m = momentum
-    p1 = m[0, 0] * u + m[0, 1] * v + m[0, 2] * w + m[0, 3] * p + m[0, 4] * q + m[0, 5] * r
-    p2 = m[1, 0] * u + m[1, 1] * v + m[1, 2] * w + m[1, 3] * p + m[1, 4] * q + m[1, 5] * r
-    p3 = m[2, 0] * u + m[2, 1] * v + m[2, 2] * w + m[2, 3] * p + m[2, 4] * q + m[2, 5] * r
-    h1 = m[3, 0] * u + m[3, 1] * v + m[3, 2] * w + m[3, 3] * p + m[3, 4] * q + m[3, 5] * r
-    h2 = m[4, 0] * u + m[4, 1] * v + m[4, 2] * w + m[4, 3] * p + m[4, 4] * q + m[4, 5] * r
-    h3 = m[5, 0] * u + m[5, 1] * v + m[5, 2] * w + m[5, 3] * p + m[5, 4] * q + m[5, 5] * r
+    m = momentum  # sums of three and three: a processor adds them side by side
+    p1 = (m[0, 0] * u + m[0, 1] * v + m[0, 2] * w) + (m[0, 3] * p + m[0, 4] * q + m[0, 5] * r)
+    p2 = (m[1, 0] * u + m[1, 1] * v + m[1, 2] * w) + (m[1, 3] * p + m[1, 4] * q + m[1, 5] * r)
+    p3 = (m[2, 0] * u + m[2, 1] * v + m[2, 2] * w) + (m[2, 3] * p + m[2, 4] * q + m[2, 5] * r)
+    h1 = (m[3, 0] * u + m[3, 1] * v + m[3, 2] * w) + (m[3, 3] * p + m[3, 4] * q + m[3, 5] * r)
+    h2 = (m[4, 0] * u + m[4, 1] * v + m[4, 2] * w) + (m[4, 3] * p + m[4, 4] * q + m[4, 5] * r)
+    h3 = (m[5, 0] * u + m[5, 1] * v + m[5, 2] * w) + (m[5, 3] * p + m[5, 4] * q + m[5, 5] * r)
     return (
         r * p2 - q * p3,
         p * p3 - r * p1,

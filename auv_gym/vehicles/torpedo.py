@@ -19,12 +19,12 @@ from auv_gym.physics.actuators import shape_command, shaped_command
 from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
-from auv_gym.physics.propulsion import RADPS_PER_RPM, shaft_law, slipstream_speed, table_thrust
+from auv_gym.physics.propulsion import COLUMNS, RADPS_PER_RPM, ROWS, shaft_law, slipstream_speed, table_thrust
 from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, invert
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
 from auv_gym.physics.water import orbital_velocity
 from auv_gym.vehicles.family import Family
-from auv_gym.vehicles.torpedo_parameters import INFLOWS, VOLTAGES, TorpedoParameters
+from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
 N_TERMS = len(TERMS)
 # What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
@@ -39,8 +39,9 @@ _COMPUTED = np.dtype(
             ("inverse_mass", np.float64, (6, 6)),
             ("momentum", np.float64, (6, 6)),  # M_RB and the share of M_A whose Coriolis forces are added
             ("rigid_mass", np.float64, (6, 6)),
-            ("coefficients", np.float64, (N_TERMS, 6)),  # of the terms that are there, in the order of `terms`
-            ("terms", np.float64, (N_TERMS,)),
+            ("coefficients", np.float64, (6 * N_TERMS,)),  # those of the polynomials that are not zero, axis by axis
+            ("terms", np.float64, (6 * N_TERMS,)),  # of each, the index in what `fill_terms` gives
+            ("ends", np.float64, (6,)),  # where each axis's coefficients end
             ("environment", np.float64, (len(ENVIRONMENT_TERMS), 6)),
             ("damping", np.float64, (6, 3)),  # rates, 1/s: constant, per |u|, per own speed; for the stable step
             ("cross_y", np.float64),
@@ -51,10 +52,10 @@ _COMPUTED = np.dtype(
             ("x_g", np.float64),
             ("y_g", np.float64),
             ("z_g", np.float64),
-            ("term_count", np.float64),
             ("has_environment", np.float64),
             ("has_cross_flow", np.float64),
             ("has_table", np.float64),
+            ("has_lag", np.float64),
             ("has_moving_water", np.float64),
             ("has_waves", np.float64),
             ("has_tether", np.float64),
@@ -164,14 +165,16 @@ def derive(vector, derived):
     for i in range(6):
         for j in range(3):
             computed.damping[i, j] = 0.0
-    for k in range(N_TERMS):
-        used = False
-        for i in range(6):
+    for i in range(6):
+        for k in range(N_TERMS):
             factor = 1.0 + _DAMPING[k] * damping_error(effects.hull, i)
             factor *= 1.0 + _DRAG[k] * effects.hull.fouling
             value = density * factor * hull_coefficient(hull, i, k) + hull_coefficient(effects.discovered, i, k)
-            computed.coefficients[count, i] = value
-            used = used or value != 0.0
+            if value != 0.0:
+                computed.coefficients[count] = value
+                # published for u > 0: damping of the axis's own velocity goes with |u|, or it would drive it astern
+                computed.terms[count] = N_TERMS + i - 1 if i > 0 and k == 16 + i else k
+                count += 1
             own = abs(computed.inverse_mass[i, i] * value)
             if k == i:
                 computed.damping[i, 0] += own
@@ -179,10 +182,7 @@ def derive(vector, derived):
                 computed.damping[i, 2] += 2.0 * own
             if i > 0 and k == 16 + i:  # u times the axis's own velocity
                 computed.damping[i, 1] += own
-        if used:
-            computed.terms[count] = k
-            count += 1
-    computed.term_count = count
+        computed.ends[i] = count
     computed.has_environment = 0.0
     for k in range(len(ENVIRONMENT_TERMS)):
         for i in range(6):
@@ -208,9 +208,11 @@ def derive(vector, derived):
     stiffness = computed.weight * computed.z_g - computed.buoyancy * hull.z_b
     computed.damping[3, 0] += 0.5 * sqrt(abs(computed.inverse_mass[3, 3] * stiffness))
     computed.has_table = 0.0
-    for i in range(len(VOLTAGES) * len(INFLOWS)):
+    for i in range(ROWS * COLUMNS):
         if hull.propulsion.table[i] != 0.0:
             computed.has_table = 1.0
+    lags = effects.depth.lag + effects.compass.lag + effects.gyros.lag
+    computed.has_lag = 1.0 if lags + effects.dvl_ground.lag + effects.dvl_water.lag > 0.0 else 0.0
     waves, current = effects.waves, effects.current
     computed.has_waves = 1.0 if waves.amplitude_cos != 0.0 or waves.amplitude_sin != 0.0 else 0.0
     sheared = current.shear_north != 0.0 or current.shear_east != 0.0
@@ -232,7 +234,7 @@ def stable_step(z, inputs, p):
 
 @compiled
 def fill_terms(u, v, w, p, q, r, terms):
-    """The values of TERMS at these velocities into terms, shape (N_TERMS,)."""
+    """The values of TERMS at these velocities, then |u| [v w p q r], into terms, shape (N_TERMS + 5,)."""
     terms[0], terms[1], terms[2], terms[3], terms[4], terms[5] = u, v, w, p, q, r
     terms[6], terms[7], terms[8] = u * abs(u), v * abs(v), w * abs(w)
     terms[9], terms[10], terms[11] = p * abs(p), q * abs(q), r * abs(r)
@@ -241,6 +243,23 @@ def fill_terms(u, v, w, p, q, r, terms):
     terms[22], terms[23], terms[24], terms[25] = v * w, v * p, v * q, v * r
     terms[26], terms[27], terms[28] = w * p, w * q, w * r
     terms[29], terms[30], terms[31] = p * q, p * r, q * r
+    ahead = abs(u)
+    terms[32], terms[33], terms[34], terms[35], terms[36] = ahead * v, ahead * w, ahead * p, ahead * q, ahead * r
+
+
+@compiled
+def polynomial(computed, start, end, terms):
+    """The sum of one axis's coefficients, which stand from start to end, times their terms."""
+    total = 0.0
+    for i in range(start, end):
+        total += computed.coefficients[i] * terms[int(computed.terms[i])]
+    return total
+
+
+@compiled
+def fin_drag(angle, square, push, turn, slip, fin):
+    """Axial force of a pair of fins, N; square: u|u|, push: u, both times the relative density."""
+    return angle * (square * (fin.drag * angle) + push * (fin.drag_rate * turn + fin.drag_slip * slip))
 
 
 @compiled
@@ -257,7 +276,7 @@ def thrust_and_torque(command, u, p):
     thrust = shaft_law(n, u, law.t_nn, law.t_nu) + law.t_cc * command * abs(command)
     torque = shaft_law(n, u, law.q_nn, law.q_nu)
     if p.computed.has_table != 0.0:
-        thrust += table_thrust(command, u, law.table, VOLTAGES, INFLOWS)
+        thrust += table_thrust(command, u, law.table)
     working = p.computed.density * (1.0 - p.effects.propeller.thrust_loss)
     thrust *= working
     return thrust, working * torque + (law.torque_arm + p.effects.propeller.torque) * thrust
@@ -267,45 +286,40 @@ def thrust_and_torque(command, u, p):
 def derivative(z, actuators, inputs, p, dz, terms):
     """State derivative of [u v w p q r | north east depth | quaternion | wave phase] into dz.
 
-    actuators: [rudder, stern plane, bow plane rad, propulsion command].  terms: scratch, shape (N_TERMS,).
+    actuators: [rudder, stern plane, bow plane rad, propulsion command].  terms: scratch, shape (N_TERMS + 5,).
     """
     u, v, w, roll_rate, q, r = z[0], z[1], z[2], z[3], z[4], z[5]
     hull, effects, computed = p.hull, p.effects, p.computed
     r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(z[9], z[10], z[11], z[12])
 
-    # hull polynomials
+    # Contributions are kept apart and added in pairs at the end: one long sum would be a chain of waits.
     fill_terms(u, v, w, roll_rate, q, r, terms)
-    x_force = y_force = z_force = k_moment = m_moment = n_moment = 0.0
-    c = computed.coefficients
-    for i in range(int(computed.term_count)):
-        value = terms[int(computed.terms[i])]
-        x_force += c[i, 0] * value
-        y_force += c[i, 1] * value
-        z_force += c[i, 2] * value
-        k_moment += c[i, 3] * value
-        m_moment += c[i, 4] * value
-        n_moment += c[i, 5] * value
+    x_hull = polynomial(computed, 0, int(computed.ends[0]), terms)
+    y_hull = polynomial(computed, int(computed.ends[0]), int(computed.ends[1]), terms)
+    z_hull = polynomial(computed, int(computed.ends[1]), int(computed.ends[2]), terms)
+    k_hull = polynomial(computed, int(computed.ends[2]), int(computed.ends[3]), terms)
+    m_hull = polynomial(computed, int(computed.ends[3]), int(computed.ends[4]), terms)
+    n_hull = polynomial(computed, int(computed.ends[4]), int(computed.ends[5]), terms)
     if computed.has_environment != 0.0:
         heading = sqrt(max(r11 * r11 + r21 * r21, 1e-12))
         values = (z[8], r21 / heading, r11 / heading)
         e = computed.environment
         for i in range(len(values)):
-            x_force += e[i, 0] * values[i]
-            y_force += e[i, 1] * values[i]
-            z_force += e[i, 2] * values[i]
-            k_moment += e[i, 3] * values[i]
-            m_moment += e[i, 4] * values[i]
-            n_moment += e[i, 5] * values[i]
+            x_hull += e[i, 0] * values[i]
+            y_hull += e[i, 1] * values[i]
+            z_hull += e[i, 2] * values[i]
+            k_hull += e[i, 3] * values[i]
+            m_hull += e[i, 4] * values[i]
+            n_hull += e[i, 5] * values[i]
     if computed.has_cross_flow != 0.0:
         sway, heave, pitch, yaw = cross_flow_drag(
             v, w, q, r, computed.cross_y, computed.cross_z, hull.density * computed.density, hull.length
         )
-        y_force += sway
-        z_force += heave
-        m_moment += pitch
-        n_moment += yaw
+        y_hull += sway
+        z_hull += heave
+        m_hull += pitch
+        n_hull += yaw
 
-    # inertial forces of the turning frame, weight and buoyancy
     f1, f2, f3, f4, f5, f6 = coriolis_forces(computed.momentum, u, v, w, roll_rate, q, r)
     g1, g2, g3, g4, g5, g6 = righting(
         computed.weight,
@@ -321,8 +335,6 @@ def derivative(z, actuators, inputs, p, dz, terms):
         r33,
     )
 
-    # fins
-    uu = computed.density * u * abs(u)
     rudder, stern, bow = hull.rudder, hull.stern_plane, hull.bow_plane
     rudder_there = 1.0 - effects.rudder_fin.lost
     stern_there = 1.0 - effects.stern_plane_fin.lost
@@ -330,39 +342,34 @@ def derivative(z, actuators, inputs, p, dz, terms):
     angle_r = angle_of_attack(fin_angle(actuators[0], effects.rudder_fin), u, v, r, rudder)
     angle_s = angle_of_attack(fin_angle(actuators[1], effects.stern_plane_fin), u, w, -q, stern)
     angle_b = angle_of_attack(fin_angle(actuators[2], effects.bow_plane_fin), u, w, -q, bow)
-    loss = computed.density * u
-    x_force += (
-        rudder_there * angle_r * (uu * rudder.drag * angle_r + loss * (rudder.drag_rate * r + rudder.drag_slip * v))
-    )
-    x_force += stern_there * angle_s * (uu * stern.drag * angle_s + loss * (stern.drag_rate * q + stern.drag_slip * w))
-    x_force += bow_there * angle_b * (uu * bow.drag * angle_b + loss * (bow.drag_rate * q + bow.drag_slip * w))
-    y_force += rudder_there * uu * rudder.lift * angle_r
-    n_moment += rudder_there * uu * rudder.moment * angle_r
-    z_force += uu * (stern_there * stern.lift * angle_s + bow_there * bow.lift * angle_b)
-    m_moment += uu * (stern_there * stern.moment * angle_s + bow_there * bow.moment * angle_b)
+    push = computed.density * u
+    square = push * abs(u)
+    x_rudder = fin_drag(angle_r, square, push, r, v, rudder)
+    x_stern = fin_drag(angle_s, square, push, q, w, stern)
+    x_bow = fin_drag(angle_b, square, push, q, w, bow)
+    x_fins = rudder_there * x_rudder + (stern_there * x_stern + bow_there * x_bow)
+    y_fins = rudder_there * (square * (rudder.lift * angle_r))
+    n_fins = rudder_there * (square * (rudder.moment * angle_r))
+    z_fins = square * (stern_there * (stern.lift * angle_s) + bow_there * (bow.lift * angle_b))
+    m_fins = square * (stern_there * (stern.moment * angle_s) + bow_there * (bow.moment * angle_b))
 
-    # propulsion
     thrust, torque = thrust_and_torque(actuators[3], u, p)
-    x_force += thrust
-    k_moment += torque
     slip = hull.slipstream
     if slip.c_t1 != 0.0:
         stream = computed.density * slipstream_speed(RADPS_PER_RPM * actuators[3], u, slip.pitch, slip.c_t1)
-        x_force += (
-            stream * stern_there * angle_s * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle_s)
-        )
-        z_force += stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * stern_there * angle_s)
-        k_moment += stream * slip.k_up * roll_rate
-        m_moment += stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * stern_there * angle_s)
+        deflected = stern_there * angle_s
+        x_fins += stream * deflected * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle_s)
+        z_fins += stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * deflected)
+        torque += stream * slip.k_up * roll_rate
+        m_fins += stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * deflected)
 
-    # loads
     load = effects.load
-    x_force += f1 + g1 + load.force_x
-    y_force += f2 + g2 + load.force_y
-    z_force += f3 + g3 + load.force_z
-    k_moment += f4 + g4 + load.moment_x
-    m_moment += f5 + g5 + load.moment_y
-    n_moment += f6 + g6 + load.moment_z
+    x_force = (x_hull + x_fins) + ((f1 + g1) + (thrust + load.force_x))
+    y_force = (y_hull + y_fins) + ((f2 + g2) + load.force_y)
+    z_force = (z_hull + z_fins) + ((f3 + g3) + load.force_z)
+    k_moment = (k_hull + torque) + ((f4 + g4) + load.moment_x)
+    m_moment = (m_hull + m_fins) + ((f5 + g5) + load.moment_y)
+    n_moment = (n_hull + n_fins) + ((f6 + g6) + load.moment_z)
     if computed.has_tether != 0.0:
         drag = load.tether_drag * sqrt(u * u + v * v + w * w)
         tx = r11 * load.tether_north + r21 * load.tether_east + r31 * load.tether_down - drag * u
@@ -427,13 +434,8 @@ def derivative(z, actuators, inputs, p, dz, terms):
 
     i = computed.inverse_mass
     for k in range(6):
-        dz[k] = (
-            i[k, 0] * x_force
-            + i[k, 1] * y_force
-            + i[k, 2] * z_force
-            + i[k, 3] * k_moment
-            + i[k, 4] * m_moment
-            + i[k, 5] * n_moment
+        dz[k] = (i[k, 0] * x_force + i[k, 1] * y_force + i[k, 2] * z_force) + (
+            i[k, 3] * k_moment + i[k, 4] * m_moment + i[k, 5] * n_moment
         )
     dz[6], dz[7], dz[8] = north, east, down
     # quaternion rates, Fossen 2021, eq. (2.76)
@@ -538,12 +540,7 @@ SENSORS = (
 def sense(before, z, sensors, duration, p):
     """Update of the lag errors in sensors after the vehicle went from `before` to z (integrated states)."""
     effects = p.effects
-    lagging = (
-        effects.depth.lag + effects.compass.lag + effects.gyros.lag + effects.dvl_ground.lag + effects.dvl_water.lag
-    )
-    if lagging <= 0.0:  # the usual case
-        for i in range(11):
-            sensors[i] = 0.0
+    if p.computed.has_lag == 0.0:  # the usual case; the errors start from zero and stay there
         return
     sensors[0] = lag_error(sensors[0], z[8] - before[8], effects.depth.lag, duration)
     a11, a12, a13, a21, a22, a23, a31, a32, a33 = rotation_of(before[9], before[10], before[11], before[12])
@@ -655,7 +652,7 @@ def _family(name: str, propulsion: str, title: str) -> Family:
             *("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad", "wave_phase_rad"),
         ),
         integrated=14,
-        scratch=N_TERMS,
+        scratch=N_TERMS + 5,
         actuators=commands,
         sensors=SENSORS,
         outputs=(

@@ -12,9 +12,7 @@ from dataclasses import dataclass, make_dataclass
 from auv_gym.effects import TorpedoEffects
 from auv_gym.param import param, part
 from auv_gym.physics.polynomials import ForceTerms, MomentTerms
-
-VOLTAGES = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
-INFLOWS = (-1.5, -0.75, 0.0, 0.75, 1.5)  # m/s
+from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 
 
 @dataclass(frozen=True)
