@@ -166,10 +166,8 @@ class GliderHeading(gymnasium.Env):
         """A plan view as an RGB image, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
             return None
-        try:
-            from auv_gym.envs.plan_view import draw_plan_view
-        except ImportError as error:
-            raise ImportError(f"Rendering needs matplotlib ({error}): pip install 'auv-gym[render]'.") from error
+        from auv_gym.rendering.glider_view import draw_plan_view  # needs the extra `render`
+
         return draw_plan_view(
             np.array(self._trail),
             heading=self._heading_now(),

@@ -1,0 +1,12 @@
+"""Pictures of a run: a scene in, an RGB array or a window out. Needs the extra `render`."""
+
+try:
+    import matplotlib  # noqa: F401
+except ImportError as error:
+    raise ImportError(f"Rendering needs matplotlib ({error}): pip install 'auv-gym[render]'.") from error
+
+from auv_gym.rendering.renderer import Renderer, draw, film_strip
+from auv_gym.rendering.scene import Scene, Target
+from auv_gym.rendering.window import Window
+
+__all__ = ["Renderer", "Scene", "Target", "Window", "draw", "film_strip"]
