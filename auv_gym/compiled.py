@@ -36,30 +36,45 @@ def compiled(function: F) -> F:
     return _compiled(function, [function]) if JIT else function
 
 
-def _compiled(function: Any, calls: Iterable[Any]) -> Any:
+def outlined(function: F) -> F:
+    """As `compiled`, but called and not inlined: for what is long and called rarely, so that it is optimised once."""
+    return _compiled(function, [function], forceinline=False) if JIT else function
+
+
+def _compiled(function: Any, calls: Iterable[Any], **options: Any) -> Any:
     numba: Any = import_module("numba")  # here, so that plain Python starts without it
     # numba reads the cache folder when a function is decorated, so other packages' functions keep theirs.
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_cache_folder(frozenset(_package_folder(callee) for callee in calls)))
     try:
-        return numba.njit(cache=True, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)(function)
+        settings = {"cache": True, "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True, **options}
+        return numba.njit(**settings)(function)
     finally:
         numba.config.CACHE_DIR = before
 
 
-def bind(template: Callable[..., Any], name: str, **meanings: Any) -> Any:
+def bind(
+    template: Callable[..., Any], name: str, *, inline: bool = True, parallel: bool = False, **meanings: Any
+) -> Any:
     """The template compiled with its open global names given meanings, e.g. `bind(rk4, "glider", derivative=f)`.
 
     One text serves every vehicle family, and each family's code is compiled when first called and found in the cache
     at the next start (functions passed as arguments would be compiled anew by every process).
+    inline: see `outlined`.  parallel: the template's open name `prange` shares a loop among all cores; in plain Python
+    it is `range`.
     """
+    if parallel:
+        meanings = {**meanings, "prange": import_module("numba").prange if JIT else range}
     source = getattr(template, "py_func", template)
     bound_name = f"{source.__name__}_{name}"
     bound = types.FunctionType(source.__code__, {**source.__globals__, **meanings}, bound_name, source.__defaults__)
     bound.__qualname__ = bound_name
     bound.__module__ = source.__module__
     bound.__doc__ = source.__doc__
-    return _compiled(bound, [bound, *filter(callable, meanings.values())]) if JIT else bound
+    if not JIT:
+        return bound
+    options = {"forceinline": inline and not parallel, "parallel": parallel}
+    return _compiled(bound, [bound, *filter(callable, meanings.values())], **options)
 
 
 def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:

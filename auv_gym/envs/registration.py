@@ -2,8 +2,17 @@
 
 from __future__ import annotations
 
-ENVIRONMENTS = {
-    "auv_gym/GliderHeading-v0": "auv_gym.envs.glider_heading:GliderHeading",
+from typing import Any
+
+_TORPEDO, _MANY = "auv_gym.envs.torpedo_env:TorpedoEnv", "auv_gym.envs.vector_env:TorpedoVectorEnv"
+
+# Name to what gymnasium's `register` takes besides.
+ENVIRONMENTS: dict[str, dict[str, Any]] = {
+    "auv_gym/GliderHeading-v0": {"entry_point": "auv_gym.envs.glider_heading:GliderHeading"},
+    **{
+        f"auv_gym/{task}-v0": {"entry_point": _TORPEDO, "vector_entry_point": _MANY, "kwargs": {"task": task}}
+        for task in ("Depth", "Heading", "Speed", "Path")
+    },
 }
 
 
@@ -12,6 +21,6 @@ def register_envs() -> None:
     # Imported here: the import of gymnasium may itself call this function, see `auv_gym.autoload`.
     from gymnasium.envs.registration import register, registry
 
-    for name, entry_point in ENVIRONMENTS.items():
+    for name, details in ENVIRONMENTS.items():
         if name not in registry:
-            register(id=name, entry_point=entry_point)
+            register(id=name, **details)

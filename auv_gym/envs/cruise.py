@@ -1,0 +1,140 @@
+"""Steady straight and level flight of a torpedo vehicle, and the gains with which its fins keep it there.
+
+The environments scale observations by the cruise speed, start their episodes in cruise, and leave the fins that the
+agent does not move to these gains.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_gym.param import list_paths, replace_at, spec_at
+from auv_gym.plant import Plant
+
+_DEPTH = 1e3  # m; where the cruise is sought, far below any wave
+_DEPTH_ERROR = 1.0  # in lengths: what is worth the whole of a fin's travel to the regulators
+_ANGLE_ERROR = 0.3  # rad, likewise
+_VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
+
+
+@dataclass(frozen=True, eq=False)
+class Cruise:
+    """Steady straight and level flight without effects, at the propulsion command of the design speed.
+
+    speed: m/s, forward.  state: the family's states, position zero, heading north.  commands: the family's inputs.
+    rudder_gains: rudder, rad, per sway velocity, yaw rate and heading error (true minus wanted); what it takes off the
+    cruise command.  plane_gains: stern plane per heave velocity, pitch rate, pitch and depth error.
+    """
+
+    speed: float
+    state: np.ndarray
+    commands: np.ndarray
+    rudder_gains: np.ndarray
+    plane_gains: np.ndarray
+
+
+def find_cruise(plant: Plant) -> Cruise:
+    """The cruise of a plant; raises if its fins cannot hold it level at the design propulsion."""
+    neutral = {path: spec_at(plant, path).neutral for path in list_paths(plant) if path.startswith("effects.")}
+    clean = replace_at(plant, neutral)
+    names = clean.family.states
+    velocities = [names.index(name) for name in _VELOCITIES]
+    u, depth = velocities[0], names.index("depth_m")
+    free = [*velocities[:3], names.index("roll_rad"), names.index("pitch_rad")]
+
+    def flight(unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """States and commands for three velocities, roll, pitch, rudder and stern plane."""
+        x, commands = np.zeros(len(names)), np.zeros(len(clean.inputs))
+        x[depth], x[free] = _DEPTH, unknown[:5]
+        commands[:2], commands[3] = unknown[5:], clean.hull.propulsion.design
+        return x, commands
+
+    def change(x: np.ndarray, commands: np.ndarray) -> np.ndarray:
+        """How the family's states change in a sample, with the actuators where they are told to be all the time."""
+        start = np.zeros(len(clean.states))
+        start[: x.size] = x
+        for at in (x.size, x.size + commands.size, start.size - commands.size):  # positions, play, last command
+            start[at : at + commands.size] = commands
+        return clean.step(start, commands)[: x.size] - x
+
+    def residual(unknown: np.ndarray) -> np.ndarray:
+        return change(*flight(unknown))[[*velocities, depth]] / clean.dt
+
+    low, high = 1e-3, 20.0  # the speed from which the vehicle slows down is a first guess
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        faster = residual(np.array([middle, *np.zeros(6)]))[0] > 0.0
+        low, high = (middle, high) if faster else (low, middle)
+    unknown = np.array([low, *np.zeros(6)])
+    for _ in range(30):
+        # least squares, because roll is arbitrary in a hull without stiffness there
+        move = np.linalg.lstsq(_jacobian(residual, unknown), residual(unknown), rcond=1e-10)[0]
+        unknown = unknown - move * min(1.0, 0.2 * abs(unknown[0]) / max(np.abs(move).max(), 1e-12))
+        if not np.isfinite(unknown).all() or np.abs(move).max() < 1e-10:
+            break
+    x, commands = flight(unknown)
+    limits = command_limits(clean)
+    found = np.isfinite(unknown).all() and np.abs(residual(unknown)).max() < 1e-6 and x[u] > 0.0
+    if not found or (np.abs(commands) > limits).any():
+        raise ValueError(
+            f"The environments start from level flight, which {plant.name!r} cannot hold with its fins at "
+            f"hull.propulsion.design = {clean.hull.propulsion.design:g}: check the design command, the fins' moments "
+            "and limits, and the buoyancy."
+        )
+
+    def regulator(channels: tuple[str, ...], fin: int, weights: list[float]) -> np.ndarray:
+        """Gains of a fin, rad per unit of the channels, that keep these where the cruise has them."""
+        at = [names.index(name) for name in channels]
+
+        def motion(deviation: np.ndarray) -> np.ndarray:
+            moved, fins = x.copy(), commands.copy()
+            moved[at] += deviation[:-1]
+            fins[fin] += limits[fin] * deviation[-1]
+            return deviation[:-1] + change(moved, fins)[at]
+
+        both = _jacobian(motion, np.zeros(len(at) + 1))
+        return limits[fin] * _linear_quadratic_gains(both[:, :-1], both[:, -1], np.array(weights))
+
+    depth_weight = 1.0 / (_DEPTH_ERROR * clean.hull.length)
+    state = x.copy()
+    state[depth] = 0.0
+    return Cruise(
+        speed=float(x[u]),
+        state=state,
+        commands=commands,
+        rudder_gains=regulator(("v_mps", "r_radps", "heading_rad"), 0, [0.0, 0.0, 1.0 / _ANGLE_ERROR]),
+        plane_gains=regulator(
+            ("w_mps", "q_radps", "pitch_rad", "depth_m"), 1, [0.0, 0.0, 1.0 / _ANGLE_ERROR, depth_weight]
+        ),
+    )
+
+
+def command_limits(plant: Plant) -> np.ndarray:
+    """The largest commands of a torpedo's inputs, in the inputs' units, shape (4,)."""
+    hull = plant.hull
+    return np.array([hull.rudder.limit, hull.stern_plane.limit, hull.bow_plane.limit, hull.propulsion.limit])
+
+
+def _jacobian(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """The Jacobian of f at x by central differences."""
+    steps = 1e-5 * np.eye(x.size)
+    return np.array([(f(x + step) - f(x - step)) / 2e-5 for step in steps]).T
+
+
+def _linear_quadratic_gains(a: np.ndarray, b: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Gains k of u = -k x that minimise the sum of |weights x|^2 + u^2 for the next x = a x + b u.
+
+    The Riccati equation is solved by doubling.  Source: Anderson and Moore 1979, Optimal Filtering, sec. 6.7.
+    """
+    closed, reach, cost, one = a, np.outer(b, b), np.diag(weights**2), np.eye(b.size)
+    for _ in range(60):
+        inverse = np.linalg.inv(one + reach @ cost)
+        more = closed.T @ cost @ inverse @ closed
+        reach = reach + closed @ inverse @ reach @ closed.T
+        closed, cost = closed @ inverse @ closed, cost + more
+        if np.abs(more).max() < 1e-12 * np.abs(cost).max():
+            break
+    return b @ cost @ a / (1.0 + b @ cost @ b)

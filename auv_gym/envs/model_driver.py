@@ -1,0 +1,69 @@
+"""A model in Python that drives an environment in the place of its vehicle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from auv_gym.envs.episodes import Episodes
+from auv_gym.envs.layout import REFUSED
+from auv_gym.envs.named import Named
+
+
+class ModelDriver:
+    """Steps a model between the compiled commands of an action and the compiled outcome, in the row of an environment.
+
+    What the model has among its states, or else among its outputs, is the truth; what it has neither of stays as the
+    vehicle's cruise has it.
+    """
+
+    def __init__(self, episodes: Episodes, row: np.ndarray):
+        self.model = model = episodes.driver
+        family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
+        record = episodes.record(row)
+        self._kernel = episodes.kernel
+        self._raw, self._command = record["raw"], record["command"]
+        self._true = row[state_at : state_at + len(family.states)]
+        self._family = family
+        self._outputs = [(family.outputs.index(n), i) for i, n in enumerate(model.outputs) if n in family.outputs]
+        known = {name: (False, i) for i, name in enumerate(model.outputs)}
+        known |= {name: (True, i) for i, name in enumerate(model.states)}
+        self._truths = [(i, *known[name]) for i, name in enumerate(family.states) if name in known]
+        self._inputs = [(i, family.inputs.index(n)) for i, n in enumerate(model.inputs) if n in family.inputs]
+        constants = getattr(model, "constants", {})
+        self._u = np.array([constants.get(name, 0.0) for name in model.inputs])
+        self._names = {name: i for i, name in enumerate(model.states)}
+        self._x = np.zeros(len(model.states))
+
+    def begin(self) -> None:
+        """Start the model from the outputs of the vehicle at the start of an episode."""
+        index = {name: i for i, name in enumerate(self._family.outputs)}
+        start = np.array([self._raw[index[name]] if name in index else np.nan for name in self.model.outputs])
+        self._x = np.asarray(self.model.initial(start), dtype=np.float64)
+        self._put(self._x)
+
+    def step(self, buffer: np.ndarray) -> int:
+        """One step of the environment; the status."""
+        if self._kernel.command_one(buffer) == REFUSED:
+            return REFUSED
+        for i, j in self._inputs:
+            self._u[i] = self._command[j]
+        x = np.asarray(self.model.step(self._x, self._u.copy()), dtype=np.float64)
+        if self._put(x):
+            self._x = x
+        return self._kernel.outcome_one(buffer)
+
+    def state(self) -> Named:
+        """The model's state by name."""
+        return Named(self._names, self._x)
+
+    def _put(self, x: np.ndarray) -> bool:
+        """The model's outputs and states into the row; without finite numbers there, a state that has diverged."""
+        y = np.asarray(self.model.output(x), dtype=np.float64) if np.isfinite(x).all() else np.full(1, np.nan)
+        if not np.isfinite(y).all():
+            self._true[0] = np.nan
+            return False
+        for i, j in self._outputs:
+            self._raw[i] = y[j]
+        for i, among_states, j in self._truths:
+            self._true[i] = x[j] if among_states else y[j]
+        return True

@@ -1,0 +1,183 @@
+"""What the torpedo environments ask for: targets, observations, reward, envelope, as data.
+
+Sizes are in units of the vehicle, so that they fit one of any size: its length, its cruise speed (see `cruise`), and
+their quotient, the rate 1/s at which it travels its own length.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, radians
+from typing import Literal
+
+Unit = Literal["", "length", "speed", "rate"]
+
+PROPULSION = "propulsion"  # stands for the vehicle's own channel: propeller_rpm, propeller_V or speed_cmd_mps
+
+
+@dataclass(frozen=True)
+class Observed:
+    """One number of an observation: (source - offset) / scale, clipped to [-1, 1].
+
+    source: a reading's channel, an input channel for its last command over its limit, or a name of `layout.GEOMETRY`.
+    offset, scale: in `unit`s of the vehicle.
+    """
+
+    name: str
+    source: str
+    scale: float = 1.0
+    unit: Unit = ""
+    offset: float = 0.0
+
+
+@dataclass(frozen=True)
+class Task:
+    """A task of the torpedo environments.
+
+    channel: what is to follow a target; none for a path.  actions: inputs that the agent commands, as far as the
+    vehicle has them; `held`: those that keep the cruise meanwhile.  step, hold, band: of a drawn target, its change in
+    `unit`s, the time for which it stands in lengths travelled, and where it stays.  scale: error that costs the most.
+    weights: of the reward terms, by name.  duration: s, of an episode by default.  current: largest drawn one, in
+    cruise speeds, where nothing else is randomised.
+    """
+
+    name: str
+    actions: tuple[str, ...]
+    held: tuple[str, ...]
+    observed: tuple[Observed, ...]
+    weights: dict[str, float]
+    channel: str = ""
+    unit: Unit = ""
+    scale: float = 1.0
+    step: tuple[float, float] = (0.0, 0.0)
+    hold: tuple[float, float] = (15.0, 35.0)
+    band: tuple[float, float] = (-1e9, 1e9)
+    duration: float = 60.0
+    current: float = 0.0
+
+
+COMMAND_TRAVEL = 0.05  # weight of the change of the commands
+
+START_DEPTH = (10.0, 20.0)  # lengths
+DEPTHS = (5.0, 25.0)  # lengths; where targets lie
+
+# Envelope: far outside of what a vehicle under control does.
+DEPTH_LIMIT = 50.0  # lengths
+PITCH_LIMIT = radians(80.0)
+ROLL_LIMIT = radians(120.0)
+SPEED_LIMIT = 4.0  # cruise speeds
+RATE_LIMIT = 20.0  # cruise speed over length
+
+HELD_PITCH = 0.35  # rad; the pitch with which the held stern plane goes back to its depth
+
+# Paths
+LEG = (15.0, 30.0)  # lengths
+TURN = radians(75.0)  # largest change of course at a waypoint
+SLOPE = 0.25  # rad, steepest drawn leg
+PATH_SPEED = 0.8  # cruise speeds along the leg, over ground
+RADIUS = 2.0  # lengths; a waypoint nearer than this is reached
+
+_SURGE = Observed("speed", "u_mps", 1.0, "speed", offset=1.0)
+_ROLL = Observed("roll", "roll_rad", pi / 2)
+_PITCH = Observed("pitch", "pitch_rad", pi / 2)
+_PITCH_RATE = Observed("pitch_rate", "q_radps", 1.0, "rate")
+_YAW_RATE = Observed("yaw_rate", "r_radps", 1.0, "rate")
+_SWAY = Observed("sway", "v_mps", 0.5, "speed")
+_HEAVE = Observed("heave", "w_mps", 0.5, "speed")
+
+DEPTH = Task(
+    name="Depth",
+    channel="depth_m",
+    unit="length",
+    scale=5.0,
+    step=(1.0, 4.0),
+    band=DEPTHS,
+    actions=("stern_plane_rad", "bow_plane_rad"),
+    held=(),
+    observed=(
+        Observed("depth_error", "error", 5.0, "length"),
+        _PITCH,
+        _PITCH_RATE,
+        _HEAVE,
+        _SURGE,
+        Observed("stern_plane", "stern_plane_rad"),
+        Observed("bow_plane", "bow_plane_rad"),
+    ),
+    weights={"depth": 1.0, "command_travel": COMMAND_TRAVEL},
+)
+
+HEADING = Task(
+    name="Heading",
+    channel="heading_rad",
+    scale=pi,
+    step=(radians(20.0), radians(70.0)),
+    actions=("rudder_rad",),
+    held=("stern_plane_rad",),
+    observed=(
+        Observed("heading_error_sin", "error_sin"),
+        Observed("heading_error_cos", "error_cos"),
+        _YAW_RATE,
+        _SWAY,
+        _ROLL,
+        _SURGE,
+        Observed("rudder", "rudder_rad"),
+    ),
+    weights={"heading": 1.0, "command_travel": COMMAND_TRAVEL},
+)
+
+SPEED = Task(
+    name="Speed",
+    channel="u_mps",
+    unit="speed",
+    scale=1.0,
+    step=(0.1, 0.4),
+    band=(0.5, 1.0),
+    actions=(PROPULSION,),
+    held=("rudder_rad", "stern_plane_rad"),
+    observed=(
+        Observed("speed_error", "error", 1.0, "speed"),
+        _SURGE,
+        _PITCH,
+        Observed("propulsion", PROPULSION),
+    ),
+    weights={"speed": 1.0, "command_travel": COMMAND_TRAVEL},
+)
+
+PATH = Task(
+    name="Path",
+    unit="length",
+    scale=5.0,
+    band=DEPTHS,
+    actions=("rudder_rad", "stern_plane_rad", PROPULSION),
+    held=(),
+    observed=(
+        Observed("across", "across", 5.0, "length"),
+        Observed("below", "below", 5.0, "length"),
+        Observed("remaining", "remaining", LEG[1], "length"),
+        Observed("course_error_sin", "course_sin"),
+        Observed("course_error_cos", "course_cos"),
+        Observed("descent", "sink", pi / 2),
+        Observed("next_course_error_sin", "next_course_sin"),
+        Observed("next_course_error_cos", "next_course_cos"),
+        Observed("next_descent", "next_sink", pi / 2),
+        _ROLL,
+        _PITCH,
+        Observed("roll_rate", "p_radps", 1.0, "rate"),
+        _PITCH_RATE,
+        _YAW_RATE,
+        _SURGE,
+        _SWAY,
+        _HEAVE,
+        Observed("speed_ground", "u_dvl_mps", 1.0, "speed", offset=1.0),
+        Observed("sway_ground", "v_dvl_mps", 0.5, "speed"),
+        Observed("heave_ground", "w_dvl_mps", 0.5, "speed"),
+        Observed("rudder", "rudder_rad"),
+        Observed("stern_plane", "stern_plane_rad"),
+        Observed("propulsion", PROPULSION),
+    ),
+    weights={"path": 0.5, "progress": 0.5, "command_travel": COMMAND_TRAVEL},
+    duration=300.0,
+    current=0.15,
+)
+
+TASKS = {task.name: task for task in (DEPTH, HEADING, SPEED, PATH)}
