@@ -339,16 +339,22 @@ def _effects() -> Table:
     from auv_gym.vehicles import FAMILIES
 
     table = _table("Effects, by family", "path", "neutral>", "bounds>", "probe>")
-    for family in FAMILIES.values():
-        table.add_row(f"[bold]{family.name}[/]")
-        tree = family.parameters()
+    for kind in dict.fromkeys(family.kind for family in FAMILIES.values()):
+        families = [family for family in FAMILIES.values() if family.kind == kind]
+        table.add_row(f"[bold]{', '.join(family.name for family in families)}[/]")
+        tree = families[0].parameters()
         for path in list_paths(tree):
-            if path.startswith("effects."):
+            if path.startswith("effects.") and not path.startswith("effects.discovered."):
                 spec = spec_at(tree, path)
                 low, high = spec.bounds
                 numbers = (f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}")
                 unit = "" if spec.unit == "1" else f", {spec.unit}"
                 table.add_row(f"{path}\n  [dim]{spec.title}{unit}[/]", *numbers)
+        discovered = [path.split(".") for path in list_paths(tree) if path.startswith("effects.discovered.")]
+        if discovered:  # hundreds of them: every axis has the same terms
+            axes, terms = (", ".join(dict.fromkeys(names[i] for names in discovered)) for i in (2, 3))
+            text = f"terms found in data; axes: {axes}; terms: {terms}"
+            table.add_row(f"effects.discovered.AXIS.TERM\n  [dim]{text}[/]", "0", "any", "0")
         table.add_section()
     return table
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 from auv_gym.param import param, part
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
@@ -167,12 +168,12 @@ class HullEffects:
 class DiscoveredTerms:
     """Force terms that no named effect explains, found in data; on top of the hull's own polynomials."""
 
-    surge: DiscoveredForce = part(DiscoveredForce, "discovered surge")
-    sway: DiscoveredForce = part(DiscoveredForce, "discovered sway")
-    heave: DiscoveredForce = part(DiscoveredForce, "discovered heave")
-    roll: DiscoveredMoment = part(DiscoveredMoment, "discovered roll")
-    pitch: DiscoveredMoment = part(DiscoveredMoment, "discovered pitch")
-    yaw: DiscoveredMoment = part(DiscoveredMoment, "discovered yaw")
+    surge: Any = part(DiscoveredForce, "discovered surge")
+    sway: Any = part(DiscoveredForce, "discovered sway")
+    heave: Any = part(DiscoveredForce, "discovered heave")
+    roll: Any = part(DiscoveredMoment, "discovered roll")
+    pitch: Any = part(DiscoveredMoment, "discovered pitch")
+    yaw: Any = part(DiscoveredMoment, "discovered yaw")
 
 
 @dataclass(frozen=True)

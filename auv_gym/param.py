@@ -1,7 +1,8 @@
 """Parameters declared once, with unit, bounds and probe, and the paths that read, replace and list them.
 
-A parameter tree is frozen dataclasses whose leaves are `param` fields. A path names a leaf from the root, such as
-`effects.rudder.offset`. An object that keeps its tree in a field `parameters` (a Plant) takes the same paths.
+A parameter tree is frozen dataclasses of `param` fields, the leaves, and groups of them. A path names a leaf from the
+root, such as `effects.rudder.offset`. An object that keeps its tree in a field `parameters` (a Plant) takes the same
+paths.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ def param(
 
 def part(group: type, subject: str = "") -> Any:
     """A dataclass field that holds a group of parameters; `{}` in their titles stands for the subject."""
-    return dataclasses.field(default_factory=group, metadata={"subject": subject})
+    return dataclasses.field(default_factory=group, metadata={"group": group, "subject": subject})
 
 
 def list_paths(tree: Any) -> list[str]:
@@ -112,11 +113,10 @@ def record_type(tree_type: type) -> np.dtype:
     """
     if getattr(tree_type, "as_array", False):
         return np.dtype((np.float64, (len(_specs(tree_type)),)))
-    hints = get_type_hints(tree_type)
     fields = []
     for field in dataclasses.fields(tree_type):
-        nested = hints[field.name]
-        fields.append((field.name, np.float64 if "spec" in field.metadata else record_type(nested)))
+        leaf = "spec" in field.metadata
+        fields.append((field.name, np.float64 if leaf else record_type(_group_of(tree_type, field))))
     return np.dtype((np.record, fields))
 
 
@@ -133,15 +133,18 @@ def _tree(tree: Any) -> Any:
 @lru_cache
 def _specs(tree_type: type) -> tuple[tuple[str, Spec], ...]:
     found: list[tuple[str, Spec]] = []
-    hints = get_type_hints(tree_type)
     for field in dataclasses.fields(tree_type):
         if "spec" in field.metadata:
             found.append((field.name, field.metadata["spec"]))
         else:
             subject = field.metadata.get("subject", "")
-            for path, spec in _specs(hints[field.name]):
+            for path, spec in _specs(_group_of(tree_type, field)):
                 found.append((f"{field.name}.{path}", spec._replace(title=spec.title.replace("{}", subject))))
     return tuple(found)
+
+
+def _group_of(tree_type: type, field: dataclasses.Field) -> type:
+    return field.metadata.get("group") or get_type_hints(tree_type)[field.name]
 
 
 def _values(tree: Any) -> Iterator[float]:

@@ -21,6 +21,7 @@ from auv_gym.param import check_value, did_you_mean, list_paths, pack, replace_a
 from auv_gym.record import Record
 from auv_gym.rollout import Programs, bind_family, scratch_for
 from auv_gym.vehicles import FAMILIES, Family
+from auv_gym.writing import replacing
 
 _FILE_KEYS = ("family", "name", "title", "description", "dt_s", "longest_step_s", "written_by")
 _TABLES = ("hull", "effects")
@@ -274,16 +275,8 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
             lines += ["", f"[{table}]"]
         source = f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
         lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{source} }}')
-    target = Path(path)
-    aside = target.with_name(f".{target.name}.part")
-    try:
-        aside.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        aside.replace(target)
-    except OSError as error:
-        aside.unlink(missing_ok=True)
-        raise ValueError(
-            f"Cannot write {path}: {error.strerror}. Choose a folder that exists and is writable."
-        ) from error
+    with replacing(path) as new:
+        new.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _presets() -> list[Path]:

@@ -46,7 +46,10 @@ def closed_loop(
     mid-mission.  Raises Diverged.
     """
     if plant.family.name != "glider":
-        raise ValueError(f"closed_loop needs a vehicle of family 'glider', got {plant.name!r} ({plant.family.name!r}).")
+        raise ValueError(
+            f"closed_loop needs a vehicle of family 'glider', got {plant.name!r} ({plant.family.name!r}): step "
+            "this one in an environment, such as gymnasium.make('auv_gym/Heading-v0', vehicle=...)."
+        )
     skipped = round(run_in / plant.dt)
     n = floor(duration / plant.dt + 1e-9) + 1 + skipped
     if n < 2 + skipped:

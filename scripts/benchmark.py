@@ -1,4 +1,4 @@
-"""How fast the compiled physics is, as ratios within one run: `python -m scripts.benchmark rollout [--json]`.
+"""How fast the compiled physics is, as ratios within one run: `python -m scripts.benchmark rollout|env [--json]`.
 
 Timings are the best of several repeats: what disturbs a run only ever makes it longer.
 """
@@ -23,6 +23,7 @@ from auv_gym.compiled import JIT
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, Runs, load_vehicle
 from auv_gym.record import Record
+from scripts import benchmark_env
 
 PLAIN_SAMPLES = 100
 COMPILED_SAMPLES = 5000
@@ -33,10 +34,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="benchmark", description=(__doc__ or "").splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
     rollout = commands.add_parser("rollout", help="free runs of a plant, compiled against plain Python")
-    rollout.add_argument("--vehicle", default="slocum", help="preset or vehicle file (default: slocum)")
+    rollout.add_argument("--vehicle", default="slocum", help="glider preset or vehicle file (default: slocum)")
     rollout.add_argument("--repeats", type=_count, default=7, help="runs of which the fastest counts (default: 7)")
     rollout.add_argument("--alone", action="store_true", help="time the rollout in this process only, without a ratio")
     rollout.set_defaults(measure=_rollout)
+    env = commands.add_parser("env", help="environments, one and many, beside others, and their start")
+    benchmark_env.add_arguments(env)
+    env.set_defaults(measure=benchmark_env.measure)
     for command in commands.choices.values():
         command.add_argument("--json", action="store_true", help="print JSON")
     arguments = parser.parse_args(argv)

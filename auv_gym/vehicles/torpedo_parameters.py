@@ -8,6 +8,7 @@ Hydrodynamic coefficients are those at `density`. In a vehicle file they may be 
 from __future__ import annotations
 
 from dataclasses import dataclass, make_dataclass
+from typing import Any
 
 from auv_gym.effects import TorpedoEffects
 from auv_gym.param import param, part
@@ -136,7 +137,7 @@ class Propulsion:
     limit: float = param(1.0, "channel's", "largest command", bounds=(1e-6, 1e5))
     lag: float = param(0.0, "s", "propulsion time constant", bounds=(0.0, 60.0))
     slowness: float = param(0.0, "s", "propulsion rate limit, as time from zero to full", bounds=(0.0, 600.0))
-    table: ThrustTable = part(ThrustTable)  # pyright: ignore[reportInvalidTypeForm]
+    table: Any = part(ThrustTable)
 
 
 @dataclass(frozen=True)
@@ -168,12 +169,12 @@ class TorpedoHull:
     i_xz: float = param(0.0, "kg m^2", "product of inertia I_xz", bounds=(-1e8, 1e8))
     coriolis_of_added_mass: float = param(1.0, "1", "share of C_A(v) v that is added", bounds=(0.0, 1.0))
     added_mass: AddedMass = part(AddedMass)
-    surge: ForceTerms = part(ForceTerms, "surge")
-    sway: ForceTerms = part(ForceTerms, "sway")
-    heave: ForceTerms = part(ForceTerms, "heave")
-    roll: MomentTerms = part(MomentTerms, "roll")
-    pitch: MomentTerms = part(MomentTerms, "pitch")
-    yaw: MomentTerms = part(MomentTerms, "yaw")
+    surge: Any = part(ForceTerms, "surge")
+    sway: Any = part(ForceTerms, "sway")
+    heave: Any = part(ForceTerms, "heave")
+    roll: Any = part(MomentTerms, "roll")
+    pitch: Any = part(MomentTerms, "pitch")
+    yaw: Any = part(MomentTerms, "yaw")
     cross_flow: CrossFlow = part(CrossFlow)
     rudder: Fins = part(Fins, "rudder")
     stern_plane: Fins = part(Fins, "stern plane")
