@@ -1,94 +1,46 @@
 """What holds for every effect: neutral is the identity bit for bit, and a probe shows at first order."""
 
 from dataclasses import replace
-from math import cos, sin
+from functools import lru_cache
 
 import numpy as np
 import pytest
+from bare_families import bare
 
-from auv_gym.compiled import compiled
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
-from auv_gym.vehicles.glider import GLIDER, GRAVITY, stable_step
 
-VEHICLES = sorted(list_vehicles())
-# One family so far; another brings its effect-free twin below.
-PATHS = [path for path in list_paths(load_vehicle("slocum")) if path.startswith("effects.")]
-
-
-@compiled
-def bare_derivative(x, actuators, inputs, p, dx, scratch):
-    """Equation (11) with (15), without a word about effects."""
-    hull = p.hull
-    u = inputs[3]
-    d3 = 0.5 * hull.density * hull.length**3
-    d4 = d3 * hull.length
-    u_damping = hull.speed + hull.speed_scaling * (u - hull.speed)
-    u_squared = hull.speed**2 + hull.speed_scaling * (u**2 - hull.speed**2)
-    damping = d4 * (hull.n_r * u_damping + hull.n_wr * inputs[4]) - hull.mass * hull.x_g * u_damping
-    weight = GRAVITY * (hull.y_g * hull.mass - hull.y_b * hull.density * hull.volume) * sin(inputs[6])
-    moment = (
-        hull.damping_factor * damping * x[1]
-        + hull.rudder_factor * (d3 * u_squared * hull.n_delta * actuators[0])
-        + hull.bow_thruster_arm * inputs[1]
-        + hull.stern_thruster_arm * inputs[2]
-        + weight
-        - hull.i_xy * inputs[5] ** 2
-    )
-    inertia = hull.inertia - 0.5 * hull.density * hull.length**5 * hull.n_rdot
-    dx[0] = x[1] + hull.rudder_heading_rate * actuators[0]
-    dx[1] = moment / inertia + hull.heading_stiffness * x[0]
-    dx[2] = u * cos(x[0])
-    dx[3] = u * sin(x[0])
+# A heading sensor resolves about a thousandth of a degree, a velocity log some mm/s, a track a centimetre.
+RESOLUTION = {"rad": 1e-3, "radps": 1e-3, "mps": 5e-3, "m": 1e-2}
+TRACK = ("north_m", "east_m")
 
 
-@compiled
-def bare_shape(inputs, memory, p, shaped):
-    shaped[0] = min(max(inputs[0], -p.hull.rudder_limit), p.hull.rudder_limit)
+def effect_paths(plant: Plant) -> list[str]:
+    return [path for path in list_paths(plant) if path.startswith("effects.")]
 
 
-@compiled
-def bare_times(index, p):
-    return 0.0, 0.0, 0.0
+def showing() -> list[tuple[str, str]]:
+    """Effects that a fit may free, and a vehicle on which each must show."""
+    glider, torpedo = load_vehicle("slocum"), load_vehicle("heu_torpedo")
+    free = [(name, p) for name in ("ganeshblue", "slocum") for p in effect_paths(glider) if spec_at(glider, p).probe]
+    for path in effect_paths(torpedo):
+        if spec_at(torpedo, path).probe:
+            free.append(("npsauv" if "bow_plane" in path else "heu_torpedo", path))  # the one with bow planes
+    return free
 
 
-@compiled
-def bare_sense(before, x, sensors, duration, p):
-    sensors[0] = 0.0
+SHOWING = showing()
 
 
-@compiled
-def bare_settle(x, actuators, sensors, p):
-    sensors[0] = 0.0
+@lru_cache
+def vehicle(name: str) -> Plant:
+    """A preset; NPS AUV II with quick bow planes: a small rate limit would not be met behind a lag of 0.1 s."""
+    plant = load_vehicle(name)
+    return replace_at(plant, "hull.bow_plane.lag", 0.0) if name == "npsauv" else plant
 
 
-@compiled
-def bare_output(x, actuators, sensors, p, y):
-    y[0] = x[0]
-    y[1] = x[1] + p.hull.rudder_heading_rate * actuators[0]
-    y[2] = x[2]
-    y[3] = x[3]
-
-
-BARE = replace(
-    GLIDER,
-    name="bare_glider",
-    kind="bare_glider",
-    hooks={
-        "derivative": bare_derivative,
-        "stable_step": stable_step,
-        "shape": bare_shape,
-        "actuator_times": bare_times,
-        "sense": bare_sense,
-        "settle_sensors": bare_settle,
-        "output": bare_output,
-        **{name: GLIDER.hooks[name] for name in ("enter", "leave", "derive")},
-    },
-)
-
-
-def rich_record(plant: Plant, samples: int = 150) -> Record:
+def glider_record(plant: Plant, samples: int = 150) -> Record:
     """Every input moves, the rudder also into its stops, in small steps and back; and the vehicle turns all ways."""
     k = np.arange(samples)
     limit = plant.hull.rudder_limit
@@ -108,58 +60,113 @@ def rich_record(plant: Plant, samples: int = 150) -> Record:
     )
 
 
-def outputs(plant: Plant, record: Record) -> np.ndarray:
-    return plant.run(record, record.segments, np.array([[0.4, 0.01, 5.0, -3.0]]))
+def torpedo_record(plant: Plant, samples: int = 400) -> Record:
+    """Every command moves, also into its stops, in small steps and back."""
+    t = plant.dt * np.arange(samples)
+    hull = plant.hull
+
+    def moved(slow: float, quick: float, phase: float) -> np.ndarray:
+        return 1.1 * np.sin(slow * t + phase) + 0.4 * np.sin(quick * t) + 0.1 * np.sign(np.sin(2.3 * t + phase))
+
+    return Record.from_arrays(
+        t,
+        {
+            "rudder_rad": hull.rudder.limit * moved(0.35, 2.6, 0.5),
+            "stern_plane_rad": hull.stern_plane.limit * moved(0.9, 2.9, 1.0),
+            "bow_plane_rad": hull.bow_plane.limit * moved(0.7, 2.6, 2.0),
+            plant.inputs[3]: hull.propulsion.limit * (0.7 + 0.4 * moved(0.4, 1.3, 0.0)),
+        },
+    )
 
 
-@pytest.mark.parametrize("name", VEHICLES)
+STARTS = {
+    "glider": [0.4, 0.01, 5.0, -3.0],
+    "torpedo": [1.2, 0.05, -0.05, 0.02, 0.01, 0.02, 5.0, -3.0, 6.0, 0.05, -0.05, 0.4, 0.0],
+}
+
+
+def rich_record(plant: Plant) -> Record:
+    return {"glider": glider_record, "torpedo": torpedo_record}[plant.family.kind](plant)
+
+
+def outputs(plant: Plant, record: Record, kind: str = "") -> np.ndarray:
+    return plant.run(record, record.segments, np.array([STARTS[kind or plant.family.kind]]))
+
+
+@lru_cache
+def neutral_run(name: str) -> tuple[Record, np.ndarray]:
+    record = rich_record(vehicle(name))
+    return record, outputs(vehicle(name), record)
+
+
+def change(name: str, path: str, probes: float) -> np.ndarray:
+    """What an effect of so many probes does to the outputs."""
+    record, neutral = neutral_run(name)
+    spec = spec_at(vehicle(name), path)
+    return outputs(replace_at(vehicle(name), path, spec.neutral + probes * spec.probe), record) - neutral
+
+
+@pytest.mark.parametrize("name", sorted(list_vehicles()))
 def test_neutral_effects_are_the_identity_bit_for_bit(name):
     plant = load_vehicle(name)
-    neutral = replace_at(plant, {path: spec_at(plant, path).neutral for path in PATHS})
-    record = rich_record(plant)
-    assert np.array_equal(outputs(neutral, record), outputs(replace(neutral, family=BARE), record))
+    neutral = replace_at(plant, {path: spec_at(plant, path).neutral for path in effect_paths(plant)})
+    record, kind = rich_record(plant), plant.family.kind
+    assert np.array_equal(outputs(neutral, record), outputs(replace(neutral, family=bare(plant.family)), record, kind))
 
 
-@pytest.mark.parametrize("path", PATHS)
-def test_an_effect_set_to_neutral_leaves_no_trace(path):
-    plant = load_vehicle("ganeshblue")
-    spec, record = spec_at(plant, path), rich_record(plant)
+@pytest.mark.parametrize("name, path", SHOWING)
+def test_an_effect_set_to_neutral_leaves_no_trace(name, path):
+    record, neutral = neutral_run(name)
+    plant = vehicle(name)
+    spec = spec_at(plant, path)
     probed = replace_at(plant, path, spec.neutral + 3.0 * spec.probe)
     restored = replace_at(probed, path, spec.neutral)
     assert value_at(plant, path) == spec.neutral
     assert restored == plant
-    assert np.array_equal(outputs(restored, record), outputs(plant, record))
-    assert not np.array_equal(outputs(probed, record), outputs(plant, record))
+    assert np.array_equal(outputs(restored, record), neutral)
+    assert not np.array_equal(outputs(probed, record), neutral)
 
 
-# A heading sensor resolves about a thousandth of a degree, a track a millimetre; three probes show well above.
-VISIBLE = np.array([1e-3, 1e-3, 1e-2, 1e-2])
-
-
-@pytest.mark.parametrize("path", PATHS)
-@pytest.mark.parametrize("name", ["ganeshblue", "slocum"])
+@pytest.mark.parametrize("name, path", SHOWING)
 def test_three_probes_of_an_effect_show(name, path):
-    plant = load_vehicle(name)
-    spec, record = spec_at(plant, path), rich_record(plant)
-    for side in (1.0, -1.0):
-        value = spec.neutral + side * 3.0 * spec.probe
-        if spec.bounds[0] <= value <= spec.bounds[1]:
-            change = outputs(replace_at(plant, path, value), record) - outputs(plant, record)
-            assert np.any(np.abs(change).max(axis=0) > VISIBLE), side
+    spec = spec_at(vehicle(name), path)
+    visible = [RESOLUTION[channel.rsplit("_", 1)[1]] for channel in vehicle(name).outputs]
+    for probes in (3.0, -3.0):
+        if spec.bounds[0] <= spec.neutral + probes * spec.probe <= spec.bounds[1]:
+            assert np.any(np.abs(change(name, path, probes)).max(axis=0) > visible), probes
 
 
-@pytest.mark.parametrize("path", PATHS)
-@pytest.mark.parametrize("name", ["ganeshblue", "slocum"])
+@pytest.mark.parametrize("name, path", SHOWING)
 def test_an_effect_shows_at_first_order(name, path):
-    plant = load_vehicle(name)
-    spec, record = spec_at(plant, path), rich_record(plant)
-    neutral = outputs(plant, record)
+    names = vehicle(name).outputs
+    scale = np.array([RESOLUTION[channel.rsplit("_", 1)[1]] for channel in names])
+    local = [channel not in TRACK for channel in names]
 
-    def response(scale):
-        change = outputs(replace_at(plant, path, spec.neutral + scale * spec.probe), record) - neutral
-        return float(np.sqrt(np.mean(change[:, :2] ** 2)) or np.sqrt(np.mean(change**2)))
+    def response(probes):
+        found = change(name, path, probes) / scale
+        return float(np.sqrt(np.mean(found[:, local] ** 2)) or np.sqrt(np.mean(found**2)))
 
     # One hundredth but for curvature: what a probe adds to the track of a heading, or how often the rudder is in a band
     # of its width. A second-order effect would give 1e-4.
     assert 0.005 < response(0.01) / response(1.0) < 0.02
     assert response(0.001) / response(0.01) == pytest.approx(0.1, rel=0.2)
+
+
+def test_what_only_describes_an_effect_changes_nothing_without_it():
+    """Where a fin would be stuck, which way waves would go, how a reading is sampled: bit for bit."""
+    record, neutral = neutral_run("heu_torpedo")
+    plant = vehicle("heu_torpedo")
+    companions = [p for p in effect_paths(plant) if spec_at(plant, p).probe == 0.0 and ".discovered." not in p]
+    assert "effects.waves.direction" in companions
+    assert "effects.sampling.depth.noise" in companions
+    described = replace_at(plant, {p: 0.4 if p.startswith("effects.sampling") else 1.1 for p in companions})
+    assert np.array_equal(outputs(described, record), neutral)
+
+
+def test_every_discovered_term_acts():
+    record, neutral = neutral_run("heu_torpedo")
+    plant = vehicle("heu_torpedo")
+    paths = [p for p in effect_paths(plant) if ".discovered." in p]
+    assert len(paths) == 6 * 35
+    for path in paths:
+        assert not np.array_equal(outputs(replace_at(plant, path, 0.1), record), neutral), path
