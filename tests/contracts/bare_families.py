@@ -1,4 +1,4 @@
-"""Each kind of vehicle without a word about effects, operation by operation: what neutral effects must be, to the bit."""
+"""Each kind of vehicle without a word about effects, operation by operation: what neutral effects must give."""
 
 from dataclasses import replace
 from math import cos, sin

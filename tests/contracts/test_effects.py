@@ -73,7 +73,7 @@ def torpedo_record(plant: Plant, samples: int = 400) -> Record:
         {
             "rudder_rad": hull.rudder.limit * moved(0.35, 2.6, 0.5),
             "stern_plane_rad": hull.stern_plane.limit * moved(0.9, 2.9, 1.0),
-            "bow_plane_rad": hull.bow_plane.limit * moved(0.7, 2.6, 2.0),
+            "bow_plane_rad": hull.bow_plane.limit * moved(0.7, 1.1, 2.0),
             plant.inputs[3]: hull.propulsion.limit * (0.7 + 0.4 * moved(0.4, 1.3, 0.0)),
         },
     )
