@@ -5,6 +5,9 @@ from math import expm1, inf
 from auv_gym.compiled import compiled
 
 
+_GONE = 1e-250  # a decay towards zero ends before the numbers get so small that a processor slows down
+
+
 @compiled
 def play(position, memory, width):
     """Output of a backlash of full width `width` with its last output `memory`; the identity at width 0."""
@@ -60,7 +63,7 @@ def travel(position, target, lag, slowness, duration, decay=-1.0):
     Source: Fossen 2021, sec. 9.7 (lag, rate limit).
     """
     error = position - target
-    if error == 0.0 or (lag <= 0.0 and slowness <= 0.0):
+    if abs(error) < _GONE or (lag <= 0.0 and slowness <= 0.0):
         return target, 0.0, target
     side = 1.0 if error > 0.0 else -1.0
     size = abs(error)
