@@ -4,7 +4,6 @@ from math import expm1, inf
 
 from auv_gym.compiled import compiled
 
-
 _GONE = 1e-250  # a decay towards zero ends before the numbers get so small that a processor slows down
 
 
