@@ -27,13 +27,10 @@ class Camera:
         self._track: list[tuple[float, float, float, float]] = []
         self._waypoints: list[tuple[float, float, float]] = []
 
-    def begin(self) -> None:
-        """Forget the last episode."""
-        self._track, self._waypoints = [], []
-        self.follow()
-
-    def follow(self) -> None:
-        """Take the present position into the track, and show it where there is a window."""
+    def follow(self, begin: bool = False) -> None:
+        """Take the present position into the track, of a new episode if it begins; show it where there is a window."""
+        if begin:
+            self._track, self._waypoints = [], []
         record = self._record
         self._track.append((float(record["time"]), *self._states("north_m", "east_m", "depth_m")))
         if self._episodes.settings["follows_path"]:

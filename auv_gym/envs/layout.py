@@ -9,7 +9,6 @@ An array handed from Python to compiled code costs a tenth of a microsecond, so 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
@@ -95,7 +94,7 @@ def row_type(family: Family) -> np.dtype:
 
 def offset(record: np.dtype, name: str) -> int:
     """The index of a field's first number."""
-    fields: Mapping[str, Any] = record.fields or {}
+    fields: Any = record.fields
     return fields[name][1] // 8
 
 

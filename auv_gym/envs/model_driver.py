@@ -32,14 +32,14 @@ class ModelDriver:
         constants = getattr(model, "constants", {})
         self._u = np.array([constants.get(name, 0.0) for name in model.inputs])
         self._names = {name: i for i, name in enumerate(model.states)}
-        self._x = np.zeros(len(model.states))
+        self.x = np.zeros(len(model.states))
 
     def begin(self) -> None:
         """Start the model from the outputs of the vehicle at the start of an episode."""
         index = {name: i for i, name in enumerate(self._family.outputs)}
         start = np.array([self._raw[index[name]] if name in index else np.nan for name in self.model.outputs])
-        self._x = np.asarray(self.model.initial(start), dtype=np.float64)
-        self._put(self._x)
+        self.x = np.asarray(self.model.initial(start), dtype=np.float64)
+        self._put(self.x)
 
     def step(self, buffer: np.ndarray) -> int:
         """One step of the environment; the status."""
@@ -47,14 +47,14 @@ class ModelDriver:
             return REFUSED
         for i, j in self._inputs:
             self._u[i] = self._command[j]
-        x = np.asarray(self.model.step(self._x, self._u.copy()), dtype=np.float64)
+        x = np.asarray(self.model.step(self.x, self._u.copy()), dtype=np.float64)
         if self._put(x):
-            self._x = x
+            self.x = x
         return self._kernel.outcome_one(buffer)
 
     def state(self) -> Named:
         """The model's state by name."""
-        return Named(self._names, self._x)
+        return Named(self._names, self.x)
 
     def _put(self, x: np.ndarray) -> bool:
         """The model's outputs and states into the row; without finite numbers there, a state that has diverged."""

@@ -19,10 +19,10 @@ from auv_gym.plant import Plant
 
 
 class TorpedoEnv(gymnasium.Env):
-    """One environment of a task; see docs/environments.md for its action, observation, reward and info.
+    """One environment of a task; docs/environments.md has its action, observation, reward and info.
 
-    A step is one compiled call on one buffer of numbers, `layout` says which; a model in the place of the vehicle is
-    stepped in Python between two such calls.
+    A step is one compiled call on one buffer of numbers, and `layout` says which; a model in the place of the vehicle
+    is stepped in Python between two such calls. A copy or pickle of an environment goes on from where it is.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 10}
@@ -50,35 +50,39 @@ class TorpedoEnv(gymnasium.Env):
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None, 'rgb_array' or 'human', got {render_mode!r}.")
-        self.episodes = episodes = make_episodes(
-            task,
-            vehicle,
-            effects=effects,
-            randomise=randomise,
-            model=model,
-            dt=dt,
-            duration=duration,
-            target=target,
-            waypoints=waypoints,
-        )
+        self._options: dict[str, Any] = {
+            "task": task,
+            "vehicle": vehicle,
+            "effects": effects,
+            "randomise": randomise,
+            "model": model,
+            "dt": dt,
+            "duration": duration,
+            "target": target,
+            "waypoints": waypoints,
+        }
+        self.episodes = episodes = make_episodes(**self._options)
         self.action_space, self.observation_space = episodes.action_space, episodes.observation_space
         self.render_mode = render_mode
+        record = row_type(episodes.plant.family)
         self._buffer = episodes.new_buffer()
         row_at = episodes.plan.size + episodes.derived.size
         self._row = row = self._buffer[row_at : row_at + episodes.row_size]
         self._record = episodes.record(row)
-        at = offset(row_type(episodes.plant.family), "action")
-        self._action = row[at : at + len(episodes.actions)]
-        at = offset(row_type(episodes.plant.family), "observation")
+        # single numbers go in and out of a memoryview in a third of the time that an array takes
+        self._numbers = self._buffer.data
+        self._actions = len(episodes.actions)
+        self._action_at, self._reward_at = row_at + offset(record, "action"), row_at + offset(record, "reward")
+        self._time_at = row_at + offset(record, "time")
+        at = offset(record, "observation")
         self._observation = row[at : at + 16].view(np.float32)[: len(episodes.observations)]
-        self._reward_at = row_at + offset(row_type(episodes.plant.family), "reward")
         index = InfoIndex.of(episodes)
-        self._shown, self._time_at = row[index.first : index.last], index.time
+        self._shown = row[index.first : index.last]
         self._target_of, self._reading_of = index.groups["target"], index.groups["reading"]
         self._command_of, self._state_of = index.groups["command"], index.groups["state"]
         self._terms_of = index.groups["reward_terms"]
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
-        self._kernel_step = episodes.kernel.step_one
+        self._advance = episodes.kernel.step_one
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None
         self._over = True
         self._camera: Any = None
@@ -111,28 +115,26 @@ class TorpedoEnv(gymnasium.Env):
             episodes.kernel.look_one(self._buffer)
         self._over = False
         if self.render_mode is not None:
-            if self._camera is None:
-                from auv_gym.envs.camera import Camera
-
-                self._camera = Camera(episodes, self._row, human=self.render_mode == "human")
-            self._camera.begin()
-        info = self._info("")
-        info["randomised"] = episodes.randomised_values(self._row)
-        return self._observation.copy(), info
+            self._follow(begin=True)
+        return self._observation.copy(), {**self._info(""), "randomised": episodes.randomised_values(self._row)}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Observation, reward, terminated, truncated and info one sample later; actions beyond [-1, 1] are clipped."""
         if self._over:
             raise gymnasium.error.ResetNeeded("The episode has ended or not begun: call reset() before step().")
-        if np.shape(action) != self._action.shape:
-            raise self._refused(action)
-        self._action[:] = action
+        numbers, at = self._numbers, self._action_at
+        try:
+            values = action.tolist() if isinstance(action, np.ndarray) else list(action)
+            if len(values) != self._actions:
+                raise self._refused(action)
+            for value in values:
+                numbers[at] = value
+                at += 1
+        except TypeError:
+            raise self._refused(action) from None
         if self._noise is not None and self._record["noise_used"] >= NOISE_ROWS:
             self._draw_noise()
-        if self._driver is None:
-            status = self._kernel_step(self._buffer)
-        else:
-            status = self._driver.step(self._buffer)
+        status = self._advance(self._buffer) if self._driver is None else self._driver.step(self._buffer)
         reason = ""
         if status != RUNNING:
             if status == REFUSED:
@@ -140,15 +142,11 @@ class TorpedoEnv(gymnasium.Env):
             self._over = True
             if status == TERMINATED:
                 reason = self.episodes.reason(self._record)
-        if self._camera is not None:
-            self._camera.follow()
-        return (
-            self._observation.copy(),
-            self._buffer.item(self._reward_at),
-            status == TERMINATED,
-            self._over and status != TERMINATED,
-            self._info(reason),
-        )
+        if self.render_mode is not None:
+            self._follow()
+        terminated = status == TERMINATED
+        truncated = self._over and not terminated
+        return self._observation.copy(), numbers[self._reward_at], terminated, truncated, self._info(reason)
 
     def render(self) -> np.ndarray | None:
         """An RGB image, shape (height, width, 3), uint8, with render_mode "rgb_array"; else None."""
@@ -161,19 +159,16 @@ class TorpedoEnv(gymnasium.Env):
             self._camera = None
 
     def _info(self, reason: str) -> dict[str, Any]:
-        shown = self._shown.copy()
-        info = {
-            "time_s": shown.item(self._time_at),
+        shown, driver = self._shown.copy(), self._driver
+        return {
+            "time_s": self._numbers[self._time_at],
             "target": Named(self._target_of, shown),
             "reading": Named(self._reading_of, shown),
             "command": Named(self._command_of, shown),
-            "state": Named(self._state_of, shown),
+            "state": Named(self._state_of, shown) if driver is None else driver.state(),
             "reward_terms": Named(self._terms_of, shown),
             "reason": reason,
         }
-        if self._driver is not None:
-            info["state"] = self._driver.state()
-        return info
 
     def _draw_noise(self) -> None:
         if self._noise is not None:
@@ -182,7 +177,33 @@ class TorpedoEnv(gymnasium.Env):
             self.np_random.random(out=uniforms)
             self._record["noise_used"] = 0.0
 
+    def _follow(self, begin: bool = False) -> None:
+        """Show the present position to the camera, which is made when an episode begins."""
+        if self._camera is None and begin:
+            from auv_gym.envs.camera import Camera
+
+            self._camera = Camera(self.episodes, self._row, human=self.render_mode == "human")
+        if self._camera is not None:
+            self._camera.follow(begin)
+
     def _refused(self, action: Any) -> ValueError:
-        count = self._action.size
-        numbers = f"{count} finite number{'s' * (count > 1)}"
+        numbers = f"{self._actions} finite number{'s' * (self._actions > 1)}"
         return ValueError(f"An action needs {numbers} in [-1, 1] ({', '.join(self.episodes.actions)}), got {action!r}.")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {
+            "options": {**self._options, "render_mode": self.render_mode},
+            "numbers": self._buffer.copy(),
+            "model_state": None if self._driver is None else self._driver.x,
+            "over": self._over,
+            "random": (self._np_random, self._np_random_seed),
+            "spec": self.spec,
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(**state["options"])
+        self._buffer[:] = state["numbers"]
+        if self._driver is not None:
+            self._driver.x = state["model_state"]
+        self._over, self.spec = state["over"], state["spec"]
+        self._np_random, self._np_random_seed = state["random"]
