@@ -84,6 +84,7 @@ class TorpedoEnv(gymnasium.Env):
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
         self._advance = episodes.kernel.step_one
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None
+        self._plain = self._noise is None and self._driver is None and render_mode is None
         self._over = True
         self._camera: Any = None
 
@@ -132,21 +133,15 @@ class TorpedoEnv(gymnasium.Env):
                 at += 1
         except TypeError:
             raise self._refused(action) from None
-        if self._noise is not None and self._record["noise_used"] >= NOISE_ROWS:
-            self._draw_noise()
-        status = self._advance(self._buffer) if self._driver is None else self._driver.step(self._buffer)
-        reason = ""
-        if status != RUNNING:
-            if status == REFUSED:
-                raise self._refused(action)
-            self._over = True
-            if status == TERMINATED:
-                reason = self.episodes.reason(self._record)
-        if self.render_mode is not None:
-            self._follow()
+        status = self._advance(self._buffer) if self._plain else self._advance_otherwise()
+        if status == RUNNING:
+            return self._observation.copy(), numbers[self._reward_at], False, False, self._info("")
+        if status == REFUSED:
+            raise self._refused(action)
+        self._over = True
         terminated = status == TERMINATED
-        truncated = self._over and not terminated
-        return self._observation.copy(), numbers[self._reward_at], terminated, truncated, self._info(reason)
+        reason = self.episodes.reason(self._record) if terminated else ""
+        return self._observation.copy(), numbers[self._reward_at], terminated, not terminated, self._info(reason)
 
     def render(self) -> np.ndarray | None:
         """An RGB image, shape (height, width, 3), uint8, with render_mode "rgb_array"; else None."""
@@ -169,6 +164,15 @@ class TorpedoEnv(gymnasium.Env):
             "reward_terms": Named(self._terms_of, shown),
             "reason": reason,
         }
+
+    def _advance_otherwise(self) -> int:
+        """The step of an environment with noisy sensors, a model in Python or pictures; the status."""
+        if self._noise is not None and self._record["noise_used"] >= NOISE_ROWS:
+            self._draw_noise()
+        status = self._advance(self._buffer) if self._driver is None else self._driver.step(self._buffer)
+        if self.render_mode is not None and status != REFUSED:
+            self._follow()
+        return status
 
     def _draw_noise(self) -> None:
         if self._noise is not None:
