@@ -14,7 +14,7 @@ from auv_gym.physics.frames import euler_angles_of, rotation_of
 from auv_gym.physics.propulsion import INFLOWS, VOLTAGES, table_thrust, table_voltage
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.vehicles.torpedo import N_TERMS, derivative, enter, fill_added_mass, thrust_and_torque
+from auv_gym.vehicles.torpedo import derivative, enter, fill_added_mass, thrust_and_torque
 
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
 FOLDER = Path(__file__).parents[2] / "auv_gym" / "vehicles" / "presets"
@@ -86,7 +86,7 @@ def rates(plant: Plant, state: np.ndarray, commands: tuple[float, ...]) -> np.nd
     z, dz = np.zeros(14), np.zeros(14)
     enter(np.append(state, 0.0), z)
     view = plant.family.view(plant.derived)
-    derivative(z, np.array(commands), np.array(commands), view, dz, np.zeros(N_TERMS))
+    derivative(z, np.array(commands), np.array(commands), view, dz, np.zeros(plant.family.scratch))
     return dz
 
 
