@@ -6,14 +6,16 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal, final
+from typing import TYPE_CHECKING, Any, Literal, final
 
 import numpy as np
-import xarray as xr
 
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, channel
 from auv_gym.param import did_you_mean
 from auv_gym.writing import replacing
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 MAX_FILL = 3  # samples; longer runs without a value are gaps
 _LABELS = "segment_labels"
@@ -77,7 +79,7 @@ class Record:
             if known.needed:
                 missing |= ~np.isfinite(repaired)
         variables["segment"] = ("time_s", ids)
-        dataset = xr.Dataset(variables, {"time_s": time}, {**(attrs or {}), _LABELS: labels})
+        dataset = _dataset(variables, time, {**(attrs or {}), _LABELS: labels})
         return _selected(dataset, ~missing, None if missing.any() else "")
 
     @property
@@ -217,7 +219,7 @@ class Record:
             variables[name] = ("time_s", np.concatenate(parts), self.dataset[name].attrs)
         variables["segment"] = ("time_s", np.repeat(np.arange(len(grids)), [grid.size for grid in grids]))
         attrs = {**self.dataset.attrs, _LABELS: [self.labels[k] for k in kept]}
-        return Record(xr.Dataset(variables, {"time_s": np.concatenate(grids)}, attrs))
+        return Record(_dataset(variables, np.concatenate(grids), attrs))
 
     def windows(self, seconds: float) -> list[slice]:
         """Consecutive windows of this length within each segment, as slices; a shorter rest is dropped.
@@ -247,6 +249,8 @@ class Record:
         if not Path(path).is_file():
             raise ValueError(f"There is no file {path}: give the path of a record that Record.save wrote.")
         try:
+            import xarray as xr
+
             dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
         except Exception as error:  # what a damaged file raises depends on where it is damaged
             raise ValueError(f"{path} is not a NetCDF record, or is cut short ({error}): save it again.") from error
@@ -283,7 +287,13 @@ def concat(records: Sequence[Record]) -> Record:
         key: v for key, v in first.items() if all(str(r.attrs.get(key)) == str(v) for r in records)
     }
     attrs[_LABELS] = [label for record in records for label in record.labels]
-    return Record(xr.Dataset(variables, {"time_s": np.concatenate([record.time for record in records])}, attrs))
+    return Record(_dataset(variables, np.concatenate([record.time for record in records]), attrs))
+
+
+def _dataset(variables: Mapping[str, Any], time: Any, attrs: Mapping[str, Any]) -> xr.Dataset:
+    import xarray as xr  # not above: with pandas it takes as long to import as all that an environment needs
+
+    return xr.Dataset(variables, {"time_s": time}, attrs)
 
 
 def _common(name: str, records: Sequence[Record]) -> dict[str, Any]:
@@ -446,4 +456,4 @@ def _checked(dataset: xr.Dataset) -> xr.Dataset:
         variables[str(name)] = ("time_s", values, {**variable.attrs, "units": known.unit, "long_name": known.label})
     variables["segment"] = ("time_s", ids, {"long_name": "segment"})
     coordinate = ("time_s", time, {"units": "s", "long_name": CHANNELS["time_s"].label})
-    return xr.Dataset(variables, {"time_s": coordinate}, {**dataset.attrs, _LABELS: labels})
+    return _dataset(variables, coordinate, {**dataset.attrs, _LABELS: labels})

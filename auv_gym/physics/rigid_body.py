@@ -3,10 +3,10 @@
 Velocities nu = [u v w p q r] and forces in body axes about the body origin.
 """
 
-from auv_gym.compiled import compiled
+from auv_gym.compiled import compiled, outlined
 
 
-@compiled
+@outlined
 def fill_rigid_body_mass(mass, x_g, y_g, z_g, hull, matrix):
     """M_RB into matrix, shape (6, 6), with any centre of gravity.  Source: Fossen 2021, eq. (3.49).
 
@@ -56,7 +56,7 @@ def coriolis_forces(momentum, u, v, w, p, q, r):
     )
 
 
-@compiled
+@outlined
 def invert(matrix, inverse):
     """The inverse of a square matrix into `inverse`; matrix is destroyed, and a singular one gives infinities.
 

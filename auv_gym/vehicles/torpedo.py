@@ -13,7 +13,7 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 
-from auv_gym.compiled import compiled, view_as
+from auv_gym.compiled import compiled, outlined, view_as
 from auv_gym.param import list_paths, pack, record_type
 from auv_gym.physics.actuators import shape_command, shaped_command
 from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
@@ -36,6 +36,7 @@ _COMPUTED = np.dtype(
     (
         np.record,
         [
+            ("mass", np.float64, (6, 6)),
             ("inverse_mass", np.float64, (6, 6)),
             ("momentum", np.float64, (6, 6)),  # M_RB and the share of M_A whose Coriolis forces are added
             ("rigid_mass", np.float64, (6, 6)),
@@ -72,7 +73,7 @@ view = view_as(_WHOLE, "torpedo")
 writable_view = view_as(_WHOLE, "torpedo", writable=True)
 
 
-@compiled
+@outlined
 def fill_added_mass(added, matrix):
     """M_A = -[derivatives] into matrix, shape (6, 6); zero where the tree has no such derivative."""
     for i in range(6):
@@ -131,7 +132,7 @@ def hull_coefficient(hull, i, k):
     return hull.yaw[k]
 
 
-@compiled
+@outlined
 def fill_mass(p, matrix, rigid, momentum):
     """M_RB + M_A into matrix, M_RB into rigid, and M_RB with the M_A whose Coriolis forces are added into momentum."""
     hull, load = p.hull, p.effects.load
@@ -149,7 +150,7 @@ def fill_mass(p, matrix, rigid, momentum):
             momentum[i, j] = rigid[i, j] + half * (added[i, j] + added[j, i])
 
 
-@compiled
+@outlined
 def derive(vector, derived):
     """The parameters and what follows from them alone into derived, shape (N_DERIVED,): masses, active terms, flags."""
     for i in range(N_PARAMETERS):
@@ -158,9 +159,8 @@ def derive(vector, derived):
     hull, effects, computed = p.hull, p.effects, p.computed
     load = effects.load
     density = 1.0 + effects.water.density
-    matrix = np.empty((6, 6))
-    fill_mass(p, matrix, computed.rigid_mass, computed.momentum)
-    invert(matrix, computed.inverse_mass)
+    fill_mass(p, computed.mass, computed.rigid_mass, computed.momentum)
+    invert(computed.mass.copy(), computed.inverse_mass)
     count = 0
     for i in range(6):
         for j in range(3):
@@ -539,9 +539,14 @@ SENSORS = (
 @compiled
 def sense(before, z, sensors, duration, p):
     """Update of the lag errors in sensors after the vehicle went from `before` to z (integrated states)."""
+    if p.computed.has_lag != 0.0:  # else, as usual, the errors start from zero and stay there
+        lag_behind(before, z, sensors, duration, p)
+
+
+@outlined
+def lag_behind(before, z, sensors, duration, p):
+    """What `sense` does where a sensor lags."""
     effects = p.effects
-    if p.computed.has_lag == 0.0:  # the usual case; the errors start from zero and stay there
-        return
     sensors[0] = lag_error(sensors[0], z[8] - before[8], effects.depth.lag, duration)
     a11, a12, a13, a21, a22, a23, a31, a32, a33 = rotation_of(before[9], before[10], before[11], before[12])
     b11, b12, b13, b21, b22, b23, b31, b32, b33 = rotation_of(z[9], z[10], z[11], z[12])
@@ -564,7 +569,7 @@ def sense(before, z, sensors, duration, p):
         sensors[5] = sensors[6] = sensors[7] = 0.0
 
 
-@compiled
+@outlined
 def settle_sensors(x, actuators, sensors, p):
     """Lag errors of a vehicle that has been turning and sinking at its present rates for long (kept states)."""
     effects = p.effects
@@ -621,12 +626,12 @@ def output(x, actuators, sensors, p, y):
 def mass_problem(parameters: TorpedoParameters) -> str:
     """What is wrong with the mass matrix, or nothing: its symmetric part must be positive definite."""
     derived = np.zeros(N_DERIVED)
-    matrix, rigid, momentum = np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6))
-    derived[:N_PARAMETERS] = pack(parameters)
-    fill_mass(view(derived), matrix, rigid, momentum)
+    derive(pack(parameters), derived)
+    computed = derived.view(_WHOLE)[0].computed
+    rigid, whole = computed.rigid_mass, computed.mass
     for name, part in (
         ("mass matrix of the rigid body", rigid),
-        ("mass matrix with added mass", 0.5 * (matrix + matrix.T)),
+        ("mass matrix with added mass", 0.5 * (whole + whole.T)),
     ):
         values, vectors = np.linalg.eigh(part)
         if values[0] <= 0.0:
