@@ -19,7 +19,16 @@ from auv_gym.physics.actuators import shape_command, shaped_command
 from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
-from auv_gym.physics.propulsion import COLUMNS, RADPS_PER_RPM, ROWS, shaft_law, slipstream_speed, table_thrust
+from auv_gym.physics.propulsion import (
+    COLUMNS,
+    RADPS_PER_RPM,
+    ROWS,
+    shaft_law,
+    shaft_speed_for,
+    slipstream_speed,
+    table_thrust,
+    table_voltage,
+)
 from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, invert
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
 from auv_gym.physics.water import orbital_velocity
@@ -621,6 +630,23 @@ def output(x, actuators, sensors, p, y):
     y[11] = (1.0 + ground.scale) * (x[2] + cz + sensors[7]) + ground.bias_w
     y[12], y[13] = x[6], x[7]
     y[14] = (1.0 + effects.depth.scale) * (x[8] + sensors[0]) + effects.depth.bias
+
+
+def command_for_thrust(parameters: TorpedoParameters, thrust: float, speed: float) -> float:
+    """The propulsion command, in its channel's unit, that gives a thrust in N at a forward speed in m/s.
+
+    The inverse of the vehicle's own law, without effects and limits; a table ends at its largest voltage.
+    Raises if the vehicle has no propulsion.
+    """
+    law = parameters.hull.propulsion
+    table = pack(law.table)
+    if table.any():
+        return float(table_voltage(thrust, speed, table))
+    if law.t_nn > 0.0:
+        return float(shaft_speed_for(thrust, speed, law.t_nn, law.t_nu)) / RADPS_PER_RPM
+    if law.t_cc > 0.0:
+        return float(np.copysign(np.sqrt(abs(thrust) / law.t_cc), thrust))
+    raise ValueError("The vehicle has no propulsion: give hull.propulsion.t_nn, t_cc or a table.")
 
 
 def mass_problem(parameters: TorpedoParameters) -> str:
