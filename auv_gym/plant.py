@@ -108,6 +108,12 @@ class Plant:
         return bind_family(self.family)
 
     @cached_property
+    def _measured(self) -> tuple[list[int], list[int]]:
+        """Where the outputs that measure a state are, and those states; velocity over ground, say, measures none."""
+        names = [name for name in self.outputs if name in self.family.states]
+        return [self.outputs.index(name) for name in names], [self.family.states.index(name) for name in names]
+
+    @cached_property
     def _history(self) -> int:
         dead_times = [value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")]
         return max((ceil(t / self.dt - 1e-9) for t in dead_times), default=0) + 1
@@ -159,14 +165,13 @@ class Plant:
 
     def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """The state moved so that its outputs are y where y is finite; the rest of the state is kept."""
-        x, y = np.array(x, dtype=float), np.asarray(y, dtype=float)
+        measured, states = self._measured
+        x, y = np.array(x, dtype=float), np.asarray(y, dtype=float)[measured]
         for _ in range(100):  # the compass deviation depends on the heading: a fixed point
-            error = y - self.output(x)
+            error = y - self.output(x)[measured]
             if not np.any(np.abs(error) > 1e-13 * (1.0 + np.abs(y))):
                 break
-            for index, name in enumerate(self.outputs):
-                if name in self.family.states and np.isfinite(error[index]):
-                    x[self.family.states.index(name)] += error[index]
+            x[states] += np.where(np.isfinite(error), error, 0.0)
         return x
 
     def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
