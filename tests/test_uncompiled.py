@@ -3,46 +3,65 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from auv_gym.param import list_paths, replace_at, spec_at
-from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
 
 ROOT = Path(__file__).parents[1]
-SAMPLES = 60
+SAMPLES = {"glider": 60, "torpedo": 12}  # one of the latter takes plain Python some milliseconds
+OTHERS = {
+    "effects.discovered.sway.wp": 20.0,
+    "effects.discovered.yaw.sin_heading": 0.5,
+    "effects.current.reference_depth": 3.0,
+    "effects.waves.direction": 0.7,
+    "effects.load.tether_station": -0.5,
+    "effects.rudder_fin.stuck_at": 0.1,
+}
+
+
+def probed(plant: Plant) -> dict[str, float]:
+    """Every effect at three probes, and some values that have none."""
+    paths = [path for path in list_paths(plant) if path.startswith("effects.")]
+    values = {path: spec_at(plant, path).neutral + 3.0 * spec_at(plant, path).probe for path in paths}
+    return {path: OTHERS.get(path, value) for path, value in values.items()}
 
 
 def plants() -> dict[str, Plant]:
-    """The presets bare, and one with each effect at three probes, and one with all."""
-    slocum = load_vehicle("slocum")
-    probed = {
-        path: spec_at(slocum, path).neutral + 3.0 * spec_at(slocum, path).probe
-        for path in list_paths(slocum)
-        if path.startswith("effects.")
-    }
-    corrected = load_vehicle("ganeshblue_corrected")
-    return {
-        "slocum": slocum,
-        "ganeshblue_corrected": corrected,
-        **{path: replace_at(slocum, path, value) for path, value in probed.items()},
-        "all effects": replace_at(slocum, probed),
-        "all effects, corrected": replace_at(corrected, probed),
-    }
+    """The presets bare, and some with all effects; of a glider each effect, of a torpedo each group of effects."""
+    found = {name: load_vehicle(name) for name in list_vehicles()}
+    for name in ("slocum", "ganeshblue_corrected", "heu_torpedo", "npsauv"):
+        found[f"{name}, all effects"] = replace_at(found[name], probed(found[name]))
+    slocum, torpedo = found["slocum"], found["heu_torpedo"]
+    found |= {f"slocum, {path}": replace_at(slocum, path, value) for path, value in probed(slocum).items()}
+    groups = {path.split(".")[1] for path in probed(torpedo)}
+    for group in groups:
+        values = {path: value for path, value in probed(torpedo).items() if path.split(".")[1] == group}
+        found[f"heu_torpedo, {group}"] = replace_at(torpedo, values)
+    return found
 
 
 def trajectory(plant: Plant) -> np.ndarray:
-    """Outputs of a rollout and of the same commands stepped one by one, shape (2, SAMPLES, n_outputs)."""
-    k = np.arange(SAMPLES)
-    rudder = 0.6 * np.sin(0.3 * k)
-    columns = {"rudder_rad": rudder, "u_mps": 0.4 + 0.1 * np.sin(0.1 * k), "roll_rad": 0.1 * np.cos(0.2 * k)}
+    """Outputs of a rollout and of the same commands stepped one by one, shape (2, samples, n_outputs)."""
+    k = np.arange(SAMPLES[plant.family.kind])
+    columns = {"rudder_rad": 0.6 * np.sin(0.3 * k)}
+    start = {"heading_rad": 0.3, "r_radps": 0.01}
+    if plant.family.kind == "glider":
+        columns |= {"u_mps": 0.4 + 0.1 * np.sin(0.1 * k), "roll_rad": 0.1 * np.cos(0.2 * k)}
+    else:
+        columns |= {"stern_plane_rad": 0.3 * np.cos(0.5 * k), "bow_plane_rad": 0.2 * np.sin(0.7 * k)}
+        plant = replace(plant, longest_step=0.5 * plant.dt)
+        columns[plant.inputs[3]] = plant.hull.propulsion.design * (1.0 + 0.2 * np.sin(k))
+        start |= {"u_mps": 1.2, "v_mps": 0.1, "w_mps": -0.1, "p_radps": 0.1, "depth_m": 4.0, "pitch_rad": 0.1}
     record = Record.from_arrays(plant.dt * k, columns)
-    x = plant.initial(np.array([0.3, 0.01, 0.0, 0.0]))
+    x = plant.initial(np.array([start.get(name, 0.0) for name in plant.outputs]))
     rolled, stepped = plant.run(record, record.segments, x[None, :]), []
-    for row in range(SAMPLES):
+    for row in k:
         u = np.array([record[name][row] if record.has(name) else plant.constants[name] for name in plant.inputs])
         stepped.append(plant.output(x))
         x = plant.step(x, u)
