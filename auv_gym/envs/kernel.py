@@ -112,16 +112,16 @@ def _fault(x, t):
         return BROACHED, x[DEPTH]
     if x[DEPTH] > t.depth_limit:
         return TOO_DEEP, x[DEPTH]
-    if abs(x[PITCH]) > t.pitch_limit:
-        return PITCHED, x[PITCH]
-    if abs(x[ROLL]) > t.roll_limit:
-        return ROLLED, x[ROLL]
     speed = sqrt(x[U] * x[U] + x[V] * x[V] + x[W] * x[W])
     if speed > t.speed_limit:
         return TOO_FAST, speed
     rate = sqrt(x[P] * x[P] + x[Q] * x[Q] + x[R] * x[R])
     if rate > t.rate_limit:
         return SPINNING, rate
+    if abs(x[PITCH]) > t.pitch_limit:
+        return PITCHED, x[PITCH]
+    if abs(x[ROLL]) > t.roll_limit:
+        return ROLLED, x[ROLL]
     return NO_REASON, 0.0
 
 

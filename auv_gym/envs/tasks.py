@@ -66,7 +66,7 @@ DEPTH_LIMIT = 50.0  # lengths
 PITCH_LIMIT = radians(80.0)
 ROLL_LIMIT = radians(120.0)
 SPEED_LIMIT = 4.0  # cruise speeds
-RATE_LIMIT = 20.0  # cruise speed over length
+RATE_LIMIT = 10.0  # cruise speed over length
 
 HELD_PITCH = 0.35  # rad; the pitch with which the held stern plane goes back to its depth
 

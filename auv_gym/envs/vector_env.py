@@ -90,8 +90,8 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         self._masks = {group: _masks(names, self.num_envs) for group, names in self._index.groups.items()}
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds: list[int | None] = [None] * self.num_envs
-        self._ended = np.ones(self.num_envs, dtype=bool)
-        self._begun = False
+        self._ended = np.zeros(self.num_envs, dtype=bool)
+        self._unbegun = np.ones(self.num_envs, dtype=bool)
 
     @property
     def plant(self) -> Plant:
@@ -115,7 +115,7 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         observations = self._observations()
         self._begin(begins, observations)
         self._ended[begins] = False
-        self._begun = self._begun or bool(begins.all())
+        self._unbegun[begins] = False
         infos = self._infos()
         drawn = [self.episodes.randomised_values(row) for row in self._rows]
         infos["randomised"] = {path: np.array([values[path] for values in drawn]) for path in self.episodes.randomise}
@@ -125,8 +125,10 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Observations, rewards, terminations, truncations and infos one sample later; see the autoreset mode."""
-        if not self._begun:
-            raise gymnasium.error.ResetNeeded("The environments have not begun: call reset() before step().")
+        if self._unbegun.any():
+            raise gymnasium.error.ResetNeeded(
+                f"{self._unbegun.sum()} environments have not begun: call reset() before step()."
+            )
         actions = np.asarray(actions)
         if actions.shape != self._actions.shape or not np.isfinite(actions).all():
             raise ValueError(

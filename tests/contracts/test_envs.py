@@ -30,7 +30,8 @@ def rollout(env, seed, steps=40):
     return np.array(observations), np.array(rewards), infos
 
 
-def test_gymnasium_finds_no_fault(name):
+def test_gymnasium_finds_no_fault(name, monkeypatch):
+    monkeypatch.setattr("auv_gym.rendering.Window.show", lambda window, picture: None)  # no display is needed
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gymnasium.make(name)
@@ -92,3 +93,28 @@ def test_vector_environments_run_it(name):
     observations, rewards, *_ = envs.step(np.zeros((3, *envs.single_action_space.shape), np.float32))
     assert observations.shape == (3, *envs.single_observation_space.shape)
     assert np.isfinite(rewards).all()
+
+
+def test_the_native_vector_environment_is_the_single_one_many_times(name):
+    if "vector_entry_point" not in ENVIRONMENTS[name]:
+        assert gymnasium.spec(name).vector_entry_point is None
+        return
+    envs = gymnasium.make_vec(name, num_envs=2)
+    assert isinstance(envs.metadata["autoreset_mode"], gymnasium.vector.AutoresetMode)
+    observations, _ = envs.reset(seed=5)
+    for i in range(2):
+        env = gymnasium.make(name)
+        assert env.observation_space == envs.single_observation_space
+        assert env.action_space == envs.single_action_space
+        np.testing.assert_array_equal(observations[i], env.reset(seed=5 + i)[0])
+
+
+def test_a_step_after_the_end_asks_for_a_reset(name):
+    env = gymnasium.make(name, duration=0.4).unwrapped
+    env.reset(seed=0)
+    ended = False
+    while not ended:
+        _, _, terminated, truncated, _ = env.step(np.zeros(env.action_space.shape))
+        ended = terminated or truncated
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(np.zeros(env.action_space.shape))

@@ -1,0 +1,111 @@
+"""A gymnasium vector environment as the vector environment of stable-baselines3. Needs the extra `rl`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise ImportError(f"The adapter needs stable-baselines3 ({error}): pip install 'auv-gym[rl]'.") from error
+
+
+class StableBaselinesVecEnv(VecEnv):
+    """The `VecEnv` on a vector environment that resets in the same step, such as
+
+        gymnasium.make_vec("auv_gym/Depth-v0", num_envs=64, autoreset_mode="SameStep")
+
+    The info of an environment that has ended is that of its last step, with `terminal_observation` and
+    `TimeLimit.truncated`; those of the others are empty unless `step_infos` says so, for they cost more than the step.
+    """
+
+    def __init__(self, envs: gymnasium.vector.VectorEnv, *, step_infos: bool = False):
+        mode = envs.metadata.get("autoreset_mode")
+        if mode is not AutoresetMode.SAME_STEP:
+            raise ValueError(
+                f"stable-baselines3 needs environments that reset in the same step, got autoreset_mode {mode}: "
+                "give autoreset_mode='SameStep' to gymnasium.make_vec."
+            )
+        self.envs, self.step_infos = envs, step_infos
+        super().__init__(envs.num_envs, envs.single_observation_space, envs.single_action_space)
+        self._actions: np.ndarray | None = None
+
+    def reset(self) -> np.ndarray:
+        """First observations, shape (num_envs, ...); seeds and options as `seed` and `set_options` have left them."""
+        options = [one or {} for one in self._options]
+        if all(one == options[0] for one in options):
+            observations, infos = self.envs.reset(seed=self._seeds, options=options[0])  # pyright: ignore[reportArgumentType]
+        else:
+            for i, one in enumerate(options):
+                mask = np.arange(self.num_envs) == i
+                observations, infos = self.envs.reset(
+                    seed=self._seeds,  # pyright: ignore[reportArgumentType]
+                    options={**one, "reset_mask": mask},
+                )
+        self.reset_infos = [_one_of(infos, i) for i in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Observations, rewards, whether episodes have ended, and infos; ended environments have begun again."""
+        observations, rewards, terminated, truncated, infos = self.envs.step(self._actions)
+        ended = terminated | truncated
+        found: list[dict[str, Any]] = [
+            {"TimeLimit.truncated": False, **(_one_of(infos, i) if self.step_infos else {})}
+            for i in range(self.num_envs)
+        ]
+        for i in np.flatnonzero(ended):
+            found[i] = {
+                **_one_of(infos["final_info"], i),
+                "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
+                "terminal_observation": infos["final_obs"][i],
+            }
+            self.reset_infos[i] = _one_of(infos, i)
+        return observations, rewards.astype(np.float32), ended, found
+
+    def close(self) -> None:
+        """Close the environments."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of the vector environment, once for each index."""
+        value = getattr(self.envs, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of the vector environment; raises for some of its environments alone."""
+        if indices is not None:
+            raise ValueError(f"The environments are one object, so {attr_name!r} can be set for all of them only.")
+        setattr(self.envs, attr_name, value)
+
+    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+        """Always raises: the environments are one object, and have no methods of their own."""
+        raise ValueError(f"The environments are one object and have no method {method_name!r} each: call it on `envs`.")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """False for each index: wrap the whole, as in VecMonitor(env)."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """None for each environment: a vector environment draws nothing."""
+        return [None] * self.num_envs
+
+
+def _one_of(infos: dict[str, Any], i: int | np.intp) -> dict[str, Any]:
+    """The info of one environment out of those of all."""
+    found: dict[str, Any] = {}
+    for name, values in infos.items():
+        if name.startswith("_") or name in ("final_obs", "final_info") or not infos[f"_{name}"][i]:
+            continue
+        found[name] = _one_of(values, i) if isinstance(values, dict) else values[i]
+    return found

@@ -1,0 +1,758 @@
+import copy
+import os
+import pickle
+import subprocess
+import sys
+import tracemalloc
+from dataclasses import dataclass, field, replace
+from math import cos, hypot, pi, radians, sin
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+from auv_gym.envs.cruise import find_cruise
+from auv_gym.envs.tasks import TASKS
+from auv_gym.envs.torpedo_env import TorpedoEnv
+from auv_gym.param import list_paths, replace_at, value_at
+from auv_gym.plant import load_vehicle, save_vehicle
+
+ROOT = Path(__file__).parents[2]
+PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
+CURRENT = {"effects.current.north": (-0.3, 0.3), "effects.current.east": (-0.3, 0.3)}
+
+
+def run(env, actions, seed=0, **options):
+    env.reset(seed=seed, options=options)
+    return [env.step(np.atleast_1d(np.array(action, np.float32))) for action in actions]
+
+
+# ---------------------------------------------------------------------------- cruise
+
+
+@pytest.mark.parametrize("vehicle", PRESETS)
+def test_the_cruise_is_steady_and_level(vehicle):
+    plant = load_vehicle(vehicle)
+    cruise = find_cruise(plant)
+    x = plant.initial(np.full(len(plant.outputs), np.nan))
+    x[: cruise.state.size] = cruise.state
+    x[plant.states.index("depth_m")] = 50.0
+    for at, name in enumerate(plant.states):
+        if name.endswith(("position", "play", "[-0]")):
+            x[at] = cruise.commands[plant.inputs.index(name.split()[0].removesuffix("[-0]"))]
+    later = plant.step(x, cruise.commands)
+    moved = (later - x)[: cruise.state.size]
+    along = [plant.states.index(name) for name in ("north_m", "east_m")]
+    # steady to the accuracy to which the cruise is sought, and forward at its speed over the sample
+    assert np.abs(np.delete(moved, [*along, plant.states.index("wave_phase_rad")])).max() < 1e-6
+    speed = np.linalg.norm(cruise.state[:3])
+    assert hypot(*moved[along]) == pytest.approx(speed * plant.dt, rel=1e-9)
+    assert cruise.speed == cruise.state[0]
+
+
+def test_a_vehicle_that_cannot_fly_level_is_refused():
+    heavy = replace_at(load_vehicle("remus100"), "hull.buoyancy", 420.0)
+    with pytest.raises(ValueError, match="cannot hold with its fins"):
+        TorpedoEnv("Depth", heavy)
+
+
+def test_the_regulator_is_the_one_of_the_riccati_equation():
+    from scipy.linalg import solve_discrete_are
+
+    from auv_gym.envs.cruise import _linear_quadratic_gains
+
+    a = np.array([[0.9, 0.1, 0.0], [-0.05, 0.8, 0.02], [0.0, 0.1, 1.0]])
+    b, weights = np.array([0.02, 0.3, 0.015]), np.array([0.0, 0.1, 3.0])
+    p = solve_discrete_are(a, b[:, None], np.diag(weights**2), np.eye(1))
+    expected = b @ p @ a / (1.0 + b @ p @ b)
+    np.testing.assert_allclose(_linear_quadratic_gains(a, b, weights), expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("vehicle", PRESETS)
+@pytest.mark.parametrize("task", ["Heading", "Speed"])
+def test_held_fins_keep_depth_and_heading(task, vehicle):
+    env = TorpedoEnv(task, vehicle, duration=120.0)
+    length = env.plant.hull.length
+    _, info = env.reset(seed=2)
+    depth = info["state"]["depth_m"]
+    design = env.plant.hull.propulsion.design / env.plant.hull.propulsion.limit
+    action = np.array([0.5 if task == "Heading" else 0.75 * design], np.float32)
+    for _ in range(1200):
+        _, _, terminated, truncated, info = env.step(action)
+        assert not terminated, info["reason"]
+    assert truncated
+    assert abs(info["state"]["depth_m"] - depth) < 1.5 * length
+    if task == "Speed":
+        assert abs(info["state"]["heading_rad"] - info["reading"]["heading_rad"]) < 1e-12
+        assert abs(info["state"]["r_radps"]) < 0.01
+
+
+# ---------------------------------------------------------------------------- tables of the documentation
+
+
+def test_the_observation_of_depth():
+    env = TorpedoEnv("Depth", "remus100")
+    first, info = env.reset(seed=3, options={"target": 15.0, "start": {"depth_m": 13.0}})
+    cruise, length = find_cruise(env.plant), env.plant.hull.length
+    plane = cruise.commands[1] / env.plant.hull.stern_plane.limit
+    expected = [
+        2.0 / (5 * length),
+        cruise.state[10] / (pi / 2),
+        0.0,
+        cruise.state[2] / (0.5 * cruise.speed),
+        0.0,
+        plane,
+    ]
+    np.testing.assert_allclose(first, expected, atol=1e-6)
+    observation, _, _, _, info = env.step(np.array([0.5], np.float32))
+    y = info["reading"]
+    expected = [
+        (15.0 - y["depth_m"]) / (5 * length),
+        y["pitch_rad"] / (pi / 2),
+        y["q_radps"] * length / cruise.speed,
+        y["w_mps"] / (0.5 * cruise.speed),
+        y["u_mps"] / cruise.speed - 1.0,
+        0.5,
+    ]
+    np.testing.assert_allclose(observation, expected, atol=1e-6)
+    assert env.episodes.observations == ("depth_error", "pitch", "pitch_rate", "heave", "speed", "stern_plane")
+    assert info["command"]["stern_plane_rad"] == 0.5 * env.plant.hull.stern_plane.limit
+    assert info["command"]["rudder_rad"] == cruise.commands[0]
+
+
+def test_the_observation_of_heading():
+    env = TorpedoEnv("Heading", "remus100")
+    env.reset(seed=3, options={"target": 1.0, "start": {"heading_rad": 0.2}})
+    observation, _, _, _, info = env.step(np.array([-0.5], np.float32))
+    cruise, y = find_cruise(env.plant), info["reading"]
+    expected = [
+        sin(1.0 - y["heading_rad"]),
+        cos(1.0 - y["heading_rad"]),
+        y["r_radps"] * env.plant.hull.length / cruise.speed,
+        y["v_mps"] / (0.5 * cruise.speed),
+        y["roll_rad"] / (pi / 2),
+        y["u_mps"] / cruise.speed - 1.0,
+        -0.5,
+    ]
+    np.testing.assert_allclose(observation, expected, atol=1e-6)
+
+
+def test_the_observation_of_speed():
+    env = TorpedoEnv("Speed", "vt690")
+    env.reset(seed=3, options={"target": 1.2})
+    observation, _, _, _, info = env.step(np.array([0.4], np.float32))
+    cruise, y = find_cruise(env.plant), info["reading"]
+    expected = [
+        (1.2 - y["u_mps"]) / cruise.speed,
+        y["u_mps"] / cruise.speed - 1.0,
+        y["pitch_rad"] / (pi / 2),
+        np.float32(0.4),
+    ]
+    np.testing.assert_allclose(observation, expected, atol=1e-6)
+    assert info["command"]["speed_cmd_mps"] == pytest.approx(0.4 * env.plant.hull.propulsion.limit)
+
+
+def test_the_observation_and_reward_of_a_path():
+    env = TorpedoEnv("Path", "remus100", waypoints=[(40.0, 0.0, 15.0), (40.0, 30.0, 15.0)], randomise={})
+    start = {"north_m": 0.0, "east_m": 2.0, "depth_m": 15.0, "heading_rad": 0.1, "roll_rad": 0.0}
+    env.reset(seed=0, options={"start": start})
+    before = np.array([0.0, 2.0, 15.0])
+    observation, reward, _, _, info = env.step(np.array([0.1, -0.4, 0.9], np.float32))
+    cruise, length, x, y = find_cruise(env.plant), env.plant.hull.length, info["state"], info["reading"]
+    at = np.array([x["north_m"], x["east_m"], x["depth_m"]])
+    leg = np.array([40.0, 0.0, 15.0]) - before
+    size, course = np.linalg.norm(leg), np.arctan2(leg[1], leg[0])
+    starboard = np.array([-sin(course), cos(course), 0.0])
+    off = at - before
+    across, below, along = off @ starboard, off[2], off @ leg / size
+    by_name = dict(zip(env.episodes.observations, observation, strict=True))
+    expected = {
+        "across": across / (5 * length),
+        "below": below / (5 * length),
+        "remaining": (size - along) / (30 * length),
+        "course_error_sin": sin(course - y["heading_rad"]),
+        "course_error_cos": cos(course - y["heading_rad"]),
+        "descent": 0.0,
+        "next_course_error_sin": sin(pi / 2 - y["heading_rad"]),
+        "next_course_error_cos": cos(pi / 2 - y["heading_rad"]),
+        "next_descent": 0.0,
+        "roll": y["roll_rad"] / (pi / 2),
+        "pitch": y["pitch_rad"] / (pi / 2),
+        "roll_rate": y["p_radps"] * length / cruise.speed,
+        "speed_ground": y["u_dvl_mps"] / cruise.speed - 1.0,
+        "rudder": 0.1,
+        "stern_plane": -0.4,
+        "propulsion": 0.9,
+    }
+    for name, value in expected.items():
+        assert by_name[name] == pytest.approx(value, abs=1e-6), name
+    terms = info["reward_terms"]
+    assert terms["path"] == pytest.approx(-0.5 * hypot(across, below) / (5 * length), rel=1e-9)
+    wanted = 0.8 * cruise.speed
+    assert terms["progress"] == pytest.approx(-0.5 * abs(wanted - along / env.plant.dt) / wanted, rel=1e-9)
+    commands = np.array([0.1, -0.4, 0.9], np.float32) - cruise.commands[[0, 1, 3]] / env.episodes.limits
+    assert terms["command_travel"] == pytest.approx(-0.05 * np.abs(commands).mean() / 2, rel=1e-9)
+    assert reward == sum(terms.values())
+    assert info["target"] == {"north_m": 40.0, "east_m": 0.0, "depth_m": 15.0}
+
+
+@pytest.mark.parametrize("task, channel, scale", [("Depth", "depth_m", 5 * 1.3327), ("Heading", "heading_rad", pi)])
+def test_the_reward_of_a_target(task, channel, scale):
+    env = TorpedoEnv(task, "remus100", target=1.5)
+    _, reward, _, _, info = run(env, [0.5])[0]
+    error = 1.5 - info["state"][channel]
+    error = (error + pi) % (2 * pi) - pi if task == "Heading" else error
+    assert info["reward_terms"][task.lower()] == pytest.approx(-min(abs(error) / scale, 1.0), rel=1e-9)
+    assert reward == sum(info["reward_terms"].values())
+
+
+def test_bow_planes_are_part_of_the_action_where_a_vehicle_has_them():
+    env = TorpedoEnv("Depth", "npsauv")
+    assert env.episodes.actions == ("stern_plane_rad", "bow_plane_rad")
+    assert env.action_space.shape == (2,)
+    _, _, _, _, info = run(env, [(0.5, -1.0)])[0]
+    assert info["command"]["bow_plane_rad"] == -env.plant.hull.bow_plane.limit
+
+
+# ---------------------------------------------------------------------------- targets and paths
+
+
+@pytest.mark.parametrize("task", ["Depth", "Heading", "Speed"])
+def test_targets_change_in_steps_within_their_band(task):
+    env = TorpedoEnv(task, "remus100", duration=600.0)
+    cruise, length = find_cruise(env.plant), env.plant.hull.length
+    unit = {"Depth": length, "Heading": 1.0, "Speed": cruise.speed}[task]
+    low, high = TASKS[task].step
+    channel = TASKS[task].channel
+    targets, times = [], []
+    _, info = env.reset(seed=5)
+    for _ in range(6000):
+        action = 0.8 * (task == "Speed")
+        if task == "Depth":
+            deep = info["reading"]["depth_m"] - info["target"]["depth_m"]
+            action = held_plane(cruise, info["reading"], deep) / env.episodes.limits[0]
+        _, _, terminated, _, info = env.step(np.array([action], np.float32))
+        assert not terminated, info["reason"]
+        if not targets or info["target"][channel] != targets[-1]:
+            targets.append(info["target"][channel])
+            times.append(info["time_s"])
+    steps = np.abs(np.diff(targets))
+    if task == "Heading":
+        steps = np.abs((np.diff(targets) + pi) % (2 * pi) - pi)
+    pauses = np.diff(times[1:])
+    assert len(targets) > 600.0 / (35.0 * length / cruise.speed)
+    assert steps.max() <= high * unit + 1e-9
+    assert (steps >= low * unit - 1e-9).mean() > 0.8  # a step may be cut short at the end of the band
+    assert pauses.min() >= 15.0 * length / cruise.speed - env.plant.dt
+    assert pauses.max() <= 35.0 * length / cruise.speed + env.plant.dt
+    if task != "Heading":
+        assert min(targets) >= TASKS[task].band[0] * unit
+        assert max(targets) <= TASKS[task].band[1] * unit
+
+
+def held_plane(cruise, y, deep):
+    """The stern plane, rad, that takes a depth error back to zero."""
+    error = [y["w_mps"] - cruise.state[2], y["q_radps"], y["pitch_rad"] - cruise.state[10], np.clip(deep, -1.0, 1.0)]
+    return cruise.commands[1] - cruise.plane_gains @ error
+
+
+def follow(env, steps):
+    """Steps with a plain controller of heading, depth and speed along the path; the infos."""
+    cruise, infos = find_cruise(env.plant), []
+    _, info = env.reset(seed=4)
+    k_rudder = cruise.rudder_gains
+    for _ in range(steps):
+        y, target = info["reading"], info["target"]
+        north, east = target["north_m"] - y["north_m"], target["east_m"] - y["east_m"]
+        off = (y["heading_rad"] - np.arctan2(east, north) + pi) % (2 * pi) - pi
+        deep = y["depth_m"] - target["depth_m"]
+        rudder = -k_rudder @ [y["v_mps"], y["r_radps"], np.clip(off, -0.5, 0.5)]
+        plane = held_plane(cruise, y, deep)
+        command = {"rudder_rad": rudder, "stern_plane_rad": plane, env.plant.inputs[3]: cruise.commands[3]}
+        action = [command[name] / limit for name, limit in zip(env.episodes.actions, env.episodes.limits, strict=True)]
+        _, _, terminated, truncated, info = env.step(np.array(action, np.float32))
+        infos.append(info)
+        if terminated or truncated:
+            break
+    return infos
+
+
+@pytest.mark.parametrize("vehicle", PRESETS)
+def test_a_drawn_path_leads_from_waypoint_to_waypoint(vehicle):
+    env = TorpedoEnv("Path", vehicle)
+    infos = follow(env, 3000)
+    assert infos[-1]["reason"] == ""
+    points = list(dict.fromkeys(tuple(info["target"].values()) for info in infos))
+    length = env.plant.hull.length
+    legs = np.diff(points, axis=0)
+    assert len(points) >= 3
+    assert np.linalg.norm(legs, axis=1).max() <= 30.0 * length * 1.001
+    assert np.abs(np.arcsin(legs[:, 2] / np.linalg.norm(legs, axis=1))).max() <= 0.251
+    courses = np.arctan2(legs[:, 1], legs[:, 0])
+    turns = (np.diff(courses) + pi) % (2 * pi) - pi
+    assert np.abs(turns).max(initial=0.0) <= radians(75.0) + 1e-9
+    assert all(5.0 * length - 1e-9 <= point[2] <= 25.0 * length + 1e-9 for point in points)
+
+
+def test_given_waypoints_end_the_episode_without_penalty():
+    env = TorpedoEnv("Path", "remus100", waypoints=[(20.0, 0.0, 15.0), (40.0, 15.0, 17.0)], randomise={})
+    infos = follow(env, 3000)
+    assert infos[-1]["reason"].startswith("arrived at the last waypoint")
+    assert sum(infos[-1]["reward_terms"].values()) > -1.05
+    points = list(dict.fromkeys(tuple(info["target"].values()) for info in infos))
+    assert points == [(20.0, 0.0, 15.0), (40.0, 15.0, 17.0)]
+
+
+def test_a_path_has_a_drawn_current_unless_told_otherwise():
+    env = TorpedoEnv("Path", "remus100")
+    _, info = env.reset(seed=0)
+    _, other = env.reset()
+    assert info["randomised"].keys() == {"effects.current.north", "effects.current.east"}
+    assert info["randomised"] != other["randomised"]
+    drift = info["reading"]["u_dvl_mps"] - info["reading"]["u_mps"]
+    heading = info["state"]["heading_rad"]
+    along = info["randomised"]["effects.current.north"] * cos(heading)
+    along += info["randomised"]["effects.current.east"] * sin(heading)
+    pitch = info["state"]["pitch_rad"]
+    assert drift == pytest.approx(along * cos(pitch), rel=1e-9)
+    assert TorpedoEnv("Path", randomise={}).reset(seed=0)[1]["randomised"] == {}
+    fixed = TorpedoEnv("Path", effects={"effects.current.north": 0.1}).reset(seed=0)[1]
+    assert fixed["randomised"].keys() == {"effects.current.east"}
+
+
+# ---------------------------------------------------------------------------- truth against the plant
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+def test_the_state_is_that_of_the_plant_under_the_same_commands(task):
+    effects = {"effects.current.north": 0.2, "effects.rudder.dead_time": 0.25, "effects.compass.bias": 0.05}
+    env = TorpedoEnv(task, "remus100", effects=effects, randomise={})
+    plant = env.model
+    _, info = env.reset(seed=8)
+    x = np.array(list(info["state"].values()))
+    draws = np.random.default_rng(1)
+    for _ in range(50):
+        _, _, _, _, info = env.step(draws.uniform(-0.5, 0.5, env.action_space.shape).astype(np.float32))
+        x = plant.step(x, np.array(list(info["command"].values())))
+        assert list(info["state"].values()) == x.tolist()
+        assert list(info["reading"].values()) == plant.output(x).tolist()
+    assert info["state"].keys() == set(plant.states)
+
+
+def test_randomised_parameters_act():
+    ranges = {"hull.surge.u_u": (-3.0, -1.0), "effects.load.net_buoyancy": (-3.0, 3.0)}
+    env = TorpedoEnv("Speed", "remus100", randomise=ranges)
+    _, info = env.reset(seed=11)
+    drawn = info["randomised"]
+    assert all(low <= drawn[path] <= high for path, (low, high) in ranges.items())
+    plant = replace_at(load_vehicle("remus100"), drawn)
+    x = np.array(list(info["state"].values()))
+    for _ in range(20):
+        _, _, _, _, info = env.step(np.array([0.5], np.float32))
+        x = plant.step(x, np.array(list(info["command"].values())))
+    assert list(info["state"].values()) == x.tolist()
+    values = [env.reset()[1]["randomised"]["hull.surge.u_u"] for _ in range(200)]
+    assert np.mean(values) == pytest.approx(-2.0, abs=4 * 2.0 / np.sqrt(12 * 200))
+
+
+def test_effects_at_neutral_change_no_bit():
+    plant = load_vehicle("remus100")
+    neutral = {p: value_at(plant, p) for p in list_paths(plant) if p.startswith("effects.")}
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 1))
+    plain, told = (run(TorpedoEnv("Depth", effects=e), actions) for e in (None, neutral))
+    assert [p[-1] for p in plain] == [t[-1] for t in told]
+
+
+# ---------------------------------------------------------------------------- sensing
+
+
+def readings(channel, steps=400, **effects):
+    env = TorpedoEnv(
+        "Heading", "remus100", duration=1e4, effects={f"effects.sampling.{k}": v for k, v in effects.items()}
+    )
+    found = run(env, [0.0] * steps)
+    return (
+        np.array([info["reading"][channel] for *_, info in found]),
+        np.array([info["state"][channel] for *_, info in found]),
+    )
+
+
+def test_noise_has_its_deviation_and_leaves_the_truth():
+    noisy, true = readings("depth_m", **{"depth.noise": 0.2})
+    _, quiet = readings("depth_m")
+    assert np.std(noisy - true) == pytest.approx(0.2, rel=0.15)  # 4 standard errors of 400 samples
+    assert np.abs(np.corrcoef((noisy - true)[1:], (noisy - true)[:-1])[0, 1]) < 0.2
+    assert not np.array_equal(true, quiet)  # the held planes act on the reading
+
+
+def test_delay_shifts_by_whole_samples():
+    late, true = readings("heading_rad", **{"compass.delay": 0.3})
+    np.testing.assert_array_equal(late[3:], true[:-3])
+    assert (late[:3] == late[0]).all()
+
+
+def test_quantisation_rounds():
+    coarse, true = readings("depth_m", **{"depth.quantisation": 0.05})
+    np.testing.assert_allclose(coarse / 0.05, np.round(coarse / 0.05), atol=1e-9)
+    assert np.abs(coarse - true).max() <= 0.025 + 1e-12
+
+
+def test_dropouts_hold_all_readings_of_a_sensor():
+    p, true = readings("p_radps", **{"gyros.dropout": 0.3, "gyros.noise": 1e-3})
+    r, _ = readings("r_radps", **{"gyros.dropout": 0.3, "gyros.noise": 1e-3})
+    held = np.diff(p) == 0.0
+    assert held.mean() == pytest.approx(0.3, abs=0.1)  # 4 standard errors of 400 samples
+    np.testing.assert_array_equal(held, np.diff(r) == 0.0)
+    assert not (np.diff(true) == 0.0).all()
+
+
+# ---------------------------------------------------------------------------- ends
+
+
+@pytest.mark.parametrize(
+    "start, reason",
+    [
+        ({"depth_m": 0.05, "pitch_rad": 0.6}, "broached"),
+        ({"depth_m": 66.6, "pitch_rad": -0.6}, "too deep"),
+        ({"pitch_rad": 1.39, "q_radps": 1.0}, "pitch_rad is"),
+        ({"roll_rad": 2.09, "p_radps": 3.0}, "roll_rad is"),
+        ({"u_mps": 6.3}, "the speed is"),
+        ({"p_radps": 100.0}, "the rate of turn is"),
+        ({"u_mps": 1e12}, "diverged"),
+    ],
+)
+def test_leaving_the_envelope_ends_the_episode_with_the_reason(start, reason):
+    env = TorpedoEnv("Depth", "remus100", duration=10.0)
+    env.reset(seed=0, options={"start": start})
+    terminated = truncated = False
+    while not (terminated or truncated):
+        observation, reward, terminated, truncated, info = env.step(np.zeros(1, np.float32))
+    assert (terminated, truncated) == (True, False)
+    count = round(info["time_s"] / env.plant.dt)
+    assert reason in info["reason"]
+    assert f"at {info['time_s']:g} s" in info["reason"]
+    assert reward == pytest.approx(-1.05 * (100 - count + 1))
+    assert reward == sum(info["reward_terms"].values())
+    assert env.observation_space.contains(observation)
+    assert np.isfinite(list(info["state"].values())).all()
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(np.zeros(1, np.float32))
+
+
+def test_it_is_truncated_after_its_duration():
+    steps = run(TorpedoEnv("Depth", duration=1.0), [0.0] * 10)
+    assert [truncated for _, _, _, truncated, _ in steps] == [False] * 9 + [True]
+    assert steps[-1][-1]["time_s"] == pytest.approx(1.0)
+
+
+def check_random_steps(task, vehicle, steps):
+    """Observations stay in their space and everything is finite, whatever the actions."""
+    env = TorpedoEnv(task, vehicle)
+    draws = np.random.default_rng(5)
+    env.reset(seed=5)
+    worst = 0.0
+    while steps > 0:
+        hold = int(draws.integers(1, 40))
+        action = draws.uniform(-1.2, 1.2, env.action_space.shape).astype(np.float32)
+        for _ in range(hold):
+            observation, reward, terminated, truncated, info = env.step(action)
+            steps -= 1
+            worst = max(worst, float(np.abs(observation).max()))
+            assert np.isfinite(reward)
+            if terminated or truncated:
+                assert terminated == bool(info["reason"])
+                assert "diverged" not in info["reason"]
+                assert np.isfinite(list(info["state"].values())).all()
+                env.reset()
+    assert worst <= 1.0
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("vehicle", PRESETS)
+def test_a_hundred_thousand_random_steps_of_a_preset_stay_finite(task, vehicle):
+    check_random_steps(task, vehicle, 100_000 // len(TASKS))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("vehicle", PRESETS)
+def test_a_million_random_steps_of_a_preset_stay_finite(task, vehicle):
+    check_random_steps(task, vehicle, 1_000_000 // len(TASKS))
+
+
+def memory_growth(steps):
+    """Bytes that Python objects and arrays have grown by over many steps, after a first round of them."""
+    env = gymnasium.make("auv_gym/Path-v0", duration=5.0, effects={"effects.sampling.depth.noise": 0.1})
+    action = np.array([0.1, -0.4, 0.9], np.float32)
+    env.reset(seed=0)
+
+    def go(count):
+        for _ in range(count):
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    go(1000)
+    tracemalloc.start()
+    go(1000)
+    before, _ = tracemalloc.get_traced_memory()
+    go(steps)
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    return after - before
+
+
+def test_memory_does_not_grow():
+    assert memory_growth(20_000) < 20_000  # bytes: less than one for each step
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_over_ten_million_steps():
+    resource = pytest.importorskip("resource")
+    env = TorpedoEnv("Depth", duration=20.0)
+    action = np.array([-0.45], np.float32)
+
+    def go(count):
+        for _ in range(count):
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    env.reset(seed=0)
+    go(100_000)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    go(10_000_000)
+    # kB: a leak of a byte a step would be 10 000
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 5_000
+
+
+# ---------------------------------------------------------------------------- models in place of the vehicle
+
+
+@dataclass(frozen=True)
+class Glide:
+    """A model of depth alone: it dives at a rate proportional to the stern plane."""
+
+    dt: float = 0.1
+    gain: float = 2.0
+    growth: float = 1.0
+    inputs: tuple = ("stern_plane_rad",)
+    states: tuple = ("depth_m",)
+    outputs: tuple = ("depth_m", "pitch_rad", "q_radps", "w_mps", "u_mps")
+    constants: dict = field(default_factory=dict)
+
+    def initial(self, y0):
+        return np.array(y0[:1], dtype=float)
+
+    def step(self, x, u):
+        return self.growth * x + self.gain * self.dt * u
+
+    def output(self, x):
+        return np.array([x[0], 0.0, 0.0, 0.0, 1.5])
+
+    def correct(self, x, y):
+        return np.array(y[:1], dtype=float)
+
+
+def test_a_model_drives_the_environment():
+    env = TorpedoEnv("Depth", model=Glide())
+    _, info = env.reset(seed=1, options={"start": {"depth_m": 12.0}, "target": 15.0})
+    depth, limit = 12.0, env.plant.hull.stern_plane.limit
+    assert info["reading"]["depth_m"] == depth
+    for k in range(30):
+        observation, reward, _, _, info = env.step(np.array([0.5], np.float32))
+        depth += 2.0 * 0.1 * 0.5 * limit
+        assert info["state"] == {"depth_m": pytest.approx(depth, rel=1e-12)}, k
+        assert info["reading"]["u_mps"] == 1.5
+    scale = 5 * env.plant.hull.length
+    assert observation[0] == pytest.approx((15.0 - depth) / scale, abs=1e-6)
+    assert info["reward_terms"]["depth"] == pytest.approx(-abs(15.0 - depth) / scale)
+    assert reward == sum(info["reward_terms"].values())
+
+
+def test_a_model_is_measured_by_noisy_sensors_too():
+    env = TorpedoEnv("Depth", model=Glide(gain=0.0), effects={"effects.sampling.depth.noise": 0.1})
+    _, info = env.reset(seed=1)
+    read = [info["reading"]["depth_m"]]
+    read += [env.step(np.zeros(1))[-1]["reading"]["depth_m"] for _ in range(200)]
+    assert np.std(read) == pytest.approx(0.1, rel=0.25)
+
+
+def test_a_model_that_diverges_ends_the_episode():
+    env = TorpedoEnv("Depth", model=Glide(growth=1e60), duration=10.0)
+    env.reset(seed=0)
+    _, reward, terminated, _, info = env.step(np.zeros(1))
+    while not terminated:
+        _, reward, terminated, _, info = env.step(np.zeros(1))
+    assert "diverged" in info["reason"] or "too deep" in info["reason"]
+    assert np.isfinite(info["state"]["depth_m"])
+    assert reward < -50.0
+
+
+def test_the_plant_as_a_model_in_python_gives_the_compiled_run():
+    @dataclass(frozen=True)
+    class Wrapped:
+        plant: object
+
+        def __getattr__(self, name):
+            return getattr(object.__getattribute__(self, "plant"), name)
+
+    plant = load_vehicle("vt690")
+    actions = np.random.default_rng(2).uniform(-0.4, 0.4, (40, 1))
+    compiled, python = (run(TorpedoEnv("Heading", "vt690", model=m), actions) for m in (plant, Wrapped(plant)))
+    # the model starts with its actuators centred, which in this vehicle is how the cruise has all but the propeller
+    for one, other in zip(compiled[:1], python[:1], strict=True):
+        assert one[-1]["command"] == other[-1]["command"]
+        assert one[-1]["target"] == other[-1]["target"]
+    assert abs(compiled[-1][-1]["state"]["heading_rad"] - python[-1][-1]["state"]["heading_rad"]) < 0.05
+
+
+def test_a_vehicle_file_as_model_runs_compiled(tmp_path):
+    other = replace_at(load_vehicle("remus100"), "effects.current.east", 0.2)
+    save_vehicle(other, tmp_path / "other.toml")
+    actions = np.random.default_rng(2).uniform(-0.4, 0.4, (20, 1))
+    by_file = run(TorpedoEnv("Depth", model=tmp_path / "other.toml"), actions)
+    by_effect = run(TorpedoEnv("Depth", effects={"effects.current.east": 0.2}), actions)
+    assert [step[-1]["state"] for step in by_file] == [step[-1]["state"] for step in by_effect]
+
+
+def lacking(**changes):
+    return replace(Glide(), **changes)
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"task": "Dept"}, "Did you mean 'Depth'"),
+        ({"vehicle": "slocum"}, "six degrees of freedom"),
+        ({"vehicle": "remus"}, "No vehicle 'remus'"),
+        ({"effects": {"effects.rudder.ofset": 1.0}}, "No parameter"),
+        ({"effects": {"effects.rudder.offset": 9.0}}, "needs a value from"),
+        ({"randomise": {"effects.rudder.ofset": (0.0, 1.0)}}, "No parameter"),
+        ({"randomise": {"effects.rudder.offset": 0.1}}, r"needs a pair \(low, high\)"),
+        ({"randomise": {"effects.rudder.offset": (0.1, -0.1)}}, "needs low <= high"),
+        ({"randomise": {"effects.rudder.offset": (0.0, 9.0)}}, "needs a value from"),
+        ({"randomise": {"hull.x_g": (0.0, 5.0)}}, "impossible vehicle"),
+        ({"duration": 0.0}, "duration needs a number above 0"),
+        ({"target": "deep"}, "target needs a number"),
+        ({"waypoints": [(0.0, 0.0, 10.0)]}, "has a target, not waypoints"),
+        ({"task": "Path", "target": 1.0}, "has waypoints, not a target"),
+        ({"task": "Path", "waypoints": [(1.0, 2.0)]}, "rows of north, east and depth"),
+        ({"task": "Path", "waypoints": [(1.0, 2.0, -3.0)]}, "depths of 0 m or more"),
+        ({"render_mode": "ansi"}, "render_mode"),
+        ({"model": lacking(dt=0.2)}, "dt=0.2"),
+        ({"model": lacking(outputs=("depth_m",))}, "needs pitch_rad among its outputs"),
+        ({"model": lacking(inputs=("rudder_rad",))}, "needs stern_plane_rad among its inputs"),
+        ({"model": lacking(inputs=("stern_plane_rad", "piston_m"))}, "piston_m that the environment does not have"),
+        ({"model": Glide(), "effects": {"effects.rudder.offset": 0.1}}, "which model= replaces"),
+        ({"model": Glide(), "randomise": CURRENT}, "which model= replaces"),
+    ],
+)
+def test_what_does_not_fit_is_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        TorpedoEnv(**{"task": "Depth", **options})
+
+
+@pytest.mark.parametrize("action", [np.nan, [np.inf], [0.1, 0.2], [[0.1]], "up", None, [None]])
+def test_a_bad_action_is_refused_and_does_no_harm(action):
+    env = TorpedoEnv("Depth")
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match="1 finite number"):
+        env.step(action)
+    assert env.step([0.0])[-1]["time_s"] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    "options, message",
+    [
+        ({"start": {"depth": 1.0}}, "north_m, east_m"),
+        ({"start": {"depth_m": "deep"}}, "needs a number"),
+        ({"start": 3.0}, "start as a mapping"),
+        ({"target": np.inf}, "needs a number"),
+        ({"heading": 1.0}, "reset has the options"),
+    ],
+)
+def test_bad_options_of_reset_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        TorpedoEnv("Depth").reset(options=options)
+
+
+# ---------------------------------------------------------------------------- copies, pictures, plain Python
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("model", [None, Glide()])
+def test_a_copy_goes_on_from_where_it_is(again, model):
+    env = TorpedoEnv("Depth", model=model, effects={"effects.sampling.depth.noise": 0.1}, duration=20.0)
+    run(env, [0.1] * 40, seed=3)
+    twin = again(env)
+    for k in range(60):  # past the block of noise, so that the generators go on too
+        one, other = env.step([0.1 * sin(k)]), twin.step([0.1 * sin(k)])
+        np.testing.assert_array_equal(one[0], other[0])
+        assert one[1:] == other[1:]
+
+
+def test_infos_survive_the_next_steps():
+    env = TorpedoEnv("Depth")
+    steps = run(env, [0.2] * 3)
+    depths = [info["state"]["depth_m"] for *_, info in steps]
+    assert len(set(depths)) == 3
+    info = steps[0][-1]
+    assert pickle.loads(pickle.dumps(info)) == info == copy.deepcopy(info)
+    assert repr(info["target"]) == repr(dict(info["target"]))
+    assert "depth_m" in info["state"]
+    assert info["state"].get("nothing") is None
+
+
+@pytest.mark.parametrize("task", list(TASKS))
+def test_pictures(task):
+    pytest.importorskip("matplotlib")
+    env = TorpedoEnv(task, render_mode="rgb_array", randomise=CURRENT)
+    env.reset(seed=0)
+    first = env.render()
+    for _ in range(60):
+        env.step(np.full(env.action_space.shape, 0.4, np.float32))
+    later = env.render()
+    assert first.dtype == np.uint8
+    assert first.shape == later.shape
+    assert (first != later).any()
+    env.close()
+    assert TorpedoEnv(task).render() is None
+
+
+PLAIN = """
+import sys
+import numpy as np
+from auv_gym.envs.torpedo_env import TorpedoEnv
+
+found = []
+for task in ("Depth", "Heading", "Speed", "Path"):
+    env = TorpedoEnv(
+        task,
+        effects={"effects.sampling.gyros.noise": 0.01, "effects.rudder.dead_time": 0.15},
+        randomise={"effects.current.north": (-0.3, 0.3)},
+    )
+    observation, info = env.reset(seed=3)
+    actions = np.random.default_rng(1).uniform(-0.5, 0.5, (4, *env.action_space.shape)).astype(np.float32)
+    for action in actions:
+        observation, reward, _, _, info = env.step(action)
+        found.append([*observation, *np.zeros(32 - observation.size), reward, *list(info["state"].values())[:13]])
+np.save(sys.argv[1], np.array(found))
+print("numba" in sys.modules)
+"""
+
+
+def test_plain_python_agrees_with_compiled_code(tmp_path):
+    found = []
+    for jit in ("0", "1"):
+        out = tmp_path / f"run{jit}.npy"
+        environment = {**os.environ, "AUV_GYM_JIT": jit, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(
+            [sys.executable, "-c", PLAIN, str(out)], env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.strip() == str(jit == "1")
+        found.append(np.load(out))
+    # the cruise is sought to 1e-10 by each on its own; rounding of float32 observations is 1e-7
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=2e-7)
