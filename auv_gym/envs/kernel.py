@@ -521,7 +521,7 @@ def bind_kernel(family: Family) -> Kernel:
         "derive": programs.derive,
     }
     for template in (_command, _fault, _score, _lead_on, _aim, _sample, _observe, _outcome, _advance, _begin):
-        known[template.__name__[1:]] = bind(template, kind, inline=template in (_command, _fault, _score), **known)
+        known[template.__name__[1:]] = bind(template, kind, inline=template not in (_aim, _lead_on, _begin), **known)
     _BOUND[kind] = Kernel(
         begin_one=bind(_begin_one, kind, inline=False, **known),
         step_one=bind(_step_one, kind, inline=False, **known),

@@ -10,16 +10,11 @@ import numpy as np
 
 @final
 class Named(Mapping[str, float]):
-    """A read-only mapping from names to floats, equal to a dict of the same items.
-
-    index: name to place in `values`.  The array is kept, not copied.
-    """
+    """A read-only mapping from names to floats, equal to a dict of the same items; see `named`."""
 
     __slots__ = ("_index", "_values")
-
-    def __init__(self, index: Mapping[str, int], values: np.ndarray):
-        self._index = index
-        self._values = values
+    _index: Mapping[str, int]
+    _values: np.ndarray
 
     def __getitem__(self, name: str) -> float:
         return self._values.item(self._index[name])
@@ -32,3 +27,12 @@ class Named(Mapping[str, float]):
 
     def __repr__(self) -> str:
         return repr(dict(self))
+
+
+def named(groups: tuple[tuple[str, Mapping[str, int]], ...], values: np.ndarray) -> dict[str, Named]:
+    """Groups of numbers by their names, each group with the places of its names in `values`, which is not copied."""
+    found = {}
+    for group, index in groups:
+        found[group] = one = Named()  # without a constructor in Python, which would take twice the time
+        one._index, one._values = index, values
+    return found

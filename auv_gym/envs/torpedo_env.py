@@ -12,7 +12,7 @@ import numpy as np
 from auv_gym.envs.episodes import InfoIndex, make_episodes
 from auv_gym.envs.layout import NOISE_ROWS, REFUSED, RUNNING, TERMINATED, offset, row_type
 from auv_gym.envs.model_driver import ModelDriver
-from auv_gym.envs.named import Named
+from auv_gym.envs.named import named
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
 from auv_gym.plant import Plant
@@ -78,9 +78,7 @@ class TorpedoEnv(gymnasium.Env):
         self._observation = row[at : at + 16].view(np.float32)[: len(episodes.observations)]
         index = InfoIndex.of(episodes)
         self._shown = row[index.first : index.last]
-        self._target_of, self._reading_of = index.groups["target"], index.groups["reading"]
-        self._command_of, self._state_of = index.groups["command"], index.groups["state"]
-        self._terms_of = index.groups["reward_terms"]
+        self._groups = tuple(index.groups.items())
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
         self._advance = episodes.kernel.step_one
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None
@@ -154,16 +152,11 @@ class TorpedoEnv(gymnasium.Env):
             self._camera = None
 
     def _info(self, reason: str) -> dict[str, Any]:
-        shown, driver = self._shown.copy(), self._driver
-        return {
-            "time_s": self._numbers[self._time_at],
-            "target": Named(self._target_of, shown),
-            "reading": Named(self._reading_of, shown),
-            "command": Named(self._command_of, shown),
-            "state": Named(self._state_of, shown) if driver is None else driver.state(),
-            "reward_terms": Named(self._terms_of, shown),
-            "reason": reason,
-        }
+        info: dict[str, Any] = named(self._groups, self._shown.copy())
+        if self._driver is not None:
+            info["state"] = self._driver.state()
+        info["time_s"], info["reason"] = self._numbers[self._time_at], reason
+        return info
 
     def _advance_otherwise(self) -> int:
         """The step of an environment with noisy sensors, a model in Python or pictures; the status."""
