@@ -125,7 +125,10 @@ class WaterEffects:
 
 @dataclass(frozen=True)
 class LoadEffects:
-    """Weights and forces that a first model leaves out; body axes forward, starboard, down."""
+    """Weights and forces that a first model leaves out; body axes forward, starboard, down.
+
+    A shift of the centre of gravity and a payload there leave the inertia about that centre as it is.
+    """
 
     net_buoyancy: float = param(0.0, "N", "net buoyancy, up", bounds=(-1e4, 1e4), probe=0.2)
     x_g: float = param(0.0, "m", "centre of gravity shifted forward", bounds=(-1.0, 1.0), probe=0.002)

@@ -147,7 +147,25 @@ def fill_mass(p, matrix, rigid, momentum):
     hull, load = p.hull, p.effects.load
     density = 1.0 + p.effects.water.density
     mass = hull.mass + load.payload
-    fill_rigid_body_mass(mass, hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g, hull, rigid)
+    x, y, z = hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g
+    fill_rigid_body_mass(mass, x, y, z, hull, rigid)
+    # about the centre of gravity the inertia stays what it was: fixed about the origin, a shift of some centimetres
+    # would leave a slender hull no roll inertia
+    xx = mass * x * x - hull.mass * hull.x_g * hull.x_g
+    yy = mass * y * y - hull.mass * hull.y_g * hull.y_g
+    zz = mass * z * z - hull.mass * hull.z_g * hull.z_g
+    xy = mass * x * y - hull.mass * hull.x_g * hull.y_g
+    yz = mass * y * z - hull.mass * hull.y_g * hull.z_g
+    xz = mass * x * z - hull.mass * hull.x_g * hull.z_g
+    rigid[3, 3] += yy + zz
+    rigid[4, 4] += xx + zz
+    rigid[5, 5] += xx + yy
+    rigid[3, 4] -= xy
+    rigid[4, 3] -= xy
+    rigid[4, 5] -= yz
+    rigid[5, 4] -= yz
+    rigid[3, 5] -= xz
+    rigid[5, 3] -= xz
     added = np.empty((6, 6))
     fill_added_mass(hull.added_mass, added)
     for i in range(6):

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from auv_gym.param import replace_at
+from auv_gym.param import replace_at, spec_at
 from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
-from auv_gym.plant import Plant
-from auv_gym.vehicles.torpedo import TORPEDO
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.vehicles.torpedo import TORPEDO, mass_problem
 from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -131,13 +131,21 @@ def test_payload_and_trim_move_inertia_and_weight(effects, mass, centre):
     laden, plain = vehicle(effects=effects), vehicle()
     jacobian = np.c_[np.eye(3), -np.cross(centre, np.eye(3)).T]
     before = np.c_[np.eye(3), -np.cross((0.005, 0.0, 0.02), np.eye(3)).T]
-    added = mass_matrix(laden) - mass_matrix(plain)
-    linear = mass * jacobian - 50.0 * before
-    assert added[:3] == pytest.approx(linear, abs=1e-11)
-    assert added[3:, :3] == pytest.approx(linear[:, 3:].T, abs=1e-11)
+    # as if what came were points at the new centre, and what went at the old: the inertia about the centre is kept
+    expected = mass * jacobian.T @ jacobian - 50.0 * before.T @ before
+    assert mass_matrix(laden) - mass_matrix(plain) == pytest.approx(expected, abs=1e-11)
     gained = mass_matrix(laden) @ rates(laden, at_rest)[:6] - mass_matrix(plain) @ rates(plain, at_rest)[:6]
     weight = moment_of(mass * GRAVITY * DOWN, centre) - moment_of(50.0 * GRAVITY * DOWN, (0.005, 0.0, 0.02))
     assert gained == pytest.approx(weight, abs=1e-11)
+
+
+@pytest.mark.parametrize("path", ["load.x_g", "load.y_g", "load.z_g", "load.payload"])
+@pytest.mark.parametrize("name", ["npsauv", "heu_torpedo", "remus100", "vt690"])
+def test_no_trim_or_payload_makes_a_mass_matrix_that_cannot_be(name, path):
+    plant = load_vehicle(name)
+    for value in (*spec_at(plant, f"effects.{path}").bounds, 0.1):
+        if plant.hull.mass + value > 0.0 or path != "load.payload":
+            assert mass_problem(replace_at(plant, f"effects.{path}", value).parameters) == ""
 
 
 def scaled(factor: float, *groups: str) -> dict[str, float]:
