@@ -309,6 +309,74 @@ def thrust_and_torque(command, u, p):
     return thrust, working * torque + (law.torque_arm + p.effects.propeller.torque) * thrust
 
 
+@outlined
+def moving_water(north, east, down, depth, phase, p, r11, r12, r13, r21, r22, r23, r31, r32, r33):
+    """Velocity over ground with shear and waves, m/s, rate of the waves' phase, and six forces of their acceleration.
+
+    north, east, down: the velocity without them.  The vehicle moves through water whose velocity it sees change, which
+    takes M_RB times that change; and where the water itself accelerates, its pressure gradient pushes as it would push
+    the water displaced.  Source: Fossen 2021, sec. 10.3; Faltinsen 1990, ch. 3 (Froude-Krylov force, long waves).
+    """
+    hull, current, computed = p.hull, p.effects.current, p.computed
+    below = depth - current.reference_depth
+    north += current.shear_north * below
+    east += current.shear_east * below
+    a_along = a_down = push_along = push_down = encounter = 0.0
+    c_dir, s_dir = 1.0, 0.0
+    if computed.has_waves != 0.0:
+        waves = p.effects.waves
+        along, sinking = orbital_velocity(phase, depth, waves, hull.gravity)
+        c_dir, s_dir = cos(waves.direction), sin(waves.direction)
+        north += along * c_dir
+        east += along * s_dir
+        down += sinking
+        omega = 2.0 * pi / waves.period
+        wavenumber = omega * omega / hull.gravity
+        encounter = omega - wavenumber * (north * c_dir + east * s_dir)
+        decay = wavenumber * down if depth > 0.0 else 0.0
+        # the water's acceleration as the vehicle meets it, and at a fixed point, where the pressure gradient is
+        a_along = -encounter * sinking - decay * along
+        a_down = encounter * along - decay * sinking
+        push_along, push_down = -omega * sinking, omega * along
+    a_north = a_along * c_dir + current.shear_north * down
+    a_east = a_along * s_dir + current.shear_east * down
+    ax = r11 * a_north + r21 * a_east + r31 * a_down
+    ay = r12 * a_north + r22 * a_east + r32 * a_down
+    az = r13 * a_north + r23 * a_east + r33 * a_down
+    displaced = computed.buoyancy / hull.gravity
+    px = displaced * (r11 * push_along * c_dir + r21 * push_along * s_dir + r31 * push_down)
+    py = displaced * (r12 * push_along * c_dir + r22 * push_along * s_dir + r32 * push_down)
+    pz = displaced * (r13 * push_along * c_dir + r23 * push_along * s_dir + r33 * push_down)
+    m = computed.rigid_mass
+    return (
+        north,
+        east,
+        down,
+        encounter,
+        px - (m[0, 0] * ax + m[0, 1] * ay + m[0, 2] * az),
+        py - (m[1, 0] * ax + m[1, 1] * ay + m[1, 2] * az),
+        pz - (m[2, 0] * ax + m[2, 1] * ay + m[2, 2] * az),
+        hull.y_b * pz - hull.z_b * py - (m[3, 0] * ax + m[3, 1] * ay + m[3, 2] * az),
+        hull.z_b * px - hull.x_b * pz - (m[4, 0] * ax + m[4, 1] * ay + m[4, 2] * az),
+        hull.x_b * py - hull.y_b * px - (m[5, 0] * ax + m[5, 1] * ay + m[5, 2] * az),
+    )
+
+
+@outlined
+def slipstream(shaft_speed, u, w, p, q, angle, deflected, slip):
+    """Surge and heave force, N, roll and pitch moment, N m, of the planes and the hull in the propeller's slipstream.
+
+    angle: of the stern plane, rad; deflected: the same, less what of the plane is lost.
+    """
+    stream = slipstream_speed(shaft_speed, u, slip.pitch, slip.c_t1)
+    return (
+        stream * deflected * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle),
+        stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * deflected),
+        stream * slip.k_up * p,
+        stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * deflected),
+    )
+
+
 @compiled
 def derivative(z, actuators, inputs, p, dz, terms):
     """State derivative of [u v w p q r | north east depth | quaternion | wave phase] into dz.
@@ -382,13 +450,13 @@ def derivative(z, actuators, inputs, p, dz, terms):
 
     thrust, torque = thrust_and_torque(actuators[3], u, p)
     slip = hull.slipstream
-    if slip.c_t1 != 0.0:
-        stream = computed.density * slipstream_speed(RADPS_PER_RPM * actuators[3], u, slip.pitch, slip.c_t1)
-        deflected = stern_there * angle_s
-        x_fins += stream * deflected * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle_s)
-        z_fins += stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * deflected)
-        torque += stream * slip.k_up * roll_rate
-        m_fins += stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * deflected)
+    if slip.c_t1 != 0.0:  # calls, here and below, so that the usual step is short
+        n = RADPS_PER_RPM * actuators[3]
+        x_slip, z_slip, k_slip, m_slip = slipstream(n, u, w, roll_rate, q, angle_s, stern_there * angle_s, slip)
+        x_fins += computed.density * x_slip
+        z_fins += computed.density * z_slip
+        torque += computed.density * k_slip
+        m_fins += computed.density * m_slip
 
     load = effects.load
     x_force = (x_hull + x_fins) + ((f1 + g1) + (thrust + load.force_x))
@@ -415,49 +483,15 @@ def derivative(z, actuators, inputs, p, dz, terms):
     down = r31 * u + r32 * v + r33 * w + current.down
     dz[13] = 0.0
     if computed.has_moving_water != 0.0:
-        below = z[8] - current.reference_depth
-        north += current.shear_north * below
-        east += current.shear_east * below
-        a_along = a_down = push_along = push_down = 0.0
-        c_dir, s_dir = 1.0, 0.0
-        if computed.has_waves != 0.0:
-            waves = effects.waves
-            along, sinking = orbital_velocity(z[13], z[8], waves, hull.gravity)
-            c_dir, s_dir = cos(waves.direction), sin(waves.direction)
-            north += along * c_dir
-            east += along * s_dir
-            down += sinking
-            omega = 2.0 * pi / waves.period
-            wavenumber = omega * omega / hull.gravity
-            encounter = omega - wavenumber * (north * c_dir + east * s_dir)
-            decay = wavenumber * down if z[8] > 0.0 else 0.0
-            dz[13] = encounter
-            # the water's acceleration as the vehicle meets it, and at a fixed point, where the pressure gradient is
-            a_along = -encounter * sinking - decay * along
-            a_down = encounter * along - decay * sinking
-            push_along, push_down = -omega * sinking, omega * along
-        a_north = a_along * c_dir + current.shear_north * down
-        a_east = a_along * s_dir + current.shear_east * down
-        ax = r11 * a_north + r21 * a_east + r31 * a_down
-        ay = r12 * a_north + r22 * a_east + r32 * a_down
-        az = r13 * a_north + r23 * a_east + r33 * a_down
-        m = computed.rigid_mass
-        x_force -= m[0, 0] * ax + m[0, 1] * ay + m[0, 2] * az
-        y_force -= m[1, 0] * ax + m[1, 1] * ay + m[1, 2] * az
-        z_force -= m[2, 0] * ax + m[2, 1] * ay + m[2, 2] * az
-        k_moment -= m[3, 0] * ax + m[3, 1] * ay + m[3, 2] * az
-        m_moment -= m[4, 0] * ax + m[4, 1] * ay + m[4, 2] * az
-        n_moment -= m[5, 0] * ax + m[5, 1] * ay + m[5, 2] * az
-        displaced = computed.buoyancy / hull.gravity
-        px = displaced * (r11 * push_along * c_dir + r21 * push_along * s_dir + r31 * push_down)
-        py = displaced * (r12 * push_along * c_dir + r22 * push_along * s_dir + r32 * push_down)
-        pz = displaced * (r13 * push_along * c_dir + r23 * push_along * s_dir + r33 * push_down)
-        x_force += px
-        y_force += py
-        z_force += pz
-        k_moment += hull.y_b * pz - hull.z_b * py
-        m_moment += hull.z_b * px - hull.x_b * pz
-        n_moment += hull.x_b * py - hull.y_b * px
+        north, east, down, dz[13], a1, a2, a3, a4, a5, a6 = moving_water(
+            north, east, down, z[8], z[13], p, r11, r12, r13, r21, r22, r23, r31, r32, r33
+        )
+        x_force += a1
+        y_force += a2
+        z_force += a3
+        k_moment += a4
+        m_moment += a5
+        n_moment += a6
 
     i = computed.inverse_mass
     for k in range(6):
