@@ -17,7 +17,7 @@ import numpy as np
 from auv_gym.envs import layout, tasks
 from auv_gym.envs.cruise import command_limits, find_cruise
 from auv_gym.envs.kernel import CHANGE_DRAWS, START_DRAWS, Kernel, bind_kernel
-from auv_gym.envs.layout import GEOMETRY, SAMPLING, SENSORS, TERMS, offset, plan_type, row_type, size
+from auv_gym.envs.layout import GEOMETRY, SAMPLING, SENSORS, offset, plan_type, row_type, size
 from auv_gym.envs.tasks import PROPULSION, Task
 from auv_gym.model import Model
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
@@ -288,8 +288,7 @@ def make_episodes(
         )
         plan["is_angle"] = task.channel == "heading_rad"
     plan["error_scale"] = task.scale * units[task.unit]
-    weights = task.weights.values()
-    plan["weight"] = [*list(weights)[:-1], *[0.0] * (len(TERMS) - len(weights)), list(weights)[-1]]
+    plan["weight"][: len(task.weights)] = list(task.weights.values())
     plan["target_step"] = [k * units[task.unit] for k in task.step]
     plan["target_hold"] = [k / units["rate"] for k in task.hold]
     plan["target_band"] = [k * units[task.unit] for k in task.band]
@@ -337,37 +336,30 @@ def check_number(name: str, value: Any, unit: str, *, above: float = -np.inf) ->
 
 @dataclass(frozen=True, eq=False)
 class InfoIndex:
-    """What of a row an info shows: the numbers from `first` to `last`, and in them the places of names by group."""
+    """What of a row an info shows: the numbers from `first` to `last`, and each group's first place and its names."""
 
     first: int
     last: int
     time: int
-    groups: Mapping[str, Mapping[str, int]]
+    groups: Mapping[str, tuple[int, tuple[str, ...]]]
 
     @classmethod
     def of(cls, episodes: Episodes) -> InfoIndex:
         family, record = episodes.plant.family, row_type(episodes.plant.family)
         first, state_at = offset(record, "features"), int(episodes.settings["state_at"])
-        weights = tuple(episodes.task.weights)
-        term = offset(record, "term")
-        terms = [*range(term, term + len(weights) - 1), term + len(TERMS) - 1]
         places = {
-            "target": _from(offset(record, "target"), episodes.target_channels),
-            "reading": _from(first, family.outputs),
-            "command": _from(offset(record, "command"), family.inputs),
-            "state": _from(state_at, episodes.state_names),
-            "reward_terms": dict(zip(weights, terms, strict=True)),
+            "target": (offset(record, "target"), episodes.target_channels),
+            "reading": (first, family.outputs),
+            "command": (offset(record, "command"), family.inputs),
+            "state": (state_at, episodes.state_names),
+            "reward_terms": (offset(record, "term"), tuple(episodes.task.weights)),
         }
         return cls(
             first=first,
             last=state_at + len(episodes.state_names),
             time=offset(record, "time") - first,
-            groups={group: {name: at - first for name, at in named.items()} for group, named in places.items()},
+            groups={group: (at - first, names) for group, (at, names) in places.items()},
         )
-
-
-def _from(first: int, names: Sequence[str]) -> dict[str, int]:
-    return {name: first + i for i, name in enumerate(names)}
 
 
 def _record(numbers: np.ndarray, record: np.dtype) -> Any:

@@ -74,7 +74,7 @@ prange: Any
 
 
 def _command(t, e):
-    """The commands of an action, and what the regulators hold, into e.command; the first reward term with them.
+    """The commands of an action, and what the regulators hold, into e.command, and what their change costs into e.term.
 
     Fins outside the action keep the cruise, by linear feedback of the readings: the rudder the heading and the stern
     plane the depth at which the episode began.
@@ -100,7 +100,7 @@ def _command(t, e):
         value = min(max(value, -t.limit[j]), t.limit[j])
         e.command[j] = value
         e.features[SHARES + j] = value / t.limit[j] if t.limit[j] > 0.0 else 0.0
-    e.term[2] = -t.weight[2] * 0.5 * travel / t.actions
+    e.term[1] = -t.weight[1] * 0.5 * travel / t.actions
 
 
 def _fault(x, t):
@@ -132,12 +132,11 @@ def _score(x, before, t, e):
         if t.is_angle != 0.0:
             error = wrapped(error)
         e.term[0] = -t.weight[0] * min(abs(error) / t.error_scale, 1.0)
-        e.term[1] = 0.0
         return
     _, across, below = leg_axes(x[NORTH] - e.origin[0], x[EAST] - e.origin[1], x[DEPTH] - e.origin[2], e.course, e.sink)
     moved, _, _ = leg_axes(x[NORTH] - before[NORTH], x[EAST] - before[EAST], x[DEPTH] - before[DEPTH], e.course, e.sink)
     e.term[0] = -t.weight[0] * min(sqrt(across * across + below * below) / t.error_scale, 1.0)
-    e.term[1] = -t.weight[1] * min(abs(t.path_speed - moved / t.dt) / t.path_speed, 1.0)
+    e.term[2] = -t.weight[2] * min(abs(t.path_speed - moved / t.dt) / t.path_speed, 1.0)
 
 
 def _lead_on(plan, t, e, row):

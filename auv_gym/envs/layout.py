@@ -33,7 +33,7 @@ SENSORS = {
     "position": ("north_m", "east_m"),
 }
 SAMPLING = ("delay", "noise", "quantisation", "dropout")
-TERMS = ("tracking", "progress", "command_travel")
+TERMS = ("tracking", "command_travel", "progress")
 MOST_OBSERVATIONS = 32
 NOISE_ROWS = 64  # samples for which noise is drawn at a time
 

@@ -37,8 +37,8 @@ class Task:
     channel: what is to follow a target; none for a path.  actions: inputs that the agent commands, as far as the
     vehicle has them; `held`: those that keep the cruise meanwhile.  step, hold, band: of a drawn target, its change in
     `unit`s, the time for which it stands in lengths travelled, and where it stays.  scale: error that costs the most.
-    weights: of the reward terms, by name.  duration: s, of an episode by default.  current: largest drawn one, in
-    cruise speeds, where nothing else is randomised.
+    weights: of the reward terms, by name, in the order of `layout.TERMS`.  duration: s, of an episode by default.
+    current: largest drawn one, in cruise speeds, where nothing else is randomised.
     """
 
     name: str
@@ -175,7 +175,7 @@ PATH = Task(
         Observed("stern_plane", "stern_plane_rad"),
         Observed("propulsion", PROPULSION),
     ),
-    weights={"path": 0.5, "progress": 0.5, "command_travel": COMMAND_TRAVEL},
+    weights={"path": 0.5, "command_travel": COMMAND_TRAVEL, "progress": 0.5},
     duration=300.0,
     current=0.15,
 )

@@ -78,7 +78,9 @@ class TorpedoEnv(gymnasium.Env):
         self._observation = row[at : at + 16].view(np.float32)[: len(episodes.observations)]
         index = InfoIndex.of(episodes)
         self._shown = row[index.first : index.last]
-        self._groups = tuple(index.groups.items())
+        self._groups = tuple(
+            (group, {name: at + i for i, name in enumerate(names)}) for group, (at, names) in index.groups.items()
+        )
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
         self._advance = episodes.kernel.step_one
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None

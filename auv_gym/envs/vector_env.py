@@ -86,8 +86,7 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         self._noise_used = rows[:, offset(record, "noise_used")]
         self._noisy = episodes.noise(rows[0]) is not None
         self._index = InfoIndex.of(episodes)
-        self._places = {group: list(names.values()) for group, names in self._index.groups.items()}
-        self._masks = {group: _masks(names, self.num_envs) for group, names in self._index.groups.items()}
+        self._mask_names = {group: [f"_{name}" for name in names] for group, (_, names) in self._index.groups.items()}
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds: list[int | None] = [None] * self.num_envs
         self._ended = np.zeros(self.num_envs, dtype=bool)
@@ -119,8 +118,8 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         infos = self._infos()
         drawn = [self.episodes.randomised_values(row) for row in self._rows]
         infos["randomised"] = {path: np.array([values[path] for values in drawn]) for path in self.episodes.randomise}
-        infos["randomised"].update(_masks(self.episodes.randomise, self.num_envs))
-        infos["_randomised"] = np.ones(self.num_envs, dtype=bool)
+        everywhere = infos["_randomised"] = np.ones(self.num_envs, dtype=bool)
+        infos["randomised"].update({f"_{path}": everywhere for path in self.episodes.randomise})
         return observations, infos
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
@@ -242,23 +241,14 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         return found[:, : len(self.episodes.observations)].copy()
 
     def _infos(self) -> dict[str, Any]:
-        index = self._index
-        shown = self._rows[:, index.first : index.last].T.copy()  # so that each name has its numbers in one piece
-        infos: dict[str, Any] = {"time_s": shown[index.time], "_time_s": self._everywhere()}
-        for group, names in index.groups.items():
-            infos[group] = dict(zip(names, shown[self._places[group]], strict=True))
-            infos[group].update(self._masks[group])
-            infos[f"_{group}"] = self._everywhere()
+        index, everywhere = self._index, np.ones(self.num_envs, dtype=bool)
+        shown = self._rows[:, index.first : index.last].copy()
+        infos: dict[str, Any] = {"time_s": shown[:, index.time]}
+        for group, (at, names) in index.groups.items():
+            infos[group] = dict(zip(names, shown[:, at : at + len(names)].T, strict=True))
+            infos[group].update(dict.fromkeys(self._mask_names[group], everywhere))
         infos["reason"] = reasons = np.full(self.num_envs, "", dtype=object)
         for i in np.flatnonzero(self._reasons != NO_REASON):
             reasons[i] = self.episodes.reason(self.episodes.record(self._rows[i]))
-        infos["_reason"] = self._everywhere()
+        infos.update({f"_{name}": everywhere for name in list(infos)})
         return infos
-
-    def _everywhere(self) -> np.ndarray:
-        return np.ones(self.num_envs, dtype=bool)
-
-
-def _masks(names: Any, count: int) -> dict[str, np.ndarray]:
-    everywhere = np.ones(count, dtype=bool)
-    return {f"_{name}": everywhere for name in names}
