@@ -17,6 +17,8 @@ from auv_gym.envs.layout import NO_REASON, NOISE_ROWS, offset, row_type
 from auv_gym.envs.tasks import Task
 from auv_gym.plant import Plant
 
+_looping: dict[str, int] = {}  # the process whose threads have run the loop
+
 
 class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
     """`num_envs` environments of a task, each bit for bit the `TorpedoEnv` of its seed and actions.
@@ -142,6 +144,7 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
                 )
             self._draw(np.flatnonzero(begins))
         self._actions[:] = actions
+        _check_process()
         if self._noisy:
             for i in np.flatnonzero((self._noise_used >= NOISE_ROWS) & ~begins):
                 self._draw_noise(i)
@@ -219,6 +222,7 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         self._noise_used[i] = 0.0
 
     def _begin(self, begins: np.ndarray, observations: np.ndarray) -> None:
+        _check_process()
         self._draw(np.flatnonzero(begins))
         episodes = self.episodes
         episodes.kernel.begin_many(episodes.vector, episodes.plan, self._derived, self._rows, begins, observations)
@@ -252,3 +256,13 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
             reasons[i] = self.episodes.reason(self.episodes.record(self._rows[i]))
         infos.update({f"_{name}": everywhere for name in list(infos)})
         return infos
+
+
+def _check_process() -> None:
+    """Raises in a process forked from one that has run the loop, whose threads it lacks: OpenMP would just end it."""
+    here = os.getpid()
+    if _looping.setdefault("process", here) != here:
+        raise RuntimeError(
+            "This process was forked from one that has stepped a vector environment, whose threads it does not have: "
+            "start it by spawning, as with multiprocessing.get_context('spawn')."
+        )

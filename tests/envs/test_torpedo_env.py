@@ -725,6 +725,7 @@ PLAIN = """
 import sys
 import numpy as np
 from auv_gym.envs.torpedo_env import TorpedoEnv
+from auv_gym.envs.vector_env import TorpedoVectorEnv
 
 found = []
 for task in ("Depth", "Heading", "Speed", "Path"):
@@ -738,6 +739,10 @@ for task in ("Depth", "Heading", "Speed", "Path"):
     for action in actions:
         observation, reward, _, _, info = env.step(action)
         found.append([*observation, *np.zeros(32 - observation.size), reward, *list(info["state"].values())[:13]])
+many = TorpedoVectorEnv("Path", 2)
+many.reset(seed=3)
+observations, rewards, *_ = many.step(np.full((2, 3), 0.3))
+found += [[*observation, *np.zeros(46 - observation.size)] for observation in observations]
 np.save(sys.argv[1], np.array(found))
 print("numba" in sys.modules)
 """

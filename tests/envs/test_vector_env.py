@@ -1,4 +1,8 @@
+import os
+import subprocess
+import sys
 import warnings
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -12,6 +16,7 @@ from auv_gym.envs.vector_env import TorpedoVectorEnv
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 
+ROOT = str(Path(__file__).parents[2])
 # Everything that is drawn: noisy, late, coarse and missing readings, dead times, parameters of vehicle and water.
 DRAWN = {
     "effects": {
@@ -219,3 +224,28 @@ def test_bad_actions_and_masks_are_refused():
             envs.reset(options={"reset_mask": mask})
     with pytest.raises(ValueError, match="reset has the options"):
         envs.reset(options={"headng": 1.0})
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+def test_a_forked_process_is_told_to_be_spawned(tmp_path):
+    code = (
+        "import os, sys, gymnasium, auv_gym.envs, numpy as np\n"
+        "envs = gymnasium.make_vec('auv_gym/Depth-v0', num_envs=2)\n"
+        "envs.reset(seed=0)\n"
+        "child = os.fork()\n"
+        "if child == 0:\n"
+        "    try:\n"
+        "        envs.step(np.zeros((2, 1), np.float32))\n"
+        "    except RuntimeError as error:\n"
+        "        print(error)\n"
+        "    sys.stdout.flush(), os._exit(0)\n"
+        "os.waitpid(child, 0)\n"
+        "print(envs.step(np.zeros((2, 1), np.float32))[2])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, env=dict(os.environ, PYTHONPATH=ROOT)
+    )
+    assert done.returncode == 0, done.stderr
+    said, stepped = done.stdout.strip().splitlines()
+    assert "start it by spawning" in said
+    assert stepped == "[False False]"
