@@ -13,7 +13,7 @@ class ModelDriver:
     """Steps a model between the compiled commands of an action and the compiled outcome, in the row of an environment.
 
     What the model has among its states, or else among its outputs, is the truth; what it has neither of stays as the
-    vehicle's cruise has it.
+    vehicle's cruise has it. States that its outputs do not show start as in the cruise, if they are named as a plant's.
     """
 
     def __init__(self, episodes: Episodes, row: np.ndarray):
@@ -28,6 +28,14 @@ class ModelDriver:
         known = {name: (False, i) for i, name in enumerate(model.outputs)}
         known |= {name: (True, i) for i, name in enumerate(model.states)}
         self._truths = [(i, *known[name]) for i, name in enumerate(family.states) if name in known]
+        at = len(family.states)
+        self._start = row[state_at : state_at + at + len(family.actuators)]
+        unseen = {name: i for i, name in enumerate(family.states) if name not in model.outputs}
+        for name in model.states:
+            for j, actuator in enumerate(family.actuators):
+                if name in (f"{actuator} position", f"{actuator} play") or name.startswith(f"{actuator}["):
+                    unseen[name] = at + j
+        self._unseen = [(i, unseen[name]) for i, name in enumerate(model.states) if name in unseen]
         self._inputs = [(i, family.inputs.index(n)) for i, n in enumerate(model.inputs) if n in family.inputs]
         constants = getattr(model, "constants", {})
         self._u = np.array([constants.get(name, 0.0) for name in model.inputs])
@@ -38,7 +46,9 @@ class ModelDriver:
         """Start the model from the outputs of the vehicle at the start of an episode."""
         index = {name: i for i, name in enumerate(self._family.outputs)}
         start = np.array([self._raw[index[name]] if name in index else np.nan for name in self.model.outputs])
-        self.x = np.asarray(self.model.initial(start), dtype=np.float64)
+        self.x = np.array(self.model.initial(start), dtype=np.float64)
+        for i, j in self._unseen:
+            self.x[i] = self._start[j]
         self._put(self.x)
 
     def step(self, buffer: np.ndarray) -> int:
