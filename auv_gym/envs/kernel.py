@@ -256,12 +256,11 @@ def _observe(plan, t, e, row):
         at += 3
 
 
-def _outcome(plan, derived, row):
+def _outcome(plan, derived, row, t, e):
     """What follows from the state that the vehicle or the model has reached: reward, reading, target, observation.
 
     Returns the status.  A diverged state is put back to the last finite one, and what was read then stays.
     """
-    t, e = view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
     state_at, previous_at, count = int(t.state_at), int(t.previous_at), int(t.full_state)
     x, before = row[state_at : state_at + count], row[previous_at : previous_at + count]
     e.step += 1.0
@@ -289,9 +288,8 @@ def _outcome(plan, derived, row):
     return TRUNCATED if e.step >= t.steps else RUNNING
 
 
-def _advance(plan, derived, row, work):
+def _advance(plan, derived, row, t, e, work):
     """One step of an environment whose action is in the row; the status."""
-    t, e = view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
     command(t, e)
     state_at, previous_at, ages_at = int(t.state_at), int(t.previous_at), int(t.ages_at)
     count = int(t.full_state)
@@ -301,7 +299,7 @@ def _advance(plan, derived, row, work):
     # a slice, since a field of the row has a type of its own, for which the step would be compiled once more
     inputs = row[COMMAND_AT : COMMAND_AT + INPUTS]
     vehicle_step(x, inputs, plan[ages_at : ages_at + int(t.history) + 1], t.longest_step, derived, work)
-    return outcome(plan, derived, row)
+    return outcome(plan, derived, row, t, e)
 
 
 def _begin(vector, plan, derived, row):
@@ -402,10 +400,11 @@ def _step_one(buffer):
     row_at = plan_size + DERIVED
     work_at = row_at + int(buffer[1])
     row = buffer[row_at:work_at]
+    t, e = view_plan(buffer[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
     for k in range(INPUTS):
-        if not abs(view_row(row[:ROW_FIXED]).action[k]) < np.inf:
+        if not abs(e.action[k]) < np.inf:
             return REFUSED
-    return advance(buffer[:plan_size], buffer[plan_size:row_at], row, buffer[work_at:])
+    return advance(buffer[:plan_size], buffer[plan_size:row_at], row, t, e, buffer[work_at:])
 
 
 def _command_one(buffer):
@@ -436,7 +435,8 @@ def _outcome_one(buffer):
     """What follows from a model's state and outputs in the buffer of a single environment; the status."""
     plan_size = int(buffer[0])
     row_at = plan_size + DERIVED
-    return outcome(buffer[:plan_size], buffer[plan_size:row_at], buffer[row_at : row_at + int(buffer[1])])
+    plan, row = buffer[:plan_size], buffer[row_at : row_at + int(buffer[1])]
+    return outcome(plan, buffer[plan_size:row_at], row, view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED]))
 
 
 def _step_many(vector, plan, derived, rows, begins, observations, rewards, terminated, truncated):
@@ -452,8 +452,9 @@ def _step_many(vector, plan, derived, rows, begins, observations, rewards, termi
             begin(vector, plan, derived[own * i], row)
             status, rewards[i] = RUNNING, 0.0
         else:
-            status = advance(plan, derived[own * i], row, np.empty(WORK))
-            rewards[i] = view_row(row[:ROW_FIXED]).reward
+            e = view_row(row[:ROW_FIXED])
+            status = advance(plan, derived[own * i], row, view_plan(plan[:PLAN_FIXED]), e, np.empty(WORK))
+            rewards[i] = e.reward
         terminated[i] = status == TERMINATED
         truncated[i] = status == TRUNCATED
         found = row[OBSERVATION_AT : OBSERVATION_AT + 16].view(np.float32)

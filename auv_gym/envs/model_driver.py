@@ -6,7 +6,7 @@ import numpy as np
 
 from auv_gym.envs.episodes import Episodes
 from auv_gym.envs.layout import REFUSED
-from auv_gym.envs.named import Named, named
+from auv_gym.envs.named import Named
 
 
 class ModelDriver:
@@ -39,7 +39,7 @@ class ModelDriver:
         self._inputs = [(i, family.inputs.index(n)) for i, n in enumerate(model.inputs) if n in family.inputs]
         constants = getattr(model, "constants", {})
         self._u = np.array([constants.get(name, 0.0) for name in model.inputs])
-        self._groups = (("state", {name: i for i, name in enumerate(model.states)}),)
+        self._names = {name: i for i, name in enumerate(model.states)}
         self.x = np.zeros(len(model.states))
 
     def begin(self) -> None:
@@ -64,7 +64,9 @@ class ModelDriver:
 
     def state(self) -> Named:
         """The model's state by name."""
-        return named(self._groups, self.x)["state"]
+        state = Named()
+        state.index, state.numbers = self._names, self.x
+        return state
 
     def _put(self, x: np.ndarray) -> bool:
         """The model's outputs and states into the row; without finite numbers there, a state that has diverged."""

@@ -93,7 +93,7 @@ DEPTH = Task(
     step=(1.0, 4.0),
     band=DEPTHS,
     actions=("stern_plane_rad", "bow_plane_rad"),
-    held=(),
+    held=("rudder_rad",),
     observed=(
         Observed("depth_error", "error", 5.0, "length"),
         _PITCH,

@@ -12,7 +12,7 @@ import numpy as np
 from auv_gym.envs.episodes import InfoIndex, make_episodes
 from auv_gym.envs.layout import NOISE_ROWS, REFUSED, RUNNING, TERMINATED, offset, row_type
 from auv_gym.envs.model_driver import ModelDriver
-from auv_gym.envs.named import named
+from auv_gym.envs.named import Named
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
 from auv_gym.plant import Plant
@@ -75,16 +75,16 @@ class TorpedoEnv(gymnasium.Env):
         self._action_at, self._reward_at = row_at + offset(record, "action"), row_at + offset(record, "reward")
         self._time_at = row_at + offset(record, "time")
         at = offset(record, "observation")
-        self._observation = row[at : at + 16].view(np.float32)[: len(episodes.observations)]
+        self._observe = row[at : at + 16].view(np.float32)[: len(episodes.observations)].copy
         index = InfoIndex.of(episodes)
-        self._shown = row[index.first : index.last]
-        self._groups = tuple(
-            (group, {name: at + i for i, name in enumerate(names)}) for group, (at, names) in index.groups.items()
-        )
+        self._show = row[index.first : index.last].copy
+        places = {group: {n: at + i for i, n in enumerate(names)} for group, (at, names) in index.groups.items()}
+        self._target_of, self._reading_of, self._command_of = places["target"], places["reading"], places["command"]
+        self._state_of, self._terms_of = places["state"], places["reward_terms"]
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
-        self._advance = episodes.kernel.step_one
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None
-        self._plain = self._noise is None and self._driver is None and render_mode is None
+        plain = self._noise is None and self._driver is None and render_mode is None
+        self._advance = episodes.kernel.step_one if plain else self._advance_otherwise
         self._over = True
         self._camera: Any = None
 
@@ -117,7 +117,7 @@ class TorpedoEnv(gymnasium.Env):
         self._over = False
         if self.render_mode is not None:
             self._follow(begin=True)
-        return self._observation.copy(), {**self._info(""), "randomised": episodes.randomised_values(self._row)}
+        return self._observe(), {**self._info(""), "randomised": episodes.randomised_values(self._row)}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Observation, reward, terminated, truncated and info one sample later; actions beyond [-1, 1] are clipped."""
@@ -125,7 +125,10 @@ class TorpedoEnv(gymnasium.Env):
             raise gymnasium.error.ResetNeeded("The episode has ended or not begun: call reset() before step().")
         numbers, at = self._numbers, self._action_at
         try:
-            values = action.tolist() if isinstance(action, np.ndarray) else list(action)
+            values = action.tolist()
+        except AttributeError:  # a list or tuple
+            values = action
+        try:
             if len(values) != self._actions:
                 raise self._refused(action)
             for value in values:
@@ -133,15 +136,15 @@ class TorpedoEnv(gymnasium.Env):
                 at += 1
         except TypeError:
             raise self._refused(action) from None
-        status = self._advance(self._buffer) if self._plain else self._advance_otherwise()
+        status = self._advance(self._buffer)
         if status == RUNNING:
-            return self._observation.copy(), numbers[self._reward_at], False, False, self._info("")
+            return self._observe(), numbers[self._reward_at], False, False, self._info("")
         if status == REFUSED:
             raise self._refused(action)
         self._over = True
         terminated = status == TERMINATED
         reason = self.episodes.reason(self._record) if terminated else ""
-        return self._observation.copy(), numbers[self._reward_at], terminated, not terminated, self._info(reason)
+        return self._observe(), numbers[self._reward_at], terminated, not terminated, self._info(reason)
 
     def render(self) -> np.ndarray | None:
         """An RGB image, shape (height, width, 3), uint8, with render_mode "rgb_array"; else None."""
@@ -154,17 +157,31 @@ class TorpedoEnv(gymnasium.Env):
             self._camera = None
 
     def _info(self, reason: str) -> dict[str, Any]:
-        info: dict[str, Any] = named(self._groups, self._shown.copy())
-        if self._driver is not None:
-            info["state"] = self._driver.state()
-        info["time_s"], info["reason"] = self._numbers[self._time_at], reason
-        return info
+        values = self._show()
+        # in place of a constructor in Python, or of a loop, which would take twice the time: see `Named`
+        target, reading, command, state, terms = Named(), Named(), Named(), Named(), Named()
+        target.index = self._target_of
+        reading.index = self._reading_of
+        command.index = self._command_of
+        state.index = self._state_of
+        terms.index = self._terms_of
+        target.numbers = reading.numbers = command.numbers = state.numbers = terms.numbers = values
+        return {
+            "time_s": self._numbers[self._time_at],
+            "target": target,
+            "reading": reading,
+            "command": command,
+            "state": state if self._driver is None else self._driver.state(),
+            "reward_terms": terms,
+            "reason": reason,
+        }
 
-    def _advance_otherwise(self) -> int:
+    def _advance_otherwise(self, buffer: np.ndarray) -> int:
         """The step of an environment with noisy sensors, a model in Python or pictures; the status."""
         if self._noise is not None and self._record["noise_used"] >= NOISE_ROWS:
             self._draw_noise()
-        status = self._advance(self._buffer) if self._driver is None else self._driver.step(self._buffer)
+        step = self.episodes.kernel.step_one if self._driver is None else self._driver.step
+        status = step(buffer)
         if self.render_mode is not None and status != REFUSED:
             self._follow()
         return status
