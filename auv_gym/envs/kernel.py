@@ -90,7 +90,7 @@ def _command(t, e):
         elif j == 0:
             k = t.rudder_gains
             off = wrapped(e.features[READ_HEADING] - e.held[1])
-            value -= k[0] * e.features[READ_V] + k[1] * e.features[READ_R] + k[2] * off
+            value -= k[0] * (e.features[READ_V] - t.cruise_state[V]) + k[1] * e.features[READ_R] + k[2] * off
         elif j == 1:
             k = t.plane_gains
             deep = e.features[READ_DEPTH] - e.held[0]
