@@ -64,6 +64,7 @@ _COMPUTED = np.dtype(
             ("z_g", np.float64),
             ("has_environment", np.float64),
             ("has_cross_flow", np.float64),
+            ("has_bow_plane", np.float64),
             ("has_table", np.float64),
             ("has_lag", np.float64),
             ("has_moving_water", np.float64),
@@ -234,6 +235,9 @@ def derive(vector, derived):
     computed.x_g, computed.y_g, computed.z_g = hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g
     stiffness = computed.weight * computed.z_g - computed.buoyancy * hull.z_b
     computed.damping[3, 0] += 0.5 * sqrt(abs(computed.inverse_mass[3, 3] * stiffness))
+    bow = hull.bow_plane
+    there = bow.lift != 0.0 or bow.moment != 0.0 or bow.drag != 0.0 or bow.drag_rate != 0.0 or bow.drag_slip != 0.0
+    computed.has_bow_plane = 1.0 if there else 0.0
     computed.has_table = 0.0
     for i in range(ROWS * COLUMNS):
         if hull.propulsion.table[i] != 0.0:
@@ -433,20 +437,24 @@ def derivative(z, actuators, inputs, p, dz, terms):
     rudder, stern, bow = hull.rudder, hull.stern_plane, hull.bow_plane
     rudder_there = 1.0 - effects.rudder_fin.lost
     stern_there = 1.0 - effects.stern_plane_fin.lost
-    bow_there = 1.0 - effects.bow_plane_fin.lost
     angle_r = angle_of_attack(fin_angle(actuators[0], effects.rudder_fin), u, v, r, rudder)
     angle_s = angle_of_attack(fin_angle(actuators[1], effects.stern_plane_fin), u, w, -q, stern)
-    angle_b = angle_of_attack(fin_angle(actuators[2], effects.bow_plane_fin), u, w, -q, bow)
     push = computed.density * u
     square = push * abs(u)
     x_rudder = fin_drag(angle_r, square, push, r, v, rudder)
     x_stern = fin_drag(angle_s, square, push, q, w, stern)
-    x_bow = fin_drag(angle_b, square, push, q, w, bow)
-    x_fins = rudder_there * x_rudder + (stern_there * x_stern + bow_there * x_bow)
+    x_bow = z_bow = m_bow = 0.0
+    if computed.has_bow_plane != 0.0:
+        bow_there = 1.0 - effects.bow_plane_fin.lost
+        angle_b = angle_of_attack(fin_angle(actuators[2], effects.bow_plane_fin), u, w, -q, bow)
+        x_bow = bow_there * fin_drag(angle_b, square, push, q, w, bow)
+        z_bow = bow_there * (bow.lift * angle_b)
+        m_bow = bow_there * (bow.moment * angle_b)
+    x_fins = rudder_there * x_rudder + (stern_there * x_stern + x_bow)
     y_fins = rudder_there * (square * (rudder.lift * angle_r))
     n_fins = rudder_there * (square * (rudder.moment * angle_r))
-    z_fins = square * (stern_there * (stern.lift * angle_s) + bow_there * (bow.lift * angle_b))
-    m_fins = square * (stern_there * (stern.moment * angle_s) + bow_there * (bow.moment * angle_b))
+    z_fins = square * (stern_there * (stern.lift * angle_s) + z_bow)
+    m_fins = square * (stern_there * (stern.moment * angle_s) + m_bow)
 
     thrust, torque = thrust_and_torque(actuators[3], u, p)
     slip = hull.slipstream
