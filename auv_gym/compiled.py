@@ -77,6 +77,11 @@ def bind(
     return _compiled(bound, [bound, *filter(callable, meanings.values())], **options)
 
 
+def for_vector(program: Any) -> Callable[[np.ndarray], Any]:
+    """A compiled program of one contiguous float64 vector, without the look-up of its argument's type at each call."""
+    return program.compile("(float64[::1],)") if JIT else program
+
+
 def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
     """A compiled function from a flat float64 vector to its record: `view(p).hull.mass`, no copy.
 

@@ -78,7 +78,7 @@ def find_cruise(plant: Plant) -> Cruise:
     x, commands = flight(unknown)
     limits = command_limits(clean)
     found = np.isfinite(unknown).all() and np.abs(residual(unknown)).max() < 1e-6 and x[u] > 0.0
-    if not found or (np.abs(commands) > limits).any():
+    if not found or (np.abs(commands) > limits).any() or not limits[:2].all():
         raise ValueError(
             f"The environments start from level flight, which {plant.name!r} cannot hold with its fins at "
             f"hull.propulsion.design = {clean.hull.propulsion.design:g}: check the design command, the fins' moments "

@@ -98,7 +98,7 @@ class Episodes:
         rows = np.zeros((count, self.row_size))
         for row in rows:
             record = self.record(row)
-            record["start"], record["first_target"] = nan, nan
+            record["over"], record["start"], record["first_target"] = 1.0, nan, nan
         return rows
 
     def new_buffer(self) -> np.ndarray:

@@ -20,6 +20,7 @@ from auv_gym.envs.layout import (
     DIVERGED,
     GEOMETRY,
     NO_REASON,
+    OVER,
     PITCHED,
     REFUSED,
     ROLLED,
@@ -82,24 +83,23 @@ def _command(t, e):
     travel = 0.0
     for j in range(INPUTS):
         a = int(t.action_of[j])
-        value = t.cruise_command[j]
         if a >= 0:
             share = min(max(e.action[a], -1.0), 1.0)
             travel += abs(share - e.features[SHARES + j])
-            value = share * t.limit[j]
-        elif j == 0:
-            k = t.rudder_gains
-            off = wrapped(e.features[READ_HEADING] - e.held[1])
-            value -= k[0] * (e.features[READ_V] - t.cruise_state[V]) + k[1] * e.features[READ_R] + k[2] * off
-        elif j == 1:
-            k = t.plane_gains
-            deep = e.features[READ_DEPTH] - e.held[0]
-            value -= k[0] * (e.features[READ_W] - t.cruise_state[W]) + k[1] * e.features[READ_Q]
-            value -= k[2] * (e.features[READ_PITCH] - t.cruise_state[PITCH])
-            value -= k[3] * min(max(deep, -t.held_depth_error), t.held_depth_error)
-        value = min(max(value, -t.limit[j]), t.limit[j])
-        e.command[j] = value
-        e.features[SHARES + j] = value / t.limit[j] if t.limit[j] > 0.0 else 0.0
+            e.command[j], e.features[SHARES + j] = share * t.limit[j], share
+    if t.action_of[0] < 0.0:
+        k = t.rudder_gains
+        off = wrapped(e.features[READ_HEADING] - e.held[1])
+        value = k[0] * (e.features[READ_V] - t.cruise_state[V]) + k[1] * e.features[READ_R] + k[2] * off
+        e.command[0] = min(max(t.cruise_command[0] - value, -t.limit[0]), t.limit[0])
+        e.features[SHARES] = e.command[0] / t.limit[0]
+    if t.action_of[1] < 0.0:
+        k = t.plane_gains
+        deep = min(max(e.features[READ_DEPTH] - e.held[0], -t.held_depth_error), t.held_depth_error)
+        value = k[0] * (e.features[READ_W] - t.cruise_state[W]) + k[1] * e.features[READ_Q]
+        value += k[2] * (e.features[READ_PITCH] - t.cruise_state[PITCH]) + k[3] * deep
+        e.command[1] = min(max(t.cruise_command[1] - value, -t.limit[1]), t.limit[1])
+        e.features[SHARES + 1] = e.command[1] / t.limit[1]
     e.term[1] = -t.weight[1] * 0.5 * travel / t.actions
 
 
@@ -112,12 +112,12 @@ def _fault(x, t):
         return BROACHED, x[DEPTH]
     if x[DEPTH] > t.depth_limit:
         return TOO_DEEP, x[DEPTH]
-    speed = sqrt(x[U] * x[U] + x[V] * x[V] + x[W] * x[W])
-    if speed > t.speed_limit:
-        return TOO_FAST, speed
-    rate = sqrt(x[P] * x[P] + x[Q] * x[Q] + x[R] * x[R])
-    if rate > t.rate_limit:
-        return SPINNING, rate
+    square = x[U] * x[U] + x[V] * x[V] + x[W] * x[W]
+    if square > t.speed_limit * t.speed_limit:
+        return TOO_FAST, sqrt(square)
+    square = x[P] * x[P] + x[Q] * x[Q] + x[R] * x[R]
+    if square > t.rate_limit * t.rate_limit:
+        return SPINNING, sqrt(square)
     if abs(x[PITCH]) > t.pitch_limit:
         return PITCHED, x[PITCH]
     if abs(x[ROLL]) > t.roll_limit:
@@ -276,6 +276,7 @@ def _outcome(plan, derived, row, t, e):
     if reason == DIVERGED:
         for i in range(count):
             x[i] = before[i]
+        e.over = 1.0
         return TERMINATED
     if t.by_model == 0.0:
         read(x, derived, row[RAW_AT : RAW_AT + OUTPUTS])
@@ -283,9 +284,10 @@ def _outcome(plan, derived, row, t, e):
     if reason == NO_REASON:
         aim(plan, x, t, e, row)
     observe(plan, t, e, row)
-    if e.reason != NO_REASON:
-        return TERMINATED
-    return TRUNCATED if e.step >= t.steps else RUNNING
+    if e.reason == NO_REASON and e.step < t.steps:
+        return RUNNING
+    e.over = 1.0
+    return TERMINATED if e.reason != NO_REASON else TRUNCATED
 
 
 def _advance(plan, derived, row, t, e, work):
@@ -350,7 +352,7 @@ def _begin(vector, plan, derived, row):
     for i in range(count):
         row[previous_at + i] = x[i]
 
-    e.step, e.time, e.reward, e.reason, e.reason_value = 0.0, 0.0, 0.0, float(NO_REASON), 0.0
+    e.step, e.over, e.time, e.reward, e.reason, e.reason_value = 0.0, 0.0, 0.0, 0.0, float(NO_REASON), 0.0
     e.change, e.change_at, e.noise_used, e.reached = 0.0, 0.0, 0.0, 0.0
     for i in range(e.features.shape[0]):
         e.features[i] = 0.0
@@ -395,12 +397,14 @@ def _begin_one(vector, buffer):
 
 
 def _step_one(buffer):
-    """One step of a single environment; the status, REFUSED where the action is not finite."""
+    """One step of a single environment; the status: REFUSED where the action is not finite, OVER after the end."""
     plan_size = int(buffer[0])
     row_at = plan_size + DERIVED
     work_at = row_at + int(buffer[1])
     row = buffer[row_at:work_at]
     t, e = view_plan(buffer[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
+    if e.over != 0.0:
+        return OVER
     for k in range(INPUTS):
         if not abs(e.action[k]) < np.inf:
             return REFUSED
@@ -408,10 +412,12 @@ def _step_one(buffer):
 
 
 def _command_one(buffer):
-    """The commands for a model that drives a single environment; REFUSED where the action is not finite."""
+    """The commands for a model that drives a single environment; its status as that of `step_one`."""
     plan_size = int(buffer[0])
     row = buffer[plan_size + DERIVED : plan_size + DERIVED + int(buffer[1])]
     t, e = view_plan(buffer[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
+    if e.over != 0.0:
+        return OVER
     for k in range(INPUTS):
         if not abs(e.action[k]) < np.inf:
             return REFUSED

@@ -38,7 +38,7 @@ MOST_OBSERVATIONS = 32
 NOISE_ROWS = 64  # samples for which noise is drawn at a time
 
 # What a step returns.
-RUNNING, TRUNCATED, TERMINATED, REFUSED = range(4)
+RUNNING, TRUNCATED, TERMINATED, REFUSED, OVER = range(5)
 # Why an episode was terminated.
 NO_REASON, DIVERGED, BROACHED, TOO_DEEP, PITCHED, ROLLED, TOO_FAST, SPINNING, ARRIVED = range(9)
 
@@ -79,7 +79,7 @@ def row_type(family: Family) -> np.dtype:
     states, inputs, outputs = len(family.states), len(family.inputs), len(family.outputs)
     return _record(
         {
-            "step": 1, "action": inputs, "reward": 1, "reason": 1, "reason_value": 1,
+            "step": 1, "over": 1, "action": inputs, "reward": 1, "reason": 1, "reason_value": 1,
             "change": 1, "change_at": 1, "held": 2, "noise_used": 1,
             # the leg of a path: where it starts, the waypoint after its end, and directions
             "origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1,

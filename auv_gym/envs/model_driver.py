@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from auv_gym.envs.episodes import Episodes
-from auv_gym.envs.layout import REFUSED
+from auv_gym.envs.layout import RUNNING
 from auv_gym.envs.named import Named
 
 
@@ -53,8 +53,9 @@ class ModelDriver:
 
     def step(self, buffer: np.ndarray) -> int:
         """One step of the environment; the status."""
-        if self._kernel.command_one(buffer) == REFUSED:
-            return REFUSED
+        status = self._kernel.command_one(buffer)
+        if status != RUNNING:
+            return status
         for i, j in self._inputs:
             self._u[i] = self._command[j]
         x = np.asarray(self.model.step(self.x, self._u.copy()), dtype=np.float64)

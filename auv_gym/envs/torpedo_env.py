@@ -9,8 +9,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from auv_gym.compiled import for_vector
 from auv_gym.envs.episodes import InfoIndex, make_episodes
-from auv_gym.envs.layout import NOISE_ROWS, REFUSED, RUNNING, TERMINATED, offset, row_type
+from auv_gym.envs.layout import NOISE_ROWS, OVER, REFUSED, RUNNING, TERMINATED, offset, row_type
 from auv_gym.envs.model_driver import ModelDriver
 from auv_gym.envs.named import Named
 from auv_gym.envs.tasks import Task
@@ -84,8 +85,7 @@ class TorpedoEnv(gymnasium.Env):
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None
         plain = self._noise is None and self._driver is None and render_mode is None
-        self._advance = episodes.kernel.step_one if plain else self._advance_otherwise
-        self._over = True
+        self._advance = for_vector(episodes.kernel.step_one) if plain else self._advance_otherwise
         self._camera: Any = None
 
     @property
@@ -114,15 +114,12 @@ class TorpedoEnv(gymnasium.Env):
         if self._driver is not None:
             self._driver.begin()
             episodes.kernel.look_one(self._buffer)
-        self._over = False
         if self.render_mode is not None:
             self._follow(begin=True)
         return self._observe(), {**self._info(""), "randomised": episodes.randomised_values(self._row)}
 
     def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Observation, reward, terminated, truncated and info one sample later; actions beyond [-1, 1] are clipped."""
-        if self._over:
-            raise gymnasium.error.ResetNeeded("The episode has ended or not begun: call reset() before step().")
         numbers, at = self._numbers, self._action_at
         try:
             values = action.tolist()
@@ -141,7 +138,8 @@ class TorpedoEnv(gymnasium.Env):
             return self._observe(), numbers[self._reward_at], False, False, self._info("")
         if status == REFUSED:
             raise self._refused(action)
-        self._over = True
+        if status == OVER:
+            raise gymnasium.error.ResetNeeded("The episode has ended or not begun: call reset() before step().")
         terminated = status == TERMINATED
         reason = self.episodes.reason(self._record) if terminated else ""
         return self._observe(), numbers[self._reward_at], terminated, not terminated, self._info(reason)
@@ -182,7 +180,7 @@ class TorpedoEnv(gymnasium.Env):
             self._draw_noise()
         step = self.episodes.kernel.step_one if self._driver is None else self._driver.step
         status = step(buffer)
-        if self.render_mode is not None and status != REFUSED:
+        if self.render_mode is not None and status not in (REFUSED, OVER):
             self._follow()
         return status
 
@@ -211,7 +209,6 @@ class TorpedoEnv(gymnasium.Env):
             "options": {**self._options, "render_mode": self.render_mode},
             "numbers": self._buffer.copy(),
             "model_state": None if self._driver is None else self._driver.x,
-            "over": self._over,
             "random": (self._np_random, self._np_random_seed),
             "spec": self.spec,
         }
@@ -221,5 +218,5 @@ class TorpedoEnv(gymnasium.Env):
         self._buffer[:] = state["numbers"]
         if self._driver is not None:
             self._driver.x = state["model_state"]
-        self._over, self.spec = state["over"], state["spec"]
+        self.spec = state["spec"]
         self._np_random, self._np_random_seed = state["random"]
