@@ -12,6 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle, islice
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -142,8 +143,8 @@ def _single(env: gymnasium.Env) -> tuple[Callable[[], object], int]:
 
     def run() -> None:
         step, reset = env.step, env.reset
-        for k in range(SINGLE_STEPS):
-            _, _, terminated, truncated, _ = step(actions[k % 64])
+        for action in islice(cycle(actions), SINGLE_STEPS):
+            _, _, terminated, truncated, _ = step(action)
             if terminated or truncated:
                 reset()
 

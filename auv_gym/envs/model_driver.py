@@ -66,7 +66,7 @@ class ModelDriver:
     def state(self) -> Named:
         """The model's state by name."""
         state = Named()
-        state.index, state.numbers = self._names, self.x
+        state.index, state.numbers = self._names, self.x.tobytes()
         return state
 
     def _put(self, x: np.ndarray) -> bool:

@@ -1,27 +1,28 @@
-"""Numbers by name that stay in an array until somebody reads them: an info costs little where nobody looks."""
+"""Numbers by name that stay packed until somebody reads them: an info costs little where nobody looks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from struct import Struct
 from typing import final
 
-import numpy as np
+_NUMBER = Struct("d")
 
 
 @final
 class Named(Mapping[str, float]):
     """A read-only mapping from names to floats, equal to a dict of the same items.
 
-    Whoever makes one sets `index`, name to place, and `numbers`, an array which is kept and not copied: a constructor
-    in Python would take twice the time, and a step makes five of these.
+    Whoever makes one sets `index`, name to place, and `numbers`, the bytes of the floats, which come out of an array
+    three times as fast as a copy of it. A constructor in Python would take twice the time, and a step makes five.
     """
 
     __slots__ = ("index", "numbers")
     index: Mapping[str, int]
-    numbers: np.ndarray
+    numbers: bytes
 
     def __getitem__(self, name: str) -> float:
-        return self.numbers.item(self.index[name])
+        return _NUMBER.unpack_from(self.numbers, _NUMBER.size * self.index[name])[0]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.index)

@@ -78,10 +78,9 @@ class TorpedoEnv(gymnasium.Env):
         at = offset(record, "observation")
         self._observe = row[at : at + 16].view(np.float32)[: len(episodes.observations)].copy
         index = InfoIndex.of(episodes)
-        self._show = row[index.first : index.last].copy
+        self._show = row.data[index.first : index.last].tobytes
         places = {group: {n: at + i for i, n in enumerate(names)} for group, (at, names) in index.groups.items()}
-        self._target_of, self._reading_of, self._command_of = places["target"], places["reading"], places["command"]
-        self._state_of, self._terms_of = places["state"], places["reward_terms"]
+        self._places = tuple(places[group] for group in ("target", "reading", "command", "state", "reward_terms"))
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None
         plain = self._noise is None and self._driver is None and render_mode is None
@@ -155,15 +154,10 @@ class TorpedoEnv(gymnasium.Env):
             self._camera = None
 
     def _info(self, reason: str) -> dict[str, Any]:
-        values = self._show()
         # in place of a constructor in Python, or of a loop, which would take twice the time: see `Named`
         target, reading, command, state, terms = Named(), Named(), Named(), Named(), Named()
-        target.index = self._target_of
-        reading.index = self._reading_of
-        command.index = self._command_of
-        state.index = self._state_of
-        terms.index = self._terms_of
-        target.numbers = reading.numbers = command.numbers = state.numbers = terms.numbers = values
+        target.index, reading.index, command.index, state.index, terms.index = self._places
+        target.numbers = reading.numbers = command.numbers = state.numbers = terms.numbers = self._show()
         return {
             "time_s": self._numbers[self._time_at],
             "target": target,
