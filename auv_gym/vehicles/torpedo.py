@@ -13,243 +13,25 @@ from math import cos, pi, sin, sqrt
 
 import numpy as np
 
-from auv_gym.compiled import compiled, outlined, view_as
-from auv_gym.param import list_paths, pack, record_type
+from auv_gym.compiled import compiled, outlined
+from auv_gym.param import pack
 from auv_gym.physics.actuators import shape_command, shaped_command
 from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
-from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
 from auv_gym.physics.propulsion import (
-    COLUMNS,
     RADPS_PER_RPM,
-    ROWS,
     shaft_law,
     shaft_speed_for,
     slipstream_speed,
     table_thrust,
     table_voltage,
 )
-from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, invert
-from auv_gym.physics.sensors import compass_reading, deviation, lag_error
+from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.physics.water import orbital_velocity
 from auv_gym.vehicles.family import Family
+from auv_gym.vehicles.torpedo_derived import N_DERIVED, N_TERMS, derive, mass_problem, view
 from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
-
-N_TERMS = len(TERMS)
-# What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
-_DAMPING = tuple(1.0 if len(t) == 1 or "_" in t or (t[0] == "u" and t != "uu") else 0.0 for t in TERMS)
-# What fouling scales: drag proper, without lift.
-_DRAG = tuple(1.0 if len(t) == 1 or "_" in t else 0.0 for t in TERMS)
-
-_COMPUTED = np.dtype(
-    (
-        np.record,
-        [
-            ("mass", np.float64, (6, 6)),
-            ("inverse_mass", np.float64, (6, 6)),
-            ("momentum", np.float64, (6, 6)),  # M_RB and the share of M_A whose Coriolis forces are added
-            ("rigid_mass", np.float64, (6, 6)),
-            ("coefficients", np.float64, (6 * N_TERMS,)),  # those of the polynomials that are not zero, axis by axis
-            ("terms", np.float64, (6 * N_TERMS,)),  # of each, the index in what `fill_terms` gives
-            ("ends", np.float64, (6,)),  # where each axis's coefficients end
-            ("environment", np.float64, (len(ENVIRONMENT_TERMS), 6)),
-            ("damping", np.float64, (6, 3)),  # rates, 1/s: constant, per |u|, per own speed; for the stable step
-            ("cross_y", np.float64),
-            ("cross_z", np.float64),
-            ("density", np.float64),  # relative to that of the coefficients
-            ("weight", np.float64),
-            ("buoyancy", np.float64),
-            ("x_g", np.float64),
-            ("y_g", np.float64),
-            ("z_g", np.float64),
-            ("has_environment", np.float64),
-            ("has_cross_flow", np.float64),
-            ("has_bow_plane", np.float64),
-            ("has_table", np.float64),
-            ("has_lag", np.float64),
-            ("has_moving_water", np.float64),
-            ("has_waves", np.float64),
-            ("has_tether", np.float64),
-        ],
-    )
-)
-_PARAMETERS = record_type(TorpedoParameters)
-_WHOLE = np.dtype(
-    (np.record, [("hull", _PARAMETERS["hull"]), ("effects", _PARAMETERS["effects"]), ("computed", _COMPUTED)])
-)
-N_PARAMETERS = len(list_paths(TorpedoParameters()))
-N_DERIVED = _WHOLE.itemsize // 8
-view = view_as(_WHOLE, "torpedo")
-writable_view = view_as(_WHOLE, "torpedo", writable=True)
-
-
-@outlined
-def fill_added_mass(added, matrix):
-    """M_A = -[derivatives] into matrix, shape (6, 6); zero where the tree has no such derivative."""
-    for i in range(6):
-        for j in range(6):
-            matrix[i, j] = 0.0
-    matrix[0, 0], matrix[0, 1], matrix[0, 2] = -added.x_udot, -added.x_vdot, -added.x_wdot
-    matrix[0, 4], matrix[0, 5] = -added.x_qdot, -added.x_rdot
-    matrix[1, 1], matrix[1, 3], matrix[1, 5] = -added.y_vdot, -added.y_pdot, -added.y_rdot
-    matrix[2, 2], matrix[2, 4] = -added.z_wdot, -added.z_qdot
-    matrix[3, 1], matrix[3, 3], matrix[3, 5] = -added.k_vdot, -added.k_pdot, -added.k_rdot
-    matrix[4, 2], matrix[4, 4] = -added.m_wdot, -added.m_qdot
-    matrix[5, 1], matrix[5, 3], matrix[5, 5] = -added.n_vdot, -added.n_pdot, -added.n_rdot
-
-
-@compiled
-def added_mass_factor(effects, i):
-    """1 and the relative error of the added mass on axis i."""
-    errors = (
-        effects.added_mass_surge,
-        effects.added_mass_sway,
-        effects.added_mass_heave,
-        effects.added_mass_roll,
-        effects.added_mass_pitch,
-        effects.added_mass_yaw,
-    )
-    return 1.0 + errors[i]
-
-
-@compiled
-def damping_error(effects, i):
-    """The relative error of the damping on axis i."""
-    errors = (
-        effects.damping_surge,
-        effects.damping_sway,
-        effects.damping_heave,
-        effects.damping_roll,
-        effects.damping_pitch,
-        effects.damping_yaw,
-    )
-    return errors[i]
-
-
-@compiled
-def hull_coefficient(hull, i, k):
-    """Coefficient of term k in the polynomial of axis i."""
-    if i == 0:
-        return hull.surge[k]
-    if i == 1:
-        return hull.sway[k]
-    if i == 2:
-        return hull.heave[k]
-    if i == 3:
-        return hull.roll[k]
-    if i == 4:
-        return hull.pitch[k]
-    return hull.yaw[k]
-
-
-@outlined
-def fill_mass(p, matrix, rigid, momentum):
-    """M_RB + M_A into matrix, M_RB into rigid, and M_RB with the M_A whose Coriolis forces are added into momentum."""
-    hull, load = p.hull, p.effects.load
-    density = 1.0 + p.effects.water.density
-    mass = hull.mass + load.payload
-    x, y, z = hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g
-    fill_rigid_body_mass(mass, x, y, z, hull, rigid)
-    # about the centre of gravity the inertia stays what it was: fixed about the origin, a shift of some centimetres
-    # would leave a slender hull no roll inertia
-    xx = mass * x * x - hull.mass * hull.x_g * hull.x_g
-    yy = mass * y * y - hull.mass * hull.y_g * hull.y_g
-    zz = mass * z * z - hull.mass * hull.z_g * hull.z_g
-    xy = mass * x * y - hull.mass * hull.x_g * hull.y_g
-    yz = mass * y * z - hull.mass * hull.y_g * hull.z_g
-    xz = mass * x * z - hull.mass * hull.x_g * hull.z_g
-    rigid[3, 3] += yy + zz
-    rigid[4, 4] += xx + zz
-    rigid[5, 5] += xx + yy
-    rigid[3, 4] -= xy
-    rigid[4, 3] -= xy
-    rigid[4, 5] -= yz
-    rigid[5, 4] -= yz
-    rigid[3, 5] -= xz
-    rigid[5, 3] -= xz
-    added = np.empty((6, 6))
-    fill_added_mass(hull.added_mass, added)
-    for i in range(6):
-        added[i, i] *= added_mass_factor(p.effects.hull, i)
-    for i in range(6):
-        for j in range(6):
-            matrix[i, j] = rigid[i, j] + density * added[i, j]
-            half = 0.5 * density * hull.coriolis_of_added_mass
-            momentum[i, j] = rigid[i, j] + half * (added[i, j] + added[j, i])
-
-
-@outlined
-def derive(vector, derived):
-    """The parameters and what follows from them alone into derived, shape (N_DERIVED,): masses, active terms, flags."""
-    for i in range(N_PARAMETERS):
-        derived[i] = vector[i]
-    p = writable_view(derived)
-    hull, effects, computed = p.hull, p.effects, p.computed
-    load = effects.load
-    density = 1.0 + effects.water.density
-    fill_mass(p, computed.mass, computed.rigid_mass, computed.momentum)
-    invert(computed.mass.copy(), computed.inverse_mass)
-    count = 0
-    for i in range(6):
-        for j in range(3):
-            computed.damping[i, j] = 0.0
-    for i in range(6):
-        for k in range(N_TERMS):
-            factor = 1.0 + _DAMPING[k] * damping_error(effects.hull, i)
-            factor *= 1.0 + _DRAG[k] * effects.hull.fouling
-            value = density * factor * hull_coefficient(hull, i, k) + hull_coefficient(effects.discovered, i, k)
-            if value != 0.0:
-                computed.coefficients[count] = value
-                # published for u > 0: damping of the axis's own velocity goes with |u|, or it would drive it astern
-                computed.terms[count] = N_TERMS + i - 1 if i > 0 and k == 16 + i else k
-                count += 1
-            own = abs(computed.inverse_mass[i, i] * value)
-            if k == i:
-                computed.damping[i, 0] += own
-            if k == 6 + i:
-                computed.damping[i, 2] += 2.0 * own
-            if i > 0 and k == 16 + i:  # u times the axis's own velocity
-                computed.damping[i, 1] += own
-        computed.ends[i] = count
-    computed.has_environment = 0.0
-    for k in range(len(ENVIRONMENT_TERMS)):
-        for i in range(6):
-            value = hull_coefficient(effects.discovered, i, N_TERMS + k)
-            computed.environment[k, i] = value
-            if value != 0.0:
-                computed.has_environment = 1.0
-    computed.density = density
-    fouling = 1.0 + effects.hull.fouling
-    flow = hull.cross_flow
-    computed.cross_y = fouling * (1.0 + effects.hull.damping_sway) * flow.drag_y * flow.height
-    computed.cross_z = fouling * (1.0 + effects.hull.damping_heave) * flow.drag_z * flow.breadth
-    computed.has_cross_flow = 1.0 if computed.cross_y != 0.0 or computed.cross_z != 0.0 else 0.0
-    strip = hull.density * density * hull.length  # the slope of a v|v| law in both its speeds
-    computed.damping[1, 2] += strip * computed.cross_y * computed.inverse_mass[1, 1]
-    computed.damping[2, 2] += strip * computed.cross_z * computed.inverse_mass[2, 2]
-    lever = hull.length**3 / 32.0
-    computed.damping[4, 2] += strip * computed.cross_z * computed.inverse_mass[4, 4] * lever
-    computed.damping[5, 2] += strip * computed.cross_y * computed.inverse_mass[5, 5] * lever
-    computed.weight = (hull.mass + load.payload) * hull.gravity
-    computed.buoyancy = hull.buoyancy * density + load.net_buoyancy
-    computed.x_g, computed.y_g, computed.z_g = hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g
-    stiffness = computed.weight * computed.z_g - computed.buoyancy * hull.z_b
-    computed.damping[3, 0] += 0.5 * sqrt(abs(computed.inverse_mass[3, 3] * stiffness))
-    bow = hull.bow_plane
-    there = bow.lift != 0.0 or bow.moment != 0.0 or bow.drag != 0.0 or bow.drag_rate != 0.0 or bow.drag_slip != 0.0
-    computed.has_bow_plane = 1.0 if there else 0.0
-    computed.has_table = 0.0
-    for i in range(ROWS * COLUMNS):
-        if hull.propulsion.table[i] != 0.0:
-            computed.has_table = 1.0
-    lags = effects.depth.lag + effects.compass.lag + effects.gyros.lag
-    computed.has_lag = 1.0 if lags + effects.dvl_ground.lag + effects.dvl_water.lag > 0.0 else 0.0
-    waves, current = effects.waves, effects.current
-    computed.has_waves = 1.0 if waves.amplitude_cos != 0.0 or waves.amplitude_sin != 0.0 else 0.0
-    sheared = current.shear_north != 0.0 or current.shear_east != 0.0
-    computed.has_moving_water = 1.0 if sheared or computed.has_waves != 0.0 else 0.0
-    pulled = load.tether_north != 0.0 or load.tether_east != 0.0 or load.tether_down != 0.0
-    computed.has_tether = 1.0 if pulled or load.tether_drag != 0.0 else 0.0
+from auv_gym.vehicles.torpedo_sensors import SENSORS, output, sense, settle_sensors
 
 
 @compiled
@@ -576,122 +358,6 @@ def actuator_times(index, p):
     return propeller.dead_time, drive.lag + propeller.lag, (drive.slowness + propeller.slowness) / drive.limit
 
 
-@compiled
-def water_velocity(depth, phase, p, r11, r12, r13, r21, r22, r23, r31, r32, r33):
-    """Velocity of the water over ground in body axes, m/s, at a depth and a phase of the waves."""
-    current = p.effects.current
-    below = depth - current.reference_depth
-    north = current.north + current.shear_north * below
-    east = current.east + current.shear_east * below
-    down = current.down
-    if p.computed.has_waves != 0.0:
-        waves = p.effects.waves
-        along, sinking = orbital_velocity(phase, depth, waves, p.hull.gravity)
-        north += along * cos(waves.direction)
-        east += along * sin(waves.direction)
-        down += sinking
-    return (
-        r11 * north + r21 * east + r31 * down,
-        r12 * north + r22 * east + r32 * down,
-        r13 * north + r23 * east + r33 * down,
-    )
-
-
-# Sensor states: how far a reading lags behind, of depth, heading, p q r, velocity over ground, velocity through water.
-SENSORS = (
-    "depth_lag_m",
-    "heading_lag_rad",
-    *(f"{name}_lag" for name in ("p", "q", "r", "u_dvl", "v_dvl", "w_dvl", "u", "v", "w")),
-)
-
-
-@compiled
-def sense(before, z, sensors, duration, p):
-    """Update of the lag errors in sensors after the vehicle went from `before` to z (integrated states)."""
-    if p.computed.has_lag != 0.0:  # else, as usual, the errors start from zero and stay there
-        lag_behind(before, z, sensors, duration, p)
-
-
-@outlined
-def lag_behind(before, z, sensors, duration, p):
-    """What `sense` does where a sensor lags."""
-    effects = p.effects
-    sensors[0] = lag_error(sensors[0], z[8] - before[8], effects.depth.lag, duration)
-    a11, a12, a13, a21, a22, a23, a31, a32, a33 = rotation_of(before[9], before[10], before[11], before[12])
-    b11, b12, b13, b21, b22, b23, b31, b32, b33 = rotation_of(z[9], z[10], z[11], z[12])
-    _, _, old = euler_angles_of(a11, a12, a13, a21, a22, a23, a31)
-    _, _, new = euler_angles_of(b11, b12, b13, b21, b22, b23, b31)
-    compass = effects.compass
-    turned = wrapped(new - old) + deviation(new, compass) - deviation(old, compass)
-    sensors[1] = lag_error(sensors[1], turned, compass.lag, duration)
-    for i in range(3):
-        sensors[2 + i] = lag_error(sensors[2 + i], z[3 + i] - before[3 + i], effects.gyros.lag, duration)
-        sensors[8 + i] = lag_error(sensors[8 + i], z[i] - before[i], effects.dvl_water.lag, duration)
-    if effects.dvl_ground.lag > 0.0:
-        x0, y0, z0 = water_velocity(before[8], before[13], p, a11, a12, a13, a21, a22, a23, a31, a32, a33)
-        x1, y1, z1 = water_velocity(z[8], z[13], p, b11, b12, b13, b21, b22, b23, b31, b32, b33)
-        lag = effects.dvl_ground.lag
-        sensors[5] = lag_error(sensors[5], z[0] - before[0] + x1 - x0, lag, duration)
-        sensors[6] = lag_error(sensors[6], z[1] - before[1] + y1 - y0, lag, duration)
-        sensors[7] = lag_error(sensors[7], z[2] - before[2] + z1 - z0, lag, duration)
-    else:
-        sensors[5] = sensors[6] = sensors[7] = 0.0
-
-
-@outlined
-def settle_sensors(x, actuators, sensors, p):
-    """Lag errors of a vehicle that has been turning and sinking at its present rates for long (kept states)."""
-    effects = p.effects
-    for i in range(11):
-        sensors[i] = 0.0
-    if effects.depth.lag > 0.0:
-        sinking = -sin(x[10]) * x[0] + cos(x[10]) * (sin(x[9]) * x[1] + cos(x[9]) * x[2]) + effects.current.down
-        sensors[0] = -effects.depth.lag * sinking
-    compass = effects.compass
-    if compass.lag > 0.0:
-        level = cos(x[10])
-        level = level if abs(level) > 1e-3 else 1e-3
-        rate = (sin(x[9]) * x[4] + cos(x[9]) * x[5]) / level
-        sensors[1] = -compass.lag * (rate + deviation(x[11] + rate, compass) - deviation(x[11], compass))
-
-
-@compiled
-def turned_and_scaled(a, b, angle, scale):
-    """Two horizontal components as an instrument turned about the vertical axis gives them, with its scale error."""
-    if angle == 0.0:  # not a 1 * a + 0 * b: neutral leaves the bits as they are
-        return (1.0 + scale) * a, (1.0 + scale) * b
-    c, s = cos(angle), sin(angle)
-    return (1.0 + scale) * (c * a + s * b), (1.0 + scale) * (c * b - s * a)
-
-
-@compiled
-def output(x, actuators, sensors, p, y):
-    """Readings [roll pitch heading | p q r | velocity through water | the same over ground | position] into y."""
-    effects = p.effects
-    y[0] = x[9] + effects.inclinometer.roll_bias
-    y[1] = x[10] + effects.inclinometer.pitch_bias
-    y[2] = compass_reading(x[11], sensors[1], effects.compass)
-    gyros, water, ground = effects.gyros, effects.dvl_water, effects.dvl_ground
-    a, b = turned_and_scaled(x[3] + sensors[2], x[4] + sensors[3], gyros.misalignment, gyros.scale)
-    y[3], y[4] = a + gyros.bias_p, b + gyros.bias_q
-    y[5] = (1.0 + gyros.scale) * (x[5] + sensors[4]) + gyros.bias_r
-    a, b = turned_and_scaled(x[0] + sensors[8], x[1] + sensors[9], water.misalignment, water.scale)
-    y[6], y[7] = a + water.bias_u, b + water.bias_v
-    y[8] = (1.0 + water.scale) * (x[2] + sensors[10]) + water.bias_w
-    current = effects.current
-    flowing = p.computed.has_moving_water != 0.0 or current.north != 0.0 or current.east != 0.0 or current.down != 0.0
-    cx = cy = cz = 0.0
-    if flowing:
-        e0, e1, e2, e3 = quaternion_of(x[9], x[10], x[11])
-        r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(e0, e1, e2, e3)
-        cx, cy, cz = water_velocity(x[8], x[12], p, r11, r12, r13, r21, r22, r23, r31, r32, r33)
-    a, b = turned_and_scaled(x[0] + cx + sensors[5], x[1] + cy + sensors[6], ground.misalignment, ground.scale)
-    y[9], y[10] = a + ground.bias_u, b + ground.bias_v
-    y[11] = (1.0 + ground.scale) * (x[2] + cz + sensors[7]) + ground.bias_w
-    y[12], y[13] = x[6], x[7]
-    y[14] = (1.0 + effects.depth.scale) * (x[8] + sensors[0]) + effects.depth.bias
-
-
 def command_for_thrust(parameters: TorpedoParameters, thrust: float, speed: float) -> float:
     """The propulsion command, in its channel's unit, that gives a thrust in N at a forward speed in m/s.
 
@@ -707,26 +373,6 @@ def command_for_thrust(parameters: TorpedoParameters, thrust: float, speed: floa
     if law.t_cc > 0.0:
         return float(np.copysign(np.sqrt(abs(thrust) / law.t_cc), thrust))
     raise ValueError("The vehicle has no propulsion: give hull.propulsion.t_nn, t_cc or a table.")
-
-
-def mass_problem(parameters: TorpedoParameters) -> str:
-    """What is wrong with the mass matrix, or nothing: its symmetric part must be positive definite."""
-    derived = np.zeros(N_DERIVED)
-    derive(pack(parameters), derived)
-    computed = derived.view(_WHOLE)[0].computed
-    rigid, whole = computed.rigid_mass, computed.mass
-    for name, part in (
-        ("mass matrix of the rigid body", rigid),
-        ("mass matrix with added mass", 0.5 * (whole + whole.T)),
-    ):
-        values, vectors = np.linalg.eigh(part)
-        if values[0] <= 0.0:
-            axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[int(np.argmax(np.abs(vectors[:, 0])))]
-            return (
-                f"the {name} is not positive definite (smallest eigenvalue {values[0]:.3g}, mostly in {axis}): "
-                "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there)"
-            )
-    return ""
 
 
 def _family(name: str, propulsion: str, title: str) -> Family:

@@ -13,7 +13,8 @@ from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, in
 from auv_gym.vehicles.family import Family
 from auv_gym.vehicles.glider import GRAVITY
 from auv_gym.vehicles.glider import stable_step as glider_stable_step
-from auv_gym.vehicles.torpedo import N_PARAMETERS, N_TERMS, fill_added_mass, fill_terms, writable_view
+from auv_gym.vehicles.torpedo import fill_terms
+from auv_gym.vehicles.torpedo_derived import N_PARAMETERS, N_TERMS, fill_added_mass, writable_view
 
 
 @compiled

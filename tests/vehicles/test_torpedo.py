@@ -15,7 +15,8 @@ from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.physics.polynomials import TERMS
 from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.vehicles.torpedo import TORPEDO, command_for_thrust, fill_terms, mass_problem, thrust_and_torque
+from auv_gym.vehicles.torpedo import TORPEDO, command_for_thrust, fill_terms, thrust_and_torque
+from auv_gym.vehicles.torpedo_derived import mass_problem
 from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
 PRESETS = [name for name in sorted(list_vehicles()) if load_vehicle(name).family.kind == "torpedo"]

@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from auv_gym.param import replace_at, spec_at
 from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.vehicles.torpedo import TORPEDO, mass_problem
+from auv_gym.vehicles.torpedo import TORPEDO
+from auv_gym.vehicles.torpedo_derived import mass_problem
 from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
