@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from auv_gym.model import simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
@@ -110,3 +111,24 @@ def test_what_cannot_be_fitted_is_refused_with_a_reason():
         GreyBox(plant, ["hull.n_r"]).fit(slocum_log(0).without(["heading_rad"]))
     with pytest.raises(KeyError, match="was not free"):
         GreyBox(plant, ["hull.n_r", "hull.n_delta"]).fit(slocum_log(0))["hull.mass"]
+
+
+def test_a_vehicle_in_six_degrees_of_freedom_is_fitted_on_all_its_channels():
+    plant = load_vehicle("npsauv", dt=0.5)
+    truth = {"effects.current.north": 0.1, "effects.load.moment_z": 30.0, "effects.hull.damping_yaw": 0.2}
+    k = np.arange(600)
+    commands = {
+        "rudder_rad": 0.2 * np.sign(np.sin(0.05 * k)),
+        "stern_plane_rad": 0.03 * np.sign(np.sin(0.1 * k)),
+        "propeller_rpm": np.full(k.size, 1300.0),
+    }
+    made = simulate(replace_at(plant, truth), Record.from_arrays(plant.dt * k, commands))
+    noise = dict.fromkeys(("heading_rad", "pitch_rad", "roll_rad", "u_mps", "v_mps", "w_mps"), 0.01)
+    noise |= dict.fromkeys(("p_radps", "q_radps", "r_radps"), 0.003)
+    noise |= {"depth_m": 0.05, "north_m": 0.5, "east_m": 0.5}
+    rng = np.random.default_rng(0)
+    log = made.with_channels({name: made[name] + rng.normal(0.0, s, k.size) for name, s in noise.items()})
+    fit = GreyBox(plant, free=list(truth)).fit(log)
+    for path, value in truth.items():
+        assert fit[path].value == pytest.approx(value, abs=4.0 * fit[path].error)
+        assert fit[path].error < 0.05 * value
