@@ -97,8 +97,13 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
     From rudder to heading the form is k / (s (T s + 1)); with equation (15) k has the direct term K_y3. Two poles go to
     -1/settling and one to a fifth of that. Where the lag T is too short to be worth it, the derivative gain is zero
     and only the two slower poles are placed.  settling: s, default the larger of T and 3 samples.
-    Raises if the rudder does not turn the vehicle.  Source: Astrom and Murray 2021, sec. 8.2 (pole placement).
+    Raises for other vehicles, or if the rudder does not turn this one.  Source: Astrom and Murray 2021, sec. 8.2.
     """
+    if plant.family.kind != "glider":
+        raise ValueError(
+            f"heading_pid places poles on a glider's linear form, got {plant.name!r} of family {plant.family.name!r}: "
+            "give a Pid gains of your own."
+        )
     hull = plant.hull
     damping, rudder = yaw_rates(plant.family.view(plant.vector).hull)
     damping, rudder = hull.damping_factor * damping, hull.rudder_factor * rudder

@@ -186,3 +186,8 @@ def test_a_vehicle_that_does_not_turn_is_refused():
 def test_bad_settings_are_refused(settings, words):
     with pytest.raises(ValueError, match=words):
         Pid(**settings)
+
+
+def test_a_vehicle_in_six_degrees_of_freedom_has_no_poles_to_place():
+    with pytest.raises(ValueError, match="glider's linear form, got 'remus100' of family 'torpedo'"):
+        heading_pid(load_vehicle("remus100"))
