@@ -69,7 +69,7 @@ class Plant:
     @property
     def states(self) -> tuple[str, ...]:
         f = self.family
-        past = [f"{name}[-{age}]" for age in range(self._history - 1, -1, -1) for name in f.actuators]
+        past = [f"{name}[-{age}]" for age in range(self.history - 1, -1, -1) for name in f.actuators]
         positions_, memories = [f"{a} position" for a in f.actuators], [f"{a} play" for a in f.actuators]
         return (*f.states, *positions_, *memories, *f.sensors, *past)
 
@@ -114,13 +114,15 @@ class Plant:
         return [self.outputs.index(name) for name in names], [self.family.states.index(name) for name in names]
 
     @cached_property
-    def _history(self) -> int:
+    def history(self) -> int:
+        """How many samples' commands the full state keeps: as many as the longest dead time reaches back, and one."""
         dead_times = [value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")]
         return max((ceil(t / self.dt - 1e-9) for t in dead_times), default=0) + 1
 
     @cached_property
-    def _ages(self) -> np.ndarray:
-        return self.dt * np.arange(1 - self._history, 2.0)
+    def ages(self) -> np.ndarray:
+        """Times, s, of the commands that the full state keeps, ending at 0, then the end of the sample."""
+        return self.dt * np.arange(1 - self.history, 2.0)
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
         """A state with these outputs where they are finite, zero otherwise; actuators centred, sensors settled."""
@@ -136,11 +138,11 @@ class Plant:
 
     def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The state one sample later, shape (n_states,); u: the inputs in order, in the channels' units."""
-        return self._advance(x, u, self._ages)
+        return self._advance(x, u, self.ages)
 
     def step_over(self, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
         """The state `duration` s later; the commands before it count as held for dt each."""
-        ages = self._ages.copy()
+        ages = self.ages.copy()
         ages[-1] = duration
         return self._advance(x, u, ages)
 
@@ -231,6 +233,12 @@ class Runs:
         begin = np.array([w.start for w in windows], dtype=np.int64)
         stop = np.array([w.stop for w in windows], dtype=np.int64)
         return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, int((stop - begin).sum()))
+
+
+def without_effects(plant: Plant) -> Plant:
+    """The plant with every effect neutral."""
+    effects = [path for path in list_paths(plant) if path.startswith("effects.")]
+    return replace_at(plant, {path: spec_at(plant, path).neutral for path in effects})
 
 
 def list_vehicles() -> dict[str, str]:

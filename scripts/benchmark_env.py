@@ -175,11 +175,10 @@ def _bare(plant: Plant, count: int) -> tuple[Callable[[], object], int]:
     limits = np.array([plant.hull.rudder.limit, plant.hull.stern_plane.limit, 0.0, plant.hull.propulsion.limit])
     inputs = draws.uniform(-0.5, 0.5, (count, 4)) * limits
     inputs[:, 3] = plant.hull.propulsion.design
-    ages = np.array([0.0, plant.dt])
 
     def run() -> None:
         for _ in range(steps):
-            program(rows, inputs, ages, plant.longest_step, plant.derived)
+            program(rows, inputs, plant.ages, plant.longest_step, plant.derived)
 
     return run, steps * count
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_gym.param import list_paths, replace_at, spec_at
-from auv_gym.plant import Plant
+from auv_gym.plant import Plant, without_effects
 
 _DEPTH = 1e3  # m; where the cruise is sought, far below any wave
 _DEPTH_ERROR = 1.0  # in lengths: what is worth the whole of a fin's travel to the regulators
@@ -38,8 +37,7 @@ class Cruise:
 
 def find_cruise(plant: Plant) -> Cruise:
     """The cruise of a plant; raises if its fins cannot hold it level at the design propulsion."""
-    neutral = {path: spec_at(plant, path).neutral for path in list_paths(plant) if path.startswith("effects.")}
-    clean = replace_at(plant, neutral)
+    clean = without_effects(plant)
     names = clean.family.states
     velocities = [names.index(name) for name in _VELOCITIES]
     u, depth = velocities[0], names.index("depth_m")

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from math import ceil, floor, isfinite, nan
+from dataclasses import dataclass
+from math import ceil, floor, nan
 from typing import Any
 
 import gymnasium
@@ -18,6 +18,7 @@ from auv_gym.envs import layout, tasks
 from auv_gym.envs.cruise import command_limits, find_cruise
 from auv_gym.envs.kernel import CHANGE_DRAWS, START_DRAWS, Kernel, bind_kernel
 from auv_gym.envs.layout import GEOMETRY, SAMPLING, SENSORS, offset, plan_type, row_type, size
+from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, vehicle_of
 from auv_gym.envs.tasks import PROPULSION, Task
 from auv_gym.model import Model
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
@@ -182,7 +183,7 @@ def make_episodes(
         raise ValueError(f"{name} has a target, not waypoints: give target= in the unit of {task.channel}.")
     if not task.channel and target is not None:
         raise ValueError(f"{name} has waypoints, not a target: give waypoints= as rows of north, east and depth in m.")
-    plant = _vehicle(vehicle, dt)
+    plant = vehicle_of(vehicle, dt)
     if plant.family.kind != "torpedo":
         raise ValueError(
             f"{name} needs a vehicle in six degrees of freedom (families torpedo, torpedo_voltage, torpedo_speed), got "
@@ -235,13 +236,11 @@ def make_episodes(
     longest = {p: limits[1] for p, limits in ranges.items() if p.endswith(".dead_time")}
     sized = replace_at(owner, longest) if longest else owner
     state_names = sized.states
-    per_sample = len(family.actuators)
-    history = (len(state_names) - len(family.states) - 2 * per_sample - len(family.sensors)) // per_sample
     plan["steps"] = max(round(duration / plant.dt), 1)
     plan["dt"], plan["longest_step"] = plant.dt, owner.longest_step
     plan["by_model"] = not compiled
     plan["actions"], plan["observations"] = len(actions), len(observed)
-    plan["history"], plan["ages_at"] = history, table(plant.dt * np.arange(1 - history, 2.0))
+    plan["history"], plan["ages_at"] = sized.history, table(sized.ages)
     sources = {
         **{channel: i for i, channel in enumerate(family.outputs)},
         **{feature: len(family.outputs) + i for i, feature in enumerate(GEOMETRY)},
@@ -326,14 +325,6 @@ def make_episodes(
     )
 
 
-def check_number(name: str, value: Any, unit: str, *, above: float = -np.inf) -> None:
-    """Raises if an option's value is not a finite number above a bound."""
-    number = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
-    if not number or not isfinite(value) or not value > above:
-        bound = f" above {above:g}" if above > -np.inf else ""
-        raise ValueError(f"{name} needs a number{bound} in {unit}, got {value!r}.")
-
-
 @dataclass(frozen=True, eq=False)
 class InfoIndex:
     """What of a row an info shows: the numbers from `first` to `last`, and each group's first place and its names."""
@@ -364,12 +355,6 @@ class InfoIndex:
 
 def _record(numbers: np.ndarray, record: np.dtype) -> Any:
     return numbers[: size(record)].view(record)[0]
-
-
-def _vehicle(vehicle: str | os.PathLike | Plant, dt: float | None) -> Plant:
-    if isinstance(vehicle, Plant):
-        return vehicle if dt is None else replace(vehicle, dt=dt)
-    return load_vehicle(vehicle, dt=dt)
 
 
 def _input(name: str, plant: Plant) -> str:
@@ -403,11 +388,7 @@ def _waypoints(waypoints: Sequence[Sequence[float]]) -> np.ndarray:
 
 def _model(model: Model | str | os.PathLike, plant: Plant) -> Model:
     driver = load_vehicle(model, dt=plant.dt) if isinstance(model, str | os.PathLike) else model
-    if abs(driver.dt - plant.dt) > 1e-9 * plant.dt:
-        raise ValueError(
-            f"model= steps {driver.dt:g} s and the environment {plant.dt:g} s: make the environment with "
-            f"dt={driver.dt:g}, or fit the model to record.resample({plant.dt:g})."
-        )
+    check_model_dt(driver, plant)
     return driver
 
 
@@ -432,9 +413,4 @@ def _check_model(model: Model, plant: Plant, task: Task, actions: Sequence[str],
                 f"model= needs {channel} among its inputs, got {name} with {', '.join(model.inputs) or 'none'}: "
                 f"fit it to a record that has {channel}, or splice it into the plant."
             )
-    for channel in model.inputs:
-        if channel not in plant.inputs and channel not in getattr(model, "constants", {}):
-            raise ValueError(
-                f"model= needs an input {channel} that the environment does not have; it has "
-                f"{', '.join(plant.inputs)}: fit the model without it."
-            )
+    check_model_inputs(model, plant)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from math import cos, isfinite, pi, radians, sin
 from typing import Any
 
 import gymnasium
 import numpy as np
 
+from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, vehicle_of
 from auv_gym.model import Model
-from auv_gym.param import list_paths, replace_at, spec_at
-from auv_gym.plant import Plant, load_vehicle
+from auv_gym.param import replace_at
+from auv_gym.plant import Plant, without_effects
 
 _STEP = (radians(20.0), radians(70.0))  # size of a drawn change of the target, rad; the sign is drawn too
 _HOLD = (60.0, 180.0)  # time between drawn changes, s; the slowest preset turns 45 deg in 72 s
@@ -57,7 +57,7 @@ class GliderHeading(gymnasium.Env):
         target: fixed heading, rad; by default it changes in steps drawn from the generator.
         speed: m/s, or a range from which each episode draws one; default the vehicle's nominal speed.
         """
-        plant = _plant(vehicle, dt)
+        plant = vehicle_of(vehicle, dt)
         if plant.family.name != "glider":
             raise ValueError(
                 f"GliderHeading needs a vehicle of family 'glider', got {plant.name!r} of family {plant.family.name!r}."
@@ -68,10 +68,10 @@ class GliderHeading(gymnasium.Env):
             plant = replace_at(plant, dict(effects))
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"GliderHeading has render_mode None or 'rgb_array', got {render_mode!r}.")
-        _check_number("duration", duration, "s", above=0.0)
-        _check_number("compass_noise", compass_noise, "rad", at_least=0.0)
+        check_number("duration", duration, "s", above=0.0)
+        check_number("compass_noise", compass_noise, "rad", at_least=0.0)
         if target is not None:
-            _check_number("target", target, "rad")
+            check_number("target", target, "rad")
         self.plant = plant
         self.model = plant if model is None else _checked(model, plant)
         self.duration, self.compass_noise, self.target = float(duration), float(compass_noise), target
@@ -104,7 +104,7 @@ class GliderHeading(gymnasium.Env):
         for name, value in options.items():
             if name not in ("heading", "target"):
                 raise ValueError(f"reset has the options 'heading' and 'target', got {name!r}.")
-            _check_number(f"reset option {name!r}", value, "rad")
+            check_number(f"reset option {name!r}", value, "rad")
         drawn = float(self.np_random.uniform(-pi, pi))
         heading = float(options.get("heading", drawn))
         low, high = self.speed_range
@@ -236,12 +236,6 @@ class GliderHeading(gymnasium.Env):
         }
 
 
-def _plant(vehicle: str | os.PathLike | Plant, dt: float | None) -> Plant:
-    if isinstance(vehicle, Plant):
-        return vehicle if dt is None else replace(vehicle, dt=dt)
-    return load_vehicle(vehicle, dt=dt)
-
-
 def _checked(model: Model, plant: Plant) -> Model:
     """The model, if it can drive the environment; raises with the call that would help."""
     name = type(model).__name__
@@ -255,26 +249,14 @@ def _checked(model: Model, plant: Plant) -> Model:
             f"model= needs rudder_rad among its inputs, got {name} with {', '.join(model.inputs) or 'none'}: "
             "fit it to a record that has rudder_rad."
         )
-    unknown = [
-        name for name in model.inputs if name not in plant.inputs and name not in getattr(model, "constants", {})
-    ]
-    if unknown:
-        raise ValueError(
-            f"model= needs an input {unknown[0]} that the environment does not have; it has {', '.join(plant.inputs)}: "
-            "fit the model without it."
-        )
-    if abs(model.dt - plant.dt) > 1e-9 * plant.dt:
-        raise ValueError(
-            f"model= steps {model.dt:g} s and the environment {plant.dt:g} s: make the environment with "
-            f"dt={model.dt:g}, or fit the model to record.resample({plant.dt:g})."
-        )
+    check_model_inputs(model, plant)
+    check_model_dt(model, plant)
     return model
 
 
 def _steady_turn_rate(plant: Plant) -> float:
     """Yaw rate after ten minutes of full rudder without effects, rad/s: so that no effect changes the observations."""
-    neutral = {path: spec_at(plant, path).neutral for path in list_paths(plant) if path.startswith("effects.")}
-    clean = replace_at(plant, neutral)
+    clean = without_effects(plant)
     u = np.array([clean.constants.get(name, 0.0) for name in clean.inputs])
     u[clean.inputs.index("rudder_rad")] = clean.hull.rudder_limit
     turned = clean.step_over(clean.initial(np.zeros(len(clean.outputs))), u, 600.0)
@@ -286,16 +268,9 @@ def _steady_turn_rate(plant: Plant) -> float:
 
 def _speed_range(speed: float | tuple[float, float] | None, nominal: float) -> tuple[float, float]:
     low, high = (nominal, nominal) if speed is None else speed if isinstance(speed, tuple | list) else (speed, speed)
-    _check_number("speed", low, "m/s", above=0.0)
-    _check_number("speed", high, "m/s", at_least=low)
+    check_number("speed", low, "m/s", above=0.0)
+    check_number("speed", high, "m/s", at_least=low)
     return float(low), float(high)
-
-
-def _check_number(name: str, value: Any, unit: str, *, above: float = -np.inf, at_least: float = -np.inf) -> None:
-    number = isinstance(value, int | float | np.floating | np.integer) and not isinstance(value, bool)
-    if not number or not isfinite(value) or not value > above or not value >= at_least:
-        bound = f" above {above:g}" if above > -np.inf else f" of at least {at_least:g}" if at_least > -np.inf else ""
-        raise ValueError(f"{name} needs a number{bound} in {unit}, got {value!r}.")
 
 
 def _wrapped(angle: float) -> float:

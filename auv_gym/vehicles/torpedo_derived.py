@@ -18,7 +18,7 @@ from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
 N_TERMS = len(TERMS)
 # What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
-_DAMPING = tuple(1.0 if len(t) == 1 or "_" in t or (t[0] == "u" and t != "uu") else 0.0 for t in TERMS)
+_DAMPING = tuple(1.0 if len(t) == 1 or "_" in t or t[0] == "u" else 0.0 for t in TERMS)
 # What fouling scales: drag proper, without lift.
 _DRAG = tuple(1.0 if len(t) == 1 or "_" in t else 0.0 for t in TERMS)
 
