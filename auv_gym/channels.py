@@ -67,6 +67,11 @@ _LISTED: Final = (
     Channel("stern_thruster_N", "N", "stern thruster", "input"),
     Channel("piston_m", "m", "piston position", "input"),
     Channel("oil_volume_m3", "m3", "oil volume outside the hull", "input"),
+    Channel("pumped_volume_m3", "m3", "oil pumped out since the dive began", "input"),
+    Channel("valved_volume_m3", "m3", "oil let in since the dive began", "input"),
+    Channel("valved_depth_m4", "m4", "oil let in, each part times its depth", "input"),
+    Channel("volume_m3", "m3", "volume beyond neutral trim"),
+    Channel("elapsed_s", "s", "time since the segment began"),
     Channel("heading_cmd_rad", "rad", "commanded heading", "command", angle=True),
     Channel("pitch_cmd_rad", "rad", "commanded pitch", "command", angle=True),
     Channel("depth_cmd_m", "m", "commanded depth", "command"),
@@ -95,7 +100,7 @@ _FLAGS: Final = ("stage",)
 
 # What the attribute `units` of a record's variable says for each suffix.
 _SI: Final[dict[str, str]] = {
-    "s": "s", "m": "m", "rad": "rad", "mps": "m/s", "radps": "rad/s", "mps2": "m/s2", "radps2": "rad/s2", "m3": "m3",
+    "s": "s", "m": "m", "rad": "rad", "mps": "m/s", "radps": "rad/s", "mps2": "m/s2", "radps2": "rad/s2", "m3": "m3", "m4": "m4",
     "m3ps": "m3/s", "kg": "kg", "kgpm3": "kg/m3", "N": "N", "Nm": "N m", "V": "V", "A": "A", "W": "W", "J": "J",
     "Hz": "Hz", "rpm": "rpm", "dbar": "dbar", "C": "degC", "psu": "psu", "pct": "%",
 }  # fmt: skip

@@ -267,3 +267,86 @@ class TorpedoEffects:
     dvl_ground: VelocityLog = part(VelocityLog, "DVL over ground")
     dvl_water: VelocityLog = part(VelocityLog, "DVL through the water")
     sampling: SamplingEffects = part(SamplingEffects)
+
+
+@dataclass(frozen=True)
+class PistonEffects:
+    """What can happen to a piston command: gain about mid-stroke, offset, backlash, dead time, lag and rate limit."""
+
+    offset: float = param(0.0, "m", "piston offset", bounds=(-0.1, 0.1), probe=1e-3)
+    gain: float = param(1.0, "1", "piston gain", bounds=(0.05, 5.0), probe=0.05)
+    backlash: float = param(0.0, "m", "piston backlash (full width)", bounds=(0.0, 0.1), probe=2e-3)
+    dead_time: float = param(0.0, "s", "piston dead time", bounds=(0.0, 60.0), probe=2.0)
+    lag: float = param(0.0, "s", "piston lag (time constant)", bounds=(0.0, 120.0), probe=2.0)
+    slowness: float = param(0.0, "s/m", "piston slower than given, as time per travel", bounds=(0.0, 1e4), probe=50.0)
+
+
+@dataclass(frozen=True)
+class VolumeEffects:
+    """Displaced volume that a first model of a float leaves out; positive lifts."""
+
+    offset: float = param(0.0, "m^3", "initial volume offset", bounds=(-5e-3, 5e-3), probe=2e-6)
+    compressibility: float = param(
+        0.0, "m^3/m", "lift from the hull's compressibility against the water's", bounds=(-1e-5, 1e-5), probe=5e-8
+    )
+    air: float = param(0.0, "m^3", "trapped air, at the surface", bounds=(0.0, 5e-3), probe=5e-6)
+    expansion: float = param(0.0, "m^3/K", "thermal expansion against the water's", bounds=(-1e-4, 1e-4), probe=3e-7)
+    expansion_lag: float = param(0.0, "s", "lag of the hull's temperature", bounds=(0.0, 7200.0), probe=20.0)
+    leak: float = param(0.0, "m^3/s", "leak rate", bounds=(0.0, 1e-6), probe=3e-9)
+
+
+@dataclass(frozen=True)
+class ColumnEffects:
+    """The water column: density that grows with depth, a vertical current (down positive), heave of internal waves."""
+
+    gradient: float = param(0.0, "kg/m^4", "density stratification", bounds=(-0.1, 0.5), probe=1e-3)
+    current: float = param(0.0, "m/s", "vertical current, down", bounds=(-0.5, 0.5), probe=2e-3)
+    heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
+    heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)
+    heave_period: float = param(300.0, "s", "period of the internal-wave heave", bounds=(20.0, 1e5), probe=10.0)
+
+
+@dataclass(frozen=True)
+class TetherEffects:
+    """A line to the surface: its pull, up positive, and the drag of what has been paid out."""
+
+    pull: float = param(0.0, "N", "tether pull", bounds=(-50.0, 50.0), probe=0.02)
+    drag: float = param(0.0, "kg/m^2", "tether drag per length paid out", bounds=(0.0, 10.0), probe=0.05)
+
+
+@dataclass(frozen=True)
+class FloatDragEffects:
+    """Errors of the drag coefficients, as shares of them."""
+
+    quadratic: float = param(0.0, "1", "quadratic drag error", bounds=(-0.9, 10.0), probe=0.1)
+    linear: float = param(0.0, "1", "linear drag error", bounds=(-0.9, 10.0), probe=0.2)
+
+
+@dataclass(frozen=True)
+class OilEffects:
+    """Errors of the logged oil volume: pump rate, valve rate, and a valve that lets more in under pressure."""
+
+    pump_gain: float = param(0.0, "1", "pump rate error", bounds=(-0.9, 5.0), probe=0.02)
+    valve_gain: float = param(0.0, "1", "valve rate error", bounds=(-0.9, 5.0), probe=0.05)
+    valve_with_depth: float = param(0.0, "1/m", "valve flow with pressure, per depth", bounds=(-0.01, 0.01), probe=1e-4)
+
+
+@dataclass(frozen=True)
+class FloatSampling:
+    """Sampling of a float's readings."""
+
+    depth: Sampling = part(Sampling, "depth sensor")
+
+
+@dataclass(frozen=True)
+class FloatEffects:
+    """All effects of the profiling-float family."""
+
+    piston: PistonEffects = part(PistonEffects)
+    volume: VolumeEffects = part(VolumeEffects)
+    water: ColumnEffects = part(ColumnEffects)
+    tether: TetherEffects = part(TetherEffects)
+    drag: FloatDragEffects = part(FloatDragEffects)
+    oil: OilEffects = part(OilEffects)
+    depth: DepthSensor = part(DepthSensor)
+    sampling: FloatSampling = part(FloatSampling)

@@ -58,12 +58,14 @@ class Diverged(RuntimeError):
 
 
 def inputs_of(model: Model, record: Record) -> np.ndarray:
-    """The record's inputs in the model's order, shape (n, n_inputs); channels a model has constants for may lack."""
-    constants = getattr(model, "constants", {})
-    columns = [
-        record[name] if record.has(name) or name not in constants else np.full(record.time.size, constants[name])
-        for name in model.inputs
-    ]
+    """The record's inputs in the model's order, shape (n, n_inputs); channels a model has constants for may lack.
+
+    `elapsed_s` is the time since each segment began, where the record does not say it.
+    """
+    constants = {name: np.full(record.time.size, value) for name, value in getattr(model, "constants", {}).items()}
+    if "elapsed_s" in constants:
+        constants["elapsed_s"] = record.elapsed
+    columns = [record[name] if record.has(name) or name not in constants else constants[name] for name in model.inputs]
     return np.ascontiguousarray(np.stack(columns, axis=1)) if columns else np.empty((record.time.size, 0))
 
 

@@ -114,6 +114,21 @@ class Plant:
         return [self.outputs.index(name) for name in names], [self.family.states.index(name) for name in names]
 
     @cached_property
+    def _of_actuators(self) -> np.ndarray:
+        """Which numbers of the full state after the family's states are actuators' positions or commands."""
+        among = np.ones(self._size - len(self.family.states), dtype=bool)
+        sensors_at = 2 * len(self.family.actuators)
+        among[sensors_at : sensors_at + len(self.family.sensors)] = False
+        return among
+
+    @cached_property
+    def _rest(self) -> np.ndarray:
+        """Where each of these numbers is at rest: at the constant that the family names for the input, or at zero."""
+        named = self.family.constants
+        rest = [value_at(self, named[name]) if name in named else 0.0 for name in self.family.actuators]
+        return np.tile(rest, 2 + self.history)
+
+    @cached_property
     def history(self) -> int:
         """How many samples' commands the full state keeps: as many as the longest dead time reaches back, and one."""
         dead_times = [value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")]
@@ -125,8 +140,9 @@ class Plant:
         return self.dt * np.arange(1 - self.history, 2.0)
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
-        """A state with these outputs where they are finite, zero otherwise; actuators centred, sensors settled."""
+        """A state with these outputs where they are finite, zero otherwise; actuators at rest, sensors settled."""
         x = np.zeros(self._size)
+        x[len(self.family.states) :][self._of_actuators] = self._rest
         known = dict(zip(self.outputs, np.asarray(y0, dtype=float), strict=True))
         for index, name in enumerate(self.family.states):
             if np.isfinite(known.get(name, np.nan)):

@@ -88,6 +88,12 @@ class Record:
         return self.dataset["time_s"].values.copy()
 
     @property
+    def elapsed(self) -> np.ndarray:
+        """Time since the segment of each sample began, s, shape (n,)."""
+        time = self.time
+        return np.concatenate([time[s] - time[s.start] for s in self.segments])
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The channels that are there."""
         return tuple(str(name) for name in self.dataset.data_vars if name != "segment")

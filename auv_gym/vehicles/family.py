@@ -20,8 +20,10 @@ class Family:
     inputs: all input channels; `required` must be in a record, the others fall back to the parameter that `constants`
     names, or to zero.  states: kept between samples; hooks `enter(x, z)` and `leave(z, x)` go to the `integrated`
     states of RK4 and back.  actuators: one per commanded input, which come first in `inputs`, in the same order.
-    coefficients: the paths that a first fit frees.  twins: effects that act as a coefficient does.  kind: what compiled
-    code is shared by.  derived: length of what `derive(vector, derived)` makes of the parameters for the other hooks,
+    coefficients: the paths that a first fit frees.  twins: effects that act as a coefficient does.  shared: states that
+    do not change in a segment and whose value nobody knows, each with the effect that acts as it does; none where the
+    parameter `shared_unless` is not zero.  stepped: inputs that change now and then, so that free runs lie between.
+    kind: what compiled code is shared by.  derived: length of what `derive(vector, derived)` makes of the parameters for the other hooks,
     which see it through `view`.  problem: words about impossible parameters, or nothing.  scratch: length of the last
     argument of `derivative(z, actuators, inputs, p, dz, scratch)`.  Other hooks: `stable_step(z, inputs, p)`,
     `shape(inputs, memory, p, shaped)`, `actuator_times(index, p)`, `sense(before, z, sensors, duration, p)`,
@@ -47,6 +49,9 @@ class Family:
     problem: Callable[[Any], str] = _no_problem
     constants: Mapping[str, str] = field(default_factory=dict)
     twins: Mapping[str, str] = field(default_factory=dict)
+    shared: Mapping[str, str] = field(default_factory=dict)
+    shared_unless: str = ""
+    stepped: tuple[str, ...] = ()
 
 
 @compiled

@@ -1,0 +1,24 @@
+"""Volumes that lift a float, and the pressure that some of them feel."""
+
+from auv_gym.compiled import compiled
+
+GRAVITY = 9.81  # m/s^2
+ATMOSPHERE = 101325.0  # Pa, the standard atmosphere
+
+
+@compiled
+def air_volume(at_surface, depth, density):
+    """Volume of trapped air at a depth, m^3: Boyle's law at constant temperature.
+
+    at_surface: m^3 under one atmosphere.  depth: m.  density: of the water, kg/m^3.
+    """
+    return at_surface / (1.0 + density * GRAVITY * max(depth, 0.0) / ATMOSPHERE)
+
+
+@compiled
+def exposed_volume(depth, waterplane):
+    """Volume, m^3, that a float holds above the water when its reference point is above the surface.
+
+    waterplane: cross-section at the surface, m^2.  depth: m, negative above the surface.
+    """
+    return waterplane * max(-depth, 0.0)
