@@ -1,4 +1,4 @@
-"""PID control of one channel by one command, and its gains for the heading of a vehicle."""
+"""PID control of one channel by one command, and its gains for the heading of a glider and the depth of a float."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from dataclasses import dataclass
 from math import inf, isfinite, pi
 
 from auv_gym.channels import channel
+from auv_gym.physics.buoyancy import GRAVITY
+from auv_gym.physics.hydrodynamics import terminal_speed
 from auv_gym.plant import Plant
 from auv_gym.vehicles.glider import yaw_rates
 
 _INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
+_SLOW = 0.2  # the third pole over the other two
+_NEAR_REST = 0.1  # of a float's fastest speed: how it moves where its controller has to settle it
 
 
 @dataclass(frozen=True)
@@ -28,7 +32,8 @@ class Pid:
     """PID with the derivative taken of the measurement and filtered; the errors of angles are wrapped.
 
     Gains: command per error, per error and s, per rate of the reading; negative where the command acts the other way.
-    filter_time: s, of the derivative.  limit: largest command, either side.  rate_limit: of the command, per s.
+    filter_time: s, of the derivative.  neutral: the command without an error, where it starts.  limit: largest command,
+    either side of `middle`.  rate_limit: of the command, per s, from `neutral` on.
     integral_range: error beyond which nothing is integrated, so that a large step of the target does not overshoot.
     Against windup the integral also rests while the error pushes the command further beyond a limit (clamping).
     Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 3.3 and 3.5.
@@ -43,6 +48,8 @@ class Pid:
     limit: float = inf
     rate_limit: float = inf
     integral_range: float = inf
+    neutral: float = 0.0
+    middle: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("proportional", "integral", "derivative"):
@@ -55,6 +62,11 @@ class Pid:
             )
         if not self.limit > 0.0 or not self.rate_limit > 0.0:
             raise ValueError(f"Pid needs positive limits, got limit {self.limit:g} and rate_limit {self.rate_limit:g}.")
+        if not abs(self.neutral - self.middle) <= self.limit:
+            raise ValueError(
+                f"Pid needs neutral within its limits, {self.middle:g} +- {self.limit:g}, got {self.neutral!r}: move "
+                "middle or widen limit."
+            )
         if not self.integral_range > 0.0:
             raise ValueError(f"Pid needs integral_range > 0, got {self.integral_range!r}.")
         if not 0.0 <= self.filter_time < inf:
@@ -70,8 +82,9 @@ class Pid:
     ) -> tuple[dict[str, float], PidState]:
         """The command and the next memory; without a finite reading both stay as they are."""
         measured, dt = reading[self.measured], reading["dt_s"]
+        last = self.neutral if state.command is None else state.command
         if not isfinite(measured):
-            return {self.command: state.command or 0.0}, state
+            return {self.command: last}, state
         angle = channel(self.measured).angle
         error = target[self.measured] - measured
         error = _wrapped(error) if angle else error
@@ -80,11 +93,10 @@ class Pid:
             change = measured - state.reading
             change = _wrapped(change) if angle else change
             rate = (self.filter_time * state.rate + change) / (self.filter_time + dt)
-        wanted = self.proportional * error + state.integral - self.derivative * rate
-        command = min(max(wanted, -self.limit), self.limit)
-        if state.command is not None:
-            step = self.rate_limit * dt
-            command = min(max(command, state.command - step), state.command + step)
+        wanted = self.neutral + self.proportional * error + state.integral - self.derivative * rate
+        command = min(max(wanted, self.middle - self.limit), self.middle + self.limit)
+        step = self.rate_limit * dt
+        command = min(max(command, last - step), last + step)
         growth = self.integral * error * dt
         resting = abs(error) > self.integral_range or growth * (wanted - command) > 0.0
         integral = state.integral if resting else state.integral + growth
@@ -120,23 +132,68 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
         settling = max(3.0 * plant.dt, lag)
     elif not 0.0 < settling < inf:
         raise ValueError(f"heading_pid needs settling > 0 s, got {settling!r}.")
-    pole, slow = 1.0 / settling, 0.2
-    derivative = lag * (2.0 + slow) * pole - 1.0
-    if derivative > 0.0:
-        proportional, integral = lag * (1.0 + 2.0 * slow) * pole**2, lag * slow * pole**3
-    else:
-        rest = 1.0 - (1.0 + slow) * pole * lag
-        derivative = 0.0
-        proportional, integral = slow * pole**2 * lag + (1.0 + slow) * pole * rest, slow * pole**2 * rest
     return Pid(
-        proportional / gain,
-        integral / gain,
-        derivative / gain,
+        *_placed(gain, lag, 1.0 / settling),
         filter_time=plant.dt,
         limit=hull.rudder_limit,
         rate_limit=rate_limit,
         integral_range=_INTEGRAL_RANGE,
     )
+
+
+def float_depth_pid(plant: Plant, *, settling: float | None = None, rate_limit: float | None = None) -> Pid:
+    """A depth controller by the piston, its poles placed on the float's linear form near rest, effects left out.
+
+    Two poles go to -1/settling and one to a fifth of that, as in `heading_pid`. It starts from the neutral position,
+    integrates where the error alone would not drive the piston to an end, and moves the command no faster than the
+    piston goes.  settling: s, default the largest of the float's lag, 3 samples, and 1.5 times what the piston takes
+    to an end of its range.  rate_limit: m/s, default the piston's.
+    Raises for vehicles without a piston.  Source: Astrom and Murray 2021, sec. 8.2; the form is equation (5) of Zhong
+    et al. 2024, linearised.
+    """
+    if "piston_m" not in plant.family.required:
+        raise ValueError(
+            f"float_depth_pid moves a float's piston, got {plant.name!r} of family {plant.family.name!r}: take a "
+            "vehicle of family 'float_piston', such as 'qiandao_float'."
+        )
+    hull = plant.hull
+    half, slowness = 0.5 * (hull.piston_high - hull.piston_low), float(hull.piston_slowness)
+    force = hull.density * GRAVITY * hull.piston_area + 2.0 * hull.piston_square * abs(hull.piston_neutral)
+    fastest = float(terminal_speed(force * half, hull.drag_linear, hull.drag_quadratic))
+    damping = hull.drag_linear + 2.0 * hull.drag_quadratic * _NEAR_REST * fastest
+    lag = float((hull.mass + hull.added_mass) / damping)
+    if settling is None:
+        settling = max(lag, 3.0 * plant.dt, 1.5 * float(half) * slowness)
+    if not 0.0 < settling < inf:
+        raise ValueError(f"float_depth_pid needs settling > 0 s, got {settling!r}.")
+    if rate_limit is None:
+        rate_limit = 1.0 / slowness if slowness > 0.0 else inf
+    proportional, integral, derivative = _placed(-force / damping, lag, 1.0 / settling)
+    return Pid(
+        proportional,
+        integral,
+        derivative,
+        measured="depth_m",
+        command="piston_m",
+        filter_time=0.25 * settling,
+        limit=half,
+        rate_limit=rate_limit,
+        integral_range=half / abs(proportional),
+        neutral=hull.piston_neutral,
+        middle=0.5 * (hull.piston_high + hull.piston_low),
+    )
+
+
+def _placed(gain: float, lag: float, pole: float) -> tuple[float, float, float]:
+    """Proportional, integral and derivative gains that put two poles of gain / (s (lag s + 1)) at -pole, one near 0."""
+    derivative = lag * (2.0 + _SLOW) * pole - 1.0
+    if derivative > 0.0:
+        proportional, integral = lag * (1.0 + 2.0 * _SLOW) * pole**2, lag * _SLOW * pole**3
+    else:
+        rest = 1.0 - (1.0 + _SLOW) * pole * lag
+        derivative = 0.0
+        proportional, integral = _SLOW * pole**2 * lag + (1.0 + _SLOW) * pole * rest, _SLOW * pole**2 * rest
+    return proportional / gain, integral / gain, derivative / gain
 
 
 def _wrapped(angle: float) -> float:

@@ -8,7 +8,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.vehicles.glider import yaw_rates
 from controllers.controller import Controller
-from controllers.pid import Pid, heading_pid
+from controllers.pid import Pid, float_depth_pid, heading_pid
 
 VEHICLES = ["slocum", "ganeshblue", "ganeshblue_corrected"]
 
@@ -61,11 +61,13 @@ def test_a_step_of_the_target_does_not_kick_the_derivative():
 
 
 def test_limits_of_the_command_and_of_its_rate():
-    pid = Pid(10.0, limit=0.5, rate_limit=0.2)
+    pid = Pid(10.0, limit=0.5, rate_limit=0.4)
     first, state = act(pid, pid.start(), 0.0, 1.0)
-    second, _ = act(pid, state, 1.0, 0.0)
-    assert first == 0.5
-    assert second == pytest.approx(0.3)
+    second, state = act(pid, state, 0.0, 1.0)
+    third, _ = act(pid, state, 1.0, 0.0)
+    assert first == pytest.approx(0.4)  # from rest, at its rate
+    assert second == 0.5
+    assert third == pytest.approx(0.1)
 
 
 def test_it_is_pure():
@@ -191,3 +193,87 @@ def test_bad_settings_are_refused(settings, words):
 def test_a_vehicle_in_six_degrees_of_freedom_has_no_poles_to_place():
     with pytest.raises(ValueError, match="glider's linear form, got 'remus100' of family 'torpedo'"):
         heading_pid(load_vehicle("remus100"))
+
+
+def dive(plant, pid, target, duration=600.0, start=0.0):
+    """Times, depths and commands of a float that holds one target depth, without noise."""
+    x, state = plant.initial(np.array([start, 0.0])), pid.start()
+    u = np.array([plant.constants.get(name, 0.0) for name in plant.inputs])
+    times, depths, commands = plant.dt * np.arange(round(duration / plant.dt)), [], []
+    for _ in times:
+        depth = float(plant.output(x)[0])
+        command, state = pid.act(state, {"depth_m": depth, "dt_s": plant.dt}, {"depth_m": target})
+        u[0] = command["piston_m"]
+        depths.append(depth)
+        commands.append(u[0])
+        x = plant.step(x, u)
+    return times, np.array(depths), np.array(commands)
+
+
+def test_the_command_starts_at_neutral_and_keeps_to_its_limits():
+    pid = Pid(-1.0, measured="depth_m", command="piston_m", neutral=0.55, middle=0.54, limit=0.05, rate_limit=0.004)
+    _, state = pid.act(pid.start(), {"depth_m": float("nan"), "dt_s": 1.0}, {"depth_m": 10.0})
+    assert state == pid.start()
+    commands = []
+    for _ in range(30):
+        command, state = pid.act(state, {"depth_m": 0.0, "dt_s": 1.0}, {"depth_m": 10.0})
+        commands.append(command["piston_m"])
+    assert commands[0] == pytest.approx(0.546)
+    assert commands[-1] == pytest.approx(0.49)
+    for _ in range(40):
+        command, state = pid.act(state, {"depth_m": 20.0, "dt_s": 1.0}, {"depth_m": 10.0})
+    assert command["piston_m"] == pytest.approx(0.59)
+    with pytest.raises(ValueError, match="neutral within its limits"):
+        Pid(-1.0, neutral=0.7, middle=0.55, limit=0.05)
+
+
+@pytest.mark.parametrize("target", [30.0, 40.0, 50.0, 60.0])
+def test_a_float_reaches_its_depth_in_minutes_and_hardly_overshoots(target):
+    plant = load_vehicle("qiandao_float")
+    times, depths, commands = dive(plant, float_depth_pid(plant), target, 900.0)
+    arrived = times[np.abs(depths - target) > 1.0].max()
+    assert 60.0 < arrived < 600.0
+    assert depths.max() < target + 1.0
+    assert np.abs(depths[-300:] - target).max() < 0.2
+    assert commands.min() >= plant.hull.piston_low
+    assert commands.max() <= plant.hull.piston_high
+    assert np.abs(np.diff(commands)).max() <= plant.dt / plant.hull.piston_slowness * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    "effect, value",
+    [
+        ("effects.volume.offset", 6e-6),
+        ("effects.volume.offset", -6e-6),
+        ("effects.water.current", 6e-3),
+        ("effects.water.gradient", 3e-3),
+        ("effects.piston.dead_time", 6.0),
+        ("effects.piston.lag", 6.0),
+        ("effects.piston.slowness", 150.0),
+        ("effects.depth.lag", 1.5),
+    ],
+)
+def test_a_float_settles_with_effects_as_well(effect, value):
+    plant = load_vehicle("qiandao_float")
+    _, depths, _ = dive(replace_at(plant, effect, value), float_depth_pid(plant), 40.0, 900.0)
+    assert depths.max() < 41.0
+    assert np.abs(depths[-300:] - 40.0).max() < 0.2
+
+
+def test_the_poles_of_depth_control_are_where_they_were_put():
+    plant = load_vehicle("qiandao_float")
+    hull = replace(plant.hull, drag_quadratic=1e-3, piston_square=0.0)  # as good as linear
+    plant = replace(plant, parameters=replace(plant.parameters, hull=hull))
+    pid = float_depth_pid(plant, settling=15.0)
+    mass = hull.mass + hull.added_mass
+    force = hull.density * 9.81 * hull.piston_area
+    polynomial = [mass, hull.drag_linear - force * pid.derivative, -force * pid.proportional, -force * pid.integral]
+    poles = np.sort(np.abs(np.roots(polynomial)))
+    assert poles == pytest.approx([0.2 / 15.0, 1.0 / 15.0, 1.0 / 15.0], rel=1e-3)
+
+
+def test_depth_control_needs_a_piston_and_a_time():
+    with pytest.raises(ValueError, match="moves a float's piston, got 'mermaid' of family 'float_oil'"):
+        float_depth_pid(load_vehicle("mermaid"))
+    with pytest.raises(ValueError, match="settling > 0"):
+        float_depth_pid(load_vehicle("qiandao_float"), settling=-1.0)
