@@ -23,7 +23,9 @@ from auv_gym.rollout import Programs, bind_family, scratch_for
 from auv_gym.vehicles import FAMILIES, Family
 from auv_gym.writing import replacing
 
-_FILE_KEYS = ("family", "name", "title", "description", "dt_s", "longest_step_s", "written_by")
+_FILE_KEYS = (
+    "family", "name", "title", "description", "dt_s", "longest_step_s", "window_s", "settle_s", "written_by",
+)  # fmt: skip
 _TABLES = ("hull", "effects")
 _ANY = (-np.inf, np.inf)
 
@@ -33,6 +35,7 @@ class Plant:
     """A vehicle and its effects as a Model.
 
     dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
+    window, settle: s, over which free runs of such a vehicle are judged, and their first part, to which starts are fitted.
     notes: where each number comes from, by path.
     """
 
@@ -41,14 +44,20 @@ class Plant:
     parameters: Any
     dt: float = 1.0
     longest_step: float = 0.5
+    window: float = 120.0
+    settle: float = 20.0
     title: str = ""
     description: str = ""
     notes: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def __post_init__(self):
-        for label, value in (("dt", self.dt), ("longest_step", self.longest_step)):
+        for label, value in (("dt", self.dt), ("longest_step", self.longest_step), ("window", self.window)):
             if not value > 0.0 or not np.isfinite(value):
-                raise ValueError(f"A plant needs {label} > 0 s, got {value!r}: give a sample time such as 1.0.")
+                raise ValueError(f"A plant needs {label} > 0 s, got {value!r}: give a time such as 1.0.")
+        if not 0.0 < self.settle < 0.5 * self.window:
+            raise ValueError(
+                f"A plant needs settle > 0 s and less than half of its window of {self.window:g} s, got {self.settle!r}."
+            )
 
     @property
     def hull(self) -> Any:
@@ -291,6 +300,8 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
         f"description = {_quoted(plant.description)}",
         f"dt_s = {float(plant.dt)!r}",
         f"longest_step_s = {float(plant.longest_step)!r}",
+        f"window_s = {float(plant.window)!r}",
+        f"settle_s = {float(plant.settle)!r}",
         f'written_by = "auv-gym {__version__}"',
     ]
     table = ""
@@ -375,12 +386,12 @@ def _parse(text: str, origin: str) -> Plant:
             values[path] = check_value(path, values[path] * scale, spec)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
+    times = {field: content.get(f"{field}_s") for field in ("dt", "longest_step", "window", "settle")}
     plant = Plant(
         name=content.get("name", Path(origin).stem),
         family=family,
         parameters=replace_at(parameters, values),
-        dt=float(content.get("dt_s", 1.0)),
-        longest_step=float(content.get("longest_step_s", 0.5)),
+        **{field: float(value) for field, value in times.items() if value is not None},
         title=content.get("title", ""),
         description=content.get("description", ""),
         notes=notes,

@@ -16,6 +16,8 @@ import xarray as xr
 from scipy.io import loadmat
 
 from auv_gym.channels import SEGMENT_COLUMNS, conversion, is_flag
+from auv_gym.mermaid import COLUMNS as MERMAID_COLUMNS
+from auv_gym.mermaid import is_mermaid, mermaid_dives
 from auv_gym.param import did_you_mean
 from auv_gym.record import Record
 from auv_gym.slocum import read_slocum, shipped_log
@@ -99,7 +101,10 @@ def _read_table(
             table = _mat_table(path, mapping)
         else:
             table = _csv_table(path)
-        return _assembled(_mapped(table, mapping), path.name, long_runs).split_gaps(max_gap_s)
+        table = _mapped(table, mapping)
+        if is_mermaid(table.columns):  # its readings are minutes apart, or hours: none of that is a gap
+            return _mermaid(table, path.name)
+        return _assembled(table, path.name, long_runs).split_gaps(max_gap_s)
     except ValueError as error:
         raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from error
 
@@ -170,6 +175,14 @@ def _assembled(table: Table, source: str, long_runs: Literal["cut", "raise"]) ->
     if not values:
         raise ValueError(f"The file has no signal besides its time; it has {_listed(table.columns)}.")
     return Record.from_arrays(time, values, _joined(labels), attrs, long_runs=long_runs)
+
+
+def _mermaid(table: Table, source: str) -> Record:
+    time_name = _time_column(table)
+    labels = _joined([table.columns[name] for name in SEGMENT_COLUMNS if name in table.columns])
+    time = _seconds(time_name, table)
+    columns = {name: _numbers(name, table.columns[name]) for name in MERMAID_COLUMNS}
+    return mermaid_dives(time, columns, np.zeros(time.size) if labels is None else labels, source)
 
 
 def _time_column(table: Table) -> str:

@@ -22,7 +22,7 @@ from auv_gym.physics.actuators import decay_of, travel
 from auv_gym.vehicles.family import Family
 
 # Open names of the templates, bound per family.
-STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = DERIVED = WORK = 0
+STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = DERIVED = WORK = BLOCK = 0
 derivative: Any
 stable_step: Any
 shape: Any
@@ -64,6 +64,8 @@ def _rk4(h, inputs, p, room):
 def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
     """Advance x in place from t0 = times[k] to t1, in equal, stable steps of at most `longest_step` between switchings.
 
+    What is stable is asked again after BLOCK steps.
+
     shaped: (n, ACTUATORS) shaped commands, of which rows first..k are known; before row `first` its value is held.
     longest_step: s; 0 moves the actuators only, to find where they stand at the start of a window.
     """
@@ -92,6 +94,9 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
             step = max(min(longest_step, stable_step(z, inputs, p)), 0.02 * longest_step)
             pieces = max(ceil((t_next - t) / step - 1e-9), 1)
         h = (t_next - t) / pieces
+        if pieces > BLOCK:
+            pieces = BLOCK
+            t_next = t + BLOCK * h
         for j in range(ACTUATORS):
             _, lags[j], slownesses[j] = actuator_times(j, p)
             decays[j] = decay_of(lags[j], h)
@@ -249,6 +254,7 @@ def bind_family(family: Family) -> Programs:
         "INPUTS": len(family.inputs),
         "DERIVED": family.derived,
         "WORK": scratch_for(family).size,
+        "BLOCK": family.block,
     }
     known = {**sizes, **family.hooks, "view": family.view, "travel": travel}
     known["workspace"] = view_as(_work_type(family), f"{family.kind}_work")

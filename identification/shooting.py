@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import lfilter
@@ -21,7 +22,11 @@ from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
 
 STEP = 1e-2  # of a parameter's scale, for difference quotients; larger than the kinks' rounding, smaller than a probe
-RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad"}
+RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
+_START_PROBE = 1e-3  # change of a start by which is seen whether it matters
+FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
+PIECE = 6  # samples of the short runs from which shared states are first guessed
+SHARED_STEP = 0.1  # of the probe of the effect that acts as a shared state does, for difference quotients
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
 
@@ -63,6 +68,8 @@ class Shooting:
     """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
 
     channels: the plant's outputs that the record holds.  start_states: indices of the states that they reveal.
+    shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
+    segments: (W,), the number of the segment of each window among those that have one.
     """
 
     def __init__(self, plant: Plant, record: Record, windows: Sequence[slice]):
@@ -89,6 +96,9 @@ class Shooting:
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
         self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
         self.index = positions(plant)
+        unknown = unknown_states(plant)
+        self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
+        self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
         self.start_states = self._revealed()
 
     def scale(self, path: str) -> float:
@@ -103,7 +113,8 @@ class Shooting:
     def first_guess(self) -> np.ndarray:
         """States at the windows' starts, shape (W, n_states).
 
-        Measured where they are measured; rates of measured angles from their first samples; else zero.
+        Measured where they are measured; rates of measured signals from their first samples; shared states from runs
+        over a few samples, in which a wrong value does little; else zero.
         """
         family = self.plant.family
         starts = np.zeros((len(self.windows), len(family.states)))
@@ -117,6 +128,13 @@ class Shooting:
                     times = self.record.time[self.windows[w]][: head.stop - head.start]
                     values = self.measured[head, self.channels.index(angle)]
                     starts[w, family.states.index(rate)] = np.polyfit(times - times[0], values, 1)[0]
+        if self.shared and max(w.stop - w.start for w in self.windows) >= 2 * PIECE:
+            pieces = [p for w in self.windows for p in _pieces(w)]
+            short = Shooting(self.plant, self.record, pieces)
+            found = short.solve(self.plant, ()).starts
+            first = np.unique(short.segments, return_index=True)[1]
+            for state, _ in self.shared:
+                starts[:, state] = found[first, state][self.segments]
         return starts
 
     def point(self, vector: np.ndarray, starts: np.ndarray) -> Point:
@@ -129,8 +147,13 @@ class Shooting:
         flat, start_columns = self._differences(point, paths, sigma, step)
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
-        fitted = np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
-        return Linearisation(flat - fitted, start_columns, np.sqrt((flat**2).sum(axis=(1, 2))), 1.0 / sigma)
+        rest = flat - np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
+        count = len(paths)
+        columns, shared = rest[:count], rest[count:].reshape(len(rest) - count, -1)
+        if len(shared):
+            own = np.linalg.lstsq(shared.T, columns.reshape(count, -1).T, rcond=1e-10)[0]
+            columns = columns - (own.T @ shared).reshape(columns.shape)
+        return Linearisation(columns, start_columns, np.sqrt((flat[:count] ** 2).sum(axis=(1, 2))), 1.0 / sigma)
 
     def solve(
         self,
@@ -164,9 +187,11 @@ class Shooting:
             for _ in range(10):
                 change, start_change = _block_step(normal, gradient, gram, cross, start_gradient, damping)
                 vector = here.vector.copy()
-                vector[index] = np.clip(vector[index] + change * scales, bounds[:, 0], bounds[:, 1])
+                vector[index] = np.clip(vector[index] + change[: len(index)] * scales, bounds[:, 0], bounds[:, 1])
                 moved = here.starts.copy()
                 moved[:, self.start_states] += start_change
+                for (state, unit), sizes in zip(self.shared, self._by_segment(change[len(index) :]), strict=True):
+                    moved[:, state] += unit * sizes[self.segments]
                 there = self.point(vector, moved)
                 if there.cost < here.cost:
                     improved = True
@@ -188,9 +213,11 @@ class Shooting:
         """The plant with the point's values at the paths."""
         return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
 
+    def _outputs(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        return self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)
+
     def _residuals(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        y = self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)[:, :, self.columns]
-        residual = self.measured - y
+        residual = self.measured - self._outputs(vectors, starts)[:, :, self.columns]
         # An angle's residual is continuous in a window and starts within half a turn; beyond that it is not wrapped.
         turns = np.round(residual[:, self.offsets][:, :, self.angles] / (2.0 * np.pi))
         turns = np.where(np.isfinite(turns), turns, 0.0)
@@ -203,8 +230,15 @@ class Shooting:
         squares = np.nansum(residual**2, axis=0)
         return 0.5 * float(np.sum(self.counts * np.log(squares / np.maximum(self.counts, 1) + RESIDUAL_FLOOR)))
 
+    def _by_segment(self, values: np.ndarray) -> np.ndarray:
+        """Values of the shared states, one row for each: (len(shared), segments)."""
+        return values.reshape(len(self.shared), -1) if self.shared else np.empty((0, 0))
+
     def _differences(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float):
-        """Parameter columns (P, rows, C) per scale and start columns (F, rows, C), both over sigma."""
+        """Columns over sigma: (P + S, rows, C) of the paths, per scale, and of the S shared values, per unit; starts'.
+
+        The second array holds those of the windows' starts, (F, rows, C).
+        """
         moves, sizes = [], []
         for path in paths:
             i, size = self.index[path], step * self.scale(path)
@@ -219,12 +253,22 @@ class Shooting:
             starts[:, state] += 1e-4
             moves.append((point.vector, starts))
             sizes.append(1e-4)
+        for state, unit in self.shared:
+            starts = point.starts.copy()
+            starts[:, state] += SHARED_STEP * unit
+            moves.append((point.vector, starts))
+            sizes.append(SHARED_STEP)
         vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
         residuals = self._residuals(vectors, all_starts)
         with np.errstate(invalid="ignore", over="ignore"):
             slopes = np.where(self.finite, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None] / sigma
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-        return slopes[: len(paths)], slopes[len(paths) :]
+        count, first_shared = len(paths), len(paths) + len(self.start_states)
+        of_row = self.segments[self.window_of_row]
+        apart = [
+            slopes[k] * (of_row == g)[:, None] for k in range(first_shared, len(slopes)) for g in range(of_row[-1] + 1)
+        ]
+        return np.array([*slopes[:count], *apart]).reshape(-1, *self.measured.shape), slopes[count:first_shared]
 
     def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
         """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""
@@ -239,17 +283,43 @@ class Shooting:
         return gram, cross, gradient
 
     def _revealed(self) -> np.ndarray:
-        """States whose start changes a measured output; the rest cannot be fitted and stay as guessed."""
-        starts = self.first_guess
-        base = self._residuals(self.plant.vector[None], starts[None])[0]
+        """States whose start changes a measured output for longer than a sample; the rest stay as guessed."""
+        starts, names = self.first_guess, self.plant.family.states
+        base = self._outputs(self.plant.vector[None], starts[None])[0]
         revealed = []
-        for state in range(starts.shape[1]):
+        for state in [names.index(name) for name in names if name not in self.plant.family.shared]:
             moved = starts.copy()
-            moved[:, state] += 1e-3
-            change = base - self._residuals(self.plant.vector[None], moved[None])[0]
-            if np.nanmax(np.abs(np.where(self.finite, change, 0.0))) > 1e-9:
+            moved[:, state] += _START_PROBE
+            change = self._outputs(self.plant.vector[None], moved[None])[0] - base
+            seen = np.nanmax(np.abs(np.where(self.finite, change[:, self.columns], 0.0))) > 1e-9
+            if seen and not self._forgotten(names[state], change):
                 revealed.append(state)
         return np.array(revealed, dtype=int)
+
+    def _forgotten(self, state: str, change: np.ndarray) -> bool:
+        """Whether a change of a state at the windows' starts is gone one sample later; known of states read out.
+
+        Fitting such a start would only take the first sample away, and let a fit wander to absurd values.
+        """
+        if state not in self.plant.outputs:
+            return False
+        left = change[self.offsets + 1, self.plant.outputs.index(state)] / _START_PROBE
+        return bool(np.median(np.abs(left)) < FORGOTTEN)
+
+
+def _pieces(window: slice) -> list[slice]:
+    """The window in runs of `PIECE` samples, the last one longer by what remains."""
+    count = max((window.stop - window.start) // PIECE, 1)
+    edges = [window.start + PIECE * i for i in range(count)] + [window.stop]
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def unknown_states(plant: Plant) -> dict[str, str]:
+    """The states of which each segment has a value of its own that nobody knows, with the effect that acts alike."""
+    family = plant.family
+    if family.shared_unless and value_at(plant, family.shared_unless) != 0.0:
+        return {}
+    return dict(family.shared)
 
 
 def colour(problem: Shooting, point: Point) -> np.ndarray:
@@ -318,6 +388,7 @@ def covariance(
     sigma = problem.sigma(point)
     variance = float(np.mean((sigma * linear.weights) ** 2)) * total / max(total - float(taken), 0.1 * total)
     fitted = count + len(problem.windows) * len(problem.start_states)
+    fitted += len(problem.shared) * (int(problem.segments.max()) + 1)
     freedom = float(np.sum(problem.counts * (1.0 - coefficients))) - fitted
     return bread @ middle @ bread * variance, max(freedom, 3.0)
 

@@ -25,7 +25,7 @@ class Family:
     parameter `shared_unless` is not zero.  stepped: inputs that change now and then, so that free runs lie between.
     kind: what compiled code is shared by.  derived: length of what `derive(vector, derived)` makes of the parameters for the other hooks,
     which see it through `view`.  problem: words about impossible parameters, or nothing.  scratch: length of the last
-    argument of `derivative(z, actuators, inputs, p, dz, scratch)`.  Other hooks: `stable_step(z, inputs, p)`,
+    argument of `derivative(z, actuators, inputs, p, dz, scratch)`.  block: steps after which `stable_step` is asked again.  Other hooks: `stable_step(z, inputs, p)`,
     `shape(inputs, memory, p, shaped)`, `actuator_times(index, p)`, `sense(before, z, sensors, duration, p)`,
     `settle_sensors(x, actuators, sensors, p)`, `output(x, actuators, sensors, p, y)`.
     """
@@ -46,6 +46,7 @@ class Family:
     view: Callable[..., Any]
     hooks: Mapping[str, Callable[..., Any]]
     scratch: int = 0
+    block: int = 1_000_000
     problem: Callable[[Any], str] = _no_problem
     constants: Mapping[str, str] = field(default_factory=dict)
     twins: Mapping[str, str] = field(default_factory=dict)

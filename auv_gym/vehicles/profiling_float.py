@@ -7,7 +7,7 @@ using field data", J. Ocean Eng. Sci. 9(4): equations (2) to (5).  Depth and ver
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import cos, pi, sin
+from math import copysign, cos, pi, sin, sqrt
 
 from auv_gym.compiled import compiled, view_as
 from auv_gym.effects import FloatEffects
@@ -33,13 +33,16 @@ class FloatHull:
     drag_quadratic: float = param(14.0, "kg/m", "quadratic drag", bounds=(1e-3, 1e4), probe=1.4)
     drag_linear: float = param(6.0, "kg/s", "linear drag", bounds=(0.0, 1e4), probe=0.6)
     piston_area: float = param(2e-3, "m^2", "volume per piston travel", bounds=(1e-6, 1.0), probe=1e-4)
-    piston_square: float = param(0.0, "N/m^2", "part of the piston's lift that grows with its square", bounds=(-1e4, 1e4))
+    piston_square: float = param(
+        0.0, "N/m^2", "part of the piston's lift that grows with its square", bounds=(-1e4, 1e4)
+    )
     piston_neutral: float = param(0.0, "m", "piston position at neutral trim", bounds=(-10.0, 10.0))
     piston_low: float = param(-0.05, "m", "lowest piston position", bounds=(-10.0, 10.0))
     piston_high: float = param(0.05, "m", "highest piston position", bounds=(-10.0, 10.0))
     piston_slowness: float = param(0.0, "s/m", "rate limit of the piston, as time per travel", bounds=(0.0, 1e5))
     waterplane: float = param(0.03, "m^2", "cross-section at the surface", bounds=(1e-4, 10.0))
     temperature: float = param(15.0, "degC", "hull temperature at neutral trim", bounds=(-5.0, 60.0))
+    quasi_steady: float = param(0.0, "1", "1 where drag balances buoyancy at every moment", bounds=(0.0, 1.0))
     trim_known: float = param(1.0, "1", "0 where each dive starts with a volume of its own", bounds=(0.0, 1.0))
 
 
@@ -96,26 +99,37 @@ def lifting_volume(depth, unknown, piston, hull_temperature, time, inputs, p):
 
 
 @compiled
-def drag(velocity, depth, p):
-    """Drag, N, of a velocity through the water, m/s, with that of the tether paid out to this depth."""
+def drag_coefficients(depth, p):
+    """Linear drag, kg/s, and quadratic drag, kg/m, with that of the tether paid out to this depth."""
     hull, errors = p.hull, p.effects.drag
-    linear = hull.drag_linear * (1.0 + errors.linear)
     quadratic = hull.drag_quadratic * (1.0 + errors.quadratic) + p.effects.tether.drag * max(depth, 0.0)
-    return (linear + quadratic * abs(velocity)) * velocity
+    return hull.drag_linear * (1.0 + errors.linear), quadratic
 
 
-_FASTER = 0.2  # m/s that a float may gain within a sample
+@compiled
+def steady_speed(force, linear, quadratic):
+    """The speed, m/s, at which (linear + quadratic |w|) w balances a force, N."""
+    root = sqrt(linear * linear + 4.0 * quadratic * abs(force))
+    return 2.0 * force / (linear + root) if root > 0.0 else 0.0
+
+
+_FASTER = 0.2  # m/s that a float may gain while a step is kept
+_NEAR_SURFACE = 15.0  # m that it may rise meanwhile
+_BLOCK = 4  # steps
+_AT_SURFACE = 2.0  # s, step near the surface of a float without inertia
+_RATE_LAG = 30.0  # s, with which such a float's depth rate follows the balance; its depth does not wait for it
 
 
 @compiled
 def stable_step(x, inputs, p):
     """The longest RK4 step, s, that keeps drag and floating at the surface stable, with a margin of two."""
-    hull, errors = p.hull, p.effects.drag
-    quadratic = hull.drag_quadratic * (1.0 + errors.quadratic) + p.effects.tether.drag * max(x[0], 0.0)
-    damping = hull.drag_linear * (1.0 + errors.linear) + 2.0 * quadratic * (abs(x[1]) + _FASTER)
-    step = 1.4 * moving_mass(hull) / damping
-    if x[0] < 2.0:
-        step = min(step, 1.4 * (moving_mass(hull) / (hull.density * GRAVITY * hull.waterplane)) ** 0.5)
+    hull = p.hull
+    if hull.quasi_steady != 0.0:
+        return _AT_SURFACE if x[0] < _NEAR_SURFACE else 2.0 * _RATE_LAG
+    linear, quadratic = drag_coefficients(x[0], p)
+    step = 1.4 * moving_mass(hull) / (linear + 2.0 * quadratic * (abs(x[1]) + _FASTER))
+    if x[0] < _NEAR_SURFACE:
+        step = min(step, 1.4 * sqrt(moving_mass(hull) / (hull.density * GRAVITY * hull.waterplane)))
     return step
 
 
@@ -126,15 +140,25 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     actuators: [piston m, hull temperature degC].  inputs: [piston_m, temperature_C, oil m^3, water density kg/m^3,
     time since the dive began s, pumped m^3, valved m^3, sum of valved m^3 times depth m], held over a sample.
     Water that accelerates carries the float with it: the added mass feels the water's acceleration, and so does the
-    water that the float displaces (Morison's inertia force; Faltinsen 1990, sec. 3.1).
+    water that the float displaces (Morison's inertia force; Faltinsen 1990, sec. 3.1).  With `quasi_steady` the
+    acceleration is zero: a float whose M/D is a second, sampled once in minutes, would be a stiff system otherwise.
     """
     hull = p.hull
     time = inputs[4] + x[3]
     water, acceleration = heave(time, p.effects.water)
     lift = lifting_volume(x[0], x[2], actuators[0], actuators[1], time, inputs, p)
-    force = -hull.density * GRAVITY * lift - drag(x[1] - water, x[0], p) - p.effects.tether.pull
-    dx[0] = x[1]
-    dx[1] = force / moving_mass(hull) + acceleration
+    force = -hull.density * GRAVITY * lift - p.effects.tether.pull
+    linear, quadratic = drag_coefficients(x[0], p)
+    if hull.quasi_steady != 0.0:
+        rate = water + steady_speed(force, linear, quadratic)
+        if x[0] <= 0.0:  # afloat
+            rate = max(rate, 0.0)
+        dx[0] = rate
+        dx[1] = (rate - x[1]) / _RATE_LAG
+    else:
+        flow = x[1] - water
+        dx[0] = x[1]
+        dx[1] = (force - (linear + quadratic * abs(flow)) * flow) / moving_mass(hull) + acceleration
     dx[2] = 0.0
     dx[3] = 1.0
 
@@ -220,6 +244,7 @@ FLOAT_PISTON = Family(
     required=("piston_m",),
     states=("depth_m", "depth_rate_mps", "volume_m3"),
     integrated=4,
+    block=_BLOCK,
     derived=len(list_paths(FloatParameters())),
     problem=piston_problem,
     actuators=("piston_m", "temperature_C"),

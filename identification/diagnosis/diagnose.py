@@ -25,11 +25,13 @@ from identification.diagnosis.candidates import Screening, candidates_of, screen
 from identification.diagnosis.residual import noise_floor, remains_of
 from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis, Effect, Stage, Verdict
 from identification.validation import fitted_runs, free_runs, whiteness
+from identification.windows import LEAST_SAMPLES, free_run_windows, held_out
 
 MOST_EFFECTS = 3
 LEAST_WINDOWS = 4
 WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
 EXCESS = 0.5  # of the noise variance: a coloured residual smaller than this is left to the noise
+_USUAL = {"piston_m": 1e-2, "oil_volume_m3": 1e-5}  # sizes of inputs that are far from 1 in SI
 EXPLAINED = 0.5  # share of the excess error that named effects must remove to count as the explanation
 
 
@@ -37,8 +39,8 @@ def diagnose(
     record: Record,
     plant: Plant,
     *,
-    window: float = 120.0,
-    settle: float = 20.0,
+    window: float | None = None,
+    settle: float | None = None,
     seed: int = 0,
     most: int = MOST_EFFECTS,
     source: str = "",
@@ -46,12 +48,13 @@ def diagnose(
 ) -> Diagnosis:
     """Which effect the plant lacks to explain the record, with the error before and after on held-out windows.
 
-    window: s, length of the free runs; every other window is held out.  settle: s at a window's start to which its
-    initial states are fitted.  seed: kept with the result; nothing here is drawn at random.
+    window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
+    initial states are fitted.  Both default to the vehicle's.  seed: kept with the result; nothing is drawn at random.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
+    window, settle = window or plant.window, plant.settle if settle is None else settle
     windows = _checked_windows(record, plant, window, settle)
-    train, held = windows[0::2], windows[1::2]
+    train, held = held_out(plant, record, windows)
     bench = Workbench(plant, record, train, held, settle)
     coefficients = _free_coefficients(bench, plant)
     progress(0.0, "refitting the coefficients")
@@ -123,14 +126,14 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
         )
     for name in plant.family.required:
         signal = record[name]
-        if np.ptp(signal) < 1e-3 * max(abs(float(signal.mean())), 1.0):
+        if np.ptp(signal) < 1e-3 * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
             raise ValueError(
                 f"Nothing excites the vehicle: {name} is constant at {float(signal[0]):.4g} "
                 f"({channel(name).unit}). Use a log in which it moves."
             )
     if not settle < 0.5 * window:
         raise ValueError(f"The settling time must be less than half a window of {window:g} s, got {settle:g} s.")
-    windows = record.windows(window)
+    windows = free_run_windows(plant, record, window)
     if len(windows) < LEAST_WINDOWS:
         longest = max(float(np.ptp(record.time[s])) for s in record.segments)
         raise ValueError(
@@ -138,9 +141,10 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
             f"(longest stretch {longest:.0f} s): record longer or choose shorter windows."
         )
     shortest = min(w.stop - w.start for w in windows)
-    if shortest < 8:
+    if shortest < LEAST_SAMPLES:
         raise ValueError(
-            f"A window of {window:g} s holds only {shortest} samples; at least 8 are needed: choose longer windows."
+            f"A window of {window:g} s holds only {shortest} samples; at least {LEAST_SAMPLES} are needed: "
+            "choose longer windows."
         )
     return windows
 

@@ -1,0 +1,64 @@
+"""Where free runs begin and end in a record, and which of them are kept from the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from identification.shooting import unknown_states
+
+LEAST_SAMPLES = 8
+
+
+def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice]:
+    """Windows of at most `seconds`: consecutive ones, or for inputs that move in steps the stretches between the steps.
+
+    The sample at which an input has moved is left out: the log may have been written while it moved.  Stretches with
+    fewer than `LEAST_SAMPLES` samples are dropped.
+    """
+    if not plant.family.stepped:
+        return record.windows(seconds)
+    inputs = np.stack([record[name] for name in plant.family.stepped], axis=1)
+    found = []
+    for segment in record.segments:
+        moved = np.r_[True, np.any(np.diff(inputs[segment], axis=0) != 0.0, axis=1)]
+        edges = segment.start + np.r_[np.flatnonzero(moved), segment.stop - segment.start]
+        for before, after in pairwise(edges):
+            found += _cut(record.time, before + 1, after, seconds)
+    return [w for w in found if w.stop - w.start >= LEAST_SAMPLES]
+
+
+def held_out(plant: Plant, record: Record, windows: Sequence[slice]) -> tuple[list[slice], list[slice]]:
+    """Windows to fit and windows to judge by: every other one, or every other segment whole.
+
+    Whole segments where each has an unknown of its own (`Family.shared`), which its windows would tell each other.
+    """
+    windows = list(windows)
+    if not unknown_states(plant):
+        return windows[0::2], windows[1::2]
+    starts = [segment.start for segment in record.segments]
+    segments = [int(np.searchsorted(starts, w.start, side="right")) for w in windows]
+    used = list(dict.fromkeys(segments))
+    if len(used) < 2:
+        return windows[0::2], windows[1::2]
+    fitted = set(used[0::2])
+    return (
+        [w for w, segment in zip(windows, segments, strict=True) if segment in fitted],
+        [w for w, segment in zip(windows, segments, strict=True) if segment not in fitted],
+    )
+
+
+def _cut(time: np.ndarray, start: int, stop: int, seconds: float) -> list[slice]:
+    """The rows from start to stop in equal parts of at most `seconds`."""
+    if stop - start < 2:
+        return []
+    parts = int(np.ceil((time[stop - 1] - time[start]) / seconds))
+    if parts <= 1:
+        return [slice(int(start), int(stop))]
+    edges = time[start] + (time[stop - 1] - time[start]) * np.arange(1, parts) / parts
+    rows = [int(start), *(start + np.searchsorted(time[start:stop], edges)).tolist(), int(stop)]
+    return [slice(a, b) for a, b in pairwise(rows) if b > a]
