@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
@@ -21,6 +21,7 @@ from rich.table import Table
 from auv_gym import __version__
 
 if TYPE_CHECKING:
+    from auv_gym.plant import Plant
     from auv_gym.record import Record
     from identification.diagnosis import Diagnosis
 
@@ -85,43 +86,57 @@ def _root(
 def simulate(
     vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
     out: Annotated[Path | None, typer.Option(help="Write the record: .nc or .csv.")] = None,
-    duration: Annotated[float, typer.Option(help="Length of the run, s.")] = 600.0,
+    duration: Annotated[
+        float | None, typer.Option(help="Length of the run, s; default: 600, for a float 600 for each depth.")
+    ] = None,
     dt: Annotated[float | None, typer.Option(help="Sample time, s; default: the vehicle's.")] = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(metavar="PATH=VALUE", help="An effect, such as effects.rudder.offset=0.05; may be repeated."),
     ] = None,
-    compass_noise_deg: Annotated[float, typer.Option(help="Noise of the compass, standard deviation, deg.")] = 0.5,
+    compass_noise_deg: Annotated[
+        float | None, typer.Option(help="Glider: noise of the compass, standard deviation, deg; default: 0.5.")
+    ] = None,
     track_noise_m: Annotated[
-        float, typer.Option(help="Noise of the track, standard deviation, m; negative: no track.")
-    ] = 1.0,
+        float | None,
+        typer.Option(help="Glider: noise of the track, standard deviation, m; default: 1; negative: no track."),
+    ] = None,
+    target_depth: Annotated[
+        list[float] | None,
+        typer.Option(help="Float: depth to go to, m; may be repeated: one after the other, or a dive to each."),
+    ] = None,
+    depth_noise_m: Annotated[
+        float | None, typer.Option(help="Float: noise of the depth, standard deviation, m; default: 0.02 or 0.1.")
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
 ) -> None:
-    """Simulate a vehicle under heading control with excitation at the rudder, and record what its sensors give."""
+    """Simulate a vehicle under control, and record what its sensors give.
+
+    A glider follows a changing heading with excitation at its rudder; a float with a piston goes from depth to depth;
+    a float with an oil bladder makes dives with pump and valve.
+    """
     if out is not None:
         _check_file_writable(out)
-    import numpy as np
-
     from auv_gym.param import replace_at
     from auv_gym.plant import load_vehicle
-    from identification.experiment import closed_loop
 
     if seed < 0:
         raise ValueError(f"--seed needs a whole number from 0 on, got {seed}.")
-    if compass_noise_deg < 0.0:
-        raise ValueError(f"--compass-noise-deg needs a number from 0 on, got {compass_noise_deg:g}.")
     plant = load_vehicle(vehicle, dt=dt)
     changes = dict(_effect_of(text) for text in effect or [])
-    record = closed_loop(
-        replace_at(plant, changes),
-        rng=np.random.default_rng(seed),
-        duration=duration,
-        compass_noise=float(np.radians(compass_noise_deg)),
-        track_noise=None if track_noise_m < 0.0 else track_noise_m,
-    )
+    given = {
+        "--duration": duration,
+        "--dt": dt,
+        "--compass-noise-deg": compass_noise_deg,
+        "--track-noise-m": track_noise_m,
+        "--target-depth": target_depth,
+        "--depth-noise-m": depth_noise_m,
+    }
+    given = {flag: value for flag, value in given.items() if value is not None}
+    record = _simulated(replace_at(plant, changes), given, seed)
     if out is not None:
         _write_record(record, out)
-    _output.print(_record_table(record, f"{plant.name}, {record.duration_s:g} s in samples of {plant.dt:g} s"))
+    _output.print(_record_table(record, _title(plant.name, record)))
     if out is not None:
         _output.print(f"Written to {out}", markup=False, soft_wrap=True)
 
@@ -198,6 +213,59 @@ def list_things(
             _output.print(make())
 
 
+_HEADING_OPTIONS = ("--duration", "--dt", "--compass-noise-deg", "--track-noise-m")
+_SIMULATE_OPTIONS = {
+    "float_piston": ("--duration", "--dt", "--target-depth", "--depth-noise-m"),
+    "float_oil": ("--target-depth", "--depth-noise-m"),
+}
+
+
+def _simulated(plant: Plant, given: Mapping[str, Any], seed: int) -> Record:
+    """The record of the experiment that suits the vehicle's family, with the options given by flag."""
+    import numpy as np
+
+    family = plant.family.name
+    takes = _SIMULATE_OPTIONS.get(family, _HEADING_OPTIONS)
+    for flag in given:
+        if flag not in takes:
+            raise ValueError(
+                f"{flag} says nothing about {plant.name}, a vehicle of family {family}: leave it out. Options for this "
+                f"family: {', '.join(('--effect', '--seed', '--out', *takes))}."
+            )
+    for flag in ("--compass-noise-deg", "--depth-noise-m"):
+        if not given.get(flag, 0.0) >= 0.0:
+            raise ValueError(f"{flag} needs a number from 0 on, got {given[flag]:g}.")
+    rng = np.random.default_rng(seed)
+    if family == "float_piston":
+        from identification.float_experiment import depth_control, summer_lake
+
+        targets = given.get("--target-depth") or [40.0, 0.0]
+        hold = given["--duration"] / len(targets) if "--duration" in given else 600.0
+        noise = given.get("--depth-noise-m", 0.02)
+        return depth_control(plant, targets, rng=rng, hold=hold, noise=noise, temperature_profile=summer_lake)
+    if family == "float_oil":
+        from identification.float_experiment import oil_mission
+
+        settings = {"depths": given["--target-depth"]} if "--target-depth" in given else {}
+        return oil_mission(plant, rng=rng, noise=given.get("--depth-noise-m", 0.1), **settings)
+    from identification.experiment import closed_loop
+
+    track_noise = given.get("--track-noise-m", 1.0)
+    return closed_loop(
+        plant,
+        rng=rng,
+        duration=given.get("--duration", 600.0),
+        compass_noise=float(np.radians(given.get("--compass-noise-deg", 0.5))),
+        track_noise=None if track_noise < 0.0 else track_noise,
+    )
+
+
+def _title(name: str, record: Record) -> str:
+    parts, interval = len(record.segments), record.sample_interval
+    about = "" if record.is_uniform() else "about "
+    return f"{name}, {record.duration_s:g} s{f' in {parts} dives' * (parts > 1)} in samples of {about}{interval:g} s"
+
+
 def _effect_of(text: str) -> tuple[str, float]:
     path, separator, value = text.partition("=")
     try:
@@ -233,9 +301,17 @@ def _write_record(record: Record, path: Path) -> None:
 
     names = ("time_s", *record.names)
     rows = zip(*(record[name].tolist() for name in names))
+    lines = [",".join(f"{value:.10g}" for value in row) for row in rows]
+    heads = ",".join(names)
+    if len(record.segments) > 1:
+        heads = f"segment,{heads}"
+        lines = [
+            f"{label},{lines[k]}"
+            for s, label in zip(record.segments, record.labels)
+            for k in range(*s.indices(len(lines)))
+        ]
     with replacing(path) as new, new.open("w", encoding="utf-8", newline="") as file:
-        file.write(",".join(names) + "\n")
-        file.writelines(",".join(f"{value:.10g}" for value in row) + "\n" for row in rows)
+        file.writelines(line + "\n" for line in (heads, *lines))
 
 
 def _read_log(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
-from math import exp
+from math import exp, inf
 
 import numpy as np
 
@@ -83,6 +83,8 @@ def depth_control(
             f"depth_control needs targets and for each a hold longer than a sample ({far:g} s), got "
             f"{len(targets)} targets and {holds} s."
         )
+    if not all(0.0 <= target < inf for target in targets):
+        raise ValueError(f"depth_control needs target depths from 0 m down, got {list(targets)} m.")
     if not far > 0.0 or not near[1] > 0.0 or not noise >= 0.0:
         raise ValueError(f"depth_control needs dt > 0, near[1] > 0 s and noise >= 0 m, got {far}, {near[1]}, {noise}.")
     controller = float_depth_pid(plant) if controller is None else controller

@@ -8,11 +8,12 @@ from auv_gym import __version__
 from auv_gym.channels import CHANNELS
 from auv_gym.cli import main
 from auv_gym.effects import GliderEffects
-from auv_gym.param import list_paths
+from auv_gym.param import list_paths, replace_at
 from auv_gym.plant import list_vehicles, load_vehicle
 from auv_gym.reading import read_record
 from auv_gym.record import Record
 from identification.experiment import closed_loop
+from identification.float_experiment import depth_control, summer_lake
 
 
 @pytest.fixture(autouse=True)
@@ -80,9 +81,41 @@ def test_simulate_takes_effects(tmp_path):
     assert (one["heading_rad"] != two["heading_rad"]).any()
 
 
+def test_simulate_makes_dives_of_a_float_with_a_piston(tmp_path, capsys):
+    arguments = ["simulate", "qiandao_float", "--target-depth", "15", "--target-depth", "5", "--duration", "600"]
+    effect = ["--effect", "effects.volume.offset=5e-6"]
+    assert main([*arguments, *effect, "--depth-noise-m", "0.01", "--out", str(tmp_path / "dive.nc")]) == 0
+    assert "qiandao_float, 599" in capsys.readouterr().out
+    plant = replace_at(load_vehicle("qiandao_float"), "effects.volume.offset", 5e-6)
+    settings = {"hold": 300.0, "noise": 0.01, "temperature_profile": summer_lake}
+    expected = depth_control(plant, [15.0, 5.0], rng=np.random.default_rng(0), **settings)
+    written = Record.load(tmp_path / "dive.nc")
+    assert written.names == expected.names
+    np.testing.assert_array_equal(written["depth_m"], expected["depth_m"])
+
+
+def test_simulated_missions_read_back_dive_by_dive(tmp_path, capsys):
+    arguments = ["simulate", "mermaid", "--target-depth", "150", "--target-depth", "200", "--seed", "2"]
+    for name in ("mission.csv", "mission.nc"):
+        assert main([*arguments, "--out", str(tmp_path / name)]) == 0
+    assert "in 2 dives" in capsys.readouterr().out
+    text, exact = read_record(tmp_path / "mission.csv"), Record.load(tmp_path / "mission.nc")
+    assert text.labels == exact.labels == ["dive 1", "dive 2"]
+    for name in exact.names:
+        np.testing.assert_allclose(text[name], exact[name], rtol=1e-9, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     "arguments, words",
     [
+        (["simulate", "slocum", "--target-depth", "3"], "--target-depth says nothing about slocum"),
+        (["simulate", "mermaid", "--duration", "600"], "--duration says nothing about mermaid"),
+        (["simulate", "qiandao_float", "--compass-noise-deg", "1"], "family float_piston: leave it out"),
+        (["simulate", "qiandao_float", "--depth-noise-m", "-1"], "--depth-noise-m needs a number from 0 on"),
+        (["simulate", "qiandao_float", "--target-depth", "-3"], "target depths from 0 m down"),
+        (["simulate", "qiandao_float", "--duration", "1"], "hold longer than a sample"),
+        (["simulate", "mermaid", "--target-depth", "9"], "depths from 50 to 3000 m"),
+        (["simulate", "remus100"], "step this one in an environment"),
         (["simulate", "slocm"], "Did you mean 'slocum'"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset"], "got no '='"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset=much"], "the value 'much'"),

@@ -97,6 +97,7 @@ def test_one_seed_is_one_dive():
         ({"noise": -1.0}, "noise >= 0"),
         ({"dt": -1.0}, "dt > 0"),
         ({"near": (0.8, 0.0)}, "near"),
+        ({"targets": [-1.0]}, "from 0 m down"),
     ],
 )
 def test_depth_control_refuses_bad_settings(settings, words):
