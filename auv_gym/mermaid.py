@@ -1,7 +1,7 @@
 """Dives of MERMAID profiling floats, from tables of their log: pressure, temperature and what pump and valves did.
 
-A row is an event or a reading. A row without a temperature may repeat the pressure that was read before it; how much oil
-the bypass lets in before a dive is not known, so the volume of a dive counts from its first row.
+A row is an event or a reading. A row without a temperature may repeat the pressure that was read before it; how much
+oil the bypass lets in before a dive is not known, so the volume of a dive counts from its first row.
 """
 
 from __future__ import annotations

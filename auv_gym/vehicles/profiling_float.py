@@ -7,7 +7,7 @@ using field data", J. Ocean Eng. Sci. 9(4): equations (2) to (5).  Depth and ver
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import copysign, cos, pi, sin, sqrt
+from math import cos, pi, sin, sqrt
 
 from auv_gym.compiled import compiled, view_as
 from auv_gym.effects import FloatEffects
@@ -116,8 +116,9 @@ def steady_speed(force, linear, quadratic):
 _FASTER = 0.2  # m/s that a float may gain while a step is kept
 _NEAR_SURFACE = 15.0  # m that it may rise meanwhile
 _BLOCK = 4  # steps
-_AT_SURFACE = 2.0  # s, step near the surface of a float without inertia
-_RATE_LAG = 30.0  # s, with which such a float's depth rate follows the balance; its depth does not wait for it
+_AT_SURFACE = 2.0  # s, step at the surface of a float without inertia
+_FASTEST = 0.25  # m/s at which such a float may rise without passing the surface while a step is kept
+_RATE_LAG = 30.0  # s, with which its depth rate follows the balance; its depth does not wait for it
 
 
 @compiled
@@ -125,7 +126,7 @@ def stable_step(x, inputs, p):
     """The longest RK4 step, s, that keeps drag and floating at the surface stable, with a margin of two."""
     hull = p.hull
     if hull.quasi_steady != 0.0:
-        return _AT_SURFACE if x[0] < _NEAR_SURFACE else 2.0 * _RATE_LAG
+        return min(max(x[0] / (_BLOCK * _FASTEST), _AT_SURFACE), 2.0 * _RATE_LAG)
     linear, quadratic = drag_coefficients(x[0], p)
     step = 1.4 * moving_mass(hull) / (linear + 2.0 * quadratic * (abs(x[1]) + _FASTER))
     if x[0] < _NEAR_SURFACE:
@@ -183,7 +184,7 @@ def shape(inputs, memory, p, shaped):
 
 @compiled
 def actuator_times(index, p):
-    """Dead time s, lag s and slowness of the piston (0) and of the hull's temperature (1), which follows the water's."""
+    """Dead time s, lag s and slowness of the piston (0), and of the hull's temperature (1), which lags the water's."""
     if index == 1:
         return 0.0, p.effects.volume.expansion_lag, 0.0
     piston = p.effects.piston
