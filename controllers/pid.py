@@ -8,9 +8,9 @@ from math import inf, isfinite, pi
 
 from auv_gym.channels import channel
 from auv_gym.physics.buoyancy import GRAVITY
-from auv_gym.physics.hydrodynamics import terminal_speed
 from auv_gym.plant import Plant
 from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.vehicles.profiling_float import steady_speed
 
 _INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
 _SLOW = 0.2  # the third pole over the other two
@@ -159,7 +159,7 @@ def float_depth_pid(plant: Plant, *, settling: float | None = None, rate_limit: 
     hull = plant.hull
     half, slowness = 0.5 * (hull.piston_high - hull.piston_low), float(hull.piston_slowness)
     force = hull.density * GRAVITY * hull.piston_area + 2.0 * hull.piston_square * abs(hull.piston_neutral)
-    fastest = float(terminal_speed(force * half, hull.drag_linear, hull.drag_quadratic))
+    fastest = float(steady_speed(force * half, hull.drag_linear, hull.drag_quadratic))
     damping = hull.drag_linear + 2.0 * hull.drag_quadratic * _NEAR_REST * fastest
     lag = float((hull.mass + hull.added_mass) / damping)
     if settling is None:

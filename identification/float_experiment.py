@@ -11,10 +11,10 @@ import numpy as np
 
 from auv_gym.model import check_finite
 from auv_gym.physics.buoyancy import GRAVITY
-from auv_gym.physics.hydrodynamics import terminal_speed
 from auv_gym.plant import Plant
 from auv_gym.record import Record, concat
 from auv_gym.rollout import scratch_for
+from auv_gym.vehicles.profiling_float import steady_speed
 from controllers.controller import Controller
 from controllers.pid import float_depth_pid
 
@@ -22,15 +22,15 @@ Profile = Callable[[float], float]
 
 _LONG_AGO = -1e7  # s, when what was commanded before the record had been reached
 _STARTS = (4.0, 8.0)  # m, where a dive's record begins: bypass and waves are over
-_HEAVY = (15e-6, 30e-6)  # m^3 that a float lacks at the start of its dive
+_HEAVY = (90e-6, 150e-6)  # m^3 that a float lacks at the start of its dive
 _VALVED = (20e-6, 25e-6)  # m^3 let in by one action on the way down
 _PUMPED = (43e-6, 49e-6)  # m^3 pumped out by one action on the way up, or twice that
-_SLOW, _FAST = 0.035, 0.14  # m/s; the mission keeps its speed between them where it can
+_MOST_OIL, _LEAST_OIL = 95e-6, 2e-6  # m^3, of one action that parks the float
+_SLOW, _FAST = 0.035, 0.12  # m/s; the mission keeps its speed between them where it can
 _DEEP_SAMPLE, _SHALLOW_SAMPLES, _SHALLOW = 325.0, (20.0, 60.0), 60.0  # s, s, m
 _BETWEEN, _PRESSED = 11, 3  # samples from one action to the next; where the float hardly moves
 _PARKED = (12, 36)  # samples spent near the target
 _STILL = 0.004  # m/s, at which a parked float is left alone
-_LEAST_OIL = 2e-6  # m^3, of one action
 _MOST_SAMPLES = 1500  # of a dive that never comes back
 _OIL_CHANNELS = (
     "depth_m", "temperature_C", "oil_volume_m3", "pumped_volume_m3", "valved_volume_m3", "valved_depth_m4",
@@ -202,7 +202,7 @@ def _dive(
     pump_sizes *= np.where(rng.random(_MOST_SAMPLES) < 0.2, 2.0, 1.0)
     added, intervals = noise * rng.standard_normal(_MOST_SAMPLES), rng.uniform(*_SHALLOW_SAMPLES, _MOST_SAMPLES)
 
-    rate = float(terminal_speed(-volume * hull.density * GRAVITY, hull.drag_linear, hull.drag_quadratic))
+    rate = float(steady_speed(-volume * hull.density * GRAVITY, hull.drag_linear, hull.drag_quadratic))
     swim = Swim.start(plant, begin, rate, volume)
     pumped = valved = valved_depth = 0.0
     phase, since, parked, rows = "down", 0, 0, []
@@ -214,7 +214,7 @@ def _dive(
         balance = (hull.drag_linear + hull.drag_quadratic * abs(rate)) * rate / (hull.density * GRAVITY)
         pump = valve = 0.0
         if phase == "down" and measured >= target:
-            phase, pump = "parked", max(balance, _LEAST_OIL)
+            phase, pump = "parked", float(np.clip(balance, _LEAST_OIL, _MOST_OIL))
         elif phase == "down" and since >= _BETWEEN and rate < _FAST:
             if rate < _SLOW or measured > valved_at[0]:
                 valve, valved_at = valve_sizes[k], np.append(valved_at[valved_at >= measured], np.inf)
@@ -224,8 +224,9 @@ def _dive(
             parked += 1
             if parked > parked_for:
                 phase, pump = "up", pump_sizes[k]
-            elif since >= _BETWEEN and abs(rate) > _STILL:
-                pump, valve = max(balance, 0.0), max(-balance, 0.0)
+            elif since >= (_PRESSED if rate > _SLOW else _BETWEEN) and abs(rate) > _STILL:
+                oil = float(np.clip(balance, -_MOST_OIL, _MOST_OIL))
+                pump, valve = max(oil, 0.0), max(-oil, 0.0)
         elif phase == "up" and measured < begin:
             break
         elif phase == "up" and since >= (_BETWEEN if -rate > _SLOW else _PRESSED) and -rate < _FAST:

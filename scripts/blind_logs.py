@@ -1,9 +1,11 @@
 """Logs with an effect in them that the diagnosis is not told of, and how often it names the right one.
 
-For each vehicle, effect and seed a closed-loop log is simulated and written to a file; the truth goes into another.
-The diagnosis sees the log and the vehicle without the effect, writes its verdict, and only then is the truth read.
+For each vehicle, effect and seed a log is simulated and written to a file; the truth goes into another. The diagnosis
+sees the log and the vehicle without the effect, writes its verdict, and only then is the truth read. Effects that no
+log of that kind can show (`HIDDEN`) are left out unless asked for; the diagnosis must then say that it cannot see them.
 
     python scripts/blind_logs.py --vehicle slocum --seeds 20 --jobs 2
+    python scripts/blind_logs.py --vehicle qiandao_float --effect effects.volume.leak
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from time import perf_counter
@@ -21,24 +23,78 @@ from time import perf_counter
 import numpy as np
 
 from auv_gym.param import list_paths, replace_at, spec_at
-from auv_gym.plant import load_vehicle
+from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
 from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
 from identification.experiment import closed_loop
+from identification.float_experiment import depth_control, oil_mission, summer_lake
 
 CLEAN = "none"
 SIZE = 3.0  # probes
+VEHICLES = ("slocum", "ganeshblue", "qiandao_float", "mermaid")
+
+
+def heading_log(plant: Plant, rng: np.random.Generator) -> Record:
+    """Ten minutes of a glider in closed loop, compass noise 0.5 deg, track noise 1 m."""
+    return closed_loop(plant, rng=rng, duration=600.0, compass_noise=np.deg2rad(0.5), track_noise=1.0)
+
+
+def depth_log(plant: Plant, rng: np.random.Generator) -> Record:
+    """Forty minutes of a float in a stratified lake, up and down between six depths, depth noise 0.02 m."""
+    targets = (*rng.permutation([25.0, 45.0, 10.0, 55.0]), 0.0, 35.0)
+    return depth_control(plant, targets, rng=rng, hold=400.0, noise=0.02, temperature_profile=summer_lake)
+
+
+def mission_log(plant: Plant, rng: np.random.Generator) -> Record:
+    """Eight dives of a float with an oil bladder to 300 to 1500 m, depth noise 0.1 m."""
+    return oil_mission(plant, rng.permutation(np.linspace(300.0, 1500.0, 8)).tolist(), rng=rng, noise=0.1)
+
+
+LOGS: Mapping[str, Callable[[Plant, np.random.Generator], Record]] = {
+    "glider": heading_log,
+    "float_piston": depth_log,
+    "float_oil": mission_log,
+}
+_NO_PISTON = "a float with an oil bladder has no piston"
+_NO_OIL = "a float with a piston logs no oil"
+_OWN_VOLUME = "each dive has an unknown volume, which does the same"
+_NO_WAVE = "without the wave its period says nothing"
+_NO_GROWTH = "without the expansion its lag says nothing"
+HIDDEN: Mapping[str, Mapping[str, str]] = {
+    "glider": {},
+    "float_piston": {
+        "effects.oil.pump_gain": _NO_OIL,
+        "effects.oil.valve_gain": _NO_OIL,
+        "effects.oil.valve_with_depth": _NO_OIL,
+        "effects.water.heave_period": _NO_WAVE,
+        "effects.volume.expansion_lag": _NO_GROWTH,
+    },
+    "float_oil": {
+        **{f"effects.piston.{name}": _NO_PISTON for name in ("gain", "backlash", "dead_time", "lag", "slowness")},
+        "effects.piston.offset": f"{_NO_PISTON}, and {_OWN_VOLUME}",
+        "effects.volume.offset": _OWN_VOLUME,
+        "effects.tether.pull": _OWN_VOLUME,
+        "effects.water.heave_sin": "the wave's phase is not known from one dive to the next",
+        "effects.water.heave_cos": "the wave's phase is not known from one dive to the next",
+        "effects.water.heave_period": _NO_WAVE,
+        "effects.volume.expansion_lag": _NO_GROWTH,
+        "effects.depth.bias": "the initial depth of each stretch does the same, and no reading is at the surface",
+    },
+}
 
 
 def effects_of(vehicle: str) -> list[str]:
-    """Every effect of a vehicle that can be probed."""
+    """Every effect of a vehicle that can be probed and that a log of it can show."""
     plant = load_vehicle(vehicle)
-    return [p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0]
+    hidden = HIDDEN[plant.family.name]
+    return [
+        p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0 and p not in hidden
+    ]
 
 
 def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
-    """log.nc: ten minutes in closed loop, compass noise 0.5 deg, track noise 1 m; truth.json: what is in it."""
+    """log.nc: what `LOGS` has for the vehicle's family; truth.json: what is in it."""
     rng = np.random.default_rng([seed, *effect.encode()])
     plant = load_vehicle(vehicle)
     value = None
@@ -47,9 +103,9 @@ def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
         side = rng.choice([-1.0, 1.0]) if spec.bounds[0] < spec.neutral - SIZE * spec.probe else 1.0
         value = spec.neutral + side * SIZE * spec.probe
         plant = replace_at(plant, effect, value)
-    record = closed_loop(plant, rng=rng, duration=600.0, compass_noise=np.deg2rad(0.5), track_noise=1.0)
-    record.save(folder / "log.nc")
-    (folder / "truth.json").write_text(json.dumps({"effect": effect, "value": value}))
+    LOGS[plant.family.name](plant, rng).save(folder / "log.nc")
+    truth = {"effect": effect, "value": value, "hidden": effect in HIDDEN[plant.family.name]}
+    (folder / "truth.json").write_text(json.dumps(truth))
 
 
 def diagnose_log(folder: Path, vehicle: str) -> None:
@@ -59,7 +115,10 @@ def diagnose_log(folder: Path, vehicle: str) -> None:
 
 
 def judge(folder: Path) -> dict:
-    """Truth and verdict side by side: right, other effects named besides, and whether an interval holds the truth."""
+    """Truth and verdict side by side: right, other effects named besides, and whether an interval holds the truth.
+
+    Right for an effect that no such log shows is to say so, and to name nothing.
+    """
     truth = json.loads((folder / "truth.json").read_text())
     verdict = json.loads((folder / "verdict.json").read_text())
     named = {e["path"]: e for e in verdict["effects"]}
@@ -67,6 +126,10 @@ def judge(folder: Path) -> dict:
     effect = truth["effect"]
     if effect == CLEAN:
         return {"right": verdict["verdict"] == "none", "named": sorted(named), "verdict": verdict["verdict"]}
+    if truth.get("hidden"):
+        said = any(d["path"] == effect and d["size"] is None for d in verdict["detectable"])
+        right = said and verdict["verdict"] == "none"
+        return {"right": right, "named": sorted(named), "verdict": verdict["verdict"]}
     groups = [set(group) for group in verdict["tied"] if effect in group]
     beside = [p for p in named if p != effect and not any(p in group for group in groups)]
     result = {"right": effect in named or effect in tied, "exact": effect in named, "named": sorted(named)}
@@ -123,7 +186,7 @@ def study(
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study and print its table; `--json FILE` keeps it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--vehicle", action="append", choices=["slocum", "ganeshblue"], help="default: both")
+    parser.add_argument("--vehicle", action="append", choices=VEHICLES, help="default: all")
     parser.add_argument("--effect", action="append", help="path of an effect, or 'none' for clean logs; default: all")
     parser.add_argument("--seeds", type=int, default=20, help="logs per effect (default 20)")
     parser.add_argument("--first-seed", type=int, default=0)
@@ -139,7 +202,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
 
     seeds = range(args.first_seed, args.first_seed + args.seeds)
-    rows = study(args.vehicle or ["slocum", "ganeshblue"], args.effect, seeds, args.jobs, tell)
+    rows = study(args.vehicle or VEHICLES, args.effect, seeds, args.jobs, tell)
     sized = sum(r["sized"] for r in rows)
     if sized:
         print(f"95 % intervals of exactly named sizes hold the truth in {sum(r['covered'] for r in rows)} of {sized}.")

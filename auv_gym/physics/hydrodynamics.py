@@ -59,10 +59,3 @@ def righting(weight, buoyancy, x_g, y_g, z_g, x_b, y_b, z_b, down_x, down_y, dow
         z * down_x - x * down_z,
         x * down_y - y * down_x,
     )
-
-
-@compiled
-def terminal_speed(force, linear, quadratic):
-    """Speed, m/s, at which the drag linear v + quadratic v^2 balances a force, N; not below 0."""
-    force = max(force, 0.0)
-    return 2.0 * force / (linear + (linear**2 + 4.0 * quadratic * force) ** 0.5 + 1e-300)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from auv_gym.model import Diverged, inputs_of, simulate
 from auv_gym.param import replace_at
@@ -136,7 +137,7 @@ def test_a_mission_goes_down_parks_and_comes_up():
         depth, time = record["depth_m"][segment], record.time[segment]
         assert time[0] == 0.0
         assert 3.0 < depth[0] < 9.0
-        assert depth.max() == pytest.approx(target, abs=60.0)
+        assert target <= depth.max() + 1.0 < target + 150.0
         assert depth[-1] < 15.0
         assert np.diff(record["oil_volume_m3"][segment]).min() > -26e-6
         assert np.diff(record["oil_volume_m3"][segment]).max() > 40e-6
@@ -161,17 +162,14 @@ def test_valved_volume_is_summed_with_its_depth():
 def test_a_free_run_with_the_dives_own_volume_repeats_it(changes):
     plant = replace_at(load_vehicle("mermaid"), changes)
     record = oil_mission(plant, [300.0], rng=np.random.default_rng(1), noise=0.0, resolution=0.0)
-    first = record["depth_m"][:12]
+    depth = record["depth_m"]
 
-    def run(rate, volume):
-        start = np.array([[first[0], rate, volume]])
-        return plant.run(record, record.segments, start)[:, 0]
+    def run(volume):
+        return plant.run(record, record.segments, np.array([[depth[0], 0.05, volume]]))[:, 0]
 
-    from scipy.optimize import least_squares
-
-    fit = least_squares(lambda p: run(p[0], 1e-6 * p[1])[:12] - first, [0.05, -20.0], xtol=1e-14, ftol=1e-14)
-    assert -31.0 < fit.x[1] < -14.0
-    np.testing.assert_allclose(run(fit.x[0], 1e-6 * fit.x[1]), record["depth_m"], atol=1e-3)
+    volume = brentq(lambda v: run(v)[10] - depth[10], -200e-6, -50e-6, xtol=1e-16)
+    assert -150e-6 < volume < -90e-6
+    np.testing.assert_allclose(run(volume), depth, atol=1e-6)
 
 
 def test_missions_of_floats_that_lack_something_end_as_well():

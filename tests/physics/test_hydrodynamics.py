@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from auv_gym.param import pack, record_type
-from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting, terminal_speed
+from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.vehicles.torpedo_parameters import Fins
 
 speeds = st.floats(-2.0, 2.0)
@@ -117,11 +117,3 @@ def test_a_fin_along_the_flow_has_no_lift(u):
     # drifting to starboard, the flow comes from there: ahead the rudder must turn towards it, astern away
     angle = math.atan2(0.3, 1.5) * math.copysign(1.0, u)
     assert angle_of_attack(angle, u, 0.3, 0.0, fin(lift=8.0, inflow=1.0)) == pytest.approx(0.0, abs=1e-15)
-
-
-@pytest.mark.parametrize("linear, quadratic", [(6.0, 14.0), (0.0, 40.0), (3.0, 0.0)])
-def test_drag_balances_the_force_at_terminal_speed(linear, quadratic):
-    speed = terminal_speed(0.98, linear, quadratic)
-    assert linear * speed + quadratic * speed**2 == pytest.approx(0.98)
-    assert terminal_speed(-1.0, linear, quadratic) == 0.0
-    assert terminal_speed(0.0, 0.0, quadratic) == 0.0
