@@ -149,8 +149,9 @@ class Shooting:
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
         rest = flat - np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
         count = len(paths)
-        columns, shared = rest[:count], rest[count:].reshape(len(rest) - count, -1)
+        columns, shared = rest[:count], rest[count:]
         if len(shared):
+            shared = shared.reshape(len(shared), -1)
             own = np.linalg.lstsq(shared.T, columns.reshape(count, -1).T, rcond=1e-10)[0]
             columns = columns - (own.T @ shared).reshape(columns.shape)
         return Linearisation(columns, start_columns, np.sqrt((flat[:count] ** 2).sum(axis=(1, 2))), 1.0 / sigma)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import stats
@@ -57,8 +57,8 @@ class Trial:
 
     @property
     def total(self) -> float:
-        """Evidence from all windows, less what a second component is expected to gain by chance."""
-        return self.train + self.held - 2.0 * (len(self.candidate.paths) - 1)
+        """Evidence from all windows, less what a second component or a sought period is expected to gain by chance."""
+        return self.train + self.held - 2.0 * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,16 +190,17 @@ def _trial(bench: Workbench, state: State, bases: Sequence[tuple[State, Screenin
     screening = bases[0][1]
     candidate = screening.candidate
     if max(s.seen for _, s in bases) < SEEN:
-        by = f": {screening.absorbed_by} does the same" if screening.absorbed_by else ""
+        by = f": {screening.unseen}" if screening.unseen else ""
         return Trial(candidate, None, 0.0, 0.0, screening, f"cannot be seen in this record{by}")
     traces = [(b, s) for b, s in bases if candidate.kinked or s.evidence >= LEAST_TRACE]
     if not traces:
         return Trial(candidate, None, screening.evidence, 0.0, screening, "leaves no trace in the residual")
-    paths = (*state.paths, *candidate.paths)
+    paths = (*state.paths, *candidate.free)
     found = []
     for base, s in traces:
+        period = {candidate.period: s.period} if candidate.period else {}
         for values in _first_values(base.plant, s):
-            plant = replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)))
+            plant = replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | period)
             found.append(bench.train.solve(plant, paths, base.train.starts, FIRST_ITERATIONS, 1e-5))
     best = min(found, key=lambda point: point.cost)
     if not np.isfinite(best.cost):
@@ -211,7 +212,12 @@ def _trial(bench: Workbench, state: State, bases: Sequence[tuple[State, Screenin
     after = State(plant, paths, best, held, colour(bench.train, best))
     train, test = bench.gains(state, after)
     return Trial(
-        candidate, after, train, test, screening, _objection(bench, state, after, candidate, train, test, count)
+        candidate,
+        after,
+        train,
+        test,
+        screening,
+        _objection(bench, state, after, candidate, train, test, count + screening.tried - 1),
     )
 
 
@@ -223,7 +229,7 @@ def _objection(bench, before: State, after: State, candidate: Candidate, train: 
         reach = spec.bounds[1] - spec.bounds[0]
         edges = [edge for edge in spec.bounds if edge != spec.neutral]
         at_bound |= any(abs(value - edge) < 1e-6 * reach for edge in edges)
-    if train + held < threshold(count, len(candidate.paths)):
+    if train + held < threshold(count, len(candidate.free)):
         return "not significant"
     if held < max(HELD_LEAST, HELD_SHARE * train):
         return "does not hold in the held-out windows"
@@ -261,7 +267,7 @@ def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]
         values = []
         for path, estimate in zip(screening.candidate.paths, screening.estimate, strict=True):
             spec = spec_at(plant, path)
-            side = 1.0 if estimate >= 0.0 else -1.0
+            side = 1.0 if estimate >= 0.0 or spec.bounds[0] >= spec.neutral else -1.0
             if screening.candidate.kinked:
                 side = 1.0
             size = np.clip(abs(estimate), 1.0, 12.0) if far else 1.0
@@ -312,4 +318,4 @@ def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[st
     if not idle:
         return state
     plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in idle})
-    return replace(bench.fit(plant, [p for p in state.paths if p not in idle], state))
+    return bench.fit(plant, [p for p in state.paths if p not in idle], state)

@@ -168,7 +168,7 @@ def _pruned(
     if len(chosen) < 2:
         return state, rounds
     for trial in chosen[:-1]:
-        paths = tuple(p for p in trial.candidate.paths if p in state.paths)
+        paths = tuple(p for p in trial.candidate.free if p in state.paths)
         plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
         without = bench.fit(plant, [p for p in state.paths if p not in paths], state)
         if sum(bench.gains(without, state)) < threshold(count, len(paths)):
@@ -194,12 +194,14 @@ def _effects(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], li
         others = tuple(p for t in r.tied for p in t.candidate.paths)
         if others:
             groups.append((*own, *others))
+        period = r.chosen.candidate.period
+        with_period = f" with a period of {value_at(state.plant, period):.3g} s" if period else ""
         for path in own:
             spec = spec_at(state.plant, path)
             effects.append(
                 Effect(
                     path=path,
-                    title=spec.title,
+                    title=spec.title + with_period,
                     value=sizes[path][0],
                     neutral=spec.neutral,
                     unit=spec.unit,
@@ -235,9 +237,11 @@ def _as_effects(moved, effects, found, plant, gains: tuple[float, float]) -> lis
             continue
         c = next(c for c in found if c.path == group[-1])
         spec = spec_at(plant, path)
-        low, high = sorted(v / c.given for v in c.ci95)
+        shift = spec.neutral - 1.0  # gains are neutral at one, errors at zero
+        low, high = sorted(shift + v / c.given for v in c.ci95)
+        limits = (low, high)
         added.append(
-            Effect(path, spec.title, c.value / c.given, spec.neutral, spec.unit, (low, high), *gains, group[1:])
+            Effect(path, spec.title, shift + c.value / c.given, spec.neutral, spec.unit, limits, *gains, group[1:])
         )
     return added
 
@@ -290,7 +294,7 @@ def _detectable(
             spec = spec_at(plant, path)
             reason = ""
             if not np.isfinite(size):
-                reason = f"{s.absorbed_by} does the same" if s.absorbed_by else "changes nothing that was measured"
+                reason = s.unseen or "changes nothing that was measured"
             result.append(Detectable(path, spec.title, spec.unit, float(size), reason))
     return tuple(result)
 
