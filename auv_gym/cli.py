@@ -148,7 +148,10 @@ def diagnose(
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
     min_depth: Annotated[float | None, typer.Option(help="Use the log below this depth only, m.")] = None,
     max_depth: Annotated[float | None, typer.Option(help="Use the log above this depth only, m.")] = None,
-    window: Annotated[float, typer.Option(help="Length of the free runs, s; every other window is held out.")] = 120.0,
+    window: Annotated[
+        float | None,
+        typer.Option(help="Length of the free runs, s; default: the vehicle's. Every other one, or dive, is held out."),
+    ] = None,
     mapping: Annotated[
         Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
     ] = None,
@@ -174,7 +177,7 @@ def diagnose(
         plant = load_vehicle(vehicle)
         writable_folder(out)
         progress(0.0, "reading the log")
-        record = _read_log(log, mapping, cache_dir, ("heading_rad", *plant.family.required), cut_gaps)
+        record = _read_log(log, mapping, cache_dir, (plant.outputs[0], *plant.family.required), cut_gaps)
         record = _between_depths(record, min_depth, max_depth)
         diagnosis = diagnose_record(
             record,
@@ -378,10 +381,9 @@ def _error_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.channels import channel
     from identification.diagnosis.verdict import quantity
 
-    horizon = diagnosis.window - diagnosis.settle
     stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.effects else [])]
     heads = ["as given>", "before>" if diagnosis.effects else "refitted>", "after>"][: len(stages)]
-    table = _table(f"Root mean square error of free runs over {horizon:g} s, held out", "channel", *heads)
+    table = _table(f"Root mean square error of free runs {diagnosis.reach}, held out", "channel", *heads)
     for name in diagnosis.before.scores:
         unit = channel(name).unit
         table.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages))

@@ -105,12 +105,11 @@ def log_figure(d: Diagnosis) -> Figure:
     for axes, name in zip(panels, [*outputs, *inputs, *context]):
         _shade(axes, d, clock)
         colour = MEASURED if name in outputs else INPUT if name in inputs else QUIET
-        _line(axes, clock.times, degrees(name, record[name]), clock.cuts, color=colour, linewidth=1.0)
+        _line(axes, clock.times, shown_values(name, record[name]), clock.cuts, color=colour, linewidth=1.0)
         axes.set_title(quantity_label(name), loc="left")
         axes.margins(x=0.0)
         axes.locator_params(axis="y", nbins=3 if name in context else 5)
-        if name == "depth_m":
-            axes.invert_yaxis()
+        _downwards(axes, name)
     if outputs[0] == "heading_rad" and record.has("heading_cmd_rad"):
         command, heading = record["heading_cmd_rad"], record["heading_rad"]
         near = command + 2.0 * np.pi * np.round((heading - command) / (2.0 * np.pi))
@@ -151,6 +150,7 @@ def overview_figure(d: Diagnosis) -> Figure:
             axes.set_title(quantity_label(name), loc="left")
         if name == "heading_rad":
             _compass_ticks(axes)
+        _downwards(axes, name)
     panels[-1].set_xlabel(clock.label)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
@@ -169,22 +169,24 @@ def zoom_figure(d: Diagnosis) -> Figure:
     for column, (title, number) in enumerate(picked):
         rows = d.after.held.rows[d.after.held.window == number]
         seconds = record.time[rows] - record.time[rows[0]]
+        start = seconds[np.argmax(d.after.held.scored[d.after.held.window == number])]
         top, bottom = panels[:, column]
         for axes in (top, bottom):
-            axes.axvspan(0.0, d.settle, color=SETTLE_SHADE, zorder=0, linewidth=0)
+            axes.axvspan(0.0, start, color=SETTLE_SHADE, zorder=0, linewidth=0)
             axes.set_xlim(0.0, seconds[-1])
         measured = record[name][rows]
-        top.plot(seconds, degrees(name, measured), color=MEASURED, linewidth=1.8, label="measured")
+        top.plot(seconds, shown_values(name, measured), color=MEASURED, linewidth=1.8, label="measured")
         for label, stage, look in series(d):
             runs = stage.held
             model = runs.model[runs.window == number, output]
-            top.plot(seconds, degrees(name, _nearest_turn(name, model, measured)), label=label, **look)
-        bottom.step(seconds, degrees(driver, record[driver][rows]), where="post", color=INPUT, linewidth=1.3)
+            top.plot(seconds, shown_values(name, _nearest_turn(name, model, measured)), label=label, **look)
+        bottom.step(seconds, shown_values(driver, record[driver][rows]), where="post", color=INPUT, linewidth=1.3)
         top.set_title(title, loc="left", fontweight="bold")
         top.locator_params(axis="y", nbins=6)
         bottom.locator_params(axis="y", nbins=4)
         if name == "heading_rad":
             _compass_ticks(top)
+        _downwards(top, name)
         bottom.set_xlabel("time since the window's start, s")
     panels[0, 0].set_ylabel(quantity_label(name))
     panels[1, 0].set_ylabel(quantity_label(driver))
@@ -204,14 +206,14 @@ def growth_figure(d: Diagnosis) -> Figure:
         tops = []
         for label, stage, look in series(d):
             seconds, error = error_growth(stage.held, d.record, d.window, c)
-            axes.plot(seconds, degrees(name, error), marker="o", markersize=3, label=label, **look)
-            tops.append(np.nanmax(degrees(name, error)))
+            axes.plot(seconds, shown_values(name, error), marker="o", markersize=3, label=label, **look)
+            tops.append(np.nanmax(shown_values(name, error)))
         if d.before is not d.given:
             seconds, error = error_growth(d.given.held, d.record, d.window, c)
             axes.plot(
-                seconds, degrees(name, error), color=GIVEN, linewidth=1.2, linestyle=":", label="vehicle as given"
+                seconds, shown_values(name, error), color=GIVEN, linewidth=1.2, linestyle=":", label="vehicle as given"
             )
-            tops.append(min(np.nanmax(degrees(name, error)), 2.5 * max(tops)))
+            tops.append(min(np.nanmax(shown_values(name, error)), 2.5 * max(tops)))
         axes.set_xlim(0.0, d.window)
         axes.set_ylim(0.0, 1.08 * max(tops))
         axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (root mean square)", loc="left")
@@ -254,7 +256,7 @@ def residual_figure(d: Diagnosis) -> Figure:
             _line(
                 axes,
                 clock.times[runs.rows],
-                degrees(name, runs.residual[:, c]),
+                shown_values(name, runs.residual[:, c]),
                 cuts,
                 label=label,
                 **{**look, "linewidth": 0.75 * look["linewidth"]},
@@ -417,14 +419,18 @@ def varying_inputs(d: Diagnosis) -> list[str]:
     return [n for n in d.given.plant.inputs if d.record.has(n) and np.ptp(d.record[n][rows]) > 0.0]
 
 
-def degrees(name: str, values: np.ndarray) -> np.ndarray:
-    """The values of a channel as people read them: angles and their rates in degrees."""
-    return np.rad2deg(values) if channel(name).unit in ("rad", "rad/s") else np.asarray(values)
+def shown_values(name: str, values: np.ndarray) -> np.ndarray:
+    """The values of a channel as people read them: angles and their rates in degrees, volumes in millilitres."""
+    unit = channel(name).unit
+    if unit == "m3":
+        return 1e6 * np.asarray(values)
+    return np.rad2deg(values) if unit in ("rad", "rad/s") else np.asarray(values)
 
 
 def unit_label(name: str) -> str:
-    """The unit of `degrees`."""
-    return channel(name).unit.replace("rad", "deg")
+    """The unit of `shown_values`."""
+    unit = channel(name).unit
+    return "mL" if unit == "m3" else unit.replace("rad", "deg")
 
 
 def quantity_label(name: str) -> str:
@@ -521,7 +527,7 @@ def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]
     _line(
         axes,
         clock.times[inside],
-        degrees(name, record[name][inside]),
+        shown_values(name, record[name][inside]),
         cuts,
         color=MEASURED,
         linewidth=1.5,
@@ -539,11 +545,17 @@ def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]
         _line(
             axes,
             clock.times[rows],
-            degrees(name, np.concatenate(parts)),
+            shown_values(name, np.concatenate(parts)),
             cuts,
             label=label,
             **{**look, "linewidth": 0.75 * look["linewidth"]},
         )
+
+
+def _downwards(axes, name: str) -> None:
+    """Depth grows downwards."""
+    if name == "depth_m":
+        axes.invert_yaxis()
 
 
 def _nearest_turn(name: str, model: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -609,9 +621,9 @@ def _rate_against(d: Diagnosis, name: str, label: str) -> tuple[np.ndarray, np.n
     found = re.fullmatch(r"(sin|cos)\((\w+)\)", label)
     other = found[2] if found else label
     signal = d.record[other][runs.rows]
-    shown = {"sin": np.sin, "cos": np.cos}[found[1]](signal) if found else degrees(other, signal)
+    shown = {"sin": np.sin, "cos": np.cos}[found[1]](signal) if found else shown_values(other, signal)
     inner &= np.isfinite(shown)
-    return shown[inner], degrees(name, rate[inner])
+    return shown[inner], shown_values(name, rate[inner])
 
 
 def _rate_unit(name: str) -> str:

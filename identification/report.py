@@ -20,7 +20,7 @@ from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis,
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ENVIRONMENTS = {"glider": "auv_gym/GliderHeading-v0"}
+ENVIRONMENTS = {"glider": "auv_gym/GliderHeading-v0", "float": "auv_gym/FloatDepth-v0"}
 MEANINGS = {
     "none": "The refitted vehicle agrees with this log as far as the log can tell.",
     "named": "Adding these effects explains most of the disagreement, also in data that took no part in the fit.",
@@ -47,6 +47,19 @@ APART = {
     "effects.compass.deviation_cos": "headings all around the circle, and a track or a gyro",
     "effects.current.north": "a track over headings all around the circle",
     "effects.current.east": "a track over headings all around the circle",
+    "effects.volume.compressibility": "a profile of the water's density, measured with the log",
+    "effects.water.gradient": "a profile of the water's density, measured with the log",
+    "effects.volume.offset": "a known trim, weighed in water of known density",
+    "effects.piston.offset": "a measured piston position",
+    "effects.tether.pull": "a dive without the line",
+    "effects.tether.drag": "dives at several speeds, near the surface and deep",
+    "effects.volume.air": "a slow dive through the uppermost twenty metres",
+    "effects.volume.expansion": "the same depths in water of another temperature",
+    "effects.volume.leak": "a long stay at one depth",
+    "effects.water.current": "dives and rises at several speeds",
+    "effects.oil.pump_gain": "a measured oil volume",
+    "effects.oil.valve_gain": "a measured oil volume",
+    "effects.oil.valve_with_depth": "valve actions at several depths, with a measured oil volume",
 }
 # Key in the template, function, words for who cannot see it, words below it.
 PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
@@ -68,7 +81,7 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         "zoom",
         figures.zoom_figure,
         "Measured {improved} and free runs of the model {model}, in single held-out windows.",
-        "Held-out windows in close-up: {improved}, and the rudder below. In the grey seconds the start of the run is "
+        "Held-out windows in close-up: {improved}, and below it {input}. In the grey seconds the start of the run is "
         "fitted; they are not scored.",
     ),
     (
@@ -102,7 +115,7 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         figures.input_correlation_figure,
         "Correlation of the residual of {left} with each input at positive and negative lags.",
         "Whether the residual of {left} follows an input. A peak right of zero is a response that the model lacks; one "
-        "left of zero comes with control, which turns the rudder after the heading has gone astray.",
+        "left of zero comes with control, which moves {input} after {first} has gone astray.",
     ),
     (
         "correlate",
@@ -219,8 +232,7 @@ def _content(d: Diagnosis) -> dict[str, Any]:
         "ties": _ties(d, titles),
         "coefficients": [_coefficient(c) for c in d.coefficients],
         "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],
-        "horizon": f"{d.window - d.settle:g}",
-        "environment": ENVIRONMENTS.get(plant.family.name, ""),
+        "environment": ENVIRONMENTS.get(plant.family.kind, ""),
         "glossary": GLOSSARY,
         "changed": bool(d.effects),
         "as_given_is_before": d.before is d.given,
@@ -240,6 +252,7 @@ def _figures(d: Diagnosis) -> dict[str, Drawing | None]:
         "first": channel(d.after.every.channels[0]).label,
         "improved": channel(figures.most_improved(d)).label,
         "left": channel(figures.least_explained(d)).label,
+        "input": channel(d.given.plant.family.required[0]).label,
         "model": "before and after the named effects" if d.effects else "with its coefficients refitted",
     }
     lacking = {
@@ -287,13 +300,26 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
     """Value, words and remark of each key number besides the errors."""
     fitted, held = (len(w) for w in d.windows)
     facts = [
-        (f"{d.window - d.settle:g} s", "horizon", "length of each scored free run"),
+        (
+            _longest_run(d),
+            "horizon",
+            f"length of {'the longest' if d.given.plant.family.stepped else 'each'} scored free run",
+        ),
         (f"{fitted} / {held}", "windows", "fitted / held out"),
     ]
     if d.effects:
         share = max(d.explained, 0.0)
         facts.append((f"{100.0 * share:.0f} %", "explained", "of the held-out squared error above the noise"))
     return facts
+
+
+def _longest_run(d: Diagnosis) -> str:
+    """Length of the longest scored free run with its unit."""
+    scored, runs = d.after.held.scored, d.after.held
+    time = d.record.time[runs.rows]
+    longest = max(np.ptp(time[(runs.window == w) & scored]) for w in np.unique(runs.window[scored]))
+    seconds = longest if d.given.plant.family.stepped else d.window - d.settle
+    return f"{seconds:g} s" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
 
 
 def _log_facts(d: Diagnosis) -> str:

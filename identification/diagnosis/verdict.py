@@ -101,6 +101,19 @@ class Diagnosis:
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
 
+    @property
+    def reach(self) -> str:
+        """How far a scored free run goes, in words to follow `free runs`: over 100 s, or between buoyancy actions."""
+        stepped = self.given.plant.family.stepped
+        return "between buoyancy actions" if stepped else f"over {self.window - self.settle:g} s"
+
+    @property
+    def held_words(self) -> str:
+        """What is held out: windows, or dives where each has a volume of its own and the record has several."""
+        segments = np.array([s.start for s in self.record.segments])
+        of = [{int(np.searchsorted(segments, w.start, side="right")) for w in part} for part in self.windows]
+        return "windows" if of[0] & of[1] or len(segments) == 1 else "dives"
+
     def summary(self) -> str:
         """The verdict in plain words, with the error before and after."""
         return " ".join([_sentence(self), _error_sentence(self)])
@@ -130,16 +143,17 @@ def _error_sentence(d: Diagnosis) -> str:
             parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:
             parts.append(f"{label} {quantity(before.rmse, unit)}")
-    horizon = d.window - d.settle
-    return f"Root mean square error of free runs over {horizon:.0f} s in held-out windows: {'; '.join(parts)}."
+    return f"Root mean square error of free runs {d.reach} in held-out {d.held_words}: {'; '.join(parts)}."
 
 
 def quantity(value: float, unit: str) -> str:
-    """A number with its unit, angles in degrees for people."""
+    """A number with its unit, for people: angles in degrees, volumes in millilitres."""
     if not np.isfinite(value):
         return "not detectable"
     if unit in ("rad", "rad/s"):
         value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
+    if unit.startswith("m^3"):
+        value, unit = 1e6 * value, unit.replace("m^3", "mL", 1)
     digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
     return f"{digits} {'' if unit == '1' else unit}".strip()
 
