@@ -261,7 +261,10 @@ def _holds(bench: Workbench, before: State, after: State) -> bool:
 
 
 def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:
-    """Where to start a fit: at the screening's estimate, and one probe off neutral on the side it points to."""
+    """Where to start a fit: at the screening's estimate, one probe off neutral on the side it points to, and opposite.
+
+    Coefficients that were fitted without the effect may turn the estimate's sign, and a fit then stays on that side.
+    """
     starts = []
     for far in (False, True):
         values = []
@@ -280,6 +283,10 @@ def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]
                 for p, v in zip(screening.candidate.paths, starts[0], strict=True)
             )
         )
+    elif len(screening.candidate.paths) == 1:
+        spec = spec_at(plant, screening.candidate.paths[0])
+        opposite = float(np.clip(2.0 * spec.neutral - starts[0][0], *spec.bounds))
+        starts += [(opposite,)] * (opposite != spec.neutral)
     return list(dict.fromkeys(starts))
 
 
