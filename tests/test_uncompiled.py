@@ -14,7 +14,7 @@ from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
 
 ROOT = Path(__file__).parents[1]
-SAMPLES = {"glider": 60, "torpedo": 12}  # one of the latter takes plain Python some milliseconds
+SAMPLES = {"glider": 60, "torpedo": 12, "float": 25}  # one of a torpedo takes plain Python some milliseconds
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
     "effects.discovered.yaw.sin_heading": 0.5,
@@ -33,16 +33,17 @@ def probed(plant: Plant) -> dict[str, float]:
 
 
 def plants() -> dict[str, Plant]:
-    """The presets bare, and some with all effects; of a glider each effect, of a torpedo each group of effects."""
+    """The presets bare, and some with all effects; of a glider each effect, of the others each group of effects."""
     found = {name: load_vehicle(name) for name in list_vehicles()}
-    for name in ("slocum", "ganeshblue_corrected", "heu_torpedo", "npsauv"):
+    for name in ("slocum", "ganeshblue_corrected", "heu_torpedo", "npsauv", "qiandao_float", "mermaid"):
         found[f"{name}, all effects"] = replace_at(found[name], probed(found[name]))
-    slocum, torpedo = found["slocum"], found["heu_torpedo"]
+    slocum = found["slocum"]
     found |= {f"slocum, {path}": replace_at(slocum, path, value) for path, value in probed(slocum).items()}
-    groups = {path.split(".")[1] for path in probed(torpedo)}
-    for group in groups:
-        values = {path: value for path, value in probed(torpedo).items() if path.split(".")[1] == group}
-        found[f"heu_torpedo, {group}"] = replace_at(torpedo, values)
+    for name in ("heu_torpedo", "qiandao_float", "mermaid"):
+        groups = {path.split(".")[1] for path in probed(found[name])}
+        for group in groups:
+            values = {path: value for path, value in probed(found[name]).items() if path.split(".")[1] == group}
+            found[f"{name}, {group}"] = replace_at(found[name], values)
     return found
 
 
@@ -51,7 +52,13 @@ def trajectory(plant: Plant) -> np.ndarray:
     k = np.arange(SAMPLES[plant.family.kind])
     columns = {"rudder_rad": 0.6 * np.sin(0.3 * k)}
     start = {"heading_rad": 0.3, "r_radps": 0.01}
-    if plant.family.kind == "glider":
+    if plant.family.kind == "float":
+        oil = {"pumped_volume_m3": 5e-5 * (k // 7), "valved_volume_m3": 4e-5 * (k // 9)}
+        columns = {**oil, "valved_depth_m4": 3e-4 * (k // 9), "oil_volume_m3": 5e-5 * (k // 7) - 4e-5 * (k // 9)}
+        columns |= {"piston_m": 0.55 + 0.06 * np.sin(0.3 * k), "temperature_C": 14.0 + np.cos(0.2 * k)}
+        columns |= {"elapsed_s": plant.dt * k}
+        start = {"depth_m": 1.0, "depth_rate_mps": -0.1}  # to the surface and back
+    elif plant.family.kind == "glider":
         columns |= {"u_mps": 0.4 + 0.1 * np.sin(0.1 * k), "roll_rad": 0.1 * np.cos(0.2 * k)}
     else:
         columns |= {"stern_plane_rad": 0.3 * np.cos(0.5 * k), "bow_plane_rad": 0.2 * np.sin(0.7 * k)}

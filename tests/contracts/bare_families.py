@@ -6,6 +6,7 @@ from math import cos, sin
 import numpy as np
 
 from auv_gym.compiled import compiled
+from auv_gym.physics.buoyancy import exposed_volume
 from auv_gym.physics.frames import rotation_of
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.physics.propulsion import RADPS_PER_RPM, shaft_law, slipstream_speed, table_thrust
@@ -13,6 +14,9 @@ from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, in
 from auv_gym.vehicles.family import Family
 from auv_gym.vehicles.glider import GRAVITY
 from auv_gym.vehicles.glider import stable_step as glider_stable_step
+from auv_gym.vehicles.profiling_float import GRAVITY as FLOAT_GRAVITY
+from auv_gym.vehicles.profiling_float import stable_step as float_stable_step
+from auv_gym.vehicles.profiling_float import steady_speed
 from auv_gym.vehicles.torpedo import fill_terms
 from auv_gym.vehicles.torpedo_derived import N_PARAMETERS, N_TERMS, fill_added_mass, writable_view
 
@@ -196,6 +200,53 @@ def torpedo_output(x, actuators, sensors, p, y):
         y[12 + k] = x[6 + k]
 
 
+@compiled
+def float_derivative(x, actuators, inputs, p, dx, scratch):
+    """Equation (5) in still water of the stated density, or the balance of its drag and lift."""
+    hull = p.hull
+    piston, neutral = actuators[0], hull.piston_neutral
+    square = piston * abs(piston) - neutral * abs(neutral)
+    volume = (
+        hull.piston_area * (piston - neutral)
+        + hull.piston_square / (hull.density * FLOAT_GRAVITY) * square
+        + inputs[2]
+        + x[2]
+        + hull.mass / hull.density * (inputs[3] - hull.density) / hull.density
+        - exposed_volume(x[0], hull.waterplane)
+    )
+    force = -hull.density * FLOAT_GRAVITY * volume
+    dx[0] = x[1]
+    if hull.quasi_steady != 0.0:
+        dx[0] = steady_speed(force, hull.drag_linear, hull.drag_quadratic)
+        if x[0] <= 0.0:
+            dx[0] = max(dx[0], 0.0)
+        dx[1] = (dx[0] - x[1]) / 30.0
+    else:
+        drag = hull.drag_linear + hull.drag_quadratic * abs(x[1])
+        dx[1] = (force - drag * x[1]) / (hull.mass + hull.added_mass)
+    dx[2] = 0.0
+    dx[3] = 1.0
+
+
+@compiled
+def float_shape(inputs, memory, p, shaped):
+    middle = 0.5 * (p.hull.piston_high + p.hull.piston_low)
+    half = 0.5 * (p.hull.piston_high - p.hull.piston_low)
+    shaped[0] = middle + min(max(inputs[0] - middle, -half), half)
+    shaped[1] = inputs[1]
+
+
+@compiled
+def float_times(index, p):
+    return 0.0, 0.0, p.hull.piston_slowness if index == 0 else 0.0
+
+
+@compiled
+def float_output(x, actuators, sensors, p, y):
+    y[0] = x[0]
+    y[1] = x[1]
+
+
 _HOOKS = {
     "glider": {
         "derivative": glider_derivative,
@@ -211,6 +262,13 @@ _HOOKS = {
         "shape": torpedo_shape,
         "actuator_times": torpedo_times,
         "output": torpedo_output,
+    },
+    "float": {
+        "derivative": float_derivative,
+        "stable_step": float_stable_step,
+        "shape": float_shape,
+        "actuator_times": float_times,
+        "output": float_output,
     },
 }
 

@@ -13,7 +13,10 @@ from auv_gym.record import Record
 
 # A heading sensor resolves about a thousandth of a degree, a velocity log some mm/s, a track a centimetre.
 RESOLUTION = {"rad": 1e-3, "radps": 1e-3, "mps": 5e-3, "m": 1e-2}
+FLOATS = ("qiandao_float", "mermaid")
 TRACK = ("north_m", "east_m")
+# of a heave and an expansion that are not there while the others are neutral
+COMPANIONS = {"effects.water.heave_period": 70.0, "effects.volume.expansion_lag": 50.0}
 
 
 def effect_paths(plant: Plant) -> list[str]:
@@ -23,10 +26,15 @@ def effect_paths(plant: Plant) -> list[str]:
 def showing() -> list[tuple[str, str]]:
     """Effects that a fit may free, and a vehicle on which each must show."""
     glider, torpedo = load_vehicle("slocum"), load_vehicle("heu_torpedo")
+    diver = load_vehicle("qiandao_float")
     free = [(name, p) for name in ("ganeshblue", "slocum") for p in effect_paths(glider) if spec_at(glider, p).probe]
     for path in effect_paths(torpedo):
         if spec_at(torpedo, path).probe:
             free.append(("npsauv" if "bow_plane" in path else "heu_torpedo", path))  # the one with bow planes
+    for path in effect_paths(diver):
+        if spec_at(diver, path).probe and path not in COMPANIONS:
+            free += [("qiandao_float", path)] if ".oil." not in path else []
+            free += [("mermaid", path)] if ".piston." not in path else []
     return free
 
 
@@ -35,9 +43,9 @@ SHOWING = showing()
 
 @lru_cache
 def vehicle(name: str) -> Plant:
-    """A preset; NPS AUV II with quick bow planes: a small rate limit would not be met behind a lag of 0.1 s."""
-    plant = load_vehicle(name)
-    return replace_at(plant, "hull.bow_plane.lag", 0.0) if name == "npsauv" else plant
+    """A preset; quick bow planes and piston: a small rate limit does not show behind a lag, nor a lag behind one."""
+    quick = {"npsauv": {"hull.bow_plane.lag": 0.0}, "qiandao_float": {"hull.piston_slowness": 0.0}}
+    return replace_at(load_vehicle(name), quick.get(name, {}))
 
 
 def glider_record(plant: Plant, samples: int = 150) -> Record:
@@ -79,14 +87,35 @@ def torpedo_record(plant: Plant, samples: int = 400) -> Record:
     )
 
 
+def float_record(plant: Plant, samples: int = 300) -> Record:
+    """The piston moves, also into its stops, in small steps and back, or pump and valve run in turn; down and up."""
+    k = np.arange(samples)
+    hull, t = plant.hull, plant.dt * k
+    middle, half = 0.5 * (hull.piston_high + hull.piston_low), 0.5 * (hull.piston_high - hull.piston_low)
+    stroke = 0.9 * np.cos(0.05 * k) + 0.3 * np.sin(0.31 * k) + 0.1 * np.sign(np.sin(2.3 * k)) - 0.2
+    pumped, valved = 5e-5 * (k // 60), 4e-5 * ((k + 25) // 50)
+    return Record.from_arrays(
+        t,
+        {
+            "piston_m": middle + half * stroke,
+            "temperature_C": hull.temperature + 5.0 * np.sin(0.02 * k),
+            "oil_volume_m3": pumped - valved,
+            "pumped_volume_m3": pumped,
+            "valved_volume_m3": valved,
+            "valved_depth_m4": 400.0 * valved,
+        },
+    )
+
+
 STARTS = {
     "glider": [0.4, 0.01, 5.0, -3.0],
     "torpedo": [1.2, 0.05, -0.05, 0.02, 0.01, 0.02, 5.0, -3.0, 6.0, 0.05, -0.05, 0.4, 0.0],
+    "float": [300.0, 0.05, 1e-5],
 }
 
 
 def rich_record(plant: Plant) -> Record:
-    return {"glider": glider_record, "torpedo": torpedo_record}[plant.family.kind](plant)
+    return {"glider": glider_record, "torpedo": torpedo_record, "float": float_record}[plant.family.kind](plant)
 
 
 def outputs(plant: Plant, record: Record, kind: str = "") -> np.ndarray:
@@ -152,15 +181,20 @@ def test_an_effect_shows_at_first_order(name, path):
     assert response(0.001) / response(0.01) == pytest.approx(0.1, rel=0.2)
 
 
-def test_what_only_describes_an_effect_changes_nothing_without_it():
-    """Where a fin would be stuck, which way waves would go, how a reading is sampled: bit for bit."""
-    record, neutral = neutral_run("heu_torpedo")
-    plant = vehicle("heu_torpedo")
+@pytest.mark.parametrize(
+    "name, among",
+    [("heu_torpedo", "effects.waves.direction"), *((name, path) for name in FLOATS for path in COMPANIONS)],
+)
+def test_what_only_describes_an_effect_changes_nothing_without_it(name, among):
+    """Where a fin would be stuck, which way or how often waves would go, how a reading is sampled: bit for bit."""
+    record, neutral = neutral_run(name)
+    plant = vehicle(name)
     companions = [p for p in effect_paths(plant) if spec_at(plant, p).probe == 0.0 and ".discovered." not in p]
-    assert "effects.waves.direction" in companions
-    assert "effects.sampling.depth.noise" in companions
-    described = replace_at(plant, {p: 0.4 if p.startswith("effects.sampling") else 1.1 for p in companions})
-    assert np.array_equal(outputs(described, record), neutral)
+    values = {p: 0.4 if p.startswith("effects.sampling") else 1.1 for p in companions}
+    values |= {p: value for p, value in COMPANIONS.items() if p in effect_paths(plant)}
+    assert among in values
+    assert "effects.sampling.depth.noise" in values
+    assert np.array_equal(outputs(replace_at(plant, values), record), neutral)
 
 
 def test_every_discovered_term_acts():
