@@ -12,16 +12,18 @@ from auv_gym.record import Record
 from identification.shooting import unknown_states
 
 LEAST_SAMPLES = 8
+AFLOAT = 1.0  # m; a float above this depth may bob or bounce at the surface, which no fit of its start can follow
 
 
 def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice]:
     """Windows of at most `seconds`: consecutive ones, or for inputs that move in steps the stretches between the steps.
 
     The sample at which an input has moved is left out: the log may have been written while it moved.  Stretches with
-    fewer than `LEAST_SAMPLES` samples are dropped.
+    fewer than `LEAST_SAMPLES` samples are dropped.  Floats are judged below `AFLOAT` only, in equal parts of each
+    stretch there.
     """
     if not plant.family.stepped:
-        return record.windows(seconds)
+        return _submerged(record, seconds) if plant.family.kind == "float" else record.windows(seconds)
     inputs = np.stack([record[name] for name in plant.family.stepped], axis=1)
     found = []
     for segment in record.segments:
@@ -50,6 +52,18 @@ def held_out(plant: Plant, record: Record, windows: Sequence[slice]) -> tuple[li
         [w for w, segment in zip(windows, segments, strict=True) if segment in fitted],
         [w for w, segment in zip(windows, segments, strict=True) if segment not in fitted],
     )
+
+
+def _submerged(record: Record, seconds: float) -> list[slice]:
+    """Windows of half to all of `seconds` in the stretches below `AFLOAT`."""
+    under, time, found = record["depth_m"] > AFLOAT, record.time, []
+    for segment in record.segments:
+        changes = np.flatnonzero(np.diff(under[segment])) + 1
+        edges = segment.start + np.r_[0, changes, segment.stop - segment.start]
+        for start, stop in pairwise(edges):
+            if under[start]:
+                found += _cut(time, start, stop, seconds)
+    return [w for w in found if time[w.stop - 1] - time[w.start] >= 0.5 * seconds]
 
 
 def _cut(time: np.ndarray, start: int, stop: int, seconds: float) -> list[slice]:

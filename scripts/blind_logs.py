@@ -41,9 +41,9 @@ def heading_log(plant: Plant, rng: np.random.Generator) -> Record:
 
 
 def depth_log(plant: Plant, rng: np.random.Generator) -> Record:
-    """Forty minutes of a float in a stratified lake, up and down between six depths, depth noise 0.02 m."""
-    targets = (*rng.permutation([25.0, 45.0, 10.0, 55.0]), 0.0, 35.0)
-    return depth_control(plant, targets, rng=rng, hold=400.0, noise=0.02, temperature_profile=summer_lake)
+    """Forty minutes of a float in a stratified lake, up and down between eight depths, depth noise 0.02 m."""
+    targets = (*rng.permutation([20.0, 45.0, 8.0, 55.0]), 0.0, *rng.permutation([30.0, 15.0, 40.0]))
+    return depth_control(plant, targets, rng=rng, hold=300.0, noise=0.02, temperature_profile=summer_lake)
 
 
 def mission_log(plant: Plant, rng: np.random.Generator) -> Record:
@@ -61,9 +61,11 @@ _NO_OIL = "a float with a piston logs no oil"
 _OWN_VOLUME = "each dive has an unknown volume, which does the same"
 _NO_WAVE = "without the wave its period says nothing"
 _NO_GROWTH = "without the expansion its lag says nothing"
+_NO_SURFACE = "the initial depth of each free run does the same, and none is at the surface"
 HIDDEN: Mapping[str, Mapping[str, str]] = {
     "glider": {},
     "float_piston": {
+        "effects.depth.bias": _NO_SURFACE,
         "effects.oil.pump_gain": _NO_OIL,
         "effects.oil.valve_gain": _NO_OIL,
         "effects.oil.valve_with_depth": _NO_OIL,
@@ -79,7 +81,7 @@ HIDDEN: Mapping[str, Mapping[str, str]] = {
         "effects.water.heave_cos": "the wave's phase is not known from one dive to the next",
         "effects.water.heave_period": _NO_WAVE,
         "effects.volume.expansion_lag": _NO_GROWTH,
-        "effects.depth.bias": "the initial depth of each stretch does the same, and no reading is at the surface",
+        "effects.depth.bias": _NO_SURFACE,
     },
 }
 
@@ -185,7 +187,7 @@ def study(
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the study and print its table; `--json FILE` keeps it."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--vehicle", action="append", choices=VEHICLES, help="default: all")
     parser.add_argument("--effect", action="append", help="path of an effect, or 'none' for clean logs; default: all")
     parser.add_argument("--seeds", type=int, default=20, help="logs per effect (default 20)")

@@ -167,7 +167,7 @@ def test_a_free_run_with_the_dives_own_volume_repeats_it(changes):
     def run(volume):
         return plant.run(record, record.segments, np.array([[depth[0], 0.05, volume]]))[:, 0]
 
-    volume = brentq(lambda v: run(v)[10] - depth[10], -200e-6, -50e-6, xtol=1e-16)
+    volume = float(np.asarray(brentq(lambda v: run(v)[10] - depth[10], -200e-6, -50e-6, xtol=1e-16)))
     assert -150e-6 < volume < -90e-6
     np.testing.assert_allclose(run(volume), depth, atol=1e-6)
 
