@@ -90,6 +90,8 @@ _LISTED: Final = (
     Channel("temperature_C", "degC", "water temperature"),
     Channel("salinity_psu", "psu", "practical salinity"),
     Channel("density_kgpm3", "kg/m3", "water density"),
+    Channel("density_gradient_kgpm4", "kg/m4", "water density's growth with depth"),
+    Channel("density_depth_m", "m", "depth of the water density"),
 )
 CHANNELS: Final[dict[str, Channel]] = {channel.name: channel for channel in _LISTED}
 
@@ -100,9 +102,9 @@ _FLAGS: Final = ("stage",)
 
 # What the attribute `units` of a record's variable says for each suffix.
 _SI: Final[dict[str, str]] = {
-    "s": "s", "m": "m", "rad": "rad", "mps": "m/s", "radps": "rad/s", "mps2": "m/s2", "radps2": "rad/s2", "m3": "m3", "m4": "m4",
-    "m3ps": "m3/s", "kg": "kg", "kgpm3": "kg/m3", "N": "N", "Nm": "N m", "V": "V", "A": "A", "W": "W", "J": "J",
-    "Hz": "Hz", "rpm": "rpm", "dbar": "dbar", "C": "degC", "psu": "psu", "pct": "%",
+    "s": "s", "m": "m", "rad": "rad", "mps": "m/s", "radps": "rad/s", "mps2": "m/s2", "radps2": "rad/s2", "m3": "m3",
+    "m4": "m4", "m3ps": "m3/s", "kg": "kg", "kgpm3": "kg/m3", "kgpm4": "kg/m4", "N": "N", "Nm": "N m", "V": "V",
+    "A": "A", "W": "W", "J": "J", "Hz": "Hz", "rpm": "rpm", "dbar": "dbar", "C": "degC", "psu": "psu", "pct": "%",
 }  # fmt: skip
 # suffix -> (SI suffix, factor); knots and degrees by definition
 _SCALED: Final[dict[str, tuple[str, float]]] = {

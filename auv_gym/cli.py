@@ -155,6 +155,12 @@ def diagnose(
     mapping: Annotated[
         Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
     ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV of the water's density: density_kgpm3 over depth_m or pressure_dbar, by dive_id if many."
+        ),
+    ] = None,
     cut_gaps: Annotated[
         bool, typer.Option("--cut-gaps", help="Where values are missing, cut the log instead of refusing it.")
     ] = False,
@@ -166,6 +172,7 @@ def diagnose(
     """Find the physical effect that a vehicle's model lacks to explain a measured log."""
     with _progress() as progress:
         progress(0.0, "starting")
+        from auv_gym.density import read_profiles, with_density
         from auv_gym.plant import load_vehicle
         from identification.diagnosis import diagnose as diagnose_record
         from identification.diagnosis import write_diagnosis
@@ -179,6 +186,12 @@ def diagnose(
         progress(0.0, "reading the log")
         record = _read_log(log, mapping, cache_dir, (plant.outputs[0], *plant.family.required), cut_gaps)
         record = _between_depths(record, min_depth, max_depth)
+        if profile is not None:
+            if "density_kgpm3" not in plant.inputs:
+                raise ValueError(
+                    f"--profile serves vehicles that feel the water's density; {plant.name} does not: drop it."
+                )
+            record = with_density(record, read_profiles(profile))
         diagnosis = diagnose_record(
             record,
             plant,

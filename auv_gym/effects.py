@@ -287,7 +287,7 @@ class VolumeEffects:
 
     offset: float = param(0.0, "m^3", "initial volume offset", bounds=(-5e-3, 5e-3), probe=2e-6)
     compressibility: float = param(
-        0.0, "m^3/m", "lift from the hull's compressibility against the water's", bounds=(-1e-5, 1e-5), probe=5e-8
+        0.0, "m^3/m", "lift with depth, by compressibility", bounds=(-1e-5, 1e-5), probe=5e-8
     )
     air: float = param(0.0, "m^3", "trapped air, at the surface", bounds=(0.0, 5e-3), probe=5e-6)
     expansion: float = param(0.0, "m^3/K", "thermal expansion against the water's", bounds=(-1e-4, 1e-4), probe=3e-7)

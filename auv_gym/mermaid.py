@@ -6,7 +6,7 @@ oil the bypass lets in before a dive is not known, so the volume of a dive count
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -20,19 +20,19 @@ _UNDER = 2.0  # m; above it the float may be at the surface
 _LEAST_ROWS = 8
 
 
-def is_mermaid(names: Sequence[str]) -> bool:
+def is_mermaid(names: Iterable[str]) -> bool:
     """Whether a table's columns are those of such a log."""
     return set(COLUMNS) <= set(names)
 
 
-def mermaid_dives(time: np.ndarray, columns: Mapping[str, np.ndarray], dives: Sequence[str], source: str) -> Record:
+def mermaid_dives(time: np.ndarray, columns: Mapping[str, np.ndarray], dives: np.ndarray, source: str) -> Record:
     """A record with a segment for each dive, from below the surface down and back, ready for a `float_oil` vehicle.
 
     columns: by the names in `COLUMNS`, (n,) each.  dives: a label per row.  Pressures that only repeat the one before
     go; where oil moved at such a row, its depth is interpolated. Channels: depth_m, temperature_C (interpolated in
     time), oil_volume_m3, pumped_volume_m3, valved_volume_m3, valved_depth_m4.  Raises if no dive can be used.
     """
-    labels = np.asarray(dives)
+    labels = np.asarray(dives).astype(str)
     parts, left_out = [], {}
     for label in dict.fromkeys(labels.tolist()):
         rows = np.flatnonzero(labels == label)

@@ -35,7 +35,7 @@ class Plant:
     """A vehicle and its effects as a Model.
 
     dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
-    window, settle: s, over which free runs of such a vehicle are judged, and their first part, to which starts are fitted.
+    window: s, over which free runs of such a vehicle are judged.  settle: s, their first part, which fits their starts.
     notes: where each number comes from, by path.
     """
 
@@ -56,7 +56,7 @@ class Plant:
                 raise ValueError(f"A plant needs {label} > 0 s, got {value!r}: give a time such as 1.0.")
         if not 0.0 < self.settle < 0.5 * self.window:
             raise ValueError(
-                f"A plant needs settle > 0 s and less than half of its window of {self.window:g} s, got {self.settle!r}."
+                f"A plant needs settle > 0 s and under half of its window of {self.window:g} s, got {self.settle!r}."
             )
 
     @property

@@ -71,6 +71,23 @@ def read_record(
     return record
 
 
+def read_columns(path: str | Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The columns of a CSV file that is no time series, in our units, and a label for each row ('' without any)."""
+    path = Path(path)
+    _check_file(path, path.suffix.lower())
+    try:
+        table = _csv_table(path)
+        labels = _joined([table.columns[name] for name in SEGMENT_COLUMNS if name in table.columns])
+        numbers: dict[str, np.ndarray] = {}
+        for name, column in table.columns.items():
+            if isinstance(column, np.ndarray) and not is_flag(name):
+                target, convert = conversion(name)
+                numbers[target.name] = convert(column)
+        return numbers, np.full(len(next(iter(table.columns.values()))), "") if labels is None else labels
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from error
+
+
 def _check_file(path: Path, suffix: str) -> None:
     if path.is_dir():
         raise ValueError(f"{path} is a folder: give the path of one log file in it.")

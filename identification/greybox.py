@@ -11,7 +11,9 @@ from scipy import stats
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record, concat
+from identification.checks import check_ranges
 from identification.shooting import Shooting, colour, covariance
+from identification.windows import free_run_windows
 
 SAMPLES_PER_UNKNOWN = 2
 DEPENDENT = 1e-7  # smallest eigenvalue of the scaled normal matrix at which parameters count as independent
@@ -66,15 +68,15 @@ class GreyBoxFit:
 class GreyBox:
     """Output error over multiple shooting, Levenberg-Marquardt; see `identification.shooting`.
 
-    free: parameter paths of the plant.  window: s, the length of one shooting segment; a longer one weighs slow
-    dynamics more, a shorter one bears more process noise.  Each segment has initial states of its own.
+    free: parameter paths of the plant.  window: s, the length of one shooting segment, by default the vehicle's; longer
+    ones weigh slow dynamics more, shorter ones bear more process noise.  Each segment has initial states of its own.
     Effects start one probe off neutral, where their derivative is defined. Intervals allow for residuals with
     first-order correlation (Ljung 1999, sec. 9.3).
     """
 
     plant: Plant
     free: Sequence[str]
-    window: float = 120.0
+    window: float | None = None
     max_iterations: int = 60
 
     def __post_init__(self):
@@ -84,7 +86,7 @@ class GreyBox:
             raise ValueError(f"GreyBox got a path twice in free={list(self.free)}: name each once.")
         for path in self.free:
             spec_at(self.plant, path)
-        if not self.window > 0.0:
+        if self.window is not None and not self.window > 0.0:
             raise ValueError(f"GreyBox needs window > 0 s, got {self.window}.")
 
     def fit(self, *records: Record) -> GreyBoxFit:
@@ -92,15 +94,17 @@ class GreyBox:
         if not records:
             raise ValueError("GreyBox.fit needs at least one record, got none.")
         record = records[0] if len(records) == 1 else concat(records)
-        windows = record.windows(self.window)
+        check_ranges(self.plant, record)
+        window = self.plant.window if self.window is None else self.window
+        windows = free_run_windows(self.plant, record, window)
         if not windows:
             longest = max(float(np.ptp(record.time[s])) for s in record.segments)
             raise ValueError(
-                f"GreyBox needs a stretch of at least {self.window:g} s without a gap, got {longest:.1f} s: "
+                f"GreyBox needs a stretch of at least {window:g} s without a gap, got {longest:.1f} s: "
                 "record longer or choose a shorter window."
             )
         problem = Shooting(self.plant, record, windows)
-        unknowns = len(self.free) + len(windows) * len(problem.start_states)
+        unknowns = len(self.free) + problem.nuisances
         if problem.counts.sum() < SAMPLES_PER_UNKNOWN * unknowns:
             raise ValueError(
                 f"GreyBox needs at least {SAMPLES_PER_UNKNOWN} samples per unknown ({unknowns} unknowns), got "

@@ -226,7 +226,7 @@ def _content(d: Diagnosis) -> dict[str, Any]:
         "log": _log_facts(d),
         "remains": _remains(d),
         "rounds": _rounds(d, titles),
-        "bar": number(threshold(len(candidates_of(plant))), 2),
+        "bar": number(threshold(len(candidates_of(plant, d.record))), 2),
         "by_coefficient": _by_coefficient(d, titles),
         "effects": [_effect(d, e, titles) for e in d.effects],
         "ties": _ties(d, titles),
@@ -370,7 +370,7 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
 def _rounds(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
     """The candidates of each round with their bars, for the tables."""
     sizes = [v for r in d.rounds for t in r.trials for v in (t.train, t.held) if isfinite(v)]
-    low, high = min([0.0, *sizes]), max([1.5 * threshold(len(candidates_of(d.given.plant))), *sizes])
+    low, high = min([0.0, *sizes]), max([1.5 * threshold(len(candidates_of(d.given.plant, d.record))), *sizes])
     low = max(low, -0.5 * high)  # one bad candidate shall not flatten the good ones
     zero = 100.0 * -low / (high - low)
     rounds, added = [], []

@@ -101,6 +101,11 @@ class Shooting:
         self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
         self.start_states = self._revealed()
 
+    @property
+    def nuisances(self) -> int:
+        """How many unknowns there are besides the parameters: starts of windows, shared values of segments."""
+        return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
+
     def scale(self, path: str) -> float:
         """The change of a parameter that counts as one in the fit: its probe, or a tenth of its value."""
         spec = spec_at(self.plant, path)
@@ -388,8 +393,7 @@ def covariance(
     total = float(problem.counts.sum())
     sigma = problem.sigma(point)
     variance = float(np.mean((sigma * linear.weights) ** 2)) * total / max(total - float(taken), 0.1 * total)
-    fitted = count + len(problem.windows) * len(problem.start_states)
-    fitted += len(problem.shared) * (int(problem.segments.max()) + 1)
+    fitted = count + problem.nuisances
     freedom = float(np.sum(problem.counts * (1.0 - coefficients))) - fitted
     return bread @ middle @ bread * variance, max(freedom, 3.0)
 

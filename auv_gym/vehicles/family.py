@@ -15,44 +15,47 @@ def _no_problem(parameters: Any) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """A right-hand side with its channels.
+    """A right-hand side with its channels, and what else sets one family apart from another.
 
-    inputs: all input channels; `required` must be in a record, the others fall back to the parameter that `constants`
-    names, or to zero.  states: kept between samples; hooks `enter(x, z)` and `leave(z, x)` go to the `integrated`
-    states of RK4 and back.  actuators: one per commanded input, which come first in `inputs`, in the same order.
-    coefficients: the paths that a first fit frees.  twins: effects that act as a coefficient does.  shared: states that
-    do not change in a segment and whose value nobody knows, each with the effect that acts as it does; none where the
-    parameter `shared_unless` is not zero.  stepped: inputs that change now and then, so that free runs lie between.
-    kind: what compiled code is shared by.  derived: length of what `derive(vector, derived)` makes of the parameters for the other hooks,
-    which see it through `view`.  problem: words about impossible parameters, or nothing.  scratch: length of the last
-    argument of `derivative(z, actuators, inputs, p, dz, scratch)`.  block: steps after which `stable_step` is asked again.  Other hooks: `stable_step(z, inputs, p)`,
-    `shape(inputs, memory, p, shaped)`, `actuator_times(index, p)`, `sense(before, z, sensors, duration, p)`,
-    `settle_sensors(x, actuators, sensors, p)`, `output(x, actuators, sensors, p, y)`.
+    hooks: the compiled functions of the right-hand side, which see what `derive(vector, derived)` makes of the
+    parameters through `view`: `enter(x, z)` and `leave(z, x)` go from the states to the integrated ones and back;
+    `derivative(z, actuators, inputs, p, dz, scratch)`, `stable_step(z, inputs, p)`, `shape(inputs, memory, p, shaped)`,
+    `actuator_times(index, p)`, `sense(before, z, sensors, duration, p)`, `settle_sensors(x, actuators, sensors, p)`,
+    `output(x, actuators, sensors, p, y)`.
     """
 
     name: str
-    kind: str
+    kind: str  # what compiled code is shared by
     title: str
     parameters: type
     inputs: tuple[str, ...]
-    required: tuple[str, ...]
-    states: tuple[str, ...]
-    integrated: int
-    actuators: tuple[str, ...]
+    required: tuple[str, ...]  # inputs that a record must have
+    states: tuple[str, ...]  # kept between samples
+    integrated: int  # number of states of RK4
+    actuators: tuple[str, ...]  # one per commanded input; these come first in `inputs`, in the same order
     sensors: tuple[str, ...]
     outputs: tuple[str, ...]
-    coefficients: tuple[str, ...]
-    derived: int
+    coefficients: tuple[str, ...]  # paths that a first fit frees
+    derived: int  # length of what `derive` makes
     view: Callable[..., Any]
     hooks: Mapping[str, Callable[..., Any]]
-    scratch: int = 0
-    block: int = 1_000_000
-    problem: Callable[[Any], str] = _no_problem
+    scratch: int = 0  # length of the last argument of `derivative`
+    block: int = 1_000_000  # steps after which `stable_step` is asked again
+    problem: Callable[[Any], str] = _no_problem  # words about impossible parameters, or nothing
+    # where an input that is not required comes from: the parameter at a path; otherwise zero
     constants: Mapping[str, str] = field(default_factory=dict)
+    # effects that act as a coefficient does
     twins: Mapping[str, str] = field(default_factory=dict)
+    # states that do not change in a segment and whose value nobody knows, each with the effect that acts as it does;
+    # none where the parameter at `shared_unless` is not zero
     shared: Mapping[str, str] = field(default_factory=dict)
     shared_unless: str = ""
+    # inputs that change now and then, so that free runs lie between
     stepped: tuple[str, ...] = ()
+    # effects that are nothing to look for where a record has the channel
+    measured: Mapping[str, str] = field(default_factory=dict)
+    # lowest and highest that a record's channel can be, as numbers or paths of parameters
+    ranges: Mapping[str, tuple[float | str, float | str]] = field(default_factory=dict)
 
 
 @compiled

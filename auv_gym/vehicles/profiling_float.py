@@ -7,7 +7,7 @@ using field data", J. Ocean Eng. Sci. 9(4): equations (2) to (5).  Depth and ver
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from math import cos, pi, sin, sqrt
+from math import cos, inf, pi, sin, sqrt
 
 from auv_gym.compiled import compiled, view_as
 from auv_gym.effects import FloatEffects
@@ -79,6 +79,7 @@ def lifting_volume(depth, unknown, piston, hull_temperature, time, inputs, p):
     """
     hull, volume, oil = p.hull, p.effects.volume, p.effects.oil
     displaced = hull.mass / hull.density
+    local = inputs[3] + inputs[8] * (depth - inputs[9])
     square = piston * abs(piston) - hull.piston_neutral * abs(hull.piston_neutral)
     return (
         hull.piston_area * (piston - hull.piston_neutral)
@@ -93,7 +94,7 @@ def lifting_volume(depth, unknown, piston, hull_temperature, time, inputs, p):
         + air_volume(volume.air, depth, hull.density)
         + volume.expansion * (hull_temperature - hull.temperature)
         - volume.leak * time
-        + displaced * ((inputs[3] - hull.density) + p.effects.water.gradient * depth) / hull.density
+        + displaced * (local - hull.density + p.effects.water.gradient * depth) / hull.density
         - exposed_volume(depth, hull.waterplane)
     )
 
@@ -113,6 +114,8 @@ def steady_speed(force, linear, quadratic):
     return 2.0 * force / (linear + root) if root > 0.0 else 0.0
 
 
+_ABOVE = -5.0  # m; a pressure sensor may be a few metres wrong at the surface, not more
+_MOST_OIL = 0.02  # m^3
 _FASTER = 0.2  # m/s that a float may gain while a step is kept
 _NEAR_SURFACE = 15.0  # m that it may rise meanwhile
 _BLOCK = 4  # steps
@@ -138,8 +141,8 @@ def stable_step(x, inputs, p):
 def derivative(x, actuators, inputs, p, dx, scratch):
     """State derivative of [depth, depth rate, unknown volume, time into the sample] into dx: equation (5).
 
-    actuators: [piston m, hull temperature degC].  inputs: [piston_m, temperature_C, oil m^3, water density kg/m^3,
-    time since the dive began s, pumped m^3, valved m^3, sum of valved m^3 times depth m], held over a sample.
+    actuators: [piston m, hull temperature degC].  inputs: as in the family, held over a sample; the water's density is
+    taken as linear in depth around the depth at which it was read.
     Water that accelerates carries the float with it: the added mass feels the water's acceleration, and so does the
     water that the float displaces (Morison's inertia force; Faltinsen 1990, sec. 3.1).  With `quasi_steady` the
     acceleration is zero: a float whose M/D is a second, sampled once in minutes, would be a stiff system otherwise.
@@ -236,6 +239,8 @@ FLOAT_PISTON = Family(
         "pumped_volume_m3",
         "valved_volume_m3",
         "valved_depth_m4",
+        "density_gradient_kgpm4",
+        "density_depth_m",
     ),
     constants={
         "piston_m": "hull.piston_neutral",
@@ -253,6 +258,14 @@ FLOAT_PISTON = Family(
     outputs=("depth_m", "depth_rate_mps"),
     coefficients=("hull.drag_quadratic", "hull.drag_linear"),
     twins={"effects.drag.quadratic": "hull.drag_quadratic", "effects.drag.linear": "hull.drag_linear"},
+    ranges={
+        "depth_m": (_ABOVE, inf),
+        "piston_m": ("hull.piston_low", "hull.piston_high"),
+        "oil_volume_m3": (-_MOST_OIL, _MOST_OIL),
+        "density_kgpm3": (900.0, 1100.0),
+        "temperature_C": (-5.0, 60.0),
+    },
+    measured={"effects.water.gradient": "density_kgpm3"},
     shared={"volume_m3": "effects.volume.offset"},
     shared_unless="hull.trim_known",
     view=view_as(record_type(FloatParameters), "float"),

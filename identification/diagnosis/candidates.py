@@ -65,14 +65,15 @@ class Screening:
     tried: int = 1
 
 
-def candidates_of(plant: Plant) -> list[Candidate]:
-    """Every effect that the plant has at its neutral value and that may be probed, pairs together."""
+def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]:
+    """Every effect that the plant has at its neutral value, that may be probed and that the record does not measure."""
     free = [
         path
         for path in list_paths(plant)
         if path.startswith("effects.")
         and spec_at(plant, path).probe > 0.0
         and value_at(plant, path) == spec_at(plant, path).neutral
+        and not (record is not None and record.has(plant.family.measured.get(path, "time_s")))
     ]
     found, used = [], set()
     for path in free:

@@ -7,10 +7,10 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from auv_gym.channels import channel
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
+from identification.checks import check_excitation, check_ranges
 from identification.diagnosis.attribution import (
     MANY_WINDOWS,
     Progress,
@@ -31,7 +31,6 @@ MOST_EFFECTS = 3
 LEAST_WINDOWS = 4
 WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
 EXCESS = 0.5  # of the noise variance: a coloured residual smaller than this is left to the noise
-_USUAL = {"piston_m": 1e-2, "oil_volume_m3": 1e-5}  # sizes of inputs that are far from 1 in SI
 EXPLAINED = 0.5  # share of the excess error that named effects must remove to count as the explanation
 
 
@@ -60,7 +59,7 @@ def diagnose(
     progress(0.0, "refitting the coefficients")
     given = bench.fit(plant, ())
     nominal = bench.fit(plant, coefficients, given)
-    candidates = candidates_of(plant)
+    candidates = candidates_of(plant, record)
     state, rounds = attribute(bench, nominal, candidates, most, lambda f, t: progress(0.05 + 0.8 * f, t))
     chosen = [r.chosen for r in rounds if r.chosen is not None]
     state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
@@ -72,7 +71,9 @@ def diagnose(
     }
     count = len(candidates)
     screening = tuple(
-        screen(bench.train, state.train, state.paths, candidates_of(state.plant), state.colour, threshold(count))
+        screen(
+            bench.train, state.train, state.paths, candidates_of(state.plant, record), state.colour, threshold(count)
+        )
     )
     sizes = bench.intervals(state)
     found = tuple(
@@ -124,13 +125,8 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
             f"The diagnosis of {plant.name} needs the channel {first}, got {', '.join(record.names)}: "
             "rename the column by a mapping file."
         )
-    for name in plant.family.required:
-        signal = record[name]
-        if np.ptp(signal) < 1e-3 * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
-            raise ValueError(
-                f"Nothing excites the vehicle: {name} is constant at {float(signal[0]):.4g} "
-                f"({channel(name).unit}). Use a log in which it moves."
-            )
+    check_ranges(plant, record)
+    check_excitation(plant, record)
     if not settle < 0.5 * window:
         raise ValueError(f"The settling time must be less than half a window of {window:g} s, got {settle:g} s.")
     windows = free_run_windows(plant, record, window)
