@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from auv_gym.plant import load_vehicle
+from auv_gym.record import Record
+from identification.checks import check_excitation, check_ranges
+from identification.diagnosis import diagnose
+from identification.greybox import GreyBox
+
+FLOAT = load_vehicle("qiandao_float")
+TIME = np.arange(0.0, 600.0, 0.7)
+
+
+def _record(segment=None, **changes):
+    piston = 0.55 + 0.05 * np.sign(np.sin(TIME / 60.0))
+    channels = {"depth_m": 20.0 + 5.0 * np.sin(TIME / 60.0), "piston_m": piston, **changes}
+    return Record.from_arrays(TIME, channels, segment=segment)
+
+
+def test_a_record_within_the_ranges_passes():
+    check_ranges(FLOAT, _record())
+    check_excitation(FLOAT, _record())
+
+
+def test_a_piston_in_millimetres_for_a_part_of_the_log_is_refused_with_the_place():
+    labels = np.where(TIME < 300.0, "one", "two")
+    piston = np.where(TIME < 300.0, 0.52, 520.0) + 0.0 * TIME
+    with pytest.raises(
+        ValueError, match=r"from 0.5 to 0.6 m; piston_m is 520 at 300 s of two.*unit, throughout the log"
+    ):
+        check_ranges(FLOAT, _record(segment=labels, piston_m=piston))
+
+
+@pytest.mark.parametrize("fit", [lambda r: diagnose(r, FLOAT), lambda r: GreyBox(FLOAT, ["hull.drag_linear"]).fit(r)])
+def test_a_depth_above_the_surface_is_refused_by_diagnosis_and_fit(fit):
+    with pytest.raises(ValueError, match=r"qiandao_float has depth from -5 to inf m; depth_m is -\d.*sign"):
+        fit(_record(depth_m=-20.0 - 5.0 * np.sin(TIME / 60.0)))
+
+
+def test_a_dive_without_buoyancy_actions_is_refused():
+    with pytest.raises(ValueError, match=r"Nothing excites the vehicle: piston_m is constant at 0.55 \(m\)"):
+        diagnose(_record(piston_m=np.full(TIME.size, 0.55)), FLOAT)
