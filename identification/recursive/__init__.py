@@ -1,0 +1,1 @@
+"""Recursive identification of a float's diving model: sample by sample, or over whole records."""
