@@ -1,89 +1,36 @@
-"""The track of a run and its pictures, kept only by an environment with a render mode; drawing needs `render`."""
+"""Pictures of a run, made only by an environment with a render mode; drawing needs `render`."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from auv_gym.envs.episodes import Episodes
-from auv_gym.param import value_at
-from auv_gym.plant import Plant
+from auv_gym.envs.float_view import FloatView
+from auv_gym.envs.torpedo_view import TorpedoView
 
 
 class Camera:
     """Follows one environment, whose row it reads, and draws it."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray, human: bool):
-        from auv_gym.rendering import Renderer, Scene, Target, Window  # with matplotlib, so not before it is wanted
+        from auv_gym.rendering import Renderer, Window  # with matplotlib, so not before it is wanted
 
-        self._scene, self._target = Scene, Target
         self._renderer = Renderer()
         self._window = Window(f"{episodes.task.name}, {episodes.plant.name}") if human else None
-        family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
-        self._episodes, self._row, self._record = episodes, row, episodes.record(row)
-        self._at = {name: state_at + i for i, name in enumerate(family.states)}
-        self._limits = dict(zip(family.inputs, episodes.settings["limit"].tolist(), strict=True))
-        self._track: list[tuple[float, float, float, float]] = []
-        self._waypoints: list[tuple[float, float, float]] = []
+        self._view = (FloatView if episodes.task.kind == "float" else TorpedoView)(episodes, row)
 
     def follow(self, begin: bool = False) -> None:
-        """Take the present position into the track, of a new episode if it begins; show it where there is a window."""
-        if begin:
-            self._track, self._waypoints = [], []
-        record = self._record
-        self._track.append((float(record["time"]), *self._states("north_m", "east_m", "depth_m")))
-        if self._episodes.settings["follows_path"]:
-            for point in (record["target"], record["next"])[len(self._waypoints) - int(record["reached"]) :]:
-                self._waypoints.append(tuple(point.tolist()))
+        """Take the present moment into the track, of a new episode if it begins; show it where there is a window."""
+        self._view.follow(begin)
         if self._window is not None:
             self._window.show(self.picture())
 
     def picture(self) -> np.ndarray:
         """An RGB image of the present moment, shape (height, width, 3), uint8."""
-        track = np.array(self._track)
-        shares = dict(zip(self._limits, self._record["command"].tolist(), strict=True))
-        velocity = self._states("u_mps", "v_mps", "w_mps")
-        scene = self._scene(
-            trail=track[:, 1:],
-            time=track[:, 0],
-            attitude=self._states("roll_rad", "pitch_rad", "heading_rad"),
-            speed=float(np.linalg.norm(velocity)),
-            commands={name: (shares[name], limit) for name, limit in self._limits.items() if limit > 0.0},
-            target=self._goal(),
-            current=self._current(),
-            title=f"{self._episodes.task.name}   {self._episodes.plant.title or self._episodes.plant.name}",
-            caption=f"{track[-1, 0]:.1f} s",
-        )
-        return self._renderer.draw(scene)
+        return self._renderer.draw(self._view.scene())
 
     def close(self) -> None:
         """Close the window and free the paper."""
         self._renderer.close()
         if self._window is not None:
             self._window.close()
-
-    def _states(self, *names: str) -> tuple[Any, ...]:
-        return tuple(float(self._row[self._at[name]]) for name in names)
-
-    def _goal(self) -> Any:
-        record, settings, channel = self._record, self._episodes.settings, self._episodes.task.channel
-        if not channel:
-            return self._target(
-                waypoints=np.array(self._waypoints), active=int(record["reached"]), radius=float(settings["radius"])
-            )
-        target = float(record["target"][0])
-        return self._target(
-            depth=target if channel == "depth_m" else None,
-            heading=target if channel == "heading_rad" else None,
-            speed=target if channel == "u_mps" else None,
-        )
-
-    def _current(self) -> tuple[float, float] | None:
-        """The steady current, where a plant drives the environment; drawn values stand before the plant's."""
-        if not isinstance(self._episodes.driver, Plant) or self._episodes.by_model:
-            return None
-        drawn = self._episodes.randomised_values(self._row)
-        paths = ("effects.current.north", "effects.current.east")
-        north, east = (drawn.get(path, value_at(self._episodes.driver, path)) for path in paths)
-        return (north, east) if north or east else None

@@ -9,6 +9,8 @@ An array handed from Python to compiled code costs a tenth of a microsecond, so 
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -16,22 +18,6 @@ import numpy as np
 
 from auv_gym.vehicles.family import Family
 
-# What an observation can be made of besides readings and shares of the command limits.
-GEOMETRY = (
-    "error", "error_sin", "error_cos", "target",
-    "across", "below", "remaining", "course_sin", "course_cos", "sink", "next_course_sin", "next_course_cos",
-    "next_sink",
-)  # fmt: skip
-# Sensors with sampling effects, and the readings of each.
-SENSORS = {
-    "depth": ("depth_m",),
-    "compass": ("heading_rad",),
-    "inclinometer": ("roll_rad", "pitch_rad"),
-    "gyros": ("p_radps", "q_radps", "r_radps"),
-    "dvl_ground": ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"),
-    "dvl_water": ("u_mps", "v_mps", "w_mps"),
-    "position": ("north_m", "east_m"),
-}
 SAMPLING = ("delay", "noise", "quantisation", "dropout")
 TERMS = ("tracking", "command_travel", "progress")
 MOST_OBSERVATIONS = 32
@@ -40,55 +26,109 @@ NOISE_ROWS = 64  # samples for which noise is drawn at a time
 # What a step returns.
 RUNNING, TRUNCATED, TERMINATED, REFUSED, OVER = range(5)
 # Why an episode was terminated.
-NO_REASON, DIVERGED, BROACHED, TOO_DEEP, PITCHED, ROLLED, TOO_FAST, SPINNING, ARRIVED = range(9)
+NO_REASON, DIVERGED, BROACHED, TOO_DEEP, PITCHED, ROLLED, TOO_FAST, SPINNING, ARRIVED, FLEW = range(10)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """What a kind of vehicle has in its plans and rows besides what all have.
+
+    geometry: what an observation can be made of besides readings and shares of the command limits.  sensors: those with
+    sampling effects, and the readings of each.  plan, row, shown: fields and how many numbers each holds, or the name
+    of what it has a number for; an info shows those in `shown`.
+    """
+
+    geometry: tuple[str, ...]
+    sensors: Mapping[str, tuple[str, ...]]
+    plan: Mapping[str, int | str]
+    row: Mapping[str, int | str]
+    shown: Mapping[str, int | str]
+
+
+LAYOUTS = {
+    "torpedo": Layout(
+        geometry=(
+            "error", "error_sin", "error_cos", "target",
+            "across", "below", "remaining", "course_sin", "course_cos", "sink", "next_course_sin", "next_course_cos",
+            "next_sink",
+        ),
+        sensors={
+            "depth": ("depth_m",),
+            "compass": ("heading_rad",),
+            "inclinometer": ("roll_rad", "pitch_rad"),
+            "gyros": ("p_radps", "q_radps", "r_radps"),
+            "dvl_ground": ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"),
+            "dvl_water": ("u_mps", "v_mps", "w_mps"),
+            "position": ("north_m", "east_m"),
+        },
+        plan={
+            "steps": 1, "cruise_state": "states", "cruise_command": "inputs",
+            "limit": "inputs", "action_of": "inputs", "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1,
+            "follows_path": 1, "leg": 2, "turn": 1, "slope": 1, "path_speed": 1, "radius": 1,
+            "waypoints_at": 1, "waypoints": 1,
+            "pitch_limit": 1, "roll_limit": 1, "rate_limit": 1,
+        },
+        row={
+            "held": 2,
+            # the leg of a path: where it starts, the waypoint after its end, and directions
+            "origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1,
+        },
+        shown={"reached": 1},
+    ),
+    "float": Layout(
+        geometry=("error", "position"),
+        # a float has no sensor of its rate but the one of its depth
+        sensors={"depth": ("depth_m", "depth_rate_mps")},
+        plan={
+            "duration": 1, "near": 1, "near_dt": 1, "constants_at": 1, "constants": 1,
+            "engine": 1, "engine_middle": 1, "engine_half": 1, "engine_rate": 1, "holds_back": 1,
+        },
+        row={"position": 1, "last_depth": 1},
+        shown={"coming_dt": 1},
+    ),
+}  # fmt: skip
 
 
 @lru_cache
 def plan_type(family: Family) -> np.dtype:
     """The record at the start of a plan; names ending in `_at` are offsets of what has no fixed place."""
-    states, inputs, outputs = len(family.states), len(family.inputs), len(family.outputs)
     return _record(
+        family,
         {
-            "plan_size": 1, "row_size": 1, "actions": 1, "observations": 1, "steps": 1, "dt": 1, "longest_step": 1,
+            "plan_size": 1, "row_size": 1, "actions": 1, "observations": 1, "dt": 1, "longest_step": 1,
             "by_model": 1, "sampled": 1,
             # tables of the plan
             "ages_at": 1, "history": 1, "observed_at": 1, "randomised_at": 1, "randomised": 1, "sampling_from": 1,
-            "waypoints_at": 1, "waypoints": 1,
             # parts of the row
             "state_at": 1, "full_state": 1, "previous_at": 1, "delayed_at": 1, "delayed": 1, "noise_at": 1,
             "noise_rows": 1, "draws_at": 1, "changes": 1,
-            # start of an episode
-            "start_depth": 2, "cruise_state": states, "cruise_command": inputs,
-            # commands
-            "limit": inputs, "action_of": inputs, "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1,
             # task
-            "follows_path": 1, "true_index": 1, "read_index": 1, "is_angle": 1, "error_scale": 1,
+            "start_depth": 2, "true_index": 1, "read_index": 1, "is_angle": 1, "error_scale": 1,
             "weight": len(TERMS), "target_step": 2, "target_hold": 2, "target_band": 2, "fixed_target": 1,
-            "leg": 2, "turn": 1, "slope": 1, "path_speed": 1, "radius": 1,
             # envelope
-            "depth_limit": 1, "pitch_limit": 1, "roll_limit": 1, "speed_limit": 1, "rate_limit": 1,
+            "depth_limit": 1, "speed_limit": 1,
             # of the readings
-            "sensor_of": outputs,
-        }
+            "sensor_of": "outputs",
+            **LAYOUTS[family.kind].plan,
+        },
     )  # fmt: skip
 
 
 @lru_cache
 def row_type(family: Family) -> np.dtype:
     """The record at the start of a row; `features` are what observations are made of."""
-    states, inputs, outputs = len(family.states), len(family.inputs), len(family.outputs)
+    kind = LAYOUTS[family.kind]
+    features = len(family.outputs) + len(kind.geometry) + len(family.inputs)
     return _record(
+        family,
         {
-            "step": 1, "over": 1, "action": inputs, "reward": 1, "reason": 1, "reason_value": 1,
-            "change": 1, "change_at": 1, "held": 2, "noise_used": 1,
-            # the leg of a path: where it starts, the waypoint after its end, and directions
-            "origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1,
-            "sampling": len(SENSORS) * len(SAMPLING), "start": states, "first_target": 1, "raw": outputs,
+            "step": 1, "over": 1, "action": "inputs", "reward": 1, "reason": 1, "reason_value": 1,
+            "change": 1, "change_at": 1, "noise_used": 1, **kind.row,
+            "sampling": len(kind.sensors) * len(SAMPLING), "start": "states", "first_target": 1, "raw": "outputs",
             "observation": MOST_OBSERVATIONS // 2,  # float32
             # what info shows, together with the state that follows
-            "features": outputs + len(GEOMETRY) + inputs, "command": inputs, "time": 1, "target": 3, "reached": 1,
-            "term": len(TERMS),
-        }
+            "features": features, "command": "inputs", "time": 1, "target": 3, "term": len(TERMS), **kind.shown,
+        },
     )  # fmt: skip
 
 
@@ -103,6 +143,7 @@ def size(record: np.dtype) -> int:
     return record.itemsize // 8
 
 
-def _record(sizes: dict[str, int]) -> np.dtype:
-    fields = [(name, np.float64) if count == 1 else (name, np.float64, (count,)) for name, count in sizes.items()]
+def _record(family: Family, sizes: Mapping[str, int | str]) -> np.dtype:
+    counts = {name: len(getattr(family, size)) if isinstance(size, str) else size for name, size in sizes.items()}
+    fields = [(name, np.float64) if count == 1 else (name, np.float64, (count,)) for name, count in counts.items()]
     return np.dtype((np.record, fields))

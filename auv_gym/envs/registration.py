@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from typing import Any
 
-_TORPEDO, _MANY = "auv_gym.envs.torpedo_env:TorpedoEnv", "auv_gym.envs.vector_env:TorpedoVectorEnv"
+_ONE, _MANY = "auv_gym.envs.task_env:TaskEnv", "auv_gym.envs.vector_env:TaskVectorEnv"
 
 # Name to what gymnasium's `register` takes besides.
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
     "auv_gym/GliderHeading-v0": {"entry_point": "auv_gym.envs.glider_heading:GliderHeading"},
     **{
         f"auv_gym/{task}-v0": {
-            "entry_point": _TORPEDO,
+            "entry_point": _ONE,
             "vector_entry_point": _MANY,
             "kwargs": {"task": task},
             # they keep the order of calls and the bounds of observations themselves: wrappers would only cost time
             "order_enforce": False,
             "disable_env_checker": True,
         }
-        for task in ("Depth", "Heading", "Speed", "Path")
+        for task in ("Depth", "Heading", "Speed", "Path", "FloatDepth")
     },
 }
 

@@ -1,18 +1,20 @@
-"""What the torpedo environments ask for: targets, observations, reward, envelope, as data.
+"""What the environments ask for: targets, observations, reward, envelope, as data.
 
-Sizes are in units of the vehicle, so that they fit one of any size: its length, its cruise speed (see `cruise`), and
-their quotient, the rate 1/s at which it travels its own length.
+Sizes are in units of the vehicle, so that they fit one of any size: a length, a speed, and their quotient, a rate 1/s.
+Those of a torpedo are its own length and its cruise speed (see `cruise`); those of a float are its speed at full travel
+and how far that takes it in a time of its own (see `engine`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, radians
+from math import inf, pi, radians
 from typing import Literal
 
-Unit = Literal["", "length", "speed", "rate"]
+Unit = Literal["", "length", "speed", "rate", "deepest"]
 
 PROPULSION = "propulsion"  # stands for the vehicle's own channel: propeller_rpm, propeller_V or speed_cmd_mps
+ENGINE = "engine"  # likewise: piston_m or oil_volume_m3
 
 
 @dataclass(frozen=True)
@@ -32,13 +34,14 @@ class Observed:
 
 @dataclass(frozen=True)
 class Task:
-    """A task of the torpedo environments.
+    """A task of an environment.
 
     channel: what is to follow a target; none for a path.  actions: inputs that the agent commands, as far as the
     vehicle has them; `held`: those that keep the cruise meanwhile.  step, hold, band: of a drawn target, its change in
     `unit`s, the time for which it stands in lengths travelled, and where it stays.  scale: error that costs the most.
-    weights: of the reward terms, by name, in the order of `layout.TERMS`.  duration: s, of an episode by default.
-    current: largest drawn one, in cruise speeds, where nothing else is randomised.
+    weights: of the reward terms, by name, in the order of `layout.TERMS`.  duration: of an episode by default, s, for a
+    float in lengths travelled.  current: largest drawn one, in cruise speeds, where nothing else is randomised.
+    kind, vehicle: of vehicles that it is for, and the one by default.  least: of a target that is given.
     """
 
     name: str
@@ -54,6 +57,9 @@ class Task:
     band: tuple[float, float] = (-1e9, 1e9)
     duration: float = 60.0
     current: float = 0.0
+    kind: Literal["torpedo", "float"] = "torpedo"
+    vehicle: str = "remus100"
+    least: float = -inf
 
 
 COMMAND_TRAVEL = 0.05  # weight of the change of the commands
@@ -180,4 +186,32 @@ PATH = Task(
     current=0.15,
 )
 
-TASKS = {task.name: task for task in (DEPTH, HEADING, SPEED, PATH)}
+# Floats
+DIVE_DEPTHS = (0.5, 7.5)  # lengths; where starts and targets lie
+DIVE_LIMIT = 2.0  # times the deepest
+DIVE_TRIM = 0.1  # of the engine's half range: the largest drawn error of the trim
+
+FLOAT_DEPTH = Task(
+    name="FloatDepth",
+    kind="float",
+    vehicle="qiandao_float",
+    channel="depth_m",
+    unit="length",
+    scale=3.0,
+    step=(0.5, 3.0),
+    hold=(4.0, 7.0),
+    actions=(ENGINE,),
+    held=(),
+    observed=(
+        Observed("depth_error", "error", 3.0, "length"),
+        Observed("depth", "depth_m", 1.0, "deepest"),
+        Observed("depth_rate", "depth_rate_mps", 1.0, "speed"),
+        Observed("command", ENGINE),
+        Observed("position", "position"),
+    ),
+    weights={"depth": 1.0, "command_travel": COMMAND_TRAVEL},
+    duration=15.0,
+    least=0.0,
+)
+
+TASKS = {task.name: task for task in (DEPTH, HEADING, SPEED, PATH, FLOAT_DEPTH)}

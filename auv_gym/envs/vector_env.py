@@ -1,4 +1,4 @@
-"""Many torpedo environments as one: all advanced in a single compiled call on all cores."""
+"""Many environments as one: all advanced in a single compiled call on all cores."""
 
 from __future__ import annotations
 
@@ -12,16 +12,17 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from auv_gym.envs.episodes import InfoIndex, make_episodes
+from auv_gym.envs.episodes import InfoIndex
 from auv_gym.envs.layout import NO_REASON, NOISE_ROWS, offset, row_type
+from auv_gym.envs.plans import make_episodes
 from auv_gym.envs.tasks import Task
 from auv_gym.plant import Plant
 
 _looping: dict[str, int] = {}  # the process whose threads have run the loop
 
 
-class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
-    """`num_envs` environments of a task, each bit for bit the `TorpedoEnv` of its seed and actions.
+class TaskVectorEnv(gymnasium.vector.VectorEnv):
+    """`num_envs` environments of a task, each bit for bit the `TaskEnv` of its seed and actions.
 
     They differ in their seeds and in what is drawn from them. The compiled loop runs on numba's threads: call
     `numba.set_num_threads` to leave cores to others. A process that has stepped it should start others by spawning.
@@ -33,7 +34,7 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         self,
         task: str | Task,
         num_envs: int = 1,
-        vehicle: str | os.PathLike | Plant = "remus100",
+        vehicle: str | os.PathLike | Plant | None = None,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         effects: Mapping[str, float] | None = None,
@@ -43,9 +44,11 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
         duration: float | None = None,
         target: float | None = None,
         waypoints: Sequence[Sequence[float]] | None = None,
+        near: tuple[float, float] | None = None,
+        depths: tuple[float, float] | None = None,
         render_mode: None = None,
     ):
-        """Environments with the options of `TorpedoEnv`; a model must be a plant, which has a compiled step.
+        """Environments with the options of `TaskEnv`; a model must be a plant, which has a compiled step.
 
         autoreset_mode: an environment that has ended starts again with the next step, in which its action is not used
         (NextStep), at once (SameStep), or when reset with options={"reset_mask": ...} (Disabled).
@@ -67,6 +70,8 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
             duration=duration,
             target=target,
             waypoints=waypoints,
+            near=near,
+            depths=depths,
         )
         if episodes.by_model:
             raise ValueError(
@@ -247,7 +252,7 @@ class TorpedoVectorEnv(gymnasium.vector.VectorEnv):
     def _infos(self) -> dict[str, Any]:
         index, everywhere = self._index, np.ones(self.num_envs, dtype=bool)
         shown = self._rows[:, index.first : index.last].copy()
-        infos: dict[str, Any] = {"time_s": shown[:, index.time]}
+        infos: dict[str, Any] = {name: shown[:, at] for name, at in index.single.items()}
         for group, (at, names) in index.groups.items():
             infos[group] = dict(zip(names, shown[:, at : at + len(names)].T, strict=True))
             infos[group].update(dict.fromkeys(self._mask_names[group], everywhere))

@@ -21,12 +21,13 @@ _MINUTES = 1200.0  # s; a longer strip counts in minutes
 
 
 class Strip(NamedTuple):
-    """Where times and depths fall on a panel, with the steps of the ticks."""
+    """Where times and depths fall on a panel, with the steps of the ticks; the unit of time has so many seconds."""
 
     box: Box
     first: float
     last: float
     pace: float
+    seconds: float
     top: float
     bottom: float
     step: float
@@ -40,21 +41,32 @@ class Strip(NamedTuple):
         """Pixels down the panel."""
         return self.box.top + (depth - self.top) / (self.bottom - self.top) * self.box.height
 
+    def draw_axes(self, sheet: Sheet) -> None:
+        """Draw the panel's ground, its grid and the numbers beside it."""
+        times = ticks(self.first, self.last, self.pace)
+        depths = ticks(min(self.top, self.bottom), max(self.top, self.bottom), self.step)
+        names = [tick_text(time / self.seconds, self.pace / self.seconds) for time in times]
+        across = list(zip(self.place(times, times)[:, 0], names))
+        down = [(self.y(depth), tick_text(depth, self.step)) for depth in depths]
+        draw_axes(sheet, self.box, across, down, "time, s" if self.seconds == 1.0 else "time, min")
+
+    def draw_surface(self, sheet: Sheet, box: Box) -> None:
+        """Draw the air and the water's surface across a box as high as the panel, where they are in view."""
+        if self.top < 0.0:
+            surface = self.y(0.0)
+            sheet.box(Box(box.left, box.top, box.right, surface), PAPER)
+            sheet.line([(box.left, surface), (box.right, surface)], WATER, 2.0)
+
 
 def draw_depth(sheet: Sheet, scene: Scene, area: Box) -> None:
     """Draw the depth strip with its axes into an area."""
-    seconds = 60.0 if len(scene.time) and scene.time[-1] - scene.time[0] > _MINUTES else 1.0
-    strip = Strip(frame(area), *_times(scene, seconds), *_depths(scene))
+    strip = Strip(frame(area), *time_axis(scene.time), *_depths(scene))
     box, wanted = strip.box, scene.target.next_depth
     readings = [("now", f"{number(float(scene.trail[-1, 2]), 1)} m", INK)] if len(scene.trail) else []
     if wanted is not None:
         readings.append(("target", f"{number(wanted, 1)} m", TARGET))
     draw_title(sheet, area, "Depth", "m", readings)
-    times, depths = ticks(strip.first, strip.last, strip.pace), ticks(strip.top, strip.bottom, strip.step)
-    names = [tick_text(time / seconds, strip.pace / seconds) for time in times]
-    across = list(zip(strip.place(times, times)[:, 0], names))
-    down = [(strip.y(depth), tick_text(depth, strip.step)) for depth in depths]
-    draw_axes(sheet, box, across, down, "time, s" if seconds == 1.0 else "time, min")
+    strip.draw_axes(sheet)
     with sheet.inside(box):
         _lines(sheet, scene, strip)
     if wanted is not None and not strip.top <= wanted <= strip.bottom:
@@ -67,10 +79,7 @@ def draw_depth(sheet: Sheet, scene: Scene, area: Box) -> None:
 
 def _lines(sheet: Sheet, scene: Scene, strip: Strip) -> None:
     box, wanted = strip.box, scene.target.next_depth
-    if strip.top < 0.0:
-        surface = strip.y(0.0)
-        sheet.box(Box(box.left, box.top, box.right, surface), PAPER)
-        sheet.line([(box.left, surface), (box.right, surface)], WATER, 2.0)
+    strip.draw_surface(sheet, box)
     if wanted is not None:
         sheet.line([(box.left, strip.y(wanted)), (box.right, strip.y(wanted))], TARGET, 1.8, DASHED)
     for trail, colour, width, dash in ((scene.model_trail, MODEL, 2.0, DASHED), (scene.trail, VEHICLE, 2.2, None)):
@@ -79,21 +88,28 @@ def _lines(sheet: Sheet, scene: Scene, strip: Strip) -> None:
             sheet.line(strip.place(scene.time[shown], trail[shown, 2]), colour, width, dash)
 
 
-def _times(scene: Scene, seconds: float) -> tuple[float, float, float]:
-    """First and last time of the strip and the step of its ticks, s; a unit has so many seconds."""
-    start, end = (float(scene.time[0]), float(scene.time[-1])) if len(scene.time) else (0.0, 0.0)
+def time_axis(time: np.ndarray) -> tuple[float, float, float, float]:
+    """First and last time of a strip, the step of its ticks, and the unit they are counted in, s."""
+    start, end = (float(time[0]), float(time[-1])) if len(time) else (0.0, 0.0)
+    seconds = 60.0 if end - start > _MINUTES else 1.0
     end = max(end, start + _LEAST_TIME)
     pace = seconds * round_step((end - start) / seconds / 6.0)
-    return *outward(start, end, pace), pace
+    return *outward(start, end, pace), pace, seconds
 
 
 def _depths(scene: Scene) -> tuple[float, float, float]:
-    """The upper and the lower end of the strip and the step of its ticks, m."""
+    """The axis of depths that holds the tracks, and the target unless it is far away."""
     wanted = scene.target.next_depth
     shown = np.concatenate([trail[:, 2] for trail in (scene.trail, scene.model_trail) if trail is not None])
     low, high = (float(shown.min()), float(shown.max())) if len(shown) else (0.0, 0.0)
     if wanted is not None and max(wanted - high, low - wanted) <= max(_FAR * (high - low), _NEAR):
-        low, high = min(low, wanted), max(high, wanted)
+        shown = np.append(shown, wanted)
+    return depth_axis(shown)
+
+
+def depth_axis(shown: np.ndarray) -> tuple[float, float, float]:
+    """The upper and the lower end of a strip that holds some depths, and the step of its ticks, m."""
+    low, high = (float(shown.min()), float(shown.max())) if len(shown) else (0.0, 0.0)
     spare = max(0.5 * (_LEAST_SPAN - (high - low)), 0.05 * (high - low))
     if 0.0 <= low <= 1.5 * (high - low) + _LEAST_SPAN:
         low, high = 0.0, max(high + spare, _LEAST_SPAN)

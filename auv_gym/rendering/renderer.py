@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from auv_gym.rendering.depth import draw_depth
+from auv_gym.rendering.dive import Dive, draw_dive
 from auv_gym.rendering.instruments import draw_attitude, draw_commands, draw_speed
 from auv_gym.rendering.plan import draw_plan
 from auv_gym.rendering.scene import Scene
@@ -29,13 +30,16 @@ class Renderer:
         self._room = Box(0.0, 0.0, width / scale, height / scale)
         self._sheet: Sheet | None = Sheet(width, height, scale)
 
-    def draw(self, scene: Scene) -> np.ndarray:
+    def draw(self, scene: Scene | Dive) -> np.ndarray:
         """The picture, shape (height, width, 3), uint8."""
         sheet, room = self._sheet, self._room
         if sheet is None:
             raise ValueError("This renderer is closed: make a new one.")
         sheet.clear()
         _headline(sheet, scene, Box(_EDGE, 0.0, room.right - _EDGE, _HEAD))
+        if isinstance(scene, Dive):
+            draw_dive(sheet, scene, Box(_EDGE, _HEAD + 4.0, room.right - _EDGE, room.bottom - _EDGE + 10.0))
+            return sheet.pixels()
         split = room.right - _EDGE - _SIDE
         strip = room.bottom - _EDGE + 10.0 - _STRIP
         draw_plan(sheet, scene, Box(_EDGE, _HEAD + 4.0, split - 26.0, strip - 6.0))
@@ -50,7 +54,7 @@ class Renderer:
         self._sheet = None
 
 
-def draw(scene: Scene, size: tuple[int, int] = SIZE) -> np.ndarray:
+def draw(scene: Scene | Dive, size: tuple[int, int] = SIZE) -> np.ndarray:
     """The picture of one scene, shape (height, width, 3), uint8; for many of them a Renderer is faster."""
     return Renderer(size).draw(scene)
 
@@ -71,7 +75,7 @@ def film_strip(frames: Sequence[np.ndarray], columns: int) -> np.ndarray:
     return strip
 
 
-def _headline(sheet: Sheet, scene: Scene, area: Box) -> None:
+def _headline(sheet: Sheet, scene: Scene | Dive, area: Box) -> None:
     y = 0.5 * area.height + 2.0
     title = sheet.fitting(scene.title, 17.0, 0.6 * area.width)
     used = sheet.text((area.left, y), title, INK, 17.0, bold=True)

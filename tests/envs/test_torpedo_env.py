@@ -13,12 +13,13 @@ import numpy as np
 import pytest
 
 from auv_gym.envs.cruise import find_cruise
+from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.tasks import TASKS
-from auv_gym.envs.torpedo_env import TorpedoEnv
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import load_vehicle, save_vehicle
 from auv_gym.splice import splice
 
+TORPEDO = [name for name, task in TASKS.items() if task.kind == "torpedo"]
 ROOT = Path(__file__).parents[2]
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
 CURRENT = {"effects.current.north": (-0.3, 0.3), "effects.current.east": (-0.3, 0.3)}
@@ -55,7 +56,7 @@ def test_the_cruise_is_steady_and_level(vehicle):
 def test_a_vehicle_that_cannot_fly_level_is_refused():
     heavy = replace_at(load_vehicle("remus100"), "hull.buoyancy", 420.0)
     with pytest.raises(ValueError, match="cannot hold with its fins"):
-        TorpedoEnv("Depth", heavy)
+        TaskEnv("Depth", heavy)
 
 
 def test_the_regulator_is_the_one_of_the_riccati_equation():
@@ -73,7 +74,7 @@ def test_the_regulator_is_the_one_of_the_riccati_equation():
 @pytest.mark.parametrize("vehicle", PRESETS)
 @pytest.mark.parametrize("task", ["Depth", "Heading", "Speed"])
 def test_held_fins_keep_depth_and_heading(task, vehicle):
-    env = TorpedoEnv(task, vehicle, duration=120.0)
+    env = TaskEnv(task, vehicle, duration=120.0)
     length, cruise = env.plant.hull.length, find_cruise(env.plant)
     _, first = env.reset(seed=2)
     still = cruise.commands[[env.plant.inputs.index(a) for a in env.episodes.actions]] / env.episodes.limits
@@ -91,7 +92,7 @@ def test_held_fins_keep_depth_and_heading(task, vehicle):
 
 
 def test_the_observation_of_depth():
-    env = TorpedoEnv("Depth", "remus100")
+    env = TaskEnv("Depth", "remus100")
     first, info = env.reset(seed=3, options={"target": 15.0, "start": {"depth_m": 13.0}})
     cruise, length = find_cruise(env.plant), env.plant.hull.length
     plane = cruise.commands[1] / env.plant.hull.stern_plane.limit
@@ -121,7 +122,7 @@ def test_the_observation_of_depth():
 
 
 def test_the_observation_of_heading():
-    env = TorpedoEnv("Heading", "remus100")
+    env = TaskEnv("Heading", "remus100")
     env.reset(seed=3, options={"target": 1.0, "start": {"heading_rad": 0.2}})
     observation, _, _, _, info = env.step(np.array([-0.5], np.float32))
     cruise, y = find_cruise(env.plant), info["reading"]
@@ -138,7 +139,7 @@ def test_the_observation_of_heading():
 
 
 def test_the_observation_of_speed():
-    env = TorpedoEnv("Speed", "vt690")
+    env = TaskEnv("Speed", "vt690")
     env.reset(seed=3, options={"target": 1.2})
     observation, _, _, _, info = env.step(np.array([0.4], np.float32))
     cruise, y = find_cruise(env.plant), info["reading"]
@@ -153,7 +154,7 @@ def test_the_observation_of_speed():
 
 
 def test_the_observation_and_reward_of_a_path():
-    env = TorpedoEnv("Path", "remus100", waypoints=[(40.0, 0.0, 15.0), (40.0, 30.0, 15.0)], randomise={})
+    env = TaskEnv("Path", "remus100", waypoints=[(40.0, 0.0, 15.0), (40.0, 30.0, 15.0)], randomise={})
     start = {"north_m": 0.0, "east_m": 2.0, "depth_m": 15.0, "heading_rad": 0.1, "roll_rad": 0.0}
     env.reset(seed=0, options={"start": start})
     before = np.array([0.0, 2.0, 15.0])
@@ -198,7 +199,7 @@ def test_the_observation_and_reward_of_a_path():
 
 @pytest.mark.parametrize("task, channel, scale", [("Depth", "depth_m", 5 * 1.3327), ("Heading", "heading_rad", pi)])
 def test_the_reward_of_a_target(task, channel, scale):
-    env = TorpedoEnv(task, "remus100", target=1.5)
+    env = TaskEnv(task, "remus100", target=1.5)
     _, reward, _, _, info = run(env, [0.5])[0]
     error = 1.5 - info["state"][channel]
     error = (error + pi) % (2 * pi) - pi if task == "Heading" else error
@@ -207,7 +208,7 @@ def test_the_reward_of_a_target(task, channel, scale):
 
 
 def test_bow_planes_are_part_of_the_action_where_a_vehicle_has_them():
-    env = TorpedoEnv("Depth", "npsauv")
+    env = TaskEnv("Depth", "npsauv")
     assert env.episodes.actions == ("stern_plane_rad", "bow_plane_rad")
     assert env.action_space.shape == (2,)
     _, _, _, _, info = run(env, [(0.5, -1.0)])[0]
@@ -219,7 +220,7 @@ def test_bow_planes_are_part_of_the_action_where_a_vehicle_has_them():
 
 @pytest.mark.parametrize("task", ["Depth", "Heading", "Speed"])
 def test_targets_change_in_steps_within_their_band(task):
-    env = TorpedoEnv(task, "remus100", duration=600.0)
+    env = TaskEnv(task, "remus100", duration=600.0)
     cruise, length = find_cruise(env.plant), env.plant.hull.length
     unit = {"Depth": length, "Heading": 1.0, "Speed": cruise.speed}[task]
     low, high = TASKS[task].step
@@ -279,7 +280,7 @@ def follow(env, steps):
 
 @pytest.mark.parametrize("vehicle", PRESETS)
 def test_a_drawn_path_leads_from_waypoint_to_waypoint(vehicle):
-    env = TorpedoEnv("Path", vehicle)
+    env = TaskEnv("Path", vehicle)
     infos = follow(env, 3000)
     assert infos[-1]["reason"] == ""
     points = list(dict.fromkeys(tuple(info["target"].values()) for info in infos))
@@ -295,7 +296,7 @@ def test_a_drawn_path_leads_from_waypoint_to_waypoint(vehicle):
 
 
 def test_given_waypoints_end_the_episode_without_penalty():
-    env = TorpedoEnv("Path", "remus100", waypoints=[(20.0, 0.0, 15.0), (40.0, 15.0, 17.0)], randomise={})
+    env = TaskEnv("Path", "remus100", waypoints=[(20.0, 0.0, 15.0), (40.0, 15.0, 17.0)], randomise={})
     infos = follow(env, 3000)
     assert infos[-1]["reason"].startswith("arrived at the last waypoint")
     assert sum(infos[-1]["reward_terms"].values()) > -1.05
@@ -304,7 +305,7 @@ def test_given_waypoints_end_the_episode_without_penalty():
 
 
 def test_a_path_has_a_drawn_current_unless_told_otherwise():
-    env = TorpedoEnv("Path", "remus100")
+    env = TaskEnv("Path", "remus100")
     _, info = env.reset(seed=0)
     _, other = env.reset()
     assert info["randomised"].keys() == {"effects.current.north", "effects.current.east"}
@@ -315,18 +316,18 @@ def test_a_path_has_a_drawn_current_unless_told_otherwise():
     along += info["randomised"]["effects.current.east"] * sin(heading)
     pitch = info["state"]["pitch_rad"]
     assert drift == pytest.approx(along * cos(pitch), rel=1e-9)
-    assert TorpedoEnv("Path", randomise={}).reset(seed=0)[1]["randomised"] == {}
-    fixed = TorpedoEnv("Path", effects={"effects.current.north": 0.1}).reset(seed=0)[1]
+    assert TaskEnv("Path", randomise={}).reset(seed=0)[1]["randomised"] == {}
+    fixed = TaskEnv("Path", effects={"effects.current.north": 0.1}).reset(seed=0)[1]
     assert fixed["randomised"].keys() == {"effects.current.east"}
 
 
 # ---------------------------------------------------------------------------- truth against the plant
 
 
-@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("task", TORPEDO)
 def test_the_state_is_that_of_the_plant_under_the_same_commands(task):
     effects = {"effects.current.north": 0.2, "effects.rudder.dead_time": 0.25, "effects.compass.bias": 0.05}
-    env = TorpedoEnv(task, "remus100", effects=effects, randomise={})
+    env = TaskEnv(task, "remus100", effects=effects, randomise={})
     plant = env.model
     _, info = env.reset(seed=8)
     x = np.array(list(info["state"].values()))
@@ -341,7 +342,7 @@ def test_the_state_is_that_of_the_plant_under_the_same_commands(task):
 
 def test_randomised_parameters_act():
     ranges = {"hull.surge.u_u": (-3.0, -1.0), "effects.load.net_buoyancy": (-3.0, 3.0)}
-    env = TorpedoEnv("Speed", "remus100", randomise=ranges)
+    env = TaskEnv("Speed", "remus100", randomise=ranges)
     _, info = env.reset(seed=11)
     drawn = info["randomised"]
     assert all(low <= drawn[path] <= high for path, (low, high) in ranges.items())
@@ -359,7 +360,7 @@ def test_effects_at_neutral_change_no_bit():
     plant = load_vehicle("remus100")
     neutral = {p: value_at(plant, p) for p in list_paths(plant) if p.startswith("effects.")}
     actions = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 1))
-    plain, told = (run(TorpedoEnv("Depth", effects=e), actions) for e in (None, neutral))
+    plain, told = (run(TaskEnv("Depth", effects=e), actions) for e in (None, neutral))
     assert [p[-1] for p in plain] == [t[-1] for t in told]
 
 
@@ -367,9 +368,7 @@ def test_effects_at_neutral_change_no_bit():
 
 
 def readings(channel, steps=400, **effects):
-    env = TorpedoEnv(
-        "Heading", "remus100", duration=1e4, effects={f"effects.sampling.{k}": v for k, v in effects.items()}
-    )
+    env = TaskEnv("Heading", "remus100", duration=1e4, effects={f"effects.sampling.{k}": v for k, v in effects.items()})
     found = run(env, [0.0] * steps)
     return (
         np.array([info["reading"][channel] for *_, info in found]),
@@ -422,7 +421,7 @@ def test_dropouts_hold_all_readings_of_a_sensor():
     ],
 )
 def test_leaving_the_envelope_ends_the_episode_with_the_reason(start, reason):
-    env = TorpedoEnv("Depth", "remus100", duration=10.0)
+    env = TaskEnv("Depth", "remus100", duration=10.0)
     env.reset(seed=0, options={"start": start})
     terminated = truncated = False
     while not (terminated or truncated):
@@ -440,14 +439,14 @@ def test_leaving_the_envelope_ends_the_episode_with_the_reason(start, reason):
 
 
 def test_it_is_truncated_after_its_duration():
-    steps = run(TorpedoEnv("Depth", duration=1.0), [0.0] * 10)
+    steps = run(TaskEnv("Depth", duration=1.0), [0.0] * 10)
     assert [truncated for _, _, _, truncated, _ in steps] == [False] * 9 + [True]
     assert steps[-1][-1]["time_s"] == pytest.approx(1.0)
 
 
 def check_random_steps(task, vehicle, steps):
     """Observations stay in their space and everything is finite, whatever the actions."""
-    env = TorpedoEnv(task, vehicle)
+    env = TaskEnv(task, vehicle)
     draws = np.random.default_rng(5)
     env.reset(seed=5)
     worst = 0.0
@@ -467,17 +466,17 @@ def check_random_steps(task, vehicle, steps):
     assert worst <= 1.0
 
 
-@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("task", TORPEDO)
 @pytest.mark.parametrize("vehicle", PRESETS)
 def test_a_hundred_thousand_random_steps_of_a_preset_stay_finite(task, vehicle):
-    check_random_steps(task, vehicle, 100_000 // len(TASKS))
+    check_random_steps(task, vehicle, 100_000 // len(TORPEDO))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("task", TORPEDO)
 @pytest.mark.parametrize("vehicle", PRESETS)
 def test_a_million_random_steps_of_a_preset_stay_finite(task, vehicle):
-    check_random_steps(task, vehicle, 1_000_000 // len(TASKS))
+    check_random_steps(task, vehicle, 1_000_000 // len(TORPEDO))
 
 
 def memory_growth(steps):
@@ -509,7 +508,7 @@ def test_memory_does_not_grow():
 @pytest.mark.slow
 def test_memory_does_not_grow_over_ten_million_steps():
     resource = pytest.importorskip("resource")
-    env = TorpedoEnv("Depth", duration=20.0)
+    env = TaskEnv("Depth", duration=20.0)
     action = np.array([-0.45], np.float32)
 
     def go(count):
@@ -555,7 +554,7 @@ class Glide:
 
 
 def test_a_model_drives_the_environment():
-    env = TorpedoEnv("Depth", model=Glide())
+    env = TaskEnv("Depth", model=Glide())
     _, info = env.reset(seed=1, options={"start": {"depth_m": 12.0}, "target": 15.0})
     depth, limit = 12.0, env.plant.hull.stern_plane.limit
     assert info["reading"]["depth_m"] == depth
@@ -571,7 +570,7 @@ def test_a_model_drives_the_environment():
 
 
 def test_a_model_is_measured_by_noisy_sensors_too():
-    env = TorpedoEnv("Depth", model=Glide(gain=0.0), effects={"effects.sampling.depth.noise": 0.1})
+    env = TaskEnv("Depth", model=Glide(gain=0.0), effects={"effects.sampling.depth.noise": 0.1})
     _, info = env.reset(seed=1)
     read = [info["reading"]["depth_m"]]
     read += [env.step(np.zeros(1))[-1]["reading"]["depth_m"] for _ in range(200)]
@@ -579,7 +578,7 @@ def test_a_model_is_measured_by_noisy_sensors_too():
 
 
 def test_a_model_that_diverges_ends_the_episode():
-    env = TorpedoEnv("Depth", model=Glide(growth=1e60), duration=10.0)
+    env = TaskEnv("Depth", model=Glide(growth=1e60), duration=10.0)
     env.reset(seed=0)
     _, reward, terminated, _, info = env.step(np.zeros(1))
     while not terminated:
@@ -599,12 +598,12 @@ class InPython:
         return getattr(self._plant, name)
 
 
-@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("task", TORPEDO)
 def test_a_plant_stepped_in_python_gives_the_compiled_run(task):
     plant = replace_at(load_vehicle("vt690"), {"effects.rudder.dead_time": 0.25, "effects.compass.lag": 0.5})
-    draws = np.random.default_rng(2).uniform(-0.4, 0.4, (40, len(TorpedoEnv(task, "vt690").episodes.actions)))
-    compiled = run(TorpedoEnv(task, "vt690", model=plant), draws)
-    python = run(TorpedoEnv(task, "vt690", model=InPython(plant)), draws)
+    draws = np.random.default_rng(2).uniform(-0.4, 0.4, (40, len(TaskEnv(task, "vt690").episodes.actions)))
+    compiled = run(TaskEnv(task, "vt690", model=plant), draws)
+    python = run(TaskEnv(task, "vt690", model=InPython(plant)), draws)
     for one, other in zip(compiled, python, strict=True):
         # a start from readings finds the states to rounding, and the run carries that on
         np.testing.assert_allclose(one[0], other[0], atol=1e-6)
@@ -634,7 +633,7 @@ def test_a_spliced_model_drives_the_environment():
         def correct(self, x, y):
             return np.where(np.isfinite(y), y, x)
 
-    env = TorpedoEnv("Heading", "vt690", model=splice(load_vehicle("vt690"), YawRate()))
+    env = TaskEnv("Heading", "vt690", model=splice(load_vehicle("vt690"), YawRate()))
     _, first = env.reset(seed=0)
     rate = 0.0
     for _ in range(100):
@@ -651,8 +650,8 @@ def test_a_vehicle_file_as_model_runs_compiled(tmp_path):
     other = replace_at(load_vehicle("remus100"), "effects.current.east", 0.2)
     save_vehicle(other, tmp_path / "other.toml")
     actions = np.random.default_rng(2).uniform(-0.4, 0.4, (20, 1))
-    by_file = run(TorpedoEnv("Depth", model=tmp_path / "other.toml"), actions)
-    by_effect = run(TorpedoEnv("Depth", effects={"effects.current.east": 0.2}), actions)
+    by_file = run(TaskEnv("Depth", model=tmp_path / "other.toml"), actions)
+    by_effect = run(TaskEnv("Depth", effects={"effects.current.east": 0.2}), actions)
     assert [step[-1]["state"] for step in by_file] == [step[-1]["state"] for step in by_effect]
 
 
@@ -691,12 +690,12 @@ def lacking(**changes):
 )
 def test_what_does_not_fit_is_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        TorpedoEnv(**{"task": "Depth", **options})
+        TaskEnv(**{"task": "Depth", **options})
 
 
 @pytest.mark.parametrize("action", [np.nan, [np.inf], [0.1, 0.2], [[0.1]], "up", None, [None]])
 def test_a_bad_action_is_refused_and_does_no_harm(action):
-    env = TorpedoEnv("Depth")
+    env = TaskEnv("Depth")
     env.reset(seed=0)
     with pytest.raises(ValueError, match="1 finite number"):
         env.step(action)
@@ -715,7 +714,7 @@ def test_a_bad_action_is_refused_and_does_no_harm(action):
 )
 def test_bad_options_of_reset_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        TorpedoEnv("Depth").reset(options=options)
+        TaskEnv("Depth").reset(options=options)
 
 
 # ---------------------------------------------------------------------------- copies, pictures, plain Python
@@ -724,7 +723,7 @@ def test_bad_options_of_reset_are_refused(options, message):
 @pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 @pytest.mark.parametrize("model", [None, Glide()])
 def test_a_copy_goes_on_from_where_it_is(again, model):
-    env = TorpedoEnv("Depth", model=model, effects={"effects.sampling.depth.noise": 0.1}, duration=20.0)
+    env = TaskEnv("Depth", model=model, effects={"effects.sampling.depth.noise": 0.1}, duration=20.0)
     run(env, [0.1] * 40, seed=3)
     twin = again(env)
     for k in range(60):  # past the block of noise, so that the generators go on too
@@ -734,7 +733,7 @@ def test_a_copy_goes_on_from_where_it_is(again, model):
 
 
 def test_infos_survive_the_next_steps():
-    env = TorpedoEnv("Depth")
+    env = TaskEnv("Depth")
     steps = run(env, [0.2] * 3)
     depths = [info["state"]["depth_m"] for *_, info in steps]
     assert len(set(depths)) == 3
@@ -745,10 +744,10 @@ def test_infos_survive_the_next_steps():
     assert info["state"].get("nothing") is None
 
 
-@pytest.mark.parametrize("task", list(TASKS))
+@pytest.mark.parametrize("task", TORPEDO)
 def test_pictures(task):
     pytest.importorskip("matplotlib")
-    env = TorpedoEnv(task, render_mode="rgb_array", randomise=CURRENT)
+    env = TaskEnv(task, render_mode="rgb_array", randomise=CURRENT)
     env.reset(seed=0)
     first = env.render()
     for _ in range(60):
@@ -758,18 +757,18 @@ def test_pictures(task):
     assert first.shape == later.shape
     assert (first != later).any()
     env.close()
-    assert TorpedoEnv(task).render() is None
+    assert TaskEnv(task).render() is None
 
 
 PLAIN = """
 import sys
 import numpy as np
-from auv_gym.envs.torpedo_env import TorpedoEnv
-from auv_gym.envs.vector_env import TorpedoVectorEnv
+from auv_gym.envs.task_env import TaskEnv
+from auv_gym.envs.vector_env import TaskVectorEnv
 
 found = []
 for task in ("Depth", "Heading", "Speed", "Path"):
-    env = TorpedoEnv(
+    env = TaskEnv(
         task,
         effects={"effects.sampling.gyros.noise": 0.01, "effects.rudder.dead_time": 0.15},
         randomise={"effects.current.north": (-0.3, 0.3)},
@@ -779,7 +778,7 @@ for task in ("Depth", "Heading", "Speed", "Path"):
     for action in actions:
         observation, reward, _, _, info = env.step(action)
         found.append([*observation, *np.zeros(32 - observation.size), reward, *list(info["state"].values())[:13]])
-many = TorpedoVectorEnv("Path", 2)
+many = TaskVectorEnv("Path", 2)
 many.reset(seed=3)
 observations, rewards, *_ = many.step(np.full((2, 3), 0.3))
 found += [[*observation, *np.zeros(46 - observation.size)] for observation in observations]

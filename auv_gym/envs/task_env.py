@@ -1,4 +1,4 @@
-"""Environments with a vehicle in six degrees of freedom: hold a depth, a heading, a speed; follow a path."""
+"""Environments of a task with a torpedo or a float: hold a depth, a heading, a speed; follow a path; dive."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import gymnasium
 import numpy as np
 
 from auv_gym.compiled import for_vector
-from auv_gym.envs.episodes import InfoIndex, make_episodes
+from auv_gym.envs.episodes import InfoIndex
 from auv_gym.envs.layout import NOISE_ROWS, OVER, REFUSED, RUNNING, TERMINATED, offset, row_type
 from auv_gym.envs.model_driver import ModelDriver
 from auv_gym.envs.named import Named
+from auv_gym.envs.plans import make_episodes
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
 from auv_gym.plant import Plant
 
 
-class TorpedoEnv(gymnasium.Env):
+class TaskEnv(gymnasium.Env):
     """One environment of a task; docs/environments.md has its action, observation, reward and info.
 
     A step is one compiled call on one buffer of numbers, and `layout` says which; a model in the place of the vehicle
@@ -31,7 +32,7 @@ class TorpedoEnv(gymnasium.Env):
     def __init__(
         self,
         task: str | Task,
-        vehicle: str | os.PathLike | Plant = "remus100",
+        vehicle: str | os.PathLike | Plant | None = None,
         *,
         effects: Mapping[str, float] | None = None,
         randomise: Mapping[str, tuple[float, float]] | None = None,
@@ -40,14 +41,17 @@ class TorpedoEnv(gymnasium.Env):
         duration: float | None = None,
         target: float | None = None,
         waypoints: Sequence[Sequence[float]] | None = None,
+        near: tuple[float, float] | None = None,
+        depths: tuple[float, float] | None = None,
         render_mode: str | None = None,
     ):
         """An environment of a preset, a vehicle file or a plant; raises on what does not fit together.
 
-        task: Depth, Heading, Speed or Path.  effects: values by parameter path.  randomise: ranges (low, high) by
-        parameter path, from which each episode draws.  model: drives the environment in place of the vehicle, a Model
-        or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel; by default it changes in steps.
-        waypoints: rows of north, east, depth, m; by default they are drawn.
+        task: a name in `tasks.TASKS`.  vehicle: by default the task's.  effects: values by parameter path.  randomise:
+        ranges (low, high) by parameter path, from which each episode draws.  model: drives the environment in place of
+        the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel; by default it
+        changes in steps.  waypoints: rows of north, east, depth, m; by default they are drawn.  Of floats, near:
+        (m, s), a step lasts so long where the error is smaller.  depths: m, where starts and drawn targets lie.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None, 'rgb_array' or 'human', got {render_mode!r}.")
@@ -61,6 +65,8 @@ class TorpedoEnv(gymnasium.Env):
             "duration": duration,
             "target": target,
             "waypoints": waypoints,
+            "near": near,
+            "depths": depths,
         }
         self.episodes = episodes = make_episodes(**self._options)
         self.action_space, self.observation_space = episodes.action_space, episodes.observation_space
@@ -74,11 +80,12 @@ class TorpedoEnv(gymnasium.Env):
         self._numbers = self._buffer.data
         self._actions = len(episodes.actions)
         self._action_at, self._reward_at = row_at + offset(record, "action"), row_at + offset(record, "reward")
-        self._time_at = row_at + offset(record, "time")
         at = offset(record, "observation")
         self._observe = row[at : at + 16].view(np.float32)[: len(episodes.observations)].copy
         index = InfoIndex.of(episodes)
         self._show = row.data[index.first : index.last].tobytes
+        first = row_at + index.first
+        self._time_at, self._dt_at = first + index.single["time_s"], first + index.single.get("dt_s", -first)
         places = {group: {n: at + i for i, n in enumerate(names)} for group, (at, names) in index.groups.items()}
         self._places = tuple(places[group] for group in ("target", "reading", "command", "state", "reward_terms"))
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
@@ -158,7 +165,7 @@ class TorpedoEnv(gymnasium.Env):
         target, reading, command, state, terms = Named(), Named(), Named(), Named(), Named()
         target.index, reading.index, command.index, state.index, terms.index = self._places
         target.numbers = reading.numbers = command.numbers = state.numbers = terms.numbers = self._show()
-        return {
+        info = {
             "time_s": self._numbers[self._time_at],
             "target": target,
             "reading": reading,
@@ -167,6 +174,9 @@ class TorpedoEnv(gymnasium.Env):
             "reward_terms": terms,
             "reason": reason,
         }
+        if self._dt_at:
+            info["dt_s"] = self._numbers[self._dt_at]
+        return info
 
     def _advance_otherwise(self, buffer: np.ndarray) -> int:
         """The step of an environment with noisy sensors, a model in Python or pictures; the status."""

@@ -1,0 +1,118 @@
+"""What is the profiling float's own in a compiled step: buoyancy engine, envelope, two sampling rates; see `kernel`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from auv_gym.envs.layout import FLEW, NO_REASON, TOO_DEEP, TOO_FAST
+
+# Open names of the templates, bound by `kernel`.
+INPUTS = SHARES = ERROR = POSITION = DEPTH = DEPTH_RATE = READ_DEPTH = READ_DEPTH_RATE = 0
+IN_ELAPSED = IN_PUMPED_VOLUME = IN_VALVED_VOLUME = IN_VALVED_DEPTH = 0
+draw_target: Any
+first_target: Any
+target_error: Any
+
+_AIR = -1.0  # m; a float that is under control bobs at the surface, and does not leave it
+
+
+def _command(t, e):
+    """The commands of an action into e.command, and what its change costs into e.term.
+
+    e.position: where the engine is by its rate, as a share of its range. A piston is told where to go and goes there
+    by itself; oil is held back here, and logged as a float logs it: what was pumped and valved, and valved at depth.
+    """
+    j = int(t.engine)
+    share = min(max(e.action[0], -1.0), 1.0)
+    e.term[1] = -t.weight[1] * 0.5 * abs(share - e.features[SHARES + j])
+    e.features[SHARES + j] = share
+    most = t.engine_rate * e.coming_dt
+    move = min(max(share - e.position, -most), most)
+    e.position += move
+    e.command[j] = t.engine_middle + t.engine_half * (e.position if t.holds_back != 0.0 else share)
+    if t.holds_back != 0.0:
+        volume = t.engine_half * move
+        e.command[IN_PUMPED_VOLUME] += max(volume, 0.0)
+        e.command[IN_VALVED_VOLUME] -= min(volume, 0.0)
+        e.command[IN_VALVED_DEPTH] -= min(volume, 0.0) * e.features[READ_DEPTH]
+    e.command[IN_ELAPSED] = e.time
+
+
+def _beyond(x, t):
+    """Why a finite state ends the episode, and the number that does."""
+    if x[DEPTH] < _AIR:
+        return FLEW, x[DEPTH]
+    if x[DEPTH] > t.depth_limit:
+        return TOO_DEEP, x[DEPTH]
+    if abs(x[DEPTH_RATE]) > t.speed_limit:
+        return TOO_FAST, x[DEPTH_RATE]
+    return NO_REASON, 0.0
+
+
+def _score(x, before, t, e):
+    """The reward term of the true state x, for the target that the action was chosen for, by the length of the step."""
+    error = min(abs(target_error(x[int(t.true_index)], t, e)) / t.error_scale, 1.0)
+    e.term[0] = -t.weight[0] * error * (e.coming_dt / t.dt)
+
+
+def _aim(plan, x, t, e, row):
+    """A new target where the present one has had its time."""
+    draw_target(t, e, row)
+
+
+def _look(t, e, row):
+    """Error, rate and position into the features, and how long the coming step is.
+
+    The rate is what the depth sensor's readings give: their change over the step.
+    """
+    f = e.features
+    f[READ_DEPTH_RATE] = (f[READ_DEPTH] - e.last_depth) / e.coming_dt if e.step > 0.0 else 0.0
+    e.last_depth = f[READ_DEPTH]
+    f[ERROR], f[POSITION] = target_error(f[READ_DEPTH], t, e), e.position
+    e.coming_dt = t.near_dt if abs(f[ERROR]) < t.near else t.dt
+    row[int(t.ages_at) + int(t.history)] = e.coming_dt
+
+
+def _pass_time(t, e, row):
+    """The time after one more step into e.time, and the ages of the kept commands."""
+    e.time = e.step * t.dt if t.near == 0.0 else e.time + e.coming_dt
+    at = int(t.ages_at)
+    for k in range(at, at + int(t.history) - 1):
+        row[k] = row[k + 1] - e.coming_dt
+
+
+def _steps_left(t, e):
+    """How many steps of the longer kind are left of the episode."""
+    left = (t.duration - e.time) / t.dt
+    return left if left > 1e-6 else 0.0
+
+
+def _ages(plan, t, row):
+    """The times, s, of the commands that the vehicle's state keeps, ending at 0, then the end of the step."""
+    at = int(t.ages_at)
+    return row[at : at + int(t.history) + 1]
+
+
+def _place(plan, drawn, t, e, row):
+    """The first state, at rest at a drawn depth, and the inputs at neutral trim; drawn: this episode's parameters."""
+    row[int(t.state_at) + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[int(t.draws_at)]
+    for j in range(INPUTS):
+        e.command[j] = 0.0
+    at = int(t.constants_at)
+    for _ in range(int(t.constants)):
+        e.command[int(plan[at])] = drawn[int(plan[at + 1])]
+        at += 2
+    j = int(t.engine)
+    e.position = min(max((e.command[j] - t.engine_middle) / t.engine_half, -1.0), 1.0)
+    e.features[SHARES + j] = e.position
+    count = int(t.history)
+    for k in range(count):
+        row[int(t.ages_at) + k] = (k + 1 - count) * t.dt
+
+
+def _set_out(plan, x, t, e, row):
+    """The first target of an episode."""
+    first_target(x, t, e, row)
+
+
+TEMPLATES = (_command, _beyond, _score, _aim, _look, _pass_time, _steps_left, _ages, _place, _set_out)

@@ -1,0 +1,97 @@
+"""What a torpedo makes of a task: its cruise gives the scales, the first state and the gains of the held fins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auv_gym.envs import tasks
+from auv_gym.envs.cruise import command_limits, find_cruise
+from auv_gym.envs.options import check_number
+from auv_gym.envs.setting import Setting
+from auv_gym.envs.tasks import PROPULSION, Task
+from auv_gym.plant import Plant
+
+_START = (
+    "north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad",
+    "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps",
+)  # fmt: skip
+_HELD = {  # what the regulators of held fins read
+    "rudder_rad": ("v_mps", "r_radps", "heading_rad"),
+    "stern_plane_rad": ("w_mps", "q_radps", "pitch_rad", "depth_m"),
+}
+
+
+def torpedo_setting(
+    task: Task, plant: Plant, duration: float | None, waypoints: Sequence[Sequence[float]] | None
+) -> Setting:
+    """The setting of a torpedo task; raises on waypoints that are no path, and if the vehicle cannot fly level."""
+    duration = task.duration if duration is None else duration
+    check_number("duration", duration, "s", above=0.0)
+    cruise, family = find_cruise(plant), plant.family
+    length, speed = plant.hull.length, cruise.speed
+    rate = speed / length
+    largest = task.current * speed
+    stands_for = {PROPULSION: plant.inputs[3]}
+    moved = [stands_for.get(a, a) for a in task.actions if _moves(a, plant)]
+    held = [stands_for.get(a, a) for a in task.held]
+    limits = command_limits(plant)
+    where = (task.channel,) if task.channel else ("north_m", "east_m", "depth_m", "heading_rad")
+    points = np.zeros((0, 3)) if waypoints is None else _checked(waypoints)
+    return Setting(
+        units={"length": length, "speed": speed, "rate": rate},
+        duration=duration,
+        stands_for=stands_for,
+        actions=tuple(moved),
+        middles=np.zeros(len(moved)),
+        limits=limits[[family.inputs.index(a) for a in moved]],
+        start=_START,
+        randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest))
+        if largest > 0.0
+        else {},
+        read=(*(o.source for o in task.observed if o.source in plant.outputs), *where),
+        driven=tuple(a for a in moved if a != "bow_plane_rad"),
+        # where a vehicle needs more changes than the shortest times or legs give, they are used again
+        shortest=task.hold[0] / rate if task.channel else tasks.LEG[0] * length / (2.0 * speed),
+        least_dt=plant.dt,
+        plan={
+            "steps": max(round(duration / plant.dt), 1),
+            "start_depth": [k * length for k in tasks.START_DEPTH],
+            "cruise_state": cruise.state,
+            "cruise_command": cruise.commands,
+            "limit": limits,
+            "action_of": [moved.index(channel) if channel in moved else -1 for channel in family.inputs],
+            "rudder_gains": cruise.rudder_gains if "rudder_rad" in held else 0.0,
+            "plane_gains": cruise.plane_gains if "stern_plane_rad" in held else 0.0,
+            "held_depth_error": tasks.HELD_PITCH * abs(cruise.plane_gains[2] / cruise.plane_gains[3]),
+            "follows_path": not task.channel,
+            "leg": [k * length for k in tasks.LEG],
+            "turn": tasks.TURN,
+            "slope": tasks.SLOPE,
+            "path_speed": tasks.PATH_SPEED * speed,
+            "radius": tasks.RADIUS * length,
+            "depth_limit": tasks.DEPTH_LIMIT * length,
+            "pitch_limit": tasks.PITCH_LIMIT,
+            "roll_limit": tasks.ROLL_LIMIT,
+            "speed_limit": tasks.SPEED_LIMIT * speed,
+            "rate_limit": tasks.RATE_LIMIT * rate,
+        },
+        tables={"waypoints": points},
+        read_for={fin: channels for fin, channels in _HELD.items() if fin in held},
+    )
+
+
+def _moves(name: str, plant: Plant) -> bool:
+    """Whether the vehicle has an input; only bow planes may lack."""
+    bow = plant.hull.bow_plane
+    return name != "bow_plane_rad" or (bow.limit > 0.0 and (bow.lift != 0.0 or bow.moment != 0.0))
+
+
+def _checked(waypoints: Sequence[Sequence[float]]) -> np.ndarray:
+    points = np.asarray(waypoints, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
+        raise ValueError(f"waypoints needs one or more rows of north, east and depth in m, got shape {points.shape}.")
+    if (points[:, 2] < 0.0).any() or not np.abs(np.diff(points, axis=0)).sum(axis=1).all():
+        raise ValueError("waypoints needs depths of 0 m or more, and no waypoint twice in a row.")
+    return points
