@@ -56,7 +56,7 @@ def trajectory(plant: Plant) -> np.ndarray:
         oil = {"pumped_volume_m3": 5e-5 * (k // 7), "valved_volume_m3": 4e-5 * (k // 9)}
         columns = {**oil, "valved_depth_m4": 3e-4 * (k // 9), "oil_volume_m3": 5e-5 * (k // 7) - 4e-5 * (k // 9)}
         columns |= {"piston_m": 0.55 + 0.06 * np.sin(0.3 * k), "temperature_C": 14.0 + np.cos(0.2 * k)}
-        columns |= {"elapsed_s": plant.dt * k}
+        columns |= {"elapsed_s": plant.dt * k, "density_gradient_kgpm4": np.full(k.size, 0.01)}
         start = {"depth_m": 1.0, "depth_rate_mps": -0.1}  # to the surface and back
     elif plant.family.kind == "glider":
         columns |= {"u_mps": 0.4 + 0.1 * np.sin(0.1 * k), "roll_rad": 0.1 * np.cos(0.2 * k)}

@@ -211,7 +211,7 @@ def float_derivative(x, actuators, inputs, p, dx, scratch):
         + hull.piston_square / (hull.density * FLOAT_GRAVITY) * square
         + inputs[2]
         + x[2]
-        + hull.mass / hull.density * (inputs[3] - hull.density) / hull.density
+        + hull.mass / hull.density * (inputs[3] + inputs[8] * (x[0] - inputs[9]) - hull.density) / hull.density
         - exposed_volume(x[0], hull.waterplane)
     )
     force = -hull.density * FLOAT_GRAVITY * volume

@@ -103,6 +103,9 @@ def float_record(plant: Plant, samples: int = 300) -> Record:
             "pumped_volume_m3": pumped,
             "valved_volume_m3": valved,
             "valved_depth_m4": 400.0 * valved,
+            "density_kgpm3": hull.density + 0.3 * np.sin(0.03 * k),
+            "density_gradient_kgpm4": 5e-3 * np.cos(0.04 * k),
+            "density_depth_m": 300.0 + 0.05 * k,
         },
     )
 
