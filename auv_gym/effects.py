@@ -2,7 +2,8 @@
 
 An effect at its neutral value is the identity, bit for bit, and shows at first order when it leaves it, so that
 switching, fitting or probing one changes numbers in the packed vector and nothing else. The compiled functions that
-apply them are in `physics`. Probes are the smallest changes worth detecting in a heading log of ten minutes.
+apply them are in `physics`. Probes are the smallest changes worth detecting: in a heading log of ten minutes, in the
+dives of a float over forty minutes or, for oil, over several days.
 """
 
 from __future__ import annotations
@@ -332,6 +333,15 @@ class OilEffects:
 
 
 @dataclass(frozen=True)
+class FloatDepthSensor:
+    """Errors of a float's measured depth; only by how it starts to move is a wrong scale told from a wrong drag."""
+
+    bias: float = param(0.0, "m", "depth sensor bias", bounds=(-100.0, 100.0), probe=0.05)
+    scale: float = param(0.0, "1", "depth sensor scale error", bounds=(-0.5, 0.5), probe=0.04)
+    lag: float = param(0.0, "s", "depth sensor lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
+
+
+@dataclass(frozen=True)
 class FloatSampling:
     """Sampling of a float's readings."""
 
@@ -348,5 +358,5 @@ class FloatEffects:
     tether: TetherEffects = part(TetherEffects)
     drag: FloatDragEffects = part(FloatDragEffects)
     oil: OilEffects = part(OilEffects)
-    depth: DepthSensor = part(DepthSensor)
+    depth: FloatDepthSensor = part(FloatDepthSensor)
     sampling: FloatSampling = part(FloatSampling)

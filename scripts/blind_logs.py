@@ -2,7 +2,8 @@
 
 For each vehicle, effect and seed a log is simulated and written to a file; the truth goes into another. The diagnosis
 sees the log and the vehicle without the effect, writes its verdict, and only then is the truth read. Effects that no
-log of that kind can show (`HIDDEN`) are left out unless asked for; the diagnosis must then say that it cannot see them.
+log of that kind can show (`HIDDEN`) are left out unless asked for; the diagnosis must then neither name anything
+nor claim that it would have seen them.
 
     python scripts/blind_logs.py --vehicle slocum --seeds 20 --jobs 2
     python scripts/blind_logs.py --vehicle qiandao_float --effect effects.volume.leak
@@ -82,6 +83,8 @@ HIDDEN: Mapping[str, Mapping[str, str]] = {
         "effects.water.heave_period": _NO_WAVE,
         "effects.volume.expansion_lag": _NO_GROWTH,
         "effects.depth.bias": _NO_SURFACE,
+        "effects.depth.scale": "without inertia it acts as the drag coefficients do, which are refitted",
+        "effects.depth.lag": "in a steady dive the initial depth does the same, and three probes move it by a noise",
     },
 }
 
@@ -99,14 +102,16 @@ def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
     """log.nc: what `LOGS` has for the vehicle's family; truth.json: what is in it."""
     rng = np.random.default_rng([seed, *effect.encode()])
     plant = load_vehicle(vehicle)
-    value = None
+    value, change = None, 0.0
     if effect != CLEAN:
         spec = spec_at(plant, effect)
         side = rng.choice([-1.0, 1.0]) if spec.bounds[0] < spec.neutral - SIZE * spec.probe else 1.0
-        value = spec.neutral + side * SIZE * spec.probe
+        change = SIZE * spec.probe
+        value = spec.neutral + side * change
         plant = replace_at(plant, effect, value)
     LOGS[plant.family.name](plant, rng).save(folder / "log.nc")
-    truth = {"effect": effect, "value": value, "hidden": effect in HIDDEN[plant.family.name]}
+    hidden = effect in HIDDEN[plant.family.name]
+    truth = {"effect": effect, "value": value, "change": change, "hidden": hidden}
     (folder / "truth.json").write_text(json.dumps(truth))
 
 
@@ -119,7 +124,7 @@ def diagnose_log(folder: Path, vehicle: str) -> None:
 def judge(folder: Path) -> dict:
     """Truth and verdict side by side: right, other effects named besides, and whether an interval holds the truth.
 
-    Right for an effect that no such log shows is to say so, and to name nothing.
+    Right for an effect that no such log shows is not to claim that this size would have shown, and to name nothing.
     """
     truth = json.loads((folder / "truth.json").read_text())
     verdict = json.loads((folder / "verdict.json").read_text())
@@ -129,8 +134,8 @@ def judge(folder: Path) -> dict:
     if effect == CLEAN:
         return {"right": verdict["verdict"] == "none", "named": sorted(named), "verdict": verdict["verdict"]}
     if truth.get("hidden"):
-        said = any(d["path"] == effect and d["size"] is None for d in verdict["detectable"])
-        right = said and verdict["verdict"] == "none"
+        claimed = any(d["path"] == effect and (d["size"] or np.inf) <= truth["change"] for d in verdict["detectable"])
+        right = not claimed and not named
         return {"right": right, "named": sorted(named), "verdict": verdict["verdict"]}
     groups = [set(group) for group in verdict["tied"] if effect in group]
     beside = [p for p in named if p != effect and not any(p in group for group in groups)]
