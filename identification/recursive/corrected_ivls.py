@@ -62,13 +62,13 @@ def _steer(s, lagged, before, h):
 
 @compiled
 def _advance(s, depth, piston, h, weight, regressor, instrument):
-    """A sample into the state s; returns the target of the integrated row."""
+    """A sample into the state s."""
     if h == 0.0 or s.seen == 0.0:
         begin(s, depth)
         s.simulated[0] = s.simulated[1] = s.target = 0.0
         for i in range(COUNT):
             s.regressor[i] = s.instrument[i] = 0.0
-        return 0.0
+        return
     _smoothed(s, piston, h)
     lagged, before = s.past_piston[slot(s, s.lag)], s.past_piston[slot(s, s.lag + 1.0)]
     if s.seen >= 2.0:
@@ -98,7 +98,6 @@ def _advance(s, depth, piston, h, weight, regressor, instrument):
                 s.auxiliary[i] += s.share * (s.theta[i] - s.auxiliary[i])
     _steer(s, lagged, before, h)
     keep(s, depth, piston, h)
-    return s.target
 
 
 @compiled
@@ -147,6 +146,8 @@ class CorrectedIvls:
 
     def __post_init__(self) -> None:
         check_settings("CorrectedIvls", self.initial, self.spread, self._known)
+        if self.initial[0] != 1.0:
+            raise ValueError(f"CorrectedIvls keeps unity at 1, got {self.initial[0]!r} as its initial value.")
         for name in ("memory", "smoothing", "fastest"):
             if not 0.0 < getattr(self, name) < np.inf:
                 raise ValueError(f"CorrectedIvls needs {name} > 0 s, got {getattr(self, name)!r}.")

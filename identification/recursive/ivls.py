@@ -47,7 +47,7 @@ def _advance(s, depth, piston, h, weight, regressor, instrument):
     if h == 0.0 or s.seen == 0.0:
         begin(s, depth)
         s.simulated[0] = depth
-        return depth
+        return
     xi = depth
     if s.seen >= 2.0:
         least_squares_row(s, piston, h, regressor)
@@ -64,7 +64,6 @@ def _advance(s, depth, piston, h, weight, regressor, instrument):
     s.simulated[1], s.simulated[0] = s.simulated[0], xi
     _store(s, piston)
     keep(s, depth, piston, h)
-    return depth
 
 
 _ONE, _ALL = programs("ivls", _advance)

@@ -87,18 +87,16 @@ class Memory:
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """A recursion over samples, row by row: theta, and the target, regressor and instrument of the update (0: none)."""
+    """A recursion over samples: theta after each, and the instrument of its update, zero where there was none."""
 
     memory: Memory
     theta: np.ndarray
-    target: np.ndarray
-    regressor: np.ndarray
     instrument: np.ndarray
 
 
 @compiled
 def absorb(s, target, regressor, instrument, weight):
-    """Update theta and P by a row: equations (20) and (34), with a forgetting factor; 1 where it was taken.
+    """Update theta and P by a row: equations (20) and (34), with a forgetting factor.
 
     With the regressor for an instrument this is weighted least squares.  A parameter whose row and column of P are
     zero stays as it is.
@@ -113,13 +111,12 @@ def absorb(s, target, regressor, instrument, weight):
         denominator += regressor[i] * left[i]
     if not abs(denominator) > LEAST_DENOMINATOR * s.forgetting / weight:
         s.skipped += 1.0
-        return False
+        return
     for i in range(COUNT):
         step = left[i] / denominator
         s.theta[i] += step * error
         for j in range(COUNT):
             s.gain[i, j] = (s.gain[i, j] - step * right[j]) / s.forgetting
-    return True
 
 
 @compiled
@@ -150,14 +147,14 @@ def slot(s, age):
 
 def _update(vector, depth, piston, h, weight, row):
     """One sample into the state; row: scratch, (2, 6), for regressor and instrument."""
-    return advance(view(vector), depth, piston, h, weight, row[0], row[1])  # noqa: F821 - `programs` gives it its meaning
+    advance(view(vector), depth, piston, h, weight, row[0], row[1])  # noqa: F821 - `programs` gives it its meaning
 
 
-def _over(vector, depth, piston, interval, weight, theta, target, regressor, instrument):
+def _over(vector, depth, piston, interval, weight, theta, regressor, instrument):
     """All samples into the state, with what each did to it."""
     s = view(vector)
     for k in range(depth.size):
-        target[k] = advance(s, depth[k], piston[k], interval[k], weight[k], regressor[k], instrument[k])  # noqa: F821
+        advance(s, depth[k], piston[k], interval[k], weight[k], regressor[k], instrument[k])  # noqa: F821
         for i in range(COUNT):
             theta[k, i] = s.theta[i]
 
@@ -194,10 +191,9 @@ def updated(program: Any, memory: Memory, z: float, x: float, h: float, weight: 
 def traced(program: Any, memory: Memory, samples: Samples, weights: np.ndarray) -> Trace:
     """A recursion over all samples, from a memory that is not changed."""
     vector, n = memory.vector.copy(), samples.depth.size
-    theta, target = np.empty((n, COUNT)), np.empty(n)
-    regressor, instrument = np.zeros((n, COUNT)), np.zeros((n, COUNT))
-    program(vector, samples.depth, samples.piston, samples.interval, weights, theta, target, regressor, instrument)
-    return Trace(Memory(vector), theta, target, regressor, instrument)
+    theta, regressor, instrument = np.empty((n, COUNT)), np.zeros((n, COUNT)), np.zeros((n, COUNT))
+    program(vector, samples.depth, samples.piston, samples.interval, weights, theta, regressor, instrument)
+    return Trace(Memory(vector), theta, instrument)
 
 
 def check_settings(name: str, initial: Sequence[float], spread: float, known: Sequence[str]) -> None:

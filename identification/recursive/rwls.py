@@ -31,17 +31,16 @@ UNKNOWN = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 @compiled
 def _advance(s, depth, piston, h, weight, regressor, instrument):
-    """A sample into the state s; returns what the regressor predicts."""
+    """A sample into the state s."""
     if h == 0.0 or s.seen == 0.0:
         begin(s, depth)
-        return depth
+        return
     if s.seen >= 2.0:
         least_squares_row(s, piston, h, regressor)
         for i in range(COUNT):
             instrument[i] = regressor[i]
         absorb(s, depth, regressor, instrument, weight)
     keep(s, depth, piston, h)
-    return depth
 
 
 _ONE, _ALL = programs("rwls", _advance)

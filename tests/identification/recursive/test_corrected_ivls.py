@@ -124,6 +124,7 @@ def test_its_free_runs_of_the_lake_float_are_the_best():
     "settings, words",
     [
         ({"lag": -1}, "0 <= lag"),
+        ({"initial": (0.9, 0.0, 0.0, 0.0, 0.0, 0.0)}, "unity at 1"),
         ({"memory": 0.0}, "memory > 0"),
         ({"slowest": 0.5}, "fastest < slowest"),
         ({"passes": 0}, "passes >= 1"),
