@@ -219,7 +219,7 @@ def test_a_depth_sensor_with_bias_and_scale():
     assert found[0] == pytest.approx([30.0 * 1.02 + 0.5, 0.0], abs=1e-12)
     x = plant.initial(np.array([30.0, 0.1]))
     assert plant.output(x) == pytest.approx([30.0, 0.1], rel=1e-12)
-    assert x[0] == pytest.approx((30.0 - 0.5) / 1.02, abs=1e-12)
+    assert x[0] == pytest.approx((30.0 - 0.5) / 1.02, rel=1e-12)
 
 
 def test_a_lagging_depth_sensor_is_behind_by_lag_times_rate():
