@@ -26,7 +26,6 @@ RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad"
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
 PIECE = 6  # samples of the short runs from which shared states are first guessed
-SHARED_STEP = 0.1  # of the probe of the effect that acts as a shared state does, for difference quotients
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
 
@@ -261,9 +260,9 @@ class Shooting:
             sizes.append(1e-4)
         for state, unit in self.shared:
             starts = point.starts.copy()
-            starts[:, state] += SHARED_STEP * unit
+            starts[:, state] += STEP * unit
             moves.append((point.vector, starts))
-            sizes.append(SHARED_STEP)
+            sizes.append(STEP)
         vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
         residuals = self._residuals(vectors, all_starts)
         with np.errstate(invalid="ignore", over="ignore"):

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from identification.float_experiment import depth_control, oil_mission
@@ -39,3 +40,53 @@ def test_a_float_with_oil_runs_free_between_its_actions_and_dives_are_held_out_w
 def test_other_vehicles_have_consecutive_windows():
     record = Record.from_arrays(np.arange(100.0), {"heading_rad": np.zeros(100), "rudder_rad": np.zeros(100)})
     assert free_run_windows(load_vehicle("slocum"), record, 30.0) == record.windows(30.0)
+
+
+def steps(oil, interval=100.0, segment=None) -> Record:
+    """A record at depth of oil volumes in millilitres, one a sample."""
+    oil = 1e-6 * np.asarray(oil, dtype=float)
+    time = interval * np.arange(oil.size)
+    if segment is not None:
+        time = np.concatenate([interval * np.arange(np.sum(segment == s)) for s in np.unique(segment)])
+    return Record.from_arrays(time, {"oil_volume_m3": oil, "depth_m": np.full(oil.size, 50.0)}, segment=segment)
+
+
+def test_the_sample_at_which_oil_has_moved_belongs_to_no_free_run():
+    windows = free_run_windows(load_vehicle("mermaid"), steps([0.0] * 20 + [-20.0] * 15 + [10.0] * 12), 1e5)
+    assert windows == [slice(1, 20), slice(21, 35), slice(36, 47)]
+
+
+def test_short_stretches_between_actions_are_dropped():
+    kept, dropped = LEAST_SAMPLES + 1, LEAST_SAMPLES
+    windows = free_run_windows(load_vehicle("mermaid"), steps([0.0] * kept + [-20.0] * dropped + [10.0] * kept), 1e5)
+    assert windows == [slice(1, kept), slice(kept + dropped + 1, 2 * kept + dropped)]
+
+
+def test_long_stretches_are_cut_into_equal_parts():
+    windows = free_run_windows(load_vehicle("mermaid"), steps([0.0] * 101), 4000.0)
+    assert [w.start for w in windows[1:]] == [w.stop for w in windows[:-1]]
+    assert (windows[0].start, windows[-1].stop) == (1, 101)
+    assert {w.stop - w.start for w in windows} <= {33, 34}
+
+
+def test_the_end_of_a_dive_ends_its_windows():
+    segment = np.repeat(["a", "b"], [15, 20])
+    windows = free_run_windows(load_vehicle("mermaid"), steps([0.0] * 35, segment=segment), 1e5)
+    assert windows == [slice(1, 15), slice(16, 35)]
+
+
+def test_a_single_dive_is_held_out_by_every_other_window():
+    plant = load_vehicle("mermaid")
+    record = steps([0.0] * 20 + [-20.0] * 20 + [10.0] * 20)
+    windows = free_run_windows(plant, record, 1e5)
+    assert held_out(plant, record, windows) == (windows[0::2], windows[1::2])
+
+
+def test_with_a_known_trim_windows_are_held_out_and_not_dives():
+    plant = replace_at(load_vehicle("mermaid"), "hull.trim_known", 1.0)
+    segment = np.repeat(["a", "b"], [40, 40])
+    record = steps(([0.0] * 20 + [-20.0] * 20) * 2, segment=segment)
+    windows = free_run_windows(plant, record, 1e5)
+    assert held_out(plant, record, windows) == (windows[0::2], windows[1::2])
+    fitted, held = held_out(load_vehicle("mermaid"), record, windows)
+    assert (fitted, held) == (windows[:2], windows[2:])
