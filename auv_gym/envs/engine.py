@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_gym.plant import Plant, without_effects
 
-OIL = 1e-4  # m^3 that an oil bladder takes and gives from neutral trim; chosen
+OIL = 2e-4  # m^3 that an oil bladder takes and gives from neutral trim; logs of MERMAID floats move about as much
 PUMP = 0.81e-6  # m^3/s, the rate of MERMAID's pump; oil comes back in at this rate too
 _DEPTH = 1e3  # m; where the speed is sought, far below the surface
 

@@ -7,7 +7,7 @@ from typing import Any
 from auv_gym.envs.layout import FLEW, NO_REASON, TOO_DEEP, TOO_FAST
 
 # Open names of the templates, bound by `kernel`.
-INPUTS = SHARES = ERROR = POSITION = DEPTH = DEPTH_RATE = READ_DEPTH = READ_DEPTH_RATE = 0
+STATES = ACTUATORS = INPUTS = SHARES = ERROR = POSITION = DEPTH = DEPTH_RATE = READ_DEPTH = READ_DEPTH_RATE = 0
 IN_ELAPSED = IN_PUMPED_VOLUME = IN_VALVED_VOLUME = IN_VALVED_DEPTH = 0
 draw_target: Any
 first_target: Any
@@ -95,13 +95,16 @@ def _ages(plan, t, row):
 
 def _place(plan, drawn, t, e, row):
     """The first state, at rest at a drawn depth, and the inputs at neutral trim; drawn: this episode's parameters."""
-    row[int(t.state_at) + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[int(t.draws_at)]
+    x_at = int(t.state_at)
+    row[x_at + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[int(t.draws_at)]
     for j in range(INPUTS):
         e.command[j] = 0.0
     at = int(t.constants_at)
     for _ in range(int(t.constants)):
         e.command[int(plan[at])] = drawn[int(plan[at + 1])]
         at += 2
+    for j in range(ACTUATORS):  # a play starts in its middle
+        row[x_at + STATES + ACTUATORS + j] = e.command[j]
     j = int(t.engine)
     e.position = min(max((e.command[j] - t.engine_middle) / t.engine_half, -1.0), 1.0)
     e.features[SHARES + j] = e.position

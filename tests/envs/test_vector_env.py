@@ -35,6 +35,27 @@ DRAWN = {
         "hull.surge.u_u": (-2.0, -1.5),
     },
 }
+FLOAT_DRAWN = {
+    "effects": {
+        "effects.sampling.depth.dropout": 0.2,
+        "effects.sampling.depth.delay": 1.0,
+        "effects.sampling.depth.quantisation": 0.02,
+        "effects.water.heave_cos": 0.05,
+        "effects.piston.dead_time": 1.7,
+    },
+    "randomise": {
+        "effects.volume.offset": (-1e-5, 1e-5),
+        "effects.piston.lag": (0.0, 3.0),
+        "effects.sampling.depth.noise": (0.0, 0.3),
+        "hull.piston_neutral": (0.52, 0.58),
+    },
+}
+CASES = {
+    **{task: (task, {"duration": 4.0, **DRAWN}) for task in TORPEDO},
+    "float": ("FloatDepth", {"duration": 28.0, **FLOAT_DRAWN}),
+    "float at two rates": ("FloatDepth", {"duration": 14.0, "near": (5.0, 0.36), "target": 30.0, **FLOAT_DRAWN}),
+    "float with oil": ("FloatDepth", {"duration": 1200.0, "vehicle": "mermaid"}),
+}
 
 
 def make(task="Depth", num_envs=3, **options):
@@ -59,9 +80,9 @@ def assert_same_info(one, other, i):
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@pytest.mark.parametrize("task", TORPEDO)
-def test_it_is_bit_for_bit_the_single_environments(task, mode):
-    options = {"duration": 4.0, **DRAWN}
+@pytest.mark.parametrize("case", list(CASES))
+def test_it_is_bit_for_bit_the_single_environments(case, mode):
+    task, options = CASES[case]
     sync = make(task, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **options)
     native = make(task, autoreset_mode=mode, **options)
     one, other = sync.reset(seed=7), native.reset(seed=7)
