@@ -347,6 +347,8 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
     for name in d.after.fitted.channels:
         r, unit = d.remains[name], channel(name).unit
         text = f"root mean square {amount(r['rms'], unit)}, noise floor {amount(r['noise_floor'], unit)}. "
+        if r["resolution"] > 0.0:
+            text += f"Readings come in steps of {amount(r['resolution'], unit)}. "
         coloured = r["whiteness_p"] < 0.01
         if r["rms"] < 1.25 * r["noise_floor"]:
             text += "There is little left to explain. "

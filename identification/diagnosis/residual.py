@@ -23,8 +23,22 @@ def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
     return max(float(np.sqrt(np.mean(second**2) / 6.0)), 1e-9) if second.size else 1e-9
 
 
+def resolution(values: np.ndarray) -> float:
+    """The step in which readings come, or 0 where no two in three of them repeat a value on a common grid.
+
+    Steps as fine as a file's last digit give nearly as many values as readings and do not count.
+    """
+    levels = np.unique(np.round(values[np.isfinite(values)], 9))
+    if levels.size < 3 or 3 * levels.size > np.isfinite(values).sum():
+        return 0.0
+    steps = np.diff(levels)
+    step = float(np.median(steps[steps < 1.5 * steps.min()]))
+    places = (levels - levels[0]) / step
+    return step if np.abs(places - np.round(places)).max() < 0.05 else 0.0
+
+
 def remains_of(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
-    """Per channel: size, noise floor, colour, and the record's channels that the residual's rate goes with."""
+    """Per channel: size, noise floor, resolution, colour, and the channels that the residual's rate goes with."""
     result = {}
     for c, name in enumerate(runs.channels):
         e = runs.residual[:, c]
@@ -46,6 +60,7 @@ def remains_of(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
         result[name] = {
             "rms": float(np.sqrt(np.nanmean(e**2))),
             "noise_floor": noise_floor(e, runs.window),
+            "resolution": resolution(record[name]),
             "lag_1_correlation": float(white.correlation[0]),
             "whiteness_p": white.p_value,
             "rate_correlates_with": strongest,
