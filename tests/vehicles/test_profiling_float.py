@@ -1,6 +1,7 @@
 """Vertical motion of a float: terminal speed, decay, energy, heave at the surface and in stratified water, presets."""
 
 import math
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -10,13 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auv_gym.param import replace_at
+from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle, save_vehicle
 from auv_gym.record import Record, concat
 from auv_gym.vehicles.profiling_float import FLOAT_PISTON, FloatParameters, steady_speed
 
 FOLDER = Path(__file__).parents[2] / "auv_gym" / "vehicles" / "presets"
 PRESETS = ("qiandao_float", "mermaid")
+GUIDE = Path(__file__).parents[2] / "docs" / "vehicles.md"
 GRAVITY = 9.81
 MASS = 75.0  # kg, with added mass, of the float below
 speeds = st.floats(-0.5, 0.5)
@@ -326,3 +328,26 @@ def test_no_free_run_of_a_preset_leaves_what_is_possible(depth, rate, volume, in
         assert np.isfinite(found).all()
         assert found[:, 0].min() > -0.5
         assert np.abs(found[2:, 1]).max() < 0.6
+
+
+# The guide
+
+
+def test_the_examples_in_the_guide_run():
+    blocks = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL)
+    assert any("qiandao_float" in block for block in blocks)
+    for block in blocks:
+        exec(compile(block, "vehicles.md", "exec"), {})
+
+
+def test_the_guide_lists_every_effect_with_its_unit_and_probe():
+    plant = load_vehicle("mermaid")
+    specs = {path.removeprefix("effects."): spec_at(plant, path) for path in list_paths(plant)}
+    probed = {
+        path: (spec.unit, f"{spec.probe:g}")
+        for path, spec in specs.items()
+        if spec.probe and not path.startswith("hull.")
+    }
+    section = GUIDE.read_text(encoding="utf-8").partition("### What may be missing")[2].partition("###")[0]
+    rows = re.findall(r"^\| `(\S+)` \| (.*?) \| (\S+) \|", section, re.MULTILINE)
+    assert {path: (unit, probe) for path, unit, probe in rows} == probed
