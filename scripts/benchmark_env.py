@@ -1,4 +1,4 @@
-"""How fast the torpedo environments are: one, many, and their start, beside other environments in the same run."""
+"""How fast the environments are: one, many, and their start, beside other environments in the same run."""
 
 from __future__ import annotations
 
@@ -27,9 +27,10 @@ from auv_gym.plant import Plant, load_vehicle
 from auv_gym.rollout import bind_family, scratch_for
 
 DT, SUBSTEP = 0.1, 0.02  # s
+FLOAT_DT, FLOAT_SUBSTEP = 0.7, 0.14  # s
 SINGLE_STEPS = 20_000
 CARTPOLES = 1024
-TASK = "auv_gym/Depth-v0"
+TASK, FLOAT_TASK = "auv_gym/Depth-v0", "auv_gym/FloatDepth-v0"
 
 WORK = 0
 vehicle_step: Any
@@ -61,11 +62,16 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
     plant = replace(load_vehicle(arguments.vehicle, dt=DT), longest_step=SUBSTEP)
     if plant.family.kind != "torpedo":
         raise ValueError(f"--vehicle needs a vehicle in six degrees of freedom, got {plant.name!r}.")
-    substeps = ceil(DT / SUBSTEP - 1e-9)
+    float_plant = replace(load_vehicle("qiandao_float", dt=FLOAT_DT), longest_step=FLOAT_SUBSTEP)
+    substeps, float_substeps = ceil(DT / SUBSTEP - 1e-9), ceil(FLOAT_DT / FLOAT_SUBSTEP - 1e-9)
     runs: dict[str, tuple[Callable[[], object], int]] = {
         "single_steps_per_s": _single(gymnasium.make(TASK, vehicle=plant)),
         "vector_steps_per_s": _vector(gymnasium.make_vec(TASK, num_envs=arguments.envs, vehicle=plant)),
         "bare_kernel_steps_per_s": _bare(plant, arguments.envs),
+        "float_single_steps_per_s": _single(gymnasium.make(FLOAT_TASK)),
+        "float_vector_steps_per_s": _vector(
+            gymnasium.make_vec(FLOAT_TASK, num_envs=arguments.envs, vehicle=float_plant)
+        ),
         "pendulum_steps_per_s": _single(gymnasium.make("Pendulum-v1")),
         "cartpoles_steps_per_s": _vector(
             gymnasium.make_vec("CartPole-v1", num_envs=CARTPOLES, vectorization_mode="vector_entry_point")
@@ -93,6 +99,8 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
         "bare_kernel_rk4_substeps_per_s": substeps * rates["bare_kernel_steps_per_s"],
         "vector_over_bare_kernel": rates["vector_steps_per_s"] / rates["bare_kernel_steps_per_s"],
         "single_over_pendulum": rates["single_steps_per_s"] / rates["pendulum_steps_per_s"],
+        "float_vector_rk4_substeps_per_s": float_substeps * rates["float_vector_steps_per_s"],
+        "float_single_over_pendulum": rates["float_single_steps_per_s"] / rates["pendulum_steps_per_s"],
     }
     if peer is None:
         print(
