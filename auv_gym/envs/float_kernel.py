@@ -45,7 +45,7 @@ def _beyond(x, t):
     if x[DEPTH] > t.depth_limit:
         return TOO_DEEP, x[DEPTH]
     if abs(x[DEPTH_RATE]) > t.speed_limit:
-        return TOO_FAST, x[DEPTH_RATE]
+        return TOO_FAST, abs(x[DEPTH_RATE])
     return NO_REASON, 0.0
 
 

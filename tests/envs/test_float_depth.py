@@ -1,25 +1,20 @@
 import copy
-import os
 import pickle
-import subprocess
-import sys
-import tracemalloc
 from dataclasses import dataclass, field
-from math import sin
-from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
+from env_runs import InPython, check_goes_on, check_plain_python_agrees, memory_growth
 
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.envs.engine import OIL, PUMP, find_engine
+from auv_gym.envs.task_env import TaskEnv
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import load_vehicle, save_vehicle
 from auv_gym.record import Record
 from controllers.pid import float_depth_pid
 
-ROOT = Path(__file__).parents[2]
 PRESETS = ("qiandao_float", "mermaid")
 NEAR = (0.8, 0.36)  # the two sampling rates of Zhong et al. 2024
 
@@ -386,23 +381,7 @@ def test_random_steps_of_a_preset_stay_finite(vehicle, near):
 
 def test_memory_does_not_grow():
     env = make(duration=50.0, near=NEAR, effects={"effects.sampling.depth.noise": 0.1})
-    action = np.array([0.1], np.float32)
-    env.reset(seed=0)
-
-    def go(count):
-        for _ in range(count):
-            _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated:
-                env.reset()
-
-    go(1000)
-    tracemalloc.start()
-    go(1000)
-    before, _ = tracemalloc.get_traced_memory()
-    go(20_000)
-    after, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert after - before < 20_000  # bytes: less than one for each step
+    assert memory_growth(env, np.array([0.1], np.float32), 20_000) < 20_000  # bytes: less than one for each step
 
 
 # ---------------------------------------------------------------------------- models in place of the vehicle
@@ -459,16 +438,6 @@ def test_a_model_that_diverges_ends_the_episode():
     assert reward < -50.0
 
 
-class InPython:
-    """A plant that the environments do not know as one."""
-
-    def __init__(self, plant):
-        self._plant = plant
-
-    def __getattr__(self, name):
-        return getattr(self._plant, name)
-
-
 @pytest.mark.parametrize("vehicle", PRESETS)
 def test_a_plant_stepped_in_python_gives_the_compiled_run(vehicle):
     effects = {"effects.volume.compressibility": 2e-7, "effects.water.heave_sin": 0.02, "effects.depth.lag": 1.0}
@@ -519,7 +488,7 @@ def test_a_vehicle_file_as_model_runs_compiled(tmp_path):
 )
 def test_what_does_not_fit_is_refused(options, message):
     with pytest.raises(ValueError, match=message):
-        make(**options)
+        TaskEnv("FloatDepth", **options)
 
 
 def test_options_of_floats_are_not_for_torpedoes():
@@ -563,11 +532,7 @@ def test_an_unknown_volume_can_be_given():
 def test_a_copy_goes_on_from_where_it_is(again, options):
     env = make(effects={"effects.sampling.depth.noise": 0.1}, duration=140.0, **options)
     run(env, [0.1] * 40, seed=3)
-    twin = again(env)
-    for k in range(60):  # past the block of noise, so that the generators go on too
-        one, other = env.step([0.1 * sin(k)]), twin.step([0.1 * sin(k)])
-        np.testing.assert_array_equal(one[0], other[0])
-        assert one[1:] == other[1:]
+    check_goes_on(env, again(env))
 
 
 @pytest.mark.parametrize("options", [{"near": NEAR}, {"vehicle": "mermaid"}, {"model": Drift()}])
@@ -610,15 +575,4 @@ print("numba" in sys.modules)
 
 
 def test_plain_python_agrees_with_compiled_code(tmp_path):
-    found = []
-    for jit in ("0", "1"):
-        out = tmp_path / f"run{jit}.npy"
-        environment = {**os.environ, "AUV_GYM_JIT": jit, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run(
-            [sys.executable, "-c", PLAIN, str(out)], env=environment, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.strip() == str(jit == "1")
-        found.append(np.load(out))
-    # rounding of float32 observations is 1e-7
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=2e-7)
+    check_plain_python_agrees(PLAIN, tmp_path)

@@ -1,16 +1,12 @@
 import copy
-import os
 import pickle
-import subprocess
-import sys
-import tracemalloc
 from dataclasses import dataclass, field, replace
 from math import cos, hypot, pi, radians, sin
-from pathlib import Path
 
 import gymnasium
 import numpy as np
 import pytest
+from env_runs import InPython, check_goes_on, check_plain_python_agrees, go, memory_growth
 
 from auv_gym.envs.cruise import find_cruise
 from auv_gym.envs.task_env import TaskEnv
@@ -20,7 +16,6 @@ from auv_gym.plant import load_vehicle, save_vehicle
 from auv_gym.splice import splice
 
 TORPEDO = [name for name, task in TASKS.items() if task.kind == "torpedo"]
-ROOT = Path(__file__).parents[2]
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
 CURRENT = {"effects.current.north": (-0.3, 0.3), "effects.current.east": (-0.3, 0.3)}
 
@@ -479,30 +474,10 @@ def test_a_million_random_steps_of_a_preset_stay_finite(task, vehicle):
     check_random_steps(task, vehicle, 1_000_000 // len(TORPEDO))
 
 
-def memory_growth(steps):
-    """Bytes that Python objects and arrays have grown by over many steps, after a first round of them."""
+def test_memory_does_not_grow():
     env = gymnasium.make("auv_gym/Path-v0", duration=5.0, effects={"effects.sampling.depth.noise": 0.1})
     action = np.array([0.1, -0.4, 0.9], np.float32)
-    env.reset(seed=0)
-
-    def go(count):
-        for _ in range(count):
-            _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated:
-                env.reset()
-
-    go(1000)
-    tracemalloc.start()
-    go(1000)
-    before, _ = tracemalloc.get_traced_memory()
-    go(steps)
-    after, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    return after - before
-
-
-def test_memory_does_not_grow():
-    assert memory_growth(20_000) < 20_000  # bytes: less than one for each step
+    assert memory_growth(env, action, 20_000) < 20_000  # bytes: less than one for each step
 
 
 @pytest.mark.slow
@@ -510,17 +485,10 @@ def test_memory_does_not_grow_over_ten_million_steps():
     resource = pytest.importorskip("resource")
     env = TaskEnv("Depth", duration=20.0)
     action = np.array([-0.45], np.float32)
-
-    def go(count):
-        for _ in range(count):
-            _, _, terminated, truncated, _ = env.step(action)
-            if terminated or truncated:
-                env.reset()
-
     env.reset(seed=0)
-    go(100_000)
+    go(env, action, 100_000)
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    go(10_000_000)
+    go(env, action, 10_000_000)
     # kB: a leak of a byte a step would be 10 000
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 5_000
 
@@ -586,16 +554,6 @@ def test_a_model_that_diverges_ends_the_episode():
     assert "diverged" in info["reason"] or "too deep" in info["reason"]
     assert np.isfinite(info["state"]["depth_m"])
     assert reward < -50.0
-
-
-class InPython:
-    """A plant that the environments do not know as one."""
-
-    def __init__(self, plant):
-        self._plant = plant
-
-    def __getattr__(self, name):
-        return getattr(self._plant, name)
 
 
 @pytest.mark.parametrize("task", TORPEDO)
@@ -725,11 +683,7 @@ def test_bad_options_of_reset_are_refused(options, message):
 def test_a_copy_goes_on_from_where_it_is(again, model):
     env = TaskEnv("Depth", model=model, effects={"effects.sampling.depth.noise": 0.1}, duration=20.0)
     run(env, [0.1] * 40, seed=3)
-    twin = again(env)
-    for k in range(60):  # past the block of noise, so that the generators go on too
-        one, other = env.step([0.1 * sin(k)]), twin.step([0.1 * sin(k)])
-        np.testing.assert_array_equal(one[0], other[0])
-        assert one[1:] == other[1:]
+    check_goes_on(env, again(env))
 
 
 def test_infos_survive_the_next_steps():
@@ -788,15 +742,4 @@ print("numba" in sys.modules)
 
 
 def test_plain_python_agrees_with_compiled_code(tmp_path):
-    found = []
-    for jit in ("0", "1"):
-        out = tmp_path / f"run{jit}.npy"
-        environment = {**os.environ, "AUV_GYM_JIT": jit, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run(
-            [sys.executable, "-c", PLAIN, str(out)], env=environment, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.strip() == str(jit == "1")
-        found.append(np.load(out))
-    # the cruise is sought to 1e-10 by each on its own; rounding of float32 observations is 1e-7
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=2e-7)
+    check_plain_python_agrees(PLAIN, tmp_path)
