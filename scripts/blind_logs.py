@@ -42,9 +42,10 @@ def heading_log(plant: Plant, rng: np.random.Generator) -> Record:
 
 
 def depth_log(plant: Plant, rng: np.random.Generator) -> Record:
-    """Forty minutes of a float in a stratified lake, up and down between eight depths, depth noise 0.02 m."""
-    targets = (*rng.permutation([20.0, 45.0, 8.0, 55.0]), 0.0, *rng.permutation([30.0, 15.0, 40.0]))
-    return depth_control(plant, targets, rng=rng, hold=300.0, noise=0.02, temperature_profile=summer_lake)
+    """Forty minutes of a float in a stratified lake, down and up ten times, once to the surface; noise 0.02 m."""
+    deep, shallow = rng.permutation([60.0, 50.0, 45.0, 40.0, 35.0]), rng.permutation([20.0, 15.0, 10.0, 5.0, 0.0])
+    targets = np.stack([deep, shallow], axis=1).ravel()
+    return depth_control(plant, targets.tolist(), rng=rng, hold=240.0, temperature_profile=summer_lake)
 
 
 def mission_log(plant: Plant, rng: np.random.Generator) -> Record:
