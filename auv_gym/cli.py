@@ -456,6 +456,14 @@ def _methods() -> Table:
         "grey-box", "Frees parameters of a vehicle: output error over windows with initial states of their own."
     )
     table.add_row("diagnosis", "Names the effect that a vehicle lacks, decided on held-out windows.")
+    for name, what in {
+        "rwls": "Recursive weighted least squares for a float's diving model; biased by depth noise.",
+        "ivls": "Instrumental variables for the diving model as published; fails with noise, there to be compared.",
+        "corrected ivls": "The same with a bounded instrument and integrated rows; sample by sample or over records.",
+        "refined iv": "The diving model over whole records, without bias and as accurate as white noise allows.",
+        "ls-svm": "The diving model by a support vector machine with a linear kernel; biased by depth noise.",
+    }.items():
+        table.add_row(name, what)
     return table
 
 

@@ -1,4 +1,4 @@
-"""How fast the compiled physics is, as ratios within one run: `python -m scripts.benchmark rollout|env [--json]`.
+"""How fast the compiled code is, as ratios within one run: `python -m scripts.benchmark rollout|env|recursion`.
 
 Timings are the best of several repeats: what disturbs a run only ever makes it longer.
 """
@@ -23,7 +23,7 @@ from auv_gym.compiled import JIT
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, Runs, load_vehicle
 from auv_gym.record import Record
-from scripts import benchmark_env
+from scripts import benchmark_env, benchmark_recursion
 
 PLAIN_SAMPLES = 100
 COMPILED_SAMPLES = 5000
@@ -41,6 +41,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     env = commands.add_parser("env", help="environments, one and many, beside others, and their start")
     benchmark_env.add_arguments(env)
     env.set_defaults(measure=benchmark_env.measure)
+    recursion = commands.add_parser(
+        "recursion", help="updates of a float's diving model, compiled against plain Python"
+    )
+    benchmark_recursion.add_arguments(recursion)
+    recursion.set_defaults(measure=_recursion)
     for command in commands.choices.values():
         command.add_argument("--json", action="store_true", help="print JSON")
     arguments = parser.parse_args(argv)
@@ -76,6 +81,16 @@ def _rollout(arguments: argparse.Namespace) -> dict[str, float]:
         "plain_rollout_ns_per_rk4_step": plain,
         "step_from_python_us": _best(lambda: _steps(plant, x, u, 1000), arguments.repeats) / 1000 * 1e6,
     }
+
+
+def _recursion(arguments: argparse.Namespace) -> dict[str, float]:
+    """Rates of the recursions over a record and sample by sample, and the ratio to plain Python."""
+    compiled = benchmark_recursion.measure(arguments)
+    if arguments.alone:
+        return compiled
+    command = ["recursion", "--alone", "--json", "--samples", "400", "--repeats", str(min(arguments.repeats, 3))]
+    plain = _in_plain_python(command)
+    return {"plain_over_compiled": compiled[benchmark_recursion.RATED] / plain[benchmark_recursion.RATED], **compiled}
 
 
 def _ns_per_rk4_step(plant: Plant, samples: int, repeats: int) -> float:

@@ -12,9 +12,17 @@ def test_a_rollout_is_timed(capsys):
     assert json.loads(capsys.readouterr().out)["rollout_ns_per_rk4_step"] > 0.0
 
 
+def test_recursions_are_timed(capsys):
+    assert benchmark.main(["recursion", "--alone", "--json", "--repeats", "1", "--samples", "1000"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert len(numbers) == 6
+    assert min(numbers.values()) > 0.0
+
+
 @pytest.mark.parametrize(
     "arguments, message",
     [
+        (["recursion", "--samples", "10"], "--samples needs 100 or more"),
         (["env", "--envs", "0"], "--envs and --rounds need 1 or more"),
         (["env", "--vehicle", "slocum"], "six degrees of freedom, got 'slocum'"),
         (["env", "--vehicle", "remus10"], "Did you mean 'remus100'"),
