@@ -48,6 +48,7 @@ from scripts.reproduce_float import (
 
 GUIDE = Path(__file__).parents[2] / "docs" / "recursive.md"
 SEEDS = 2
+NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]\d+)?")
 
 
 @pytest.fixture(scope="module")
@@ -155,11 +156,11 @@ def test_seeds_of_the_guide_lie_in_its_ranges(study):
 
 def test_short_records_of_the_bias_are_those_of_the_guide(study):
     head, rows = consistency_rows(study.biases)
-    told = _table(GUIDE, head)
+    told = _table(GUIDE, head[:3])
     for found, right in zip(told, rows, strict=True):
         assert found[:2] == right[:2]
         if right[1] != PRINTED:
-            numbers, expected = ([float(n) for n in re.findall(r"-?[\d.]+", cell)] for cell in (found[2], right[2]))
+            numbers, expected = ([float(n) for n in NUMBER.findall(cell)] for cell in (found[2], right[2]))
             assert numbers == pytest.approx(expected, rel=1e-3, abs=0.11)
 
 
@@ -175,22 +176,16 @@ def test_the_guide_has_the_tables_that_are_printed(study):
         consistency_rows(study.biases),
     ]
     for head, rows in tables:
-        for found, right in zip(_table(GUIDE, head[:3]), rows, strict=True):
-            if not any(cell.startswith(PRINTED) for cell in right[:2]):
-                for shown_, value in zip(found, right, strict=True):
-                    numbers, expected = (
-                        [float(n) for n in re.findall(r"-?[\d.]+(?:e[-+]\d+)?", c)] for c in (shown_, value)
-                    )
-                    assert re.sub(r"[-\d.e+]+", "", shown_) == re.sub(r"[-\d.e+]+", "", value)
-                    assert numbers == pytest.approx(expected, rel=0.02, abs=2e-3), right[:2]
+        for told, printed in zip(_table(GUIDE, head[:3]), rows, strict=True):
+            if any(cell.startswith(PRINTED) for cell in printed[:2]):
+                continue
+            for shown_, value in zip(told, printed, strict=True):
+                assert NUMBER.sub("#", shown_) == NUMBER.sub("#", value), printed[:2]
+                # of the last digits, some depend on how another machine rounds
+                numbers, expected = ([float(n) for n in NUMBER.findall(cell)] for cell in (shown_, value))
+                assert numbers == pytest.approx(expected, rel=0.02, abs=2e-3), printed[:2]
     head, rows = breakdown_rows([trial.breakdowns for trial in study.trials])
-    assert [
-        row[0]
-        for row in _table(
-            GUIDE,
-            "variant",
-        )
-    ] == [row[0] for row in rows]
+    assert [row[0] for row in _table(GUIDE, head[:1])] == [row[0] for row in rows]
     for statement, count in count_rows(study):
         if not statement.startswith(PRINTED):
             assert int(count.split()[0]) >= 45, statement
@@ -256,7 +251,7 @@ def _table(path, head):
     lines = [
         [c.strip() for c in x.strip().strip("|").split("|")] for x in path.read_text(encoding="utf-8").splitlines()
     ]
-    first = next(i for i, cells in enumerate(lines) if cells[: min(3, len(head))] == list(head[:3]))
+    first = next(i for i, cells in enumerate(lines) if cells[: len(head)] == list(head))
     rows = []
     for cells in lines[first + 2 :]:
         if len(cells) < 2:
