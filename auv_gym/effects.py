@@ -300,7 +300,7 @@ class VolumeEffects:
 class ColumnEffects:
     """The water column: density that grows with depth, a vertical current (down positive), heave of internal waves."""
 
-    gradient: float = param(0.0, "kg/m^4", "density stratification", bounds=(-0.1, 0.5), probe=1e-3)
+    gradient: float = param(0.0, "kg/m^4", "density stratification", bounds=(0.0, 0.5), probe=1e-3)
     current: float = param(0.0, "m/s", "vertical current, down", bounds=(-0.5, 0.5), probe=2e-3)
     heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)

@@ -24,6 +24,7 @@ LEAST_TRACE = 2.0  # evidence that the screening must promise before a candidate
 FIRST_ITERATIONS, ITERATIONS = 5, 15  # of each start, and then of the best of them
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on candidates are also sought from its given value
 SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
+ALIKE = 0.99  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
 TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
 TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standard errors over the windows
 
@@ -149,6 +150,7 @@ def attribute(
             rounds.append(Round(tuple(trials), None, ()))
             break
         chosen = _best(bench, accepted)
+        trials = [_beside(bench, state, chosen, t, len(candidates)) for t in trials]
         tied = tuple(t for t in trials if t is not chosen and _tie(bench, chosen, t))
         rounds.append(Round(tuple(trials), chosen, tied))
         assert chosen.state is not None
@@ -205,19 +207,68 @@ def _trial(bench: Workbench, state: State, bases: Sequence[tuple[State, Screenin
     best = min(found, key=lambda point: point.cost)
     if not np.isfinite(best.cost):
         return Trial(candidate, None, 0.0, 0.0, screening, "no stable run with it")
-    plant = bench.train.plant_at(best, paths)
-    best = bench.train.solve(plant, paths, best.starts, ITERATIONS, 1e-5)
+    return _judged(bench, state, candidate, screening, bench.train.plant_at(best, paths), best.starts, count)
+
+
+def _judged(bench, state: State, candidate: Candidate, screening: Screening, plant: Plant, starts, count: int) -> Trial:
+    """The trial of a candidate fitted from a plant and its starts."""
+    paths = (*state.paths, *candidate.free)
+    best = bench.train.solve(plant, paths, starts, ITERATIONS, 1e-5)
     plant = bench.train.plant_at(best, paths)
     held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5)
     after = State(plant, paths, best, held, colour(bench.train, best))
     train, test = bench.gains(state, after)
-    return Trial(
-        candidate,
-        after,
-        train,
-        test,
-        screening,
-        _objection(bench, state, after, candidate, train, test, count + screening.tried - 1),
+    objection = _objection(bench, state, after, candidate, train, test, count + screening.tried - 1)
+    return Trial(candidate, after, train, test, screening, objection)
+
+
+def _beside(bench: Workbench, state: State, chosen: Trial, trial: Trial, count: int) -> Trial:
+    """A trial that is behind the chosen one, fitted again from the chosen solution if it acts alike; else as it is.
+
+    Two effects with one signature explain a record equally well, and a fit of one of them that stopped early must not
+    hide that.
+    """
+    if trial is chosen or trial.state is None or _tie(bench, chosen, trial):
+        return trial
+    alike = _likeness(bench, chosen, trial)
+    if alike is None or abs(alike.cosine) < ALIKE:
+        return trial
+    assert chosen.state is not None
+    path, other = chosen.candidate.paths[0], trial.candidate.paths[0]
+    spec = spec_at(state.plant, other)
+    value = float(np.clip(spec.neutral + alike.size, *spec.bounds))
+    plant = replace_at(chosen.state.plant, {path: value_at(state.plant, path), other: value})
+    again = _judged(bench, state, trial.candidate, trial.screening, plant, chosen.state.train.starts, count)
+    return again if again.total > trial.total else trial
+
+
+@dataclass(frozen=True)
+class _Likeness:
+    """How alike two effects act at the solution with one of them: by the angle between their signatures.
+
+    size: of the other one, from neutral, that does the same.  evidence: what the difference between them amounts to.
+    """
+
+    cosine: float
+    size: float
+    evidence: float
+
+
+def _likeness(bench: Workbench, chosen: Trial, other: Trial) -> _Likeness | None:
+    """The likeness of two effects of one component each; None where one has more."""
+    if len(chosen.candidate.paths) > 1 or len(other.candidate.paths) > 1:
+        return None
+    assert chosen.state is not None
+    paths, here, problem = (*chosen.candidate.paths, *other.candidate.paths), chosen.state.train, bench.train
+    columns = problem.linearise(here, paths, problem.sigma(here)).columns.reshape(2, -1)
+    own, its = np.linalg.norm(columns, axis=1)
+    if min(own, its) < 1e-9:
+        return None
+    cosine = float(columns[0] @ columns[1] / (own * its))
+    moved = value_at(chosen.state.plant, paths[0]) - spec_at(problem.plant, paths[0]).neutral
+    sizes = moved / problem.scale(paths[0])
+    return _Likeness(
+        cosine, cosine * sizes * own / its * problem.scale(paths[1]), (1.0 - cosine**2) * (sizes * own) ** 2
     )
 
 
@@ -304,9 +355,15 @@ def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
 
 
 def _tie(bench: Workbench, best: Trial, other: Trial) -> bool:
-    """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample)."""
+    """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample).
+
+    Also where their signatures differ by less than that: a fit that stopped a little early is no difference.
+    """
     if other.state is None or other.objection:
         return False
+    alike = _likeness(bench, best, other)
+    if alike is not None and alike.evidence < TIE:
+        return True
     extra = _extra_cost(bench, best, other)
     error = float(np.std(extra) * np.sqrt(extra.size))
     return extra.sum() < TIE or (extra.sum() < TIE_ERRORS * error and extra.size >= MANY_WINDOWS)
