@@ -21,7 +21,6 @@ from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
 
-STEP = 1e-2  # of a parameter's scale, for difference quotients; larger than the kinks' rounding, smaller than a probe
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
@@ -95,6 +94,7 @@ class Shooting:
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
         self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
         self.index = positions(plant)
+        self.step = plant.family.difference
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
         self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
@@ -132,13 +132,24 @@ class Shooting:
                     times = self.record.time[self.windows[w]][: head.stop - head.start]
                     values = self.measured[head, self.channels.index(angle)]
                     starts[w, family.states.index(rate)] = np.polyfit(times - times[0], values, 1)[0]
-        if self.shared and max(w.stop - w.start for w in self.windows) >= 2 * PIECE:
-            pieces = [p for w in self.windows for p in _pieces(w)]
-            short = Shooting(self.plant, self.record, pieces)
-            found = short.solve(self.plant, ()).starts
-            first = np.unique(short.segments, return_index=True)[1]
-            for state, _ in self.shared:
-                starts[:, state] = found[first, state][self.segments]
+        return self._with_shared(starts, self.plant)
+
+    @cached_property
+    def _short(self) -> Shooting | None:
+        """The record in runs of a few samples, in which a wrong shared state does little; None where it is in such runs."""
+        if not self.shared or max(w.stop - w.start for w in self.windows) < 2 * PIECE:
+            return None
+        return Shooting(self.plant, self.record, [p for w in self.windows for p in _pieces(w)])
+
+    def _with_shared(self, starts: np.ndarray, plant: Plant) -> np.ndarray:
+        """The starts with the shared states that suit short runs of a plant."""
+        if self._short is None:
+            return starts
+        found = self._short.solve(plant, ()).starts
+        first = np.unique(self._short.segments, return_index=True)[1]
+        starts = starts.copy()
+        for state, _ in self.shared:
+            starts[:, state] = found[first, state][self.segments]
         return starts
 
     def point(self, vector: np.ndarray, starts: np.ndarray) -> Point:
@@ -146,8 +157,14 @@ class Shooting:
         residual = self._residuals(vector[None], starts[None])[0]
         return Point(vector, starts, residual, self._cost(residual))
 
-    def linearise(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float = STEP) -> Linearisation:
-        """Sensitivities to the paths at a point, by differences of `step` scales, pointing into the bounds."""
+    def linearise(
+        self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | None = None
+    ) -> Linearisation:
+        """Sensitivities to the paths at a point, by differences of `step` scales, pointing into the bounds.
+
+        step: default the family's, which suits fits; 1 for what a probe does.
+        """
+        step = self.step if step is None else step
         flat, start_columns = self._differences(point, paths, sigma, step)
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
@@ -174,16 +191,17 @@ class Shooting:
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
         here = self.point(plant.vector, self.first_guess)
-        if starts is not None:
-            there = self.point(plant.vector, starts)
-            here = min(here, there, key=lambda point: point.cost)
+        others = [] if starts is None else [starts]
+        if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
+            others.append(self._with_shared(self.first_guess, plant))
+        here = min([here, *(self.point(plant.vector, other) for other in others)], key=lambda point: point.cost)
         index = [self.index[p] for p in paths]
         scales = np.array([self.scale(p) for p in paths])
         bounds = np.array([spec_at(plant, p).bounds for p in paths]).reshape(len(paths), 2)
         damping = 1e-3
         for _ in range(max_iterations):
             sigma = self.sigma(here)
-            flat, start_columns = self._differences(here, paths, sigma, STEP)
+            flat, start_columns = self._differences(here, paths, sigma, self.step)
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
             normal = np.einsum("prc,qrc->pq", flat, flat)
@@ -260,9 +278,9 @@ class Shooting:
             sizes.append(1e-4)
         for state, unit in self.shared:
             starts = point.starts.copy()
-            starts[:, state] += STEP * unit
+            starts[:, state] += step * unit
             moves.append((point.vector, starts))
-            sizes.append(STEP)
+            sizes.append(step)
         vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
         residuals = self._residuals(vectors, all_starts)
         with np.errstate(invalid="ignore", over="ignore"):

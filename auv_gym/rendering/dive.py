@@ -107,9 +107,7 @@ def _column(sheet: Sheet, dive: Dive, strip: Strip, area: Box) -> None:
     """The water from the surface down, with the float in it, at the height that the depth has in the strip beside."""
     box = Box(area.left, strip.box.top, area.right, strip.box.bottom)
     surface = min(max(strip.y(0.0), box.top), box.bottom)
-    draw_title(
-        sheet, area, "Water column", "", [("off by", _signed(dive.depth[-1] - dive.target[-1], 2, "m"), INK)]
-    )
+    draw_title(sheet, area, "Water column", "", [("off by", _signed(dive.depth[-1] - dive.target[-1], 2, "m"), INK)])
     sheet.box(box, PAPER)
     for band in range(_BANDS):
         top, bottom = (surface + (box.bottom - surface) * (band + k) / _BANDS for k in (0, 1))

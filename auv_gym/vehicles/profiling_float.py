@@ -251,6 +251,7 @@ FLOAT_PISTON = Family(
     states=("depth_m", "depth_rate_mps", "volume_m3"),
     integrated=4,
     block=_BLOCK,
+    difference=1e-4,
     derived=len(list_paths(FloatParameters())),
     problem=piston_problem,
     actuators=("piston_m", "temperature_C"),

@@ -25,6 +25,7 @@ FIRST_ITERATIONS, ITERATIONS = 5, 15  # of each start, and then of the best of t
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on candidates are also sought from its given value
 SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
 ALIKE = 0.99  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
+SAME = 1e-4  # 1 - cosine^2 between signatures below which two effects count as one: difference quotients see no more
 TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
 TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standard errors over the windows
 
@@ -362,7 +363,7 @@ def _tie(bench: Workbench, best: Trial, other: Trial) -> bool:
     if other.state is None or other.objection:
         return False
     alike = _likeness(bench, best, other)
-    if alike is not None and alike.evidence < TIE:
+    if alike is not None and (alike.evidence < TIE or 1.0 - alike.cosine**2 < SAME):
         return True
     extra = _extra_cost(bench, best, other)
     error = float(np.std(extra) * np.sqrt(extra.size))
