@@ -136,7 +136,7 @@ class Shooting:
 
     @cached_property
     def _short(self) -> Shooting | None:
-        """The record in runs of a few samples, in which a wrong shared state does little; None where it is in such runs."""
+        """The record in runs of a few samples, in which a wrong shared state does little; None if it is so cut."""
         if not self.shared or max(w.stop - w.start for w in self.windows) < 2 * PIECE:
             return None
         return Shooting(self.plant, self.record, [p for w in self.windows for p in _pieces(w)])
