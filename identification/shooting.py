@@ -94,7 +94,7 @@ class Shooting:
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
         self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
         self.index = positions(plant)
-        self.step = plant.family.difference
+        self.steps = plant.family.differences
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
         self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
@@ -162,9 +162,9 @@ class Shooting:
     ) -> Linearisation:
         """Sensitivities to the paths at a point, by differences of `step` scales, pointing into the bounds.
 
-        step: default the family's, which suits fits; 1 for what a probe does.
+        step: default the family's first; 1 for what a probe does.
         """
-        step = self.step if step is None else step
+        step = self.steps[0] if step is None else step
         flat, start_columns = self._differences(point, paths, sigma, step)
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
@@ -198,10 +198,10 @@ class Shooting:
         index = [self.index[p] for p in paths]
         scales = np.array([self.scale(p) for p in paths])
         bounds = np.array([spec_at(plant, p).bounds for p in paths]).reshape(len(paths), 2)
-        damping = 1e-3
+        damping, steps = 1e-3, list(self.steps)
         for _ in range(max_iterations):
             sigma = self.sigma(here)
-            flat, start_columns = self._differences(here, paths, sigma, self.step)
+            flat, start_columns = self._differences(here, paths, sigma, steps[0])
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
             normal = np.einsum("prc,qrc->pq", flat, flat)
@@ -220,12 +220,13 @@ class Shooting:
                     improved = True
                     break
                 damping *= 8.0
-            if not improved:
-                break
-            gain = here.cost - there.cost
-            here, damping = there, max(damping / 12.0, 1e-9)
+            gain = here.cost - there.cost if improved else 0.0
+            if improved:
+                here, damping = there, max(damping / 12.0, 1e-9)
             if gain < tolerance * max(self.finite.sum(), 1):
-                break
+                if len(steps) == 1:
+                    break
+                damping, steps = 1e-3, steps[1:]
         return here
 
     def sigma(self, point: Point) -> np.ndarray:

@@ -42,9 +42,9 @@ class Family:
     scratch: int = 0  # length of the last argument of `derivative`
     block: int = 1_000_000  # steps after which `stable_step` is asked again
     problem: Callable[[Any], str] = _no_problem  # words about impossible parameters, or nothing
-    # step of difference quotients, of a parameter's scale: larger than the rounding of kinks, smaller than a probe;
-    # much smaller where free runs are long and far from linear in the parameters
-    difference: float = 1e-2
+    # steps of difference quotients, of a parameter's scale: larger than the rounding of kinks, smaller than a probe; a
+    # fit that has come to rest goes on with the next one, for runs that are far from linear in the parameters
+    differences: tuple[float, ...] = (1e-2,)
     # where an input that is not required comes from: the parameter at a path; otherwise zero
     constants: Mapping[str, str] = field(default_factory=dict)
     # effects that act as a coefficient does

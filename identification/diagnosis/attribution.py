@@ -261,7 +261,7 @@ def _likeness(bench: Workbench, chosen: Trial, other: Trial) -> _Likeness | None
         return None
     assert chosen.state is not None
     paths, here, problem = (*chosen.candidate.paths, *other.candidate.paths), chosen.state.train, bench.train
-    columns = problem.linearise(here, paths, problem.sigma(here)).columns.reshape(2, -1)
+    columns = problem.linearise(here, paths, problem.sigma(here), problem.steps[-1]).columns.reshape(2, -1)
     own, its = np.linalg.norm(columns, axis=1)
     if min(own, its) < 1e-9:
         return None
