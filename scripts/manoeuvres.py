@@ -26,7 +26,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from auv_gym.envs.cruise import Cruise, command_limits, find_cruise
+from auv_gym.cruise import Cruise, command_limits, find_cruise
 from auv_gym.envs.tasks import HELD_PITCH
 from auv_gym.model import Diverged, check_finite
 from auv_gym.param import replace_at

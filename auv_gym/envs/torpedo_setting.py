@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from auv_gym.cruise import command_limits, find_cruise
 from auv_gym.envs import tasks
-from auv_gym.envs.cruise import command_limits, find_cruise
 from auv_gym.envs.options import check_number
 from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import PROPULSION, Task
