@@ -6,8 +6,7 @@ Needs the extra `render`. A function takes a Diagnosis and returns a matplotlib 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
-from io import StringIO
+from collections.abc import Callable
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -15,81 +14,45 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.record import Record
+from identification import drawing
 from identification.diagnosis.verdict import Diagnosis, Stage
+from identification.drawing import (
+    AFTER,
+    BEFORE,
+    COMMAND,
+    INK,
+    INPUT,
+    MEASURED,
+    POINTS,
+    QUIET,
+    Clock,
+    band,
+    compass_ticks,
+    downwards,
+    grid,
+    line,
+    new_figure,
+    patch,
+    quantity_label,
+    shown_values,
+    thinned,
+    unit_label,
+)  # fmt: skip
 from identification.validation import FreeRuns, input_correlation
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Okabe and Ito's palette, told apart with every common colour blindness; before and after differ in line style too.
-INK, QUIET, GRID = "#22303c", "#5b6b78", "#d9e0e6"
-MEASURED, BEFORE, AFTER, INPUT, COMMAND, GIVEN = "#22303c", "#d55e00", "#0072b2", "#00785a", "#8a97a3", "#9a8fb0"
+GIVEN = "#9a8fb0"
 FITTED_SHADE, HELD_SHADE, SETTLE_SHADE = "#f7f3e8", "#dbe8f4", "#ececec"
 CONTEXT = ("depth_m", "pitch_rad", "roll_rad", "u_mps", "w_mps", "altitude_m")
-POINTS = 1200  # of a line across the page, beyond which it is thinned
 CLEAR = 0.1  # correlation below which a signal is not worth a picture
 DOTS = 500  # of a scatter
-WIDTH = 9.6  # inches, the width of the page at 100 points per inch
-STYLE: dict[Any, Any] = {
-    "font.family": "sans-serif",
-    "font.size": 9.5,
-    "axes.titlesize": 9.5,
-    "axes.titlecolor": INK,
-    "axes.titlepad": 4.0,
-    "axes.labelcolor": QUIET,
-    "axes.labelsize": 9.0,
-    "axes.edgecolor": "#aab5bf",
-    "axes.linewidth": 0.8,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "grid.color": GRID,
-    "grid.linewidth": 0.6,
-    "xtick.color": "#aab5bf",
-    "ytick.color": "#aab5bf",
-    "xtick.labelcolor": QUIET,
-    "ytick.labelcolor": QUIET,
-    "xtick.labelsize": 8.5,
-    "ytick.labelsize": 8.5,
-    "legend.frameon": False,
-    "legend.fontsize": 9.0,
-    "legend.labelcolor": INK,
-    "lines.solid_capstyle": "round",
-    "text.color": INK,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "auv-gym",
-    "path.simplify": True,
-}
-
-
-def require_render() -> None:
-    """Raises ImportError, with the command that installs them, if matplotlib or jinja2 is missing."""
-    try:
-        import jinja2  # noqa: F401
-        import matplotlib  # noqa: F401
-    except ImportError as error:
-        raise ImportError(
-            f"The report needs matplotlib and jinja2, and {error.name or 'one of them'} is not installed: "
-            "pip install 'auv-gym[render]'."
-        ) from error
 
 
 def svg(draw: Callable[[Diagnosis], Figure], diagnosis: Diagnosis, name: str, label: str) -> str:
-    """The SVG element of a figure, to be put into a page as it is: no namespaces, no size of its own.
-
-    name: prefix of its ids, different for each figure of a page.  label: what a screen reader says.
-    """
-    require_render()
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    with matplotlib.rc_context(STYLE):
-        figure = draw(diagnosis)
-        text = StringIO()
-        nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
-        FigureCanvasSVG(figure).print_svg(text, metadata=nothing)
-    return _inline(text.getvalue(), name, label)
+    """The SVG element of a figure of a diagnosis, see `drawing.svg`."""
+    return drawing.svg(lambda: draw(diagnosis), name, label)
 
 
 def log_figure(d: Diagnosis) -> Figure:
@@ -99,21 +62,21 @@ def log_figure(d: Diagnosis) -> Figure:
     inputs = [n for n in plant.inputs if record.has(n) and channel(n).kind == "input"]
     context = [n for n in CONTEXT if record.has(n) and n not in outputs]
     heights = [1.5, *[1.0] * (len(outputs) - 1), *[1.0] * len(inputs), *[0.62] * len(context)]
-    figure = _figure(sum(heights) + 0.26 * len(heights) + 0.6)
+    figure = new_figure(sum(heights) + 0.26 * len(heights) + 0.6)
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     clock = Clock(record)
     for axes, name in zip(panels, [*outputs, *inputs, *context]):
         _shade(axes, d, clock)
         colour = MEASURED if name in outputs else INPUT if name in inputs else QUIET
-        _line(axes, clock.times, shown_values(name, record[name]), clock.cuts, color=colour, linewidth=1.0)
+        line(axes, clock.times, shown_values(name, record[name]), clock.cuts, color=colour, linewidth=1.0)
         axes.set_title(quantity_label(name), loc="left")
         axes.margins(x=0.0)
         axes.locator_params(axis="y", nbins=3 if name in context else 5)
-        _downwards(axes, name)
+        downwards(axes, name)
     if outputs[0] == "heading_rad" and record.has("heading_cmd_rad"):
         command, heading = record["heading_cmd_rad"], record["heading_rad"]
         near = command + 2.0 * np.pi * np.round((heading - command) / (2.0 * np.pi))
-        _line(
+        line(
             panels[0],
             clock.times,
             np.rad2deg(near),
@@ -125,7 +88,7 @@ def log_figure(d: Diagnosis) -> Figure:
         )
         panels[0].set_title(f"{quantity_label('heading_rad')} (dashed: commanded)", loc="left")
     if outputs[0] == "heading_rad":
-        _compass_ticks(panels[0])
+        compass_ticks(panels[0])
     panels[-1].set_xlabel(clock.label)
     figure.legend(handles=_window_patches(), loc="outside upper left", ncols=2)
     return figure
@@ -136,7 +99,7 @@ def overview_figure(d: Diagnosis) -> Figure:
     names, clock = d.after.every.channels, Clock(d.record)
     strips = int(np.clip(round(sum(len(w) for w in d.windows) / 15), 1, 4))
     heights = [1.45] * strips + [1.15] * (len(names) - 1)
-    figure = _figure(sum(heights) + 0.32 * len(heights) + 0.7)
+    figure = new_figure(sum(heights) + 0.32 * len(heights) + 0.7)
     panels = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     edges = np.linspace(clock.times[0], clock.times[-1], strips + 1)
     spans = [*pairwise(edges), *[(edges[0], edges[-1])] * (len(names) - 1)]
@@ -149,8 +112,8 @@ def overview_figure(d: Diagnosis) -> Figure:
         if number in (0, *range(strips, len(panels))):
             axes.set_title(quantity_label(name), loc="left")
         if name == "heading_rad":
-            _compass_ticks(axes)
-        _downwards(axes, name)
+            compass_ticks(axes)
+        downwards(axes, name)
     panels[-1].set_xlabel(clock.label)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
@@ -164,7 +127,7 @@ def zoom_figure(d: Diagnosis) -> Figure:
     picked, record, name = example_windows(d), d.record, most_improved(d)
     output = d.after.held.channels.index(name)
     driver = next(iter(d.given.plant.family.required))
-    figure = _figure(4.0)
+    figure = new_figure(4.0)
     panels = figure.subplots(2, len(picked), sharex="col", height_ratios=(2.6, 1.0), squeeze=False)
     for column, (title, number) in enumerate(picked):
         rows = d.after.held.rows[d.after.held.window == number]
@@ -185,13 +148,13 @@ def zoom_figure(d: Diagnosis) -> Figure:
         top.locator_params(axis="y", nbins=6)
         bottom.locator_params(axis="y", nbins=4)
         if name == "heading_rad":
-            _compass_ticks(top)
-        _downwards(top, name)
+            compass_ticks(top)
+        downwards(top, name)
         bottom.set_xlabel("time since the window's start, s")
     panels[0, 0].set_ylabel(quantity_label(name))
     panels[1, 0].set_ylabel(quantity_label(driver))
     handles, labels = panels[0, 0].get_legend_handles_labels()
-    handles, labels = [*handles, _patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
+    handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
     figure.legend(handles=handles, labels=labels, loc="outside upper left", ncols=5)
     return figure
 
@@ -199,8 +162,8 @@ def zoom_figure(d: Diagnosis) -> Figure:
 def growth_figure(d: Diagnosis) -> Figure:
     """Root mean square error over the held-out windows against the time since the window's start, per output."""
     names = d.after.held.channels
-    figure = _figure(2.9 * ((len(names) + 1) // 2))
-    panels = _grid(figure, len(names), 2)
+    figure = new_figure(2.9 * ((len(names) + 1) // 2))
+    panels = grid(figure, len(names), 2)
     for c, (axes, name) in enumerate(zip(panels, names)):
         axes.axvspan(0.0, d.settle, color=SETTLE_SHADE, zorder=0, linewidth=0)
         tops = []
@@ -219,14 +182,14 @@ def growth_figure(d: Diagnosis) -> Figure:
         axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (root mean square)", loc="left")
         axes.set_xlabel("time since the window's start, s")
     handles, labels = panels[0].get_legend_handles_labels()
-    handles, labels = [*handles, _patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
+    handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
     figure.legend(handles=handles, labels=labels, loc="outside upper left", ncols=4)
     return figure
 
 
 def track_figure(d: Diagnosis) -> Figure:
     """Plan view of the measured track with the model's free runs in the held-out windows, north up."""
-    figure = _figure(4.6)
+    figure = new_figure(4.6)
     axes = figure.subplots()
     clock, runs = Clock(d.record), d.after.held
     keep = thinned(d.record["north_m"], POINTS, clock.cuts)
@@ -246,14 +209,14 @@ def track_figure(d: Diagnosis) -> Figure:
 def residual_figure(d: Diagnosis) -> Figure:
     """Measured minus model over time, before and after, from starts fitted to whole windows; one panel per output."""
     names, clock = d.after.fitted.channels, Clock(d.record)
-    figure = _figure(1.75 * len(names) + 0.7)
+    figure = new_figure(1.75 * len(names) + 0.7)
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for c, (axes, name) in enumerate(zip(panels, names)):
         _shade(axes, d, clock)
         for label, stage, look in series(d):
             runs = stage.fitted
             cuts = np.flatnonzero(np.diff(runs.window)) + 1
-            _line(
+            line(
                 axes,
                 clock.times[runs.rows],
                 shown_values(name, runs.residual[:, c]),
@@ -275,8 +238,8 @@ def residual_figure(d: Diagnosis) -> Figure:
 def autocorrelation_figure(d: Diagnosis) -> Figure:
     """Autocorrelation of what remains, per output, with the band in which 95 % of a white residual's would lie."""
     names = d.after.fitted.channels
-    figure = _figure(2.5 * ((len(names) + 1) // 2))
-    panels = _grid(figure, len(names), 2)
+    figure = new_figure(2.5 * ((len(names) + 1) // 2))
+    panels = grid(figure, len(names), 2)
     for axes, name in zip(panels, names):
         for (label, stage, look), shift in zip(series(d), (-0.2, 0.2)):
             white = stage.whiteness[name]
@@ -284,7 +247,7 @@ def autocorrelation_figure(d: Diagnosis) -> Figure:
             width = 0.38 * d.record.sample_interval
             shift = shift * d.record.sample_interval if len(series(d)) > 1 else 0.0
             axes.bar(lags + shift, white.correlation, width=width, color=look["color"], zorder=2.0, label=label)
-        _band(axes, lags, d.after.whiteness[name].bound)
+        band(axes, lags, d.after.whiteness[name].bound)
         axes.set_xlim(0.0, lags[-1] + d.record.sample_interval)
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.set_ylim(-1.0, 1.0)
@@ -298,15 +261,15 @@ def input_correlation_figure(d: Diagnosis) -> Figure:
     """Correlation of what remains of the least explained output with each varying input, at lags of either sign."""
     runs, names = d.after.fitted, varying_inputs(d)
     output = runs.channels.index(least_explained(d))
-    figure = _figure(2.35 * ((len(names) + 1) // 2) + 0.3)
-    panels = _grid(figure, len(names), 2)
+    figure = new_figure(2.35 * ((len(names) + 1) // 2) + 0.3)
+    panels = grid(figure, len(names), 2)
     for axes, name in zip(panels, names):
         for label, stage, look in series(d):
             residual, signal = stage.fitted.residual[:, output], d.record[name][runs.rows]
             lags, values, bound = input_correlation(residual, signal, runs.window)
             seconds = lags * d.record.sample_interval
             axes.plot(seconds, values, marker=".", label=label, **look)
-        _band(axes, seconds, bound)
+        band(axes, seconds, bound)
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.axvline(0.0, color=INK, linewidth=0.7, linestyle=":")
         axes.set_xlim(seconds[0], seconds[-1])
@@ -323,8 +286,8 @@ def input_correlation_figure(d: Diagnosis) -> Figure:
 def correlate_figure(d: Diagnosis) -> Figure:
     """Rate of what remains of an output against the signal that it goes with most, and its trend."""
     names = correlated_outputs(d)
-    figure = _figure(2.8 * ((len(names) + 1) // 2))
-    panels = _grid(figure, len(names), 2)
+    figure = new_figure(2.8 * ((len(names) + 1) // 2))
+    panels = grid(figure, len(names), 2)
     for axes, name in zip(panels, names):
         label, value = next(iter(d.remains[name]["rate_correlates_with"].items()))
         signal, rate = _rate_against(d, name, label)
@@ -419,25 +382,6 @@ def varying_inputs(d: Diagnosis) -> list[str]:
     return [n for n in d.given.plant.inputs if d.record.has(n) and np.ptp(d.record[n][rows]) > 0.0]
 
 
-def shown_values(name: str, values: np.ndarray) -> np.ndarray:
-    """The values of a channel as people read them: angles and their rates in degrees, volumes in millilitres."""
-    unit = channel(name).unit
-    if unit == "m3":
-        return 1e6 * np.asarray(values)
-    return np.rad2deg(values) if unit in ("rad", "rad/s") else np.asarray(values)
-
-
-def unit_label(name: str) -> str:
-    """The unit of `shown_values`."""
-    unit = channel(name).unit
-    return "mL" if unit == "m3" else unit.replace("rad", "deg")
-
-
-def quantity_label(name: str) -> str:
-    """`heading, deg`: the words for a channel, and its unit."""
-    return f"{channel(name).label}, {unit_label(name)}"
-
-
 def signal_label(label: str) -> str:
     """The words for a signal of `remains`: a channel's name, or its sine or cosine."""
     found = re.fullmatch(r"(sin|cos)\((\w+)\)", label)
@@ -445,78 +389,7 @@ def signal_label(label: str) -> str:
     return f"{words[found[1]]} of {channel(found[2]).label}" if found else quantity_label(label)
 
 
-def thinned(values: np.ndarray, most: int, cuts: Sequence[int] | np.ndarray = ()) -> np.ndarray:
-    """Indices that keep the shape of a long line: smallest and largest value of each bucket.
-
-    cuts: indices at which a new line begins.  The index `values.size` stands where one ends.
-    """
-    parts = np.split(np.arange(values.size), np.asarray(cuts, dtype=int))
-    bucket = int(np.ceil(2.0 * values.size / most))
-    kept = []
-    for part in parts:
-        if bucket > 2 and part.size > 2:
-            inner = []
-            for piece in np.array_split(part, max(part.size // bucket, 1)):
-                safe = np.where(np.isfinite(values[piece]), values[piece], values[piece][0])
-                inner += sorted({piece[np.argmin(safe)], piece[np.argmax(safe)]})
-            part = np.unique([part[0], *inner, part[-1]])
-        kept += [part, [values.size]]
-    return np.concatenate(kept).astype(int)
-
-
-class Clock:
-    """Time of a record's samples along a figure, in a unit that suits its length, from 0.
-
-    times: (n,).  cuts: where segments begin.  Segments whose times overlap or lie far apart follow one another closely.
-    """
-
-    def __init__(self, record: Record):
-        time, segments = record.time, record.segments
-        gaps = np.array([time[b.start] - time[a.stop - 1] for a, b in pairwise(segments)])
-        elapsed = time - time[0]
-        self.closed_up = bool(gaps.size and (np.any(gaps <= 0.0) or gaps.sum() > record.duration_s))
-        if self.closed_up:
-            shift, pause = 0.0, 0.02 * record.duration_s
-            for part in segments:
-                elapsed[part] = time[part] - time[part.start] + shift
-                shift = elapsed[part.stop - 1] + pause
-        unit, size = next((u, s) for u, s, longest in _TIME_UNITS if elapsed[-1] <= longest)
-        self.times = elapsed / size
-        self.cuts = np.array([part.start for part in segments[1:]], dtype=int)
-        self.label = f"time, {unit}" + (" (segments one after another, pauses shortened)" if self.closed_up else "")
-
-
-_TIME_UNITS = (("s", 1.0, 900.0), ("min", 60.0, 5.0 * 3600.0), ("h", 3600.0, np.inf))
 _WINDOW_WORDS = ("fitted window", "held-out window")
-
-
-def _figure(height: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    figure.patch.set_alpha(0.0)
-    return figure
-
-
-def _grid(figure: Figure, count: int, columns: int) -> list:
-    rows = (count + columns - 1) // columns
-    panels = figure.subplots(rows, columns if count > 1 else 1, squeeze=False).ravel()
-    for axes in panels[count:]:
-        axes.set_axis_off()
-    return list(panels[:count])
-
-
-def _band(axes, lags: np.ndarray, bound: float | np.ndarray) -> None:
-    """The band around zero in which noise stays, one step beyond the lags to either side."""
-    step = lags[1] - lags[0] if lags.size > 1 else 1.0
-    wide = np.r_[lags[0] - step, lags, lags[-1] + step]
-    edge = np.pad(np.broadcast_to(bound, lags.shape), 1, mode="edge")
-    axes.fill_between(wide, -edge, edge, color="#d3dae0", zorder=1.2, linewidth=0, label="95 % band of noise")
-
-
-def _line(axes, times: np.ndarray, values: np.ndarray, cuts, points: int = POINTS, **look) -> None:
-    keep = thinned(values, points, cuts)
-    axes.plot(np.append(times, np.nan)[keep], np.append(values, np.nan)[keep], **look)
 
 
 def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]) -> None:
@@ -524,7 +397,7 @@ def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]
     record, output = d.record, d.after.every.channels.index(name)
     inside = np.flatnonzero((clock.times >= span[0]) & (clock.times <= span[1]))
     cuts = np.flatnonzero(np.isin(inside, clock.cuts))
-    _line(
+    line(
         axes,
         clock.times[inside],
         shown_values(name, record[name][inside]),
@@ -542,7 +415,7 @@ def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]
             _nearest_turn(name, m, record[name][r])
             for m, r in zip(np.split(runs.model[shown, output], cuts), np.split(rows, cuts))
         ]
-        _line(
+        line(
             axes,
             clock.times[rows],
             shown_values(name, np.concatenate(parts)),
@@ -550,12 +423,6 @@ def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]
             label=label,
             **{**look, "linewidth": 0.75 * look["linewidth"]},
         )
-
-
-def _downwards(axes, name: str) -> None:
-    """Depth grows downwards."""
-    if name == "depth_m":
-        axes.invert_yaxis()
 
 
 def _nearest_turn(name: str, model: np.ndarray, measured: np.ndarray) -> np.ndarray:
@@ -576,32 +443,11 @@ def _shade(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = 
         )
 
 
-def _patch(colour: str):
-    from matplotlib.patches import Patch
-
-    return Patch(facecolor=colour, edgecolor="#b9c4cd", linewidth=0.6)
-
-
 def _window_patches() -> list:
-    patches = [_patch(FITTED_SHADE), _patch(HELD_SHADE)]
-    for patch, words in zip(patches, _WINDOW_WORDS):
-        patch.set_label(words)
+    patches = [patch(FITTED_SHADE), patch(HELD_SHADE)]
+    for shade, words in zip(patches, _WINDOW_WORDS):
+        shade.set_label(words)
     return patches
-
-
-def _compass_ticks(axes) -> None:
-    """Ticks of a continuous heading as compass degrees, where it covers no more than two turns."""
-    from matplotlib.ticker import FuncFormatter, MultipleLocator
-
-    low, high = axes.get_ylim()
-    if high - low > 800.0:
-        axes.set_title(
-            axes.get_title(loc="left").replace("heading, deg", "heading, deg (turns counted on)"), loc="left"
-        )
-        return
-    step = next(s for s in (5, 10, 15, 30, 45, 90, 180) if (high - low) / s <= 6)
-    axes.yaxis.set_major_locator(MultipleLocator(step))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value % 360.0:g}"))
 
 
 def _window_errors(runs: FreeRuns, output: int) -> np.ndarray:
@@ -629,20 +475,3 @@ def _rate_against(d: Diagnosis, name: str, label: str) -> tuple[np.ndarray, np.n
 def _rate_unit(name: str) -> str:
     unit = unit_label(name)
     return f"{unit}²" if unit.endswith("/s") else f"{unit}/s"
-
-
-def _inline(text: str, name: str, label: str) -> str:
-    """The SVG element alone, with ids of its own, two decimals in its paths and a label for screen readers."""
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>|<style.*?</style>", "", text, flags=re.DOTALL)
-    # matplotlib makes ids of clip paths from addresses in memory: numbers give the same page for the same diagnosis
-    for count, made in enumerate(dict.fromkeys(re.findall(r'\bid="([pm][0-9a-f]{10})"', text))):
-        text = text.replace(made, f"c{count}")
-    text = re.sub(r'\bid="', f'id="{name}-', text)
-    text = text.replace("url(#", f"url(#{name}-").replace('xlink:href="#', f'href="#{name}-')
-    text = re.sub(r' d="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), text)
-    box = re.search(r'viewBox="[^"]*"', text)
-    assert box is not None
-    escaped = label.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
-    head = f'<svg {box[0]} role="img" aria-label="{escaped}">'
-    return head + text[text.index(">") + 1 :].strip()

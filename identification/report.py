@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import isfinite, log10
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +15,8 @@ from identification import figures
 from identification.diagnosis.attribution import Round, Trial, threshold
 from identification.diagnosis.candidates import candidates_of
 from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis, Effect, quantity
+from identification.drawing import require_render
+from identification.page import Drawing, amount, both, drawing, listed, number, page, span, typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -148,64 +149,8 @@ def diagnosis_page(diagnosis: Diagnosis) -> str:
 
     Raises ImportError, with the command to run, if the extra `render` is not installed.
     """
-    figures.require_render()
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("identification"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("diagnosis.html").render(_content(diagnosis)).strip() + "\n"
-
-
-def number(value: float, digits: int = 3, sign: bool = False) -> str:
-    """A number with this many significant digits, without an exponent where it stays short; a true minus sign."""
-    if not isfinite(value):
-        return "–"
-    if value == 0.0:
-        return "0"
-    size = int(np.floor(log10(abs(float(f"{value:.{digits - 1}e}")))))
-    text = f"{value:.{digits - 1}e}" if not -5 <= size < 6 else f"{value:.{max(digits - 1 - size, 0)}f}"
-    text = text if text.startswith("-") or not sign else f"+{text}"
-    return text.replace("-", "−")
-
-
-def amount(value: float, unit: str, sign: bool = False) -> str:
-    """A value with its unit as people read it: angles and their rates in degrees."""
-    if unit in ("rad", "rad/s"):
-        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
-    return typeset(f"{number(value, sign=sign)} {'' if unit == '1' else unit}".strip())
-
-
-def span(limits: tuple[float, float], unit: str) -> str:
-    """An interval as people read it."""
-    low, high = (amount(limit, unit) for limit in limits)
-    return f"{low.partition(' ')[0]} to {high}"
-
-
-def both(value: float, unit: str) -> str:
-    """An amount, and in brackets the same in SI where that differs."""
-    if unit in ("rad", "rad/s"):
-        return f"{amount(value, unit)} ({number(value)} {unit})"
-    return amount(value, unit)
-
-
-def typeset(unit: str) -> str:
-    """Powers as raised digits."""
-    for plain, raised in (("^2", "²"), ("^3", "³"), ("^4", "⁴")):
-        unit = unit.replace(plain, raised)
-    return unit
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure on the page: its SVG, and the words below it."""
-
-    svg: str
-    caption: str
+    require_render()
+    return page("diagnosis.html", _content(diagnosis))
 
 
 def _content(d: Diagnosis) -> dict[str, Any]:
@@ -246,8 +191,6 @@ def _titles(d: Diagnosis) -> dict[str, str]:
 
 
 def _figures(d: Diagnosis) -> dict[str, Drawing | None]:
-    from markupsafe import Markup
-
     words = {
         "first": channel(d.after.every.channels[0]).label,
         "improved": channel(figures.most_improved(d)).label,
@@ -265,7 +208,7 @@ def _figures(d: Diagnosis) -> dict[str, Drawing | None]:
         made[key] = None
         if not lacking.get(key, False):
             drawn = figures.svg(draw, d, key, label.format(**words))
-            made[key] = Drawing(Markup(drawn), caption.format(**words))  # our own SVG, in which all words are escaped
+            made[key] = drawing(drawn, caption.format(**words))
     return made
 
 
@@ -426,7 +369,7 @@ def _outcome(r: Round) -> str:
         return "Nothing was accepted in this round, and the search ended."
     text = f"Chosen: {r.chosen.candidate.title}."
     if r.tied:
-        text += f" The record does not tell it from {_listed([t.candidate.title for t in r.tied], 'or')}."
+        text += f" The record does not tell it from {listed([t.candidate.title for t in r.tied], 'or')}."
     return text
 
 
@@ -472,7 +415,7 @@ def _ties(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
     """Each group that the record cannot tell apart, in words, with what another log would need."""
     return [
         {
-            "members": _listed([titles.get(p, p) for p in group], "or"),
+            "members": listed([titles.get(p, p) for p in group], "or"),
             "apart": [(titles.get(p, p), APART[p]) for p in group if p in APART],
         }
         for group in d.tied
@@ -509,7 +452,3 @@ def _worded(text: str, titles: dict[str, str]) -> str:
     for path in sorted(titles, key=len, reverse=True):
         text = text.replace(path, titles[path])
     return text
-
-
-def _listed(items: Sequence[str], word: str) -> str:
-    return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)

@@ -14,7 +14,7 @@ import numpy as np
 
 from auv_gym.record import Record
 from auv_gym.writing import replacing
-from identification.figures import AFTER, BEFORE, INK, INPUT, QUIET, STYLE
+from identification.drawing import AFTER, BEFORE, INK, INPUT, QUIET, STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
