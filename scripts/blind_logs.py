@@ -20,43 +20,37 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
 from auv_gym.param import list_paths, replace_at, spec_at
-from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
-from identification.experiment import closed_loop
-from identification.float_experiment import depth_control, oil_mission, summer_lake
+from identification.missions import fly
 
 CLEAN = "none"
 SIZE = 3.0  # probes
 VEHICLES = ("slocum", "ganeshblue", "qiandao_float", "mermaid")
 
 
-def heading_log(plant: Plant, rng: np.random.Generator) -> Record:
-    """Ten minutes of a glider in closed loop, compass noise 0.5 deg, track noise 1 m."""
-    return closed_loop(plant, rng=rng, duration=600.0, compass_noise=np.deg2rad(0.5), track_noise=1.0)
-
-
-def depth_log(plant: Plant, rng: np.random.Generator) -> Record:
-    """Forty minutes of a float in a stratified lake, down and up ten times, once to the surface; noise 0.02 m."""
+def lake_settings(rng: np.random.Generator) -> dict[str, Any]:
+    """Forty minutes of a float, down and up ten times, once to the surface."""
     deep, shallow = rng.permutation([60.0, 50.0, 45.0, 40.0, 35.0]), rng.permutation([20.0, 15.0, 10.0, 5.0, 0.0])
-    targets = np.stack([deep, shallow], axis=1).ravel()
-    return depth_control(plant, targets.tolist(), rng=rng, hold=240.0, temperature_profile=summer_lake)
+    return {"target_depths": np.stack([deep, shallow], axis=1).ravel().tolist(), "duration": 2400.0}
 
 
-def mission_log(plant: Plant, rng: np.random.Generator) -> Record:
-    """Eight dives of a float with an oil bladder to 300 to 1500 m, depth noise 0.1 m."""
-    return oil_mission(plant, rng.permutation(np.linspace(300.0, 1500.0, 8)).tolist(), rng=rng, noise=0.1)
+def dive_settings(rng: np.random.Generator) -> dict[str, Any]:
+    """Eight dives of a float with an oil bladder, to 300 to 1500 m."""
+    return {"target_depths": rng.permutation(np.linspace(300.0, 1500.0, 8)).tolist()}
 
 
-LOGS: Mapping[str, Callable[[Plant, np.random.Generator], Record]] = {
-    "glider": heading_log,
-    "float_piston": depth_log,
-    "float_oil": mission_log,
+SETTINGS: Mapping[str, Callable[[np.random.Generator], dict[str, Any]]] = {
+    "glider": lambda rng: {},
+    "float_piston": lake_settings,
+    "float_oil": dive_settings,
 }
 _NO_PISTON = "a float with an oil bladder has no piston"
 _NO_OIL = "a float with a piston logs no oil"
@@ -100,7 +94,7 @@ def effects_of(vehicle: str) -> list[str]:
 
 
 def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
-    """log.nc: what `LOGS` has for the vehicle's family; truth.json: what is in it."""
+    """log.nc: the standard experiment of the vehicle's family, with `SETTINGS`; truth.json: what is in it."""
     rng = np.random.default_rng([seed, *effect.encode()])
     plant = load_vehicle(vehicle)
     value, change = None, 0.0
@@ -110,7 +104,7 @@ def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
         change = SIZE * spec.probe
         value = spec.neutral + side * change
         plant = replace_at(plant, effect, value)
-    LOGS[plant.family.name](plant, rng).save(folder / "log.nc")
+    fly(plant, rng, **SETTINGS[plant.family.name](rng)).save(folder / "log.nc")
     hidden = effect in HIDDEN[plant.family.name]
     truth = {"effect": effect, "value": value, "change": change, "hidden": hidden}
     (folder / "truth.json").write_text(json.dumps(truth))

@@ -19,8 +19,8 @@ from identification.float_experiment import depth_control, summer_lake
 @pytest.fixture(autouse=True)
 def wide(monkeypatch):
     """Tables as on a wide terminal, so that nothing is folded."""
-    monkeypatch.setattr("auv_gym.cli._output.width", 200)
-    monkeypatch.setattr("auv_gym.cli._errors.width", 200)
+    monkeypatch.setattr("auv_gym.cli.console.output.width", 200)
+    monkeypatch.setattr("auv_gym.cli.console.errors.width", 200)
 
 
 def test_help_and_version(capsys):

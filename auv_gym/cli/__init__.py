@@ -1,0 +1,33 @@
+"""The command `auv-gym`; each command is a module here.
+
+What a command needs is imported when it runs, so that the help is there at once. Set `AUV_GYM_DEBUG=1` for tracebacks.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from auv_gym.cli import diagnose, listing, simulate  # noqa: F401  # each puts its command into `app`
+from auv_gym.cli.application import app
+from auv_gym.cli.console import errors
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line; returns the exit code: 1 for an error in the data or settings, 2 for one in the usage."""
+    try:
+        app(args=None if arguments is None else list(arguments), prog_name="auv-gym")
+    except SystemExit as ended:
+        return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
+    except Exception as error:
+        if os.environ.get("AUV_GYM_DEBUG", "0") not in ("", "0") or not _is_ours(error):
+            raise
+        errors.print("[bold red]Error:[/] ", end="")
+        errors.print(str(error), markup=False, soft_wrap=True)
+        return 1
+    return 0
+
+
+def _is_ours(error: Exception) -> bool:
+    """Whether the message alone says what is wrong and what to do."""
+    return isinstance(error, ValueError | ImportError | OSError) or type(error).__name__ == "Diverged"

@@ -1,0 +1,34 @@
+"""What the commands print with: the two consoles, tables, and a progress bar."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
+
+output = Console(highlight=False)
+errors = Console(stderr=True, highlight=False)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Any]:
+    """A callable of fraction and text that draws a bar on stderr, where that is a terminal."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(bar_width=30), TimeElapsedColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bars:
+        task = bars.add_task("", total=1.0)
+        yield lambda fraction, text: bars.update(task, completed=fraction, description=text)
+
+
+def table(title: str, *columns: str) -> Table:
+    """A table with these columns; a name that ends in '>' is set to the right, one in '>' or '!' is never wrapped."""
+    table = Table(title=title, title_justify="left", title_style="bold", header_style="bold", box=SIMPLE_HEAD)
+    for column in columns:
+        name, right, whole = column.rstrip(">!"), column.endswith(">"), column.endswith((">", "!"))
+        table.add_column(name, justify="right" if right else "left", overflow="fold", no_wrap=whole)
+    return table

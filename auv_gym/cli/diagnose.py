@@ -1,0 +1,133 @@
+"""`auv-gym diagnose`: the effect that a vehicle's model lacks to explain a measured log."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from auv_gym.cli.application import app
+from auv_gym.cli.console import output, progress_bar, table
+from auv_gym.cli.logs import read_log
+
+if TYPE_CHECKING:
+    from auv_gym.record import Record
+    from identification.diagnosis import Diagnosis
+
+
+@app.command()
+def diagnose(
+    log: Annotated[str, typer.Argument(help="A log: .csv, .nc, .mat, a Slocum file, or slocum:ammonite.")],
+    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
+    min_depth: Annotated[float | None, typer.Option(help="Use the log below this depth only, m.")] = None,
+    max_depth: Annotated[float | None, typer.Option(help="Use the log above this depth only, m.")] = None,
+    window: Annotated[
+        float | None,
+        typer.Option(help="Length of the free runs, s; default: the vehicle's. Every other one, or dive, is held out."),
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
+    ] = None,
+    profile: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV of the water's density: density_kgpm3 over depth_m or pressure_dbar, by dive_id if many."
+        ),
+    ] = None,
+    cut_gaps: Annotated[
+        bool, typer.Option("--cut-gaps", help="Where values are missing, cut the log instead of refusing it.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Kept with the result; the diagnosis itself draws nothing.")] = 0,
+    cache_dir: Annotated[
+        Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
+    ] = None,
+) -> None:
+    """Find the physical effect that a vehicle's model lacks to explain a measured log."""
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        from auv_gym.density import read_profiles, with_density
+        from auv_gym.plant import load_vehicle
+        from identification.diagnosis import diagnose as diagnose_record
+        from identification.diagnosis import write_diagnosis
+        from identification.diagnosis.result_files import writable_folder
+        from identification.drawing import require_render
+
+        require_render()
+
+        plant = load_vehicle(vehicle)
+        writable_folder(out)
+        progress(0.0, "reading the log")
+        record = read_log(log, mapping, cache_dir, (plant.outputs[0], *plant.family.required), cut_gaps)
+        record = _between_depths(record, min_depth, max_depth)
+        if profile is not None:
+            if "density_kgpm3" not in plant.inputs:
+                raise ValueError(
+                    f"--profile serves vehicles that feel the water's density; {plant.name} does not: drop it."
+                )
+            record = with_density(record, read_profiles(profile))
+        diagnosis = diagnose_record(
+            record,
+            plant,
+            window=window,
+            seed=seed,
+            source=Path(log).name,
+            progress=lambda fraction, text: progress(0.05 + 0.85 * fraction, text),
+        )
+        progress(0.9, "writing the report")
+        written = write_diagnosis(diagnosis, out)
+        progress(1.0, "done")
+    output.print()
+    output.print(diagnosis.summary(), markup=False)
+    output.print()
+    output.print(_error_table(diagnosis))
+    if diagnosis.effects:
+        output.print(_effect_table(diagnosis))
+    for path in written.values():
+        output.print(str(path), markup=False, soft_wrap=True)
+
+
+def _between_depths(record: Record, shallowest: float | None, deepest: float | None) -> Record:
+    import numpy as np
+
+    low = -np.inf if shallowest is None else shallowest
+    high = np.inf if deepest is None else deepest
+    if low >= high:
+        raise ValueError(f"--min-depth needs to be less than --max-depth, got {low:g} and {high:g} m.")
+    if shallowest is None and deepest is None:
+        return record
+    depth = record["depth_m"]
+    kept = (depth >= low) & (depth <= high)
+    if not kept.any():
+        raise ValueError(
+            f"No sample of the log lies between {low:g} and {high:g} m: its depth goes from {np.nanmin(depth):.1f} to "
+            f"{np.nanmax(depth):.1f} m. Change --min-depth or --max-depth."
+        )
+    return record.select(kept)
+
+
+def _error_table(diagnosis: Diagnosis) -> Table:
+    from auv_gym.channels import channel
+    from identification.diagnosis.verdict import quantity
+
+    stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.effects else [])]
+    heads = ["as given>", "before>" if diagnosis.effects else "refitted>", "after>"][: len(stages)]
+    shown = table(f"Root mean square error of free runs {diagnosis.reach}, held out", "channel", *heads)
+    for name in diagnosis.before.scores:
+        unit = channel(name).unit
+        shown.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages))
+    return shown
+
+
+def _effect_table(diagnosis: Diagnosis) -> Table:
+    from auv_gym.param import spec_at
+    from identification.diagnosis.verdict import interval, quantity
+
+    shown = table("Effects", "effect", "value>", "95 % interval>", "not told apart from")
+    for effect in diagnosis.effects:
+        size, limits = quantity(effect.value, effect.unit), interval(effect.ci95, effect.unit)
+        alike = ", ".join(spec_at(diagnosis.given.plant, path).title for path in effect.tied_with)
+        shown.add_row(effect.title, size, limits, alike)
+    return shown

@@ -1,0 +1,98 @@
+"""`auv-gym list`: vehicles, effects, methods and channels."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from auv_gym.cli.application import app
+from auv_gym.cli.console import output, table
+
+
+class Listing(StrEnum):
+    """What `auv-gym list` can list."""
+
+    vehicles = "vehicles"
+    effects = "effects"
+    methods = "methods"
+    channels = "channels"
+
+
+@app.command(name="list")
+def list_things(
+    what: Annotated[Listing | None, typer.Argument(help="Default: all of them.")] = None,
+) -> None:
+    """List vehicles, their effects, methods of identification, and channels with their units."""
+    tables = {
+        Listing.vehicles: _vehicles,
+        Listing.effects: _effects,
+        Listing.methods: _methods,
+        Listing.channels: _channels,
+    }
+    for name, make in tables.items():
+        if what in (None, name):
+            output.print(make())
+
+
+def _vehicles() -> Table:
+    from auv_gym.plant import list_vehicles, load_vehicle
+
+    shown = table("Vehicles", "name!", "family", "dt, s>", "what")
+    for name, title in list_vehicles().items():
+        plant = load_vehicle(name)
+        shown.add_row(name, plant.family.name, f"{plant.dt:g}", title)
+    return shown
+
+
+def _effects() -> Table:
+    from auv_gym.param import list_paths, spec_at
+    from auv_gym.vehicles import FAMILIES
+
+    shown = table("Effects, by family", "path", "neutral>", "bounds>", "probe>")
+    for kind in dict.fromkeys(family.kind for family in FAMILIES.values()):
+        families = [family for family in FAMILIES.values() if family.kind == kind]
+        shown.add_row(f"[bold]{', '.join(family.name for family in families)}[/]")
+        tree = families[0].parameters()
+        for path in list_paths(tree):
+            if path.startswith("effects.") and not path.startswith("effects.discovered."):
+                spec = spec_at(tree, path)
+                low, high = spec.bounds
+                numbers = (f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}")
+                unit = "" if spec.unit == "1" else f", {spec.unit}"
+                shown.add_row(f"{path}\n  [dim]{spec.title}{unit}[/]", *numbers)
+        discovered = [path.split(".") for path in list_paths(tree) if path.startswith("effects.discovered.")]
+        if discovered:  # hundreds of them: every axis has the same terms
+            axes, terms = (", ".join(dict.fromkeys(names[i] for names in discovered)) for i in (2, 3))
+            text = f"terms found in data; axes: {axes}; terms: {terms}"
+            shown.add_row(f"effects.discovered.AXIS.TERM\n  [dim]{text}[/]", "0", "any", "0")
+        shown.add_section()
+    return shown
+
+
+def _methods() -> Table:
+    shown = table("Methods", "name", "what")
+    shown.add_row(
+        "grey-box", "Frees parameters of a vehicle: output error over windows with initial states of their own."
+    )
+    shown.add_row("diagnosis", "Names the effect that a vehicle lacks, decided on held-out windows.")
+    for name, what in {
+        "rwls": "Recursive weighted least squares for a float's diving model; biased by depth noise.",
+        "ivls": "Instrumental variables for the diving model as published; fails with noise, there to be compared.",
+        "corrected ivls": "The same with a bounded instrument and integrated rows; sample by sample or over records.",
+        "refined iv": "The diving model over whole records, without bias and as accurate as white noise allows.",
+        "ls-svm": "The diving model by a support vector machine with a linear kernel; biased by depth noise.",
+    }.items():
+        shown.add_row(name, what)
+    return shown
+
+
+def _channels() -> Table:
+    from auv_gym.channels import CHANNELS
+
+    shown = table("Channels", "name!", "unit", "kind", "what")
+    for channel in CHANNELS.values():
+        shown.add_row(channel.name, channel.unit, channel.kind, channel.label)
+    return shown

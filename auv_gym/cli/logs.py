@@ -1,0 +1,27 @@
+"""Reading of logs that a command is given."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from auv_gym.record import Record
+
+
+def read_log(log: str, mapping: Path | None, cache_dir: Path | None, required: Sequence[str], cut_gaps: bool) -> Record:
+    from auv_gym.reading import read_record
+
+    if cache_dir is None:
+        return read_record(log, mapping, required, long_runs="cut" if cut_gaps else "raise")
+    from auv_gym.slocum import read_slocum
+
+    if mapping is not None:
+        raise ValueError(
+            "--mapping renames the columns of a table and --cache-dir serves Slocum files: give one of them."
+        )
+    record = read_slocum(log, cache_dir)
+    for name in required:
+        record[name]
+    return record

@@ -1,0 +1,179 @@
+"""`auv-gym simulate`: the standard experiment of a vehicle's family, recorded as its sensors would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from auv_gym.cli.application import app
+from auv_gym.cli.console import output, table
+
+if TYPE_CHECKING:
+    from auv_gym.plant import Plant
+    from auv_gym.record import Record
+
+
+@app.command()
+def simulate(
+    vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    out: Annotated[Path | None, typer.Option(help="Write the record: .nc or .csv.")] = None,
+    duration: Annotated[
+        float | None, typer.Option(help="Length of the run, s; default: 600, for a float 600 for each depth.")
+    ] = None,
+    dt: Annotated[float | None, typer.Option(help="Sample time, s; default: the vehicle's.")] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATH=VALUE", help="An effect, such as effects.rudder.offset=0.05; may be repeated."),
+    ] = None,
+    compass_noise_deg: Annotated[
+        float | None, typer.Option(help="Glider: noise of the compass, standard deviation, deg; default: 0.5.")
+    ] = None,
+    track_noise_m: Annotated[
+        float | None,
+        typer.Option(help="Glider: noise of the track, standard deviation, m; default: 1; negative: no track."),
+    ] = None,
+    target_depth: Annotated[
+        list[float] | None,
+        typer.Option(help="Float: depth to go to, m; may be repeated: one after the other, or a dive to each."),
+    ] = None,
+    depth_noise_m: Annotated[
+        float | None, typer.Option(help="Float: noise of the depth, standard deviation, m; default: 0.02 or 0.1.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
+) -> None:
+    """Simulate a vehicle under control, and record what its sensors give.
+
+    A glider follows a changing heading with excitation at its rudder; a float with a piston goes from depth to depth;
+    a float with an oil bladder makes dives with pump and valve.
+    """
+    if out is not None:
+        _check_file_writable(out)
+    from auv_gym.param import replace_at
+    from auv_gym.plant import load_vehicle
+
+    if seed < 0:
+        raise ValueError(f"--seed needs a whole number from 0 on, got {seed}.")
+    plant = load_vehicle(vehicle, dt=dt)
+    changes = dict(_effect_of(text) for text in effect or [])
+    given = {
+        "--duration": duration,
+        "--dt": dt,
+        "--compass-noise-deg": compass_noise_deg,
+        "--track-noise-m": track_noise_m,
+        "--target-depth": target_depth,
+        "--depth-noise-m": depth_noise_m,
+    }
+    given = {flag: value for flag, value in given.items() if value is not None}
+    record = _simulated(replace_at(plant, changes), given, seed)
+    if out is not None:
+        _write_record(record, out)
+    output.print(_record_table(record, _title(plant.name, record)))
+    if out is not None:
+        output.print(f"Written to {out}", markup=False, soft_wrap=True)
+
+
+_FLAGS = {
+    "--duration": "duration",
+    "--compass-noise-deg": "compass_noise",
+    "--track-noise-m": "track_noise",
+    "--target-depth": "target_depths",
+    "--depth-noise-m": "depth_noise",
+}
+
+
+def _simulated(plant: Plant, given: Mapping[str, Any], seed: int) -> Record:
+    """The record of the experiment that suits the vehicle's family, with the options given by flag."""
+    from math import radians
+
+    import numpy as np
+
+    from identification.missions import fly, mission_of
+
+    mission = mission_of(plant)
+    takes = [flag for flag, name in _FLAGS.items() if name in mission.settings]
+    if "--duration" in takes:
+        takes.insert(1, "--dt")  # where the mission sets its own times, a sample time says nothing
+    for flag in given:
+        if flag not in takes:
+            raise ValueError(
+                f"{flag} says nothing about {plant.name}, a vehicle of family {plant.family.name}: leave it out. "
+                f"Options for this family: {', '.join(('--effect', '--seed', '--out', *takes))}."
+            )
+    for flag in ("--compass-noise-deg", "--depth-noise-m"):
+        if not given.get(flag, 0.0) >= 0.0:
+            raise ValueError(f"{flag} needs a number from 0 on, got {given[flag]:g}.")
+    settings = {_FLAGS[flag]: value for flag, value in given.items() if flag in _FLAGS}
+    if "compass_noise" in settings:
+        settings["compass_noise"] = radians(settings["compass_noise"])
+    if settings.get("track_noise", 0.0) < 0.0:
+        settings["track_noise"] = None
+    return fly(plant, np.random.default_rng(seed), **settings)
+
+
+def _title(name: str, record: Record) -> str:
+    parts, interval = len(record.segments), record.sample_interval
+    about = "" if record.is_uniform() else "about "
+    return f"{name}, {record.duration_s:g} s{f' in {parts} dives' * (parts > 1)} in samples of {about}{interval:g} s"
+
+
+def _effect_of(text: str) -> tuple[str, float]:
+    path, separator, value = text.partition("=")
+    try:
+        return path.strip(), float(value)
+    except ValueError:
+        got = "no '='" if not separator else f"the value {value!r}"
+        raise ValueError(
+            f"--effect needs PATH=VALUE, such as effects.rudder.offset=0.05, got {got} in {text!r}."
+        ) from None
+
+
+def _check_file_writable(path: Path) -> None:
+    """Raises ValueError, before any work is done, if a record cannot be written there."""
+    import tempfile
+
+    if path.suffix.lower() not in (".nc", ".csv"):
+        raise ValueError(f"--out needs a name that ends in .nc or .csv, got {path.name!r}.")
+    if path.is_dir():
+        raise ValueError(f"--out needs a file, and {path} is a folder.")
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise ValueError(f"Cannot write {path}: {error.strerror or error}. Choose a folder that is writable.") from None
+
+
+def _write_record(record: Record, path: Path) -> None:
+    """The record as NetCDF or as CSV, written aside and then renamed."""
+    if path.suffix.lower() == ".nc":
+        record.save(path)
+        return
+    from auv_gym.writing import replacing
+
+    names = ("time_s", *record.names)
+    rows = zip(*(record[name].tolist() for name in names))
+    lines = [",".join(f"{value:.10g}" for value in row) for row in rows]
+    heads = ",".join(names)
+    if len(record.segments) > 1:
+        heads = f"segment,{heads}"
+        lines = [
+            f"{label},{lines[k]}"
+            for s, label in zip(record.segments, record.labels)
+            for k in range(*s.indices(len(lines)))
+        ]
+    with replacing(path) as new, new.open("w", encoding="utf-8", newline="") as file:
+        file.writelines(line + "\n" for line in (heads, *lines))
+
+
+def _record_table(record: Record, title: str) -> Table:
+    from auv_gym.channels import channel
+
+    shown = table(title, "channel!", "what", "unit", "lowest>", "mean>", "highest>")
+    for name in record.names:
+        known, values = channel(name), record[name]
+        numbers = (f"{value:.4g}" for value in (values.min(), values.mean(), values.max()))
+        shown.add_row(name, known.label, known.unit, *numbers)
+    return shown
