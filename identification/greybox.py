@@ -12,30 +12,12 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record, concat
 from identification.checks import check_ranges
+from identification.estimate import Estimate
 from identification.shooting import Shooting, colour, covariance
 from identification.windows import free_run_windows
 
 SAMPLES_PER_UNKNOWN = 2
 DEPENDENT = 1e-7  # smallest eigenvalue of the scaled normal matrix at which parameters count as independent
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A fitted parameter.
-
-    ci95: 95 % interval, infinite if the records do not determine the parameter; `problem` then says why.
-    """
-
-    path: str
-    unit: str
-    value: float
-    error: float
-    ci95: tuple[float, float]
-    problem: str = ""
-
-    @property
-    def identifiable(self) -> bool:
-        return not self.problem
 
 
 @dataclass(frozen=True, eq=False)

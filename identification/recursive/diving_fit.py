@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.greybox import Estimate
+from identification.estimate import Estimate
 from identification.recursive.diving_model import PARAMETERS, DivingModel, regressors
 from identification.recursive.samples import Samples
 

@@ -1,0 +1,24 @@
+"""A fitted parameter with its interval: what every fit lists of its parameters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A fitted parameter.
+
+    ci95: 95 % interval, infinite if the records do not determine the parameter; `problem` then says why.
+    """
+
+    path: str
+    unit: str
+    value: float
+    error: float
+    ci95: tuple[float, float]
+    problem: str = ""
+
+    @property
+    def identifiable(self) -> bool:
+        return not self.problem

@@ -1,0 +1,1 @@
+"""Identification of linear models in discrete time."""

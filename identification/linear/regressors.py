@@ -1,0 +1,207 @@
+"""Evenly sampled signals of records, their lags as the columns of a regression, and its least-squares solution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.record import Record
+
+SAMPLES_PER_COEFFICIENT = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Inputs and outputs of records at even steps, one array for each segment.
+
+    inputs, outputs: channel names.  dt: s.  u, y: of each segment, (n, n_inputs) and (n, n_outputs); angles are
+    continuous in a segment and start within half a turn of where the first segment starts.
+    """
+
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    dt: float
+    u: tuple[np.ndarray, ...]
+    y: tuple[np.ndarray, ...]
+
+    @classmethod
+    def of(cls, records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], name: str) -> Series:
+        """The signals of records; raises, on behalf of the estimator `name`, where a linear model cannot have them."""
+        if not records:
+            raise ValueError(f"{name}.fit needs at least one record, got none.")
+        names = (*inputs, *outputs)
+        dt = records[0].sample_interval
+        for record in records:
+            for channel_name in names:
+                _check_finite(record, channel_name, name)
+            _check_even(record, dt, name)
+        parts = [np.array(record.matrix(names)[part]) for record in records for part in record.segments]
+        for column, channel_name in enumerate(names):
+            if channel(channel_name).angle:
+                for part in parts:
+                    part[:, column] = np.unwrap(part[:, column])
+                    turns = np.round((part[0, column] - parts[0][0, column]) / (2.0 * np.pi))
+                    part[:, column] -= 2.0 * np.pi * turns
+        m = len(inputs)
+        return cls(
+            tuple(inputs),
+            tuple(outputs),
+            dt,
+            tuple(part[:, :m] for part in parts),
+            tuple(part[:, m:] for part in parts),
+        )
+
+
+@dataclass(frozen=True)
+class Term:
+    """A column of a regression: a channel so many samples before."""
+
+    channel: str
+    lag: int
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """target = matrix @ coefficients + error, over all rows that have all their lags in their own segment.
+
+    target: (N,).  matrix: (N, n).  terms: of each column.  segment, row: where each row comes from, (N,).
+    """
+
+    target: np.ndarray
+    matrix: np.ndarray
+    terms: tuple[Term, ...]
+    segment: np.ndarray
+    row: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A least-squares solution.
+
+    coefficients: (n,), and the intercept last where one was asked for.  covariance: of all these, for a white error of
+    standard deviation `error`, with so many degrees of freedom.  residual: (N,).
+    """
+
+    coefficients: np.ndarray
+    covariance: np.ndarray
+    error: float
+    freedom: int
+    residual: np.ndarray
+
+
+def lagged(signal: np.ndarray, lags: Sequence[int], start: int) -> np.ndarray:
+    """The signal `lag` samples before each row from `start` on, shape (n - start, len(lags)); start >= all lags."""
+    columns = np.empty((max(signal.size - start, 0), len(lags)))
+    for j, lag in enumerate(lags):
+        columns[:, j] = signal[start - lag : signal.size - lag] if columns.size else 0.0
+    return columns
+
+
+def regression(series: Series, output: int, n_a: int, n_b: Sequence[int], delay: Sequence[int]) -> Regression:
+    """The regression of an output on -1 times its own n_a lags and on n_b[i] lags of each input from delay[i] on."""
+    own_lags = list(range(1, n_a + 1))
+    input_lags = [list(range(first, first + count)) for first, count in zip(delay, n_b, strict=True)]
+    start = max([0, *own_lags, *(lag for lags in input_lags for lag in lags)])
+    targets, blocks, segments, rows = [], [], [], []
+    for number, (u, y) in enumerate(zip(series.u, series.y, strict=True)):
+        if len(y) <= start:
+            continue
+        columns = [-lagged(y[:, output], own_lags, start)]
+        columns += [lagged(u[:, i], lags, start) for i, lags in enumerate(input_lags)]
+        targets.append(y[start:, output])
+        blocks.append(np.concatenate(columns, axis=1))
+        segments.append(np.full(len(y) - start, number))
+        rows.append(np.arange(start, len(y)))
+    terms = [Term(series.outputs[output], lag) for lag in own_lags]
+    terms += [Term(name, lag) for name, lags in zip(series.inputs, input_lags, strict=True) for lag in lags]
+    if not targets:
+        return Regression(np.empty(0), np.empty((0, len(terms))), tuple(terms), np.empty(0, int), np.empty(0, int))
+    return Regression(
+        np.concatenate(targets), np.concatenate(blocks), tuple(terms), np.concatenate(segments), np.concatenate(rows)
+    )
+
+
+def solve(problem: Regression, name: str, output: str, intercept: bool = True) -> Solution:
+    """The least-squares solution; raises, on behalf of the estimator `name`, where the data do not determine it."""
+    count = len(problem.terms) + intercept
+    samples = problem.target.size
+    if samples < SAMPLES_PER_COEFFICIENT * count:
+        raise ValueError(
+            f"{name} needs at least {SAMPLES_PER_COEFFICIENT} samples per coefficient ({count} coefficients of "
+            f"{output}), got {samples} that have all their lags: record longer or ask for fewer lags."
+        )
+    # centred columns have the intercept solved for, and keep the digits that a large mean would take
+    middle = problem.matrix.mean(axis=0) if intercept else np.zeros(len(problem.terms))
+    level = float(problem.target.mean()) if intercept else 0.0
+    columns = problem.matrix - middle
+    size = np.sqrt(np.sum(columns**2, axis=0))
+    full = np.sqrt(np.sum(problem.matrix**2, axis=0))
+    still = size <= 1e-12 * full
+    if still.any():
+        idle = dict.fromkeys(term.channel for term, quiet in zip(problem.terms, still) if quiet)
+        raise ValueError(
+            f"{name} cannot fit {output}: {_and(list(idle))} {'is' if len(idle) == 1 else 'are'} constant throughout. "
+            "Use a record in which it moves, or leave it out of the inputs."
+        )
+    left, values, right = np.linalg.svd(columns / size, full_matrices=False)
+    tolerance = 10.0 * np.finfo(float).eps * max(columns.shape)
+    if values[-1] <= tolerance * values[0]:
+        raise ValueError(_not_told_apart(name, output, problem.terms, right[values <= tolerance * values[0]]))
+    coefficients = (right.T @ ((left.T @ (problem.target - level)) / values)) / size
+    residual = problem.target - level - columns @ coefficients
+    freedom = samples - count
+    error = float(np.sqrt(residual @ residual / freedom))
+    root = right.T / values / size[:, None]
+    covariance = error**2 * root @ root.T
+    if intercept:
+        # the intercept is level - middle @ coefficients, and the level is independent of the centred columns
+        across = -covariance @ middle
+        own = error**2 / samples + middle @ covariance @ middle
+        covariance = np.block([[covariance, across[:, None]], [across[None, :], np.array([[own]])]])
+        coefficients = np.append(coefficients, level - middle @ coefficients)
+    return Solution(coefficients, covariance, error, freedom, residual)
+
+
+def _not_told_apart(name: str, output: str, terms: Sequence[Term], directions: np.ndarray) -> str:
+    involved = np.max(np.abs(directions), axis=0) > 0.1
+    lags: dict[str, list[str]] = {}
+    for term, part in zip(terms, involved, strict=True):
+        if part:
+            lags.setdefault(term.channel, []).append(str(term.lag))
+    which = _and([f"{c} at lag{'s' * (len(found) > 1)} {_and(found)}" for c, found in lags.items()])
+    inputs = [c for c in lags if c != output]
+    moved = f"excite {_and(inputs)} with more frequencies" if inputs else "excite the inputs with more frequencies"
+    return (
+        f"{name} cannot fit {output}: this record does not tell {which} apart. Ask for fewer lags, or {moved}, "
+        "independent of the feedback."
+    )
+
+
+def _check_finite(record: Record, name: str, estimator: str) -> None:
+    bad = ~np.isfinite(record[name])
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise ValueError(
+            f"{estimator} needs a value of {name} in every sample, got none in {int(bad.sum())} of {bad.size}, first at "
+            f"{record.time[row]:g} s: leave those out with record.select(numpy.isfinite(record[{name!r}]))."
+        )
+
+
+def _check_even(record: Record, dt: float, estimator: str) -> None:
+    if not record.is_uniform():
+        raise ValueError(
+            f"{estimator} needs even samples, got intervals about a median of {record.sample_interval:g} s that differ: "
+            f"call record.resample({record.sample_interval:g}) first."
+        )
+    if abs(record.sample_interval - dt) > 1e-3 * dt:
+        raise ValueError(
+            f"{estimator} needs one sample interval in all records, got {dt:g} and {record.sample_interval:g} s: "
+            f"call record.resample({max(dt, record.sample_interval):g}) first."
+        )
+
+
+def _and(words: Sequence[str]) -> str:
+    return " and ".join(part for part in (", ".join(words[:-1]), words[-1]) if part)
