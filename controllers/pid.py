@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import inf, isfinite, pi
+from math import inf, isfinite
 
-from auv_gym.channels import channel
 from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant
 from auv_gym.vehicles.glider import yaw_rates
 from auv_gym.vehicles.profiling_float import steady_speed
+from controllers.tracking import Points, check_loop, error_of, filtered_rate, held_by, limited
 
 _INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
 _SLOW = 0.2  # the third pole over the other two
@@ -33,7 +33,8 @@ class Pid:
 
     Gains: command per error, per error and s, per rate of the reading; negative where the command acts the other way.
     filter_time: s, of the derivative.  neutral: the command without an error, where it starts.  limit: largest command,
-    either side of `middle`.  rate_limit: of the command, per s, from `neutral` on.
+    either side of `middle`.  rate_limit: of the command, per s, from `neutral` on.  rate_measured: a channel that the
+    derivative is taken from where the reading has it.  steady: (target, command) points in place of `neutral`.
     integral_range: error beyond which nothing is integrated, so that a large step of the target does not overshoot.
     Against windup the integral also rests while the error pushes the command further beyond a limit (clamping).
     Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 3.3 and 3.5.
@@ -50,6 +51,8 @@ class Pid:
     integral_range: float = inf
     neutral: float = 0.0
     middle: float = 0.0
+    rate_measured: str = ""
+    steady: Points = ()
 
     def __post_init__(self) -> None:
         for name in ("proportional", "integral", "derivative"):
@@ -60,19 +63,20 @@ class Pid:
                 f"Pid needs gains of one sign, got {self.proportional:g}, {self.integral:g}, {self.derivative:g}: "
                 "make them all negative where the command acts the other way."
             )
-        if not self.limit > 0.0 or not self.rate_limit > 0.0:
-            raise ValueError(f"Pid needs positive limits, got limit {self.limit:g} and rate_limit {self.rate_limit:g}.")
-        if not abs(self.neutral - self.middle) <= self.limit:
-            raise ValueError(
-                f"Pid needs neutral within its limits, {self.middle:g} +- {self.limit:g}, got {self.neutral!r}: move "
-                "middle or widen limit."
-            )
         if not self.integral_range > 0.0:
             raise ValueError(f"Pid needs integral_range > 0, got {self.integral_range!r}.")
-        if not 0.0 <= self.filter_time < inf:
-            raise ValueError(f"Pid needs filter_time >= 0 s, got {self.filter_time}.")
-        for name in (self.measured, self.command):
-            channel(name)  # raises on an unknown one
+        channels = [name for name in (self.measured, self.command, self.rate_measured) if name]
+        check_loop(
+            "Pid", channels, self.filter_time, self.limit, self.rate_limit, self.neutral, self.middle, self.steady
+        )
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        return (self.measured,)
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return (self.command,)
 
     def start(self) -> PidState:
         return PidState()
@@ -85,18 +89,11 @@ class Pid:
         last = self.neutral if state.command is None else state.command
         if not isfinite(measured):
             return {self.command: last}, state
-        angle = channel(self.measured).angle
-        error = target[self.measured] - measured
-        error = _wrapped(error) if angle else error
-        rate = 0.0
-        if state.reading is not None:
-            change = measured - state.reading
-            change = _wrapped(change) if angle else change
-            rate = (self.filter_time * state.rate + change) / (self.filter_time + dt)
-        wanted = self.neutral + self.proportional * error + state.integral - self.derivative * rate
-        command = min(max(wanted, self.middle - self.limit), self.middle + self.limit)
-        step = self.rate_limit * dt
-        command = min(max(command, last - step), last + step)
+        error = error_of(self.measured, target[self.measured], measured)
+        rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
+        steady = held_by(self.steady, target[self.measured], self.neutral)
+        wanted = steady + self.proportional * error + state.integral - self.derivative * rate
+        command = limited(wanted, last, self.middle, self.limit, self.rate_limit * dt)
         growth = self.integral * error * dt
         resting = abs(error) > self.integral_range or growth * (wanted - command) > 0.0
         integral = state.integral if resting else state.integral + growth
@@ -194,7 +191,3 @@ def _placed(gain: float, lag: float, pole: float) -> tuple[float, float, float]:
         derivative = 0.0
         proportional, integral = _SLOW * pole**2 * lag + (1.0 + _SLOW) * pole * rest, _SLOW * pole**2 * rest
     return proportional / gain, integral / gain, derivative / gain
-
-
-def _wrapped(angle: float) -> float:
-    return (angle + pi) % (2.0 * pi) - pi

@@ -1,0 +1,134 @@
+"""Controllers made of controllers: one that sets another's target, several side by side, one command for two planes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from controllers.controller import Controller
+
+
+class CascadeState(NamedTuple):
+    """Memories of the outer and the inner controller."""
+
+    outer: Any
+    inner: Any
+
+
+@dataclass(frozen=True)
+class Cascade:
+    """The outer controller's commands are the inner one's targets: depth to pitch, pitch to stern plane.
+
+    What the outer one wants is reported as a set point (`pitch_cmd_rad`). An outer integral does not see that an inner
+    command is at its limit: give it an `integral_range`.
+    """
+
+    outer: Controller
+    inner: Controller
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        return targets_of(self.outer)
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return commands_of(self.inner)
+
+    def start(self) -> CascadeState:
+        return CascadeState(self.outer.start(), self.inner.start())
+
+    def act(
+        self, state: CascadeState, reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], CascadeState]:
+        wanted, outer = self.outer.act(state.outer, reading, target)
+        command, inner = self.inner.act(state.inner, reading, {**target, **wanted})
+        reports = {set_point(name): value for name, value in wanted.items()}
+        return {**reports, **command}, CascadeState(outer, inner)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Several controllers at once, each with commands of its own; one whose targets are not given does not act."""
+
+    controllers: tuple[Controller, ...]
+
+    def __post_init__(self) -> None:
+        if not self.controllers:
+            raise ValueError("Joint needs at least one controller, got none.")
+        names = [name for controller in self.controllers for name in commands_of(controller)]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"Joint needs controllers with commands of their own, got {', '.join(twice)} twice.")
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        return tuple(name for controller in self.controllers for name in targets_of(controller))
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return tuple(name for controller in self.controllers for name in commands_of(controller))
+
+    def start(self) -> tuple[Any, ...]:
+        return tuple(controller.start() for controller in self.controllers)
+
+    def act(
+        self, state: tuple[Any, ...], reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], tuple[Any, ...]]:
+        commands, after = {}, []
+        for controller, memory in zip(self.controllers, state, strict=True):
+            if all(name in target for name in targets_of(controller)):
+                command, memory = controller.act(memory, reading, target)
+                commands.update(command)
+            after.append(memory)
+        return commands, tuple(after)
+
+
+@dataclass(frozen=True)
+class Mirrored:
+    """A controller one of whose commands moves a second actuator as well, `share` times as far.
+
+    share: negative where the two act against each other, as bow and stern planes do in pitch.
+    """
+
+    controller: Controller
+    share: float
+    source: str = "stern_plane_rad"
+    command: str = "bow_plane_rad"
+
+    def __post_init__(self) -> None:
+        if not abs(self.share) <= 1.0:
+            raise ValueError(f"Mirrored needs a share within [-1, 1], got {self.share!r}.")
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        return targets_of(self.controller)
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return (*commands_of(self.controller), self.command)
+
+    def start(self) -> Any:
+        return self.controller.start()
+
+    def act(
+        self, state: Any, reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], Any]:
+        command, state = self.controller.act(state, reading, target)
+        return {**command, self.command: self.share * command[self.source]}, state
+
+
+def targets_of(controller: Controller) -> tuple[str, ...]:
+    """The channels whose targets a controller cannot do without, as far as it says so."""
+    return tuple(getattr(controller, "targets", ()))
+
+
+def commands_of(controller: Controller) -> tuple[str, ...]:
+    """The inputs that a controller commands, as far as it says so."""
+    return tuple(getattr(controller, "commands", ()))
+
+
+def set_point(name: str) -> str:
+    """The channel that a channel's wanted value is recorded in: `depth_cmd_m` of `depth_m`."""
+    stem, _, unit = name.rpartition("_")
+    return f"{stem}_cmd_{unit}"
