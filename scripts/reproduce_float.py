@@ -31,8 +31,8 @@ from auv_gym.model import Diverged, Model, simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
-from identification.float_experiment import depth_control
 from identification.estimate import Estimate
+from identification.float_experiment import depth_control
 from identification.greybox import GreyBox
 from identification.kernel.ls_svm import LsSvm
 from identification.recursive.corrected_ivls import CorrectedIvls

@@ -185,15 +185,15 @@ def _check_finite(record: Record, name: str, estimator: str) -> None:
     if bad.any():
         row = int(np.argmax(bad))
         raise ValueError(
-            f"{estimator} needs a value of {name} in every sample, got none in {int(bad.sum())} of {bad.size}, first at "
-            f"{record.time[row]:g} s: leave those out with record.select(numpy.isfinite(record[{name!r}]))."
+            f"{estimator} needs a value of {name} in every sample, got none in {int(bad.sum())} of {bad.size}, first "
+            f"at {record.time[row]:g} s: leave those out with record.select(numpy.isfinite(record[{name!r}]))."
         )
 
 
 def _check_even(record: Record, dt: float, estimator: str) -> None:
     if not record.is_uniform():
         raise ValueError(
-            f"{estimator} needs even samples, got intervals about a median of {record.sample_interval:g} s that differ: "
+            f"{estimator} needs even samples, got intervals that differ from the median {record.sample_interval:g} s: "
             f"call record.resample({record.sample_interval:g}) first."
         )
     if abs(record.sample_interval - dt) > 1e-3 * dt:
