@@ -157,7 +157,8 @@ class Conversion(NamedTuple):
 def channel(name: str) -> Channel:
     """The channel of a name in SI: a listed one, a flag, or an extra signal with a known unit.
 
-    An extra name that begins with heading_ or course_ is an angle.  Raises if the unit is unknown or not SI.
+    An extra name that begins with heading_ or course_ is an angle; one that begins with excitation_, or whose unit
+    follows _cmd, is held between samples as set points are.  Raises if the unit is unknown or not SI.
     """
     return _channel(name)
 
@@ -195,6 +196,16 @@ def is_flag(name: str) -> bool:
     return name in SEGMENT_COLUMNS or name in _FLAGS or name.endswith(_FLAG_ENDINGS)
 
 
+def set_point_of(name: str) -> str:
+    """The channel of what a signal is wanted to be: `depth_cmd_m` of `depth_m`."""
+    return _marked(name, "cmd")
+
+
+def truth_of(name: str) -> str:
+    """The channel of what a signal truly is, beside what was measured of it: `depth_true_m` of `depth_m`."""
+    return _marked(name, "true")
+
+
 def wrap(angle: np.ndarray | float) -> np.ndarray:
     """The same angles in [-pi, pi), rad: what a residual of an angle is wrapped by."""
     return np.mod(np.asarray(angle, dtype=float) + pi, 2.0 * pi) - pi
@@ -227,6 +238,13 @@ def unknown_suffix(name: str) -> ValueError:
 def known_suffixes() -> list[str]:
     """All unit suffixes that a column may end in, without the underscore."""
     return sorted([*_SI, *_SCALED], key=str.lower)
+
+
+def _marked(name: str, mark: str) -> str:
+    stem, _, suffix = channel(name).name.rpartition("_")
+    if not stem:
+        raise ValueError(f"{name!r} names no signal with a unit: give one such as depth_m.")
+    return f"{stem}_{mark}_{suffix}"
 
 
 def _same(values: np.ndarray) -> np.ndarray:
@@ -282,7 +300,8 @@ def _channel(name: str) -> Channel:
     stem, _, suffix = name.rpartition("_")
     if stem and suffix in _SI:
         angle = suffix == "rad" and stem.split("_")[0] in ("heading", "course")
-        return Channel(name, _SI[suffix], stem.replace("_", " "), angle=angle)
+        held = stem.endswith("_cmd") or stem.startswith("excitation_")
+        return Channel(name, _SI[suffix], stem.replace("_", " "), "command" if held else "auxiliary", angle)
     if stem and suffix in _SCALED:
         target, _ = _to_si(stem, suffix)
         raise ValueError(f"Channel {name!r} is not in SI: convert it, then call it {f'{stem}_{target}'!r}.")
