@@ -127,7 +127,8 @@ def thinned(values: np.ndarray, most: int, cuts: Sequence[int] | np.ndarray = ()
 class Clock:
     """Time of a record's samples along a figure, in a unit that suits its length, from 0.
 
-    times: (n,).  cuts: where segments begin.  Segments whose times overlap or lie far apart follow one another closely.
+    times: (n,).  size: s in the unit.  cuts: where segments begin.  Segments whose times overlap or lie far apart follow
+    one another closely.
     """
 
     def __init__(self, record: Record):
@@ -140,8 +141,8 @@ class Clock:
             for part in segments:
                 elapsed[part] = time[part] - time[part.start] + shift
                 shift = elapsed[part.stop - 1] + pause
-        unit, size = next((u, s) for u, s, longest in _TIME_UNITS if elapsed[-1] <= longest)
-        self.times = elapsed / size
+        unit, self.size = next((u, s) for u, s, longest in _TIME_UNITS if elapsed[-1] <= longest)
+        self.times = elapsed / self.size
         self.cuts = np.array([part.start for part in segments[1:]], dtype=int)
         self.label = f"time, {unit}" + (" (segments one after another, pauses shortened)" if self.closed_up else "")
 
