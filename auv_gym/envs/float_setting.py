@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.engine import find_engine
 from auv_gym.envs import tasks
-from auv_gym.envs.engine import find_engine
 from auv_gym.envs.options import check_number
 from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import ENGINE, Task

@@ -32,7 +32,8 @@ class GliderHeading(gymnasium.Env):
     4 speed through the water over nominal speed, minus 1.
     Reward, in [-1.05, 0] a step: -|true heading error| / pi - 0.05 |change of action| / 2, by term in
     `info["reward_terms"]`; a run that diverges terminates and pays -1.05 for each step that was left.
-    info: time_s, target_rad, reading_rad, heading_rad (true), rudder_rad (command), speed_mps, state by name, reason.
+    info: time_s, target_rad, reading_rad, heading_rad (true), rudder_rad (command), speed_mps, state by name, reason;
+    target, reading and command once more by channel, as in the other environments.
     """
 
     metadata = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -162,6 +163,10 @@ class GliderHeading(gymnasium.Env):
         self._terminated = truncated
         return self._observation(), sum(terms.values()), False, truncated, self._info(terms)
 
+    def action_for(self, command: Mapping[str, float]) -> np.ndarray:
+        """The action that gives a command of `rudder_rad`, shape (1,)."""
+        return np.array([command["rudder_rad"] / self.rudder_limit])
+
     def render(self) -> np.ndarray | None:
         """A plan view as an RGB image, shape (height, width, 3), uint8; None without a render mode."""
         if self.render_mode is None:
@@ -223,13 +228,17 @@ class GliderHeading(gymnasium.Env):
         return np.array([min(max(value, -1.0), 1.0) for value in values], dtype=np.float32)
 
     def _info(self, terms: Mapping[str, float] | None = None, reason: str = "") -> dict[str, Any]:
+        rudder = self._action * self.rudder_limit
         return {
             "time_s": self._time,
             "target_rad": self._target,
             "reading_rad": self._reading,
             "heading_rad": self._heading_now(),
-            "rudder_rad": self._action * self.rudder_limit,
+            "rudder_rad": rudder,
             "speed_mps": self._speed,
+            "target": {"heading_rad": self._target},
+            "reading": {"heading_rad": self._reading, "u_mps": self._speed},
+            "command": {"rudder_rad": rudder},
             "state": dict(zip(self.model.states, self._x.tolist(), strict=True)),
             "reward_terms": dict(terms or {"heading": 0.0, "rudder_travel": 0.0}),
             "reason": reason,

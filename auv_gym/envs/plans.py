@@ -40,6 +40,7 @@ def make_episodes(
     waypoints: Sequence[Sequence[float]] | None = None,
     near: tuple[float, float] | None = None,
     depths: tuple[float, float] | None = None,
+    actions: Sequence[str] | None = None,
 ) -> Episodes:
     """The episodes that an environment's options describe; raises on what does not fit together."""
     if isinstance(task, str):
@@ -53,6 +54,8 @@ def make_episodes(
         raise ValueError(f"{name} has waypoints, not a target: give waypoints= as rows of north, east and depth in m.")
     if task.kind != "float" and (near is not None or depths is not None):
         raise ValueError(f"near= and depths= are for floats, got them for {name}: leave them out.")
+    if task.kind == "float" and actions is not None:
+        raise ValueError(f"actions= is for torpedoes, got it for {name}, whose action is its engine: leave it out.")
     plant = vehicle_of(task.vehicle if vehicle is None else vehicle, dt)
     if plant.family.kind != task.kind:
         families = ", ".join(name for name, family in FAMILIES.items() if family.kind == task.kind)
@@ -65,7 +68,7 @@ def make_episodes(
     if task.kind == "float":
         setting = float_setting(task, plant, duration, target, near, depths)
     else:
-        setting = torpedo_setting(task, plant, duration, waypoints)
+        setting = torpedo_setting(task, plant, duration, waypoints, actions)
     units = {"": 1.0, **setting.units}
     driver, owner, ranges = _driven(plant, model, effects, randomise, setting.randomise)
     compiled = driver is owner

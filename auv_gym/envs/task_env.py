@@ -43,6 +43,7 @@ class TaskEnv(gymnasium.Env):
         waypoints: Sequence[Sequence[float]] | None = None,
         near: tuple[float, float] | None = None,
         depths: tuple[float, float] | None = None,
+        actions: Sequence[str] | None = None,
         render_mode: str | None = None,
     ):
         """An environment of a preset, a vehicle file or a plant; raises on what does not fit together.
@@ -52,6 +53,7 @@ class TaskEnv(gymnasium.Env):
         the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel; by default it
         changes in steps.  waypoints: rows of north, east, depth, m; by default they are drawn.  Of floats, near:
         (m, s), a step lasts so long where the error is smaller.  depths: m, where starts and drawn targets lie.
+        Of torpedoes, actions: the inputs that an action commands, in place of the task's.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None, 'rgb_array' or 'human', got {render_mode!r}.")
@@ -67,6 +69,7 @@ class TaskEnv(gymnasium.Env):
             "waypoints": waypoints,
             "near": near,
             "depths": depths,
+            "actions": actions,
         }
         self.episodes = episodes = make_episodes(**self._options)
         self.action_space, self.observation_space = episodes.action_space, episodes.observation_space
@@ -149,6 +152,10 @@ class TaskEnv(gymnasium.Env):
         terminated = status == TERMINATED
         reason = self.episodes.reason(self._record) if terminated else ""
         return self._observe(), numbers[self._reward_at], terminated, not terminated, self._info(reason)
+
+    def action_for(self, command: Mapping[str, float]) -> np.ndarray:
+        """The action that gives commands, by channel, shape (number of actions,)."""
+        return self.episodes.action_for(command)
 
     def render(self) -> np.ndarray | None:
         """An RGB image, shape (height, width, 3), uint8, with render_mode "rgb_array"; else None."""

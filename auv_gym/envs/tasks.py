@@ -37,7 +37,7 @@ class Task:
     """A task of an environment.
 
     channel: what is to follow a target; none for a path.  actions: inputs that the agent commands, as far as the
-    vehicle has them; `held`: those that keep the cruise meanwhile.  step, hold, band: of a drawn target, its change in
+    vehicle has them; a regulator keeps the cruise by other fins.  step, hold, band: of a drawn target, its change in
     `unit`s, the time for which it stands in lengths travelled, and where it stays.  scale: error that costs the most.
     weights: of the reward terms, by name, in the order of `layout.TERMS`.  duration: of an episode by default, s, for a
     float in lengths travelled.  current: largest drawn one, in cruise speeds, where nothing else is randomised.
@@ -46,7 +46,6 @@ class Task:
 
     name: str
     actions: tuple[str, ...]
-    held: tuple[str, ...]
     observed: tuple[Observed, ...]
     weights: dict[str, float]
     channel: str = ""
@@ -99,7 +98,6 @@ DEPTH = Task(
     step=(1.0, 4.0),
     band=DEPTHS,
     actions=("stern_plane_rad", "bow_plane_rad"),
-    held=("rudder_rad",),
     observed=(
         Observed("depth_error", "error", 5.0, "length"),
         _PITCH,
@@ -118,7 +116,6 @@ HEADING = Task(
     scale=pi,
     step=(radians(20.0), radians(70.0)),
     actions=("rudder_rad",),
-    held=("stern_plane_rad",),
     observed=(
         Observed("heading_error_sin", "error_sin"),
         Observed("heading_error_cos", "error_cos"),
@@ -139,7 +136,6 @@ SPEED = Task(
     step=(0.1, 0.4),
     band=(0.5, 1.0),
     actions=(PROPULSION,),
-    held=("rudder_rad", "stern_plane_rad"),
     observed=(
         Observed("speed_error", "error", 1.0, "speed"),
         _SURGE,
@@ -155,7 +151,6 @@ PATH = Task(
     scale=5.0,
     band=DEPTHS,
     actions=("rudder_rad", "stern_plane_rad", PROPULSION),
-    held=(),
     observed=(
         Observed("across", "across", 5.0, "length"),
         Observed("below", "below", 5.0, "length"),
@@ -201,7 +196,6 @@ FLOAT_DEPTH = Task(
     step=(0.5, 3.0),
     hold=(4.0, 7.0),
     actions=(ENGINE,),
-    held=(),
     observed=(
         Observed("depth_error", "error", 3.0, "length"),
         Observed("depth", "depth_m", 1.0, "deepest"),

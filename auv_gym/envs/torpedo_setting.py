@@ -11,6 +11,7 @@ from auv_gym.envs import tasks
 from auv_gym.envs.options import check_number
 from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import PROPULSION, Task
+from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant
 
 _START = (
@@ -24,9 +25,13 @@ _HELD = {  # what the regulators of held fins read
 
 
 def torpedo_setting(
-    task: Task, plant: Plant, duration: float | None, waypoints: Sequence[Sequence[float]] | None
+    task: Task,
+    plant: Plant,
+    duration: float | None,
+    waypoints: Sequence[Sequence[float]] | None,
+    actions: Sequence[str] | None,
 ) -> Setting:
-    """The setting of a torpedo task; raises on waypoints that are no path, and if the vehicle cannot fly level."""
+    """The setting of a torpedo task; raises on waypoints or actions it cannot have, and without level flight."""
     duration = task.duration if duration is None else duration
     check_number("duration", duration, "s", above=0.0)
     cruise, family = find_cruise(plant), plant.family
@@ -34,8 +39,10 @@ def torpedo_setting(
     rate = speed / length
     largest = task.current * speed
     stands_for = {PROPULSION: plant.inputs[3]}
-    moved = [stands_for.get(a, a) for a in task.actions if _moves(a, plant)]
-    held = [stands_for.get(a, a) for a in task.held]
+    moved = (
+        [stands_for.get(a, a) for a in task.actions if _moves(a, plant)] if actions is None else _given(actions, plant)
+    )
+    held = [fin for fin in _HELD if fin not in moved]
     limits = command_limits(plant)
     where = (task.channel,) if task.channel else ("north_m", "east_m", "depth_m", "heading_rad")
     points = np.zeros((0, 3)) if waypoints is None else _checked(waypoints)
@@ -78,7 +85,7 @@ def torpedo_setting(
             "rate_limit": tasks.RATE_LIMIT * rate,
         },
         tables={"waypoints": points},
-        read_for={fin: channels for fin, channels in _HELD.items() if fin in held},
+        read_for={fin: _HELD[fin] for fin in held},
     )
 
 
@@ -86,6 +93,20 @@ def _moves(name: str, plant: Plant) -> bool:
     """Whether the vehicle has an input; only bow planes may lack."""
     bow = plant.hull.bow_plane
     return name != "bow_plane_rad" or (bow.limit > 0.0 and (bow.lift != 0.0 or bow.moment != 0.0))
+
+
+def _given(actions: Sequence[str], plant: Plant) -> list[str]:
+    """The inputs that are asked for as actions; raises on what the vehicle has not."""
+    can = [name for name in plant.family.actuators if _moves(name, plant)]
+    if isinstance(actions, str) or not actions or len(set(actions)) < len(actions):
+        raise ValueError(f"actions= needs one or more names, each once, of {', '.join(can)}; got {actions!r}.")
+    for name in actions:
+        if name not in can:
+            raise ValueError(
+                f"actions= has {name!r}, which does not move {plant.name}. {did_you_mean(name, can)}"
+                f"It has {', '.join(can)}."
+            )
+    return list(actions)
 
 
 def _checked(waypoints: Sequence[Sequence[float]]) -> np.ndarray:

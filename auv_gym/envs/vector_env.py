@@ -46,6 +46,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         waypoints: Sequence[Sequence[float]] | None = None,
         near: tuple[float, float] | None = None,
         depths: tuple[float, float] | None = None,
+        actions: Sequence[str] | None = None,
         render_mode: None = None,
     ):
         """Environments with the options of `TaskEnv`; a model must be a plant, which has a compiled step.
@@ -72,6 +73,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
             waypoints=waypoints,
             near=near,
             depths=depths,
+            actions=actions,
         )
         if episodes.by_model:
             raise ValueError(

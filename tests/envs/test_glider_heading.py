@@ -45,6 +45,15 @@ class Turner:
         return np.array(y, dtype=float)
 
 
+def test_targets_readings_and_commands_go_by_channel():
+    env = GliderHeading("slocum", compass_noise=0.1)
+    env.reset(seed=0)
+    _, _, _, _, info = env.step(env.action_for({"rudder_rad": 0.1}))
+    assert info["command"] == {"rudder_rad": pytest.approx(0.1)}
+    assert info["target"] == {"heading_rad": info["target_rad"]}
+    assert info["reading"] == {"heading_rad": info["reading_rad"], "u_mps": info["speed_mps"]}
+
+
 @pytest.mark.parametrize("vehicle", ["ganeshblue", "slocum"])
 def test_constant_rudder_gives_the_closed_form(vehicle):
     plant = load_vehicle(vehicle)

@@ -613,6 +613,22 @@ def test_a_vehicle_file_as_model_runs_compiled(tmp_path):
     assert [step[-1]["state"] for step in by_file] == [step[-1]["state"] for step in by_effect]
 
 
+def test_an_agent_may_have_other_actuators_than_the_tasks():
+    env = TaskEnv("Depth", "npsauv", actions=["rudder_rad", "propeller_rpm"], duration=20.0, target=30.0)
+    env.reset(seed=1, options={"start": {"depth_m": 30.0}})
+    command = {"rudder_rad": 0.1, "propeller_rpm": 1000.0}
+    for _ in range(200):
+        _, _, _, truncated, info = env.step(env.action_for(command))
+    assert truncated
+    assert {name: info["command"][name] for name in command} == pytest.approx(command, rel=1e-12)
+    assert abs(info["state"]["r_radps"]) > 0.01
+    assert abs(info["state"]["depth_m"] - 30.0) < 1.0  # the stern plane is a regulator's now
+    assert "stern_plane" not in env.episodes.observations
+    same = TaskEnv("Depth", "npsauv", actions=["stern_plane_rad", "bow_plane_rad"])
+    usual = TaskEnv("Depth", "npsauv")
+    np.testing.assert_array_equal(same.episodes.plan, usual.episodes.plan)
+
+
 def lacking(**changes):
     return replace(Glide(), **changes)
 
@@ -636,6 +652,12 @@ def lacking(**changes):
         ({"task": "Path", "target": 1.0}, "has waypoints, not a target"),
         ({"task": "Path", "waypoints": [(1.0, 2.0)]}, "rows of north, east and depth"),
         ({"task": "Path", "waypoints": [(1.0, 2.0, -3.0)]}, "depths of 0 m or more"),
+        ({"actions": ["rudder_rad", "propeller_rp"]}, "does not move remus100. Did you mean 'propeller_rpm'"),
+        ({"actions": ["bow_plane_rad"]}, "does not move remus100"),
+        ({"actions": []}, "actions= needs one or more names"),
+        ({"actions": "rudder_rad"}, "actions= needs one or more names"),
+        ({"actions": ["rudder_rad", "rudder_rad"]}, "each once"),
+        ({"task": "FloatDepth", "actions": ["piston_m"]}, "actions= is for torpedoes"),
         ({"render_mode": "ansi"}, "render_mode"),
         ({"model": lacking(dt=0.2)}, "dt=0.2"),
         ({"model": lacking(outputs=("depth_m",))}, "needs pitch_rad among its outputs"),
