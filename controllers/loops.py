@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from auv_gym.channels import set_point_of
 from controllers.controller import Controller
 
 
@@ -43,7 +44,7 @@ class Cascade:
     ) -> tuple[dict[str, float], CascadeState]:
         wanted, outer = self.outer.act(state.outer, reading, target)
         command, inner = self.inner.act(state.inner, reading, {**target, **wanted})
-        reports = {set_point(name): value for name, value in wanted.items()}
+        reports = {set_point_of(name): value for name, value in wanted.items()}
         return {**reports, **command}, CascadeState(outer, inner)
 
 
@@ -126,9 +127,3 @@ def targets_of(controller: Controller) -> tuple[str, ...]:
 def commands_of(controller: Controller) -> tuple[str, ...]:
     """The inputs that a controller commands, as far as it says so."""
     return tuple(getattr(controller, "commands", ()))
-
-
-def set_point(name: str) -> str:
-    """The channel that a channel's wanted value is recorded in: `depth_cmd_m` of `depth_m`."""
-    stem, _, unit = name.rpartition("_")
-    return f"{stem}_cmd_{unit}"

@@ -1,0 +1,228 @@
+"""The controller of a vehicle for all of its targets, from tuned gains and the vehicle's own limits and signs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from auv_gym.cruise import Cruise, command_limits, find_cruise
+from auv_gym.engine import find_engine
+from auv_gym.param import did_you_mean
+from auv_gym.plant import Plant, without_effects
+from controllers.controller import Controller
+from controllers.gains import Gains, gains_for
+from controllers.loops import Cascade, Joint, Mirrored, commands_of
+from controllers.pid import Pid
+from controllers.s_plane import SPlane
+from controllers.tracking import Points
+
+KINDS = ("pid", "s_plane", "gpc")
+TARGETS = {"torpedo": ("depth_m", "heading_rad", "u_mps"), "glider": ("heading_rad",), "float": ("depth_m",)}
+_POINTS = 9  # of the steady speeds at commands from rest to the limit
+_FASTEST = 20.0  # m/s
+
+
+def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = None, **settings: Any) -> Controller:
+    """The controller of a vehicle for its targets; all that it needs of the vehicle it takes from the plant.
+
+    kind: "pid", "s_plane" or "gpc".  targets: channels, by default depth, heading and speed of a torpedo, a glider's
+    heading, a float's depth; `pitch_rad` in the place of depth.  settings: of `pid_autopilot`, `s_plane_autopilot` or
+    `controllers.gpc.gpc_autopilot`.  A channel without a target is left alone.
+    """
+    if kind == "pid":
+        return pid_autopilot(plant, targets, **settings)
+    if kind == "s_plane":
+        return s_plane_autopilot(plant, targets, **settings)
+    if kind == "gpc":
+        from controllers.gpc import gpc_autopilot  # needs a solver
+
+        chosen = {} if targets is None else {"targets": tuple(targets)}
+        return gpc_autopilot(plant, **chosen, **settings)
+    raise ValueError(f"No autopilot of kind {kind!r}. {did_you_mean(kind, KINDS)}Kinds: {', '.join(KINDS)}.")
+
+
+def pid_autopilot(
+    plant: Plant,
+    targets: Sequence[str] | None = None,
+    *,
+    dt: float | None = None,
+    pitch_limit: float | None = None,
+    gains: str | os.PathLike | Gains | None = None,
+) -> Controller:
+    """PID loops with the gains tuned for the vehicle: depth by way of pitch, heading, speed; a float's depth.
+
+    dt: s between calls, default the plant's.  pitch_limit: rad, in place of the tuned one.  gains: a file, or the
+    gains themselves.  Raises where there are none for this vehicle and time.
+    """
+    chosen = _targets(plant, targets, also=("pitch_rad",) if plant.family.kind == "torpedo" else ())
+    known = gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
+    if plant.family.kind == "glider":
+        return Pid(**_settings(known, "pid", "heading"), limit=plant.hull.rudder_limit)
+    if plant.family.kind == "float":
+        return _engine_pid(plant, known)
+    cruise, limits = _cruise(plant), command_limits(plant)
+    rudder, plane, _, propulsion = (float(command) for command in cruise.commands)
+    pitch = Pid(
+        **_settings(known, "pid", "pitch"),
+        measured="pitch_rad",
+        command="stern_plane_rad",
+        rate_measured="q_radps",
+        limit=float(limits[1]),
+        neutral=plane,
+    )
+    loops: dict[str, Controller] = {
+        "heading_rad": Pid(
+            **_settings(known, "pid", "heading"), rate_measured="r_radps", limit=float(limits[0]), neutral=rudder
+        ),
+        "u_mps": Pid(
+            **_settings(known, "pid", "speed"),
+            measured="u_mps",
+            command=plant.inputs[3],
+            limit=0.5 * float(limits[3]),
+            middle=0.5 * float(limits[3]),
+            neutral=propulsion,
+            steady=steady_speeds(plant),
+        ),
+        "pitch_rad": pitch,
+    }
+    if "depth_m" in chosen:
+        settings = _settings(known, "pid", "depth")
+        if pitch_limit is not None:
+            settings["limit"] = pitch_limit
+        level = min(
+            max(float(cruise.state[plant.family.states.index("pitch_rad")]), -settings["limit"]), settings["limit"]
+        )
+        outer = Pid(**settings, measured="depth_m", command="pitch_rad", neutral=level)
+        loops["depth_m"] = Cascade(outer, pitch)
+    return _joined(plant, [loops[name] for name in chosen], known)
+
+
+def s_plane_autopilot(
+    plant: Plant,
+    targets: Sequence[str] | None = None,
+    *,
+    dt: float | None = None,
+    gains: str | os.PathLike | Gains | None = None,
+) -> Controller:
+    """S-plane loops of a torpedo, each from one channel straight to one command, as Xu et al. 2013 have them.
+
+    dt: s between calls, default the plant's.  gains: a file, or the gains themselves.  Raises where there are none for
+    this vehicle and time.
+    """
+    if plant.family.kind != "torpedo":
+        raise ValueError(
+            f"S-plane control is there for vehicles in six degrees of freedom, got {plant.name!r} of family "
+            f"{plant.family.name!r}: take kind 'pid'."
+        )
+    chosen = _targets(plant, targets)
+    known = gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
+    cruise, limits = _cruise(plant), command_limits(plant)
+    rudder, plane, _, propulsion = (float(command) for command in cruise.commands)
+    to_starboard, to_nose_up = (float(np.sign(gain)) for gain in (cruise.rudder_gains[2], cruise.plane_gains[2]))
+    loops = {
+        "heading_rad": SPlane(
+            **_settings(known, "s_plane", "heading"),
+            span=to_starboard * float(limits[0]),
+            rate_measured="r_radps",
+            limit=float(limits[0]),
+            neutral=rudder,
+        ),
+        "depth_m": SPlane(
+            **_settings(known, "s_plane", "depth"),
+            span=-to_nose_up * float(limits[1]),
+            measured="depth_m",
+            command="stern_plane_rad",
+            limit=float(limits[1]),
+            neutral=plane,
+        ),
+        "u_mps": SPlane(
+            **_settings(known, "s_plane", "speed"),
+            span=0.5 * float(limits[3]),
+            measured="u_mps",
+            command=plant.inputs[3],
+            limit=0.5 * float(limits[3]),
+            middle=0.5 * float(limits[3]),
+            neutral=propulsion,
+            steady=steady_speeds(plant),
+        ),
+    }
+    return _joined(plant, [loops[name] for name in chosen], known)
+
+
+def steady_speeds(plant: Plant) -> Points:
+    """Forward speeds, m/s, and the propulsion commands that hold them on a level straight course, without effects."""
+    clean = without_effects(plant)
+    depth = clean.family.states.index("depth_m")
+    points = [(0.0, 0.0)]
+    for command in np.linspace(0.0, float(clean.hull.propulsion.limit), _POINTS)[1:]:
+        commands = np.array([0.0, 0.0, 0.0, command])
+        low, high = 0.0, _FASTEST
+        for _ in range(40):
+            x = np.zeros(len(clean.states))
+            x[0], x[depth] = 0.5 * (low + high), 1e3  # far below any wave
+            for at in (len(clean.family.states), x.size - commands.size):
+                x[at : at + commands.size] = commands
+            gains = float(clean.step(x, commands)[0]) > x[0]
+            low, high = (x[0], high) if gains else (low, x[0])
+        points.append((float(0.5 * (low + high)), float(command)))
+    return tuple(points)
+
+
+@lru_cache(maxsize=16)
+def _cruise(plant: Plant) -> Cruise:
+    return find_cruise(plant)  # a tenth of a second
+
+
+def _engine_pid(plant: Plant, gains: Gains) -> Pid:
+    engine = find_engine(plant)
+    return Pid(
+        **_settings(gains, "pid", "depth"),
+        measured="depth_m",
+        command=engine.channel,
+        limit=engine.half,
+        rate_limit=engine.rate,
+        middle=engine.middle,
+        neutral=float(plant.hull.piston_neutral) if engine.channel == "piston_m" else 0.0,
+    )
+
+
+def _joined(plant: Plant, loops: Sequence[Controller], gains: Gains) -> Controller:
+    """The loops side by side; the bow planes share the work of the stern planes where they are to."""
+    has_bow = plant.hull.bow_plane.limit > 0.0 and gains.bow_share != 0.0
+    shared = [
+        Mirrored(loop, gains.bow_share) if has_bow and "stern_plane_rad" in commands_of(loop) else loop
+        for loop in loops
+    ]
+    return Joint(tuple(shared))
+
+
+def _targets(plant: Plant, targets: Sequence[str] | None, also: tuple[str, ...] = ()) -> tuple[str, ...]:
+    known = TARGETS[plant.family.kind]
+    chosen = known if targets is None else tuple(targets)
+    for name in chosen:
+        if name not in (*known, *also):
+            raise ValueError(
+                f"An autopilot of {plant.name!r} has no loop for {name!r}. {did_you_mean(name, (*known, *also))}"
+                f"Targets: {', '.join((*known, *also))}."
+            )
+    if not chosen or len(set(chosen)) < len(chosen) or {"depth_m", "pitch_rad"} <= set(chosen):
+        raise ValueError(
+            f"An autopilot needs targets of their own, got {', '.join(chosen) or 'none'}: name each once, and depth_m "
+            "or pitch_rad, which move the same plane."
+        )
+    return chosen
+
+
+def _settings(gains: Gains, kind: str, loop: str) -> dict[str, Any]:
+    try:
+        return dict(gains.loops[kind][loop])
+    except KeyError:
+        there = ", ".join(f"{k}.{name}" for k, loops in gains.loops.items() for name in loops)
+        raise ValueError(
+            f"The gains of {gains.vehicle!r} at {gains.dt:g} s have no {kind}.{loop}, but {there or 'nothing'}: tune "
+            "it with `python -m scripts.tune_controllers`, or choose other targets or another kind."
+        ) from None

@@ -1,0 +1,103 @@
+"""Tuned gains by vehicle and sample time, read from and written to TOML."""
+
+from __future__ import annotations
+
+import json
+import os
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from math import isfinite, log
+from pathlib import Path
+
+from auv_gym.writing import replacing
+
+Loops = Mapping[str, Mapping[str, float]]
+
+_TUNE = "python -m scripts.tune_controllers"
+_FACTOR = 2.0  # between sample times for which one set of gains will do
+
+
+@dataclass(frozen=True)
+class Gains:
+    """What controllers of a vehicle were tuned to at a sample time, s.
+
+    loops: by kind of controller ("pid", "s_plane") and loop ("heading"), the settings of its law by name.
+    bow_share: how far the bow planes move for the stern planes, negative where they act against each other in pitch.
+    """
+
+    vehicle: str
+    dt: float
+    bow_share: float = 0.0
+    loops: Mapping[str, Loops] = field(default_factory=dict)
+
+
+def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) -> Gains:
+    """The gains of a vehicle that were tuned nearest to a sample time, s; raises where none are within a factor of 2.
+
+    path: a file of gains, by default that of the presets.
+    """
+    entries = read_gains(path)
+    of_vehicle = [entry for entry in entries if entry.vehicle == vehicle]
+    near = [entry for entry in of_vehicle if abs(log(entry.dt / dt)) <= log(_FACTOR) + 1e-9]
+    if near:
+        return min(near, key=lambda entry: abs(log(entry.dt / dt)))
+    there = ", ".join(f"{entry.dt:g} s" for entry in of_vehicle)
+    have = f"there are some at {there}" if there else f"there are some of {', '.join(_names(entries)) or 'none'}"
+    raise ValueError(
+        f"No gains of {vehicle!r} within a factor of {_FACTOR:g} of a sample time of {dt:g} s; {have}. Make them with "
+        f"`{_TUNE} --vehicle FILE.toml --dt {dt:g} --out GAINS.toml` and give gains='GAINS.toml'."
+    )
+
+
+def read_gains(path: str | os.PathLike | None = None) -> tuple[Gains, ...]:
+    """All entries of a file of gains, by default that of the presets; raises with what is wrong in it."""
+    origin = "of the presets" if path is None else os.fspath(path)
+    try:
+        content = files("controllers").joinpath("gains.toml").read_text("utf-8") if path is None else _text(path)
+        entries = tomllib.loads(content).get("vehicle", [])
+        return tuple(_entry(entry) for entry in entries)
+    except (tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError, ValueError) as error:
+        raise ValueError(
+            f"File of gains {origin} cannot be used: {error}. It needs [[vehicle]] tables with name, dt_s and tables "
+            f"such as [vehicle.pid.heading], as `{_TUNE}` writes them."
+        ) from None
+
+
+def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
+    """Write entries in the order of vehicle and sample time; aside first, then renamed."""
+    lines = [f"# Gains of controllers, by vehicle and sample time: written by `{_TUNE}`, see docs/controllers.md.", ""]
+    for entry in sorted(entries, key=lambda e: (e.vehicle, e.dt)):
+        name = json.dumps(entry.vehicle, ensure_ascii=False).replace("\x7f", "\\u007f")
+        lines += ["[[vehicle]]", f"name = {name}", f"dt_s = {entry.dt!r}", f"bow_share = {entry.bow_share!r}"]
+        for kind, loops in entry.loops.items():
+            for loop, settings in loops.items():
+                lines += ["", f"[vehicle.{kind}.{loop}]"]
+                lines += [f"{key} = {float(value)!r}" for key, value in settings.items()]
+        lines.append("")
+    with replacing(path) as new:
+        new.write_text("\n".join(lines), encoding="utf-8")
+
+
+def _entry(content: Mapping) -> Gains:
+    loops = {
+        kind: {name: {key: float(value) for key, value in loop.items()} for name, loop in of_kind.items()}
+        for kind, of_kind in content.items()
+        if isinstance(of_kind, Mapping)
+    }
+    entry = Gains(str(content["name"]), float(content["dt_s"]), float(content.get("bow_share", 0.0)), loops)
+    if not (isfinite(entry.dt) and entry.dt > 0.0):
+        raise ValueError(f"dt_s of {entry.vehicle!r} must be positive, got {entry.dt!r}")
+    return entry
+
+
+def _text(path: str | os.PathLike) -> str:
+    try:
+        return Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"it cannot be read ({error})") from None
+
+
+def _names(entries: Sequence[Gains]) -> list[str]:
+    return sorted({entry.vehicle for entry in entries})
