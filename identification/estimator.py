@@ -1,21 +1,286 @@
-"""What every identification method is and gives: settings in the constructor, records into `fit`, a new result out."""
+"""Methods of identification by name: settings in the constructor, records into `fit`, a new result out."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import MISSING, Field, dataclass, fields
+from importlib import import_module
+from importlib.metadata import entry_points
+from math import isfinite
+from typing import Any, Protocol, get_type_hints
 
 from auv_gym.model import Model
+from auv_gym.param import did_you_mean
+from auv_gym.plant import Plant
 from auv_gym.record import Record
+from identification.estimate import Estimate
+
+GROUP = "auv_gym.methods"
+# Fields of an estimator that say what it works on; all others are settings.
+_GIVEN = ("plant", "inputs", "outputs")
 
 
 class Fit(Protocol):
-    """The result of a fit; `model` runs wherever a Model runs."""
+    """The result of a fit; `model` runs wherever a Model runs, estimates say how sure its parameters are."""
 
     @property
     def model(self) -> Model: ...
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]: ...
 
 
 class Estimator(Protocol):
     """A method with its settings; `fit` changes nothing in it and raises ValueError if the data cannot do."""
 
     def fit(self, *records: Record) -> Fit: ...
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A setting of a method: its name, the words for its type, and its default; needed: it has none."""
+
+    name: str
+    type: str
+    default: Any
+    needed: bool
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of identification.
+
+    estimator: a frozen dataclass with `fit`, or where it is imported from when used, `module:Class`. Its fields are the
+    settings; the fields plant, inputs and outputs, where it has them, are filled with what it works on.
+    problem: why it cannot be used, of a method that another package offers.
+    """
+
+    name: str
+    title: str
+    estimator: type | str
+    problem: str = ""
+
+    def load(self) -> Any:
+        """The estimator's class; raises ValueError where it cannot be had."""
+        if self.problem:
+            raise ValueError(f"Method {self.name} cannot be used: {self.problem}")
+        if not isinstance(self.estimator, str):
+            return self.estimator
+        module, _, name = self.estimator.partition(":")
+        return getattr(import_module(module), name)
+
+    @property
+    def needs_vehicle(self) -> bool:
+        """Whether it fits parameters of a vehicle, which has to be given."""
+        return any(field.name == "plant" and _needed(field) for field in fields(self.load()))
+
+    @property
+    def needs_channels(self) -> bool:
+        """Whether it has to be told inputs and outputs; others know theirs."""
+        return any(field.name in ("inputs", "outputs") and _needed(field) for field in fields(self.load()))
+
+    @property
+    def settings(self) -> dict[str, Setting]:
+        """The settings by name."""
+        return {
+            field.name: Setting(field.name, _words(field.type), _default(field), _needed(field))
+            for field in fields(self.load())
+            if field.name not in _GIVEN and field.init
+        }
+
+
+_BUILT_IN = (
+    Method(
+        "grey_box",
+        "Frees parameters of a vehicle: output error over windows with initial states of their own.",
+        "identification.greybox:GreyBox",
+    ),
+    Method(
+        "arx",
+        "Linear difference equations by least squares, each output by itself; biased by measurement noise.",
+        "identification.linear.arx:Arx",
+    ),
+    Method(
+        "rwls",
+        "A float's diving model by recursive weighted least squares; biased by depth noise.",
+        "identification.recursive.rwls:Rwls",
+    ),
+    Method(
+        "ivls",
+        "The diving model by instrumental variables as published; fails with noise, there to be compared.",
+        "identification.recursive.ivls:Ivls",
+    ),
+    Method(
+        "corrected_ivls",
+        "The same with a bounded instrument and integrated rows; sample by sample or over records.",
+        "identification.recursive.corrected_ivls:CorrectedIvls",
+    ),
+    Method(
+        "refined_iv",
+        "The diving model over whole records, without bias and as accurate as white noise allows.",
+        "identification.recursive.refined_iv:RefinedIv",
+    ),
+    Method(
+        "ls_svm",
+        "The diving model by a support vector machine with a linear kernel; biased by depth noise.",
+        "identification.kernel.ls_svm:LsSvm",
+    ),
+)
+
+
+def list_methods() -> dict[str, Method]:
+    """All methods by name: ours, and those of the entry point group `auv_gym.methods`, each a `Method`.
+
+    One that cannot be loaded is there with its problem.
+    """
+    found = {method.name: method for method in _BUILT_IN}
+    for entry in entry_points(group=GROUP):
+        offered = _loaded(entry.name, entry.value, entry.load)
+        if entry.name in found:
+            name = f"{entry.name} ({entry.value})"
+            problem = f"{entry.value} offers a method under the taken name {entry.name!r}: rename it there."
+            offered = Method(name, offered.title, offered.estimator, problem)
+        found[offered.name] = offered
+    return found
+
+
+def make_estimator(
+    name: str,
+    settings: Mapping[str, Any] | None = None,
+    *,
+    plant: Plant | None = None,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+) -> Estimator:
+    """The estimator of a method by its name; raises ValueError with the allowed keys and what came.
+
+    settings: values by name; text is read as the setting's type has it.  plant: what `grey_box` frees parameters of, by
+    default those that a first fit of such a vehicle frees.  inputs, outputs: channels, of methods that are told theirs.
+    """
+    known = list_methods()
+    name = name.strip().replace("-", "_")
+    if name not in known:
+        raise ValueError(f"No method {name!r}. {did_you_mean(name, known)}Methods: {', '.join(known)}.")
+    method = known[name]
+    made, given = method.load(), dict(settings or {})
+    for key in given:
+        if key not in method.settings:
+            raise ValueError(
+                f"Method {name} has no setting {key!r}. {did_you_mean(key, method.settings)}{_allowed(method)}"
+            )
+    if name == "grey_box" and "free" not in given and plant is not None:
+        given["free"] = plant.family.coefficients
+    hints = get_type_hints(made)
+    values = {key: _converted(name, key, value, hints[key]) for key, value in given.items()}
+    for field in fields(made):
+        if field.name in method.settings and _needed(field) and field.name not in values:
+            raise ValueError(f"Method {name} needs the setting {field.name!r}. {_allowed(method)}")
+    values |= _worked_on(method, {"plant": plant, "inputs": inputs, "outputs": outputs})
+    return made(**values)
+
+
+def summary(fit: Fit) -> str:
+    """The model's channels and the parameters with their 95 % intervals, one a line."""
+    model = fit.model
+    lines = [f"{', '.join(model.inputs)} -> {', '.join(model.outputs)}, dt {model.dt:g} s"]
+    width = max((len(e.path) for e in fit.estimates), default=0)
+    for e in fit.estimates:
+        low, high = e.ci95
+        span = f"[{low:.6g}, {high:.6g}]" if isfinite(low) and isfinite(high) else "no interval"
+        unit = "" if e.unit == "1" else f" {e.unit}"
+        lines.append(f"{e.path:<{width}}  {e.value:.6g}{unit}  {span}" + (f"  ({e.problem})" if e.problem else ""))
+    return "\n".join(lines)
+
+
+def _worked_on(method: Method, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Values of the fields plant, inputs and outputs."""
+    values = {}
+    has = {field.name: field for field in fields(method.load())}
+    for what, value in given.items():
+        if what in has and value is not None:
+            values[what] = value if what == "plant" else tuple(value)
+        elif what in has and _needed(has[what]):
+            hint = "a preset or a vehicle file" if what == "plant" else "channel names, such as stern_plane_rad"
+            raise ValueError(f"Method {method.name} needs {'a vehicle' if what == 'plant' else what}: give {hint}.")
+        elif value is not None and what != "plant":
+            raise ValueError(f"Method {method.name} knows its own {what}, got {', '.join(value)}: leave them out.")
+    return values
+
+
+def _loaded(name: str, value: str, load: Any) -> Method:
+    """The method of an entry point, or one that says what is wrong with it."""
+    try:
+        method = load()
+        if not isinstance(method, Method):
+            raise ValueError(f"it is a {type(method).__name__}, not an identification.estimator.Method")
+        if method.name != name:
+            raise ValueError(f"it calls itself {method.name!r}")
+        _ = method.settings, method.load().fit  # a class without them is found out here
+    except Exception as error:  # whatever another's package raises, ours go on
+        return Method(name, f"from {value}", value, f"its entry point {value} is broken: {error}.")
+    return method
+
+
+def _converted(method: str, key: str, value: Any, hint: Any) -> Any:
+    """A setting's value as its type has it: whole numbers as floats where floats are due, lists as tuples."""
+    from pydantic import TypeAdapter, ValidationError
+
+    value = _tuples(value)
+    expected = TypeAdapter(hint)
+    try:
+        return expected.validate_python(value)
+    except ValidationError as error:
+        if isinstance(value, str | int | float):
+            with suppress(ValidationError):  # one alone may stand for a list of one
+                return expected.validate_python((value,))
+        why = "; ".join(dict.fromkeys(found["msg"] for found in error.errors()))
+        raise ValueError(f"Method {method} cannot take {key} = {value!r}: {why}.") from None
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(item) for item in value) if isinstance(value, list) else value
+
+
+def _allowed(method: Method) -> str:
+    described = [
+        f"{s.name} ({s.type}, {'needed' if s.needed else f'default {s.default!r}'})" for s in method.settings.values()
+    ]
+    return f"Settings: {'; '.join(described) or 'none'}."
+
+
+def _words(annotation: Any) -> str:
+    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
+    return text.replace("Sequence[", "list[")
+
+
+def _needed(field: Field[Any]) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _default(field: Field[Any]) -> Any:
+    if field.default is not MISSING:
+        return field.default
+    return None if field.default_factory is MISSING else field.default_factory()
+
+
+def parse_settings(texts: Iterable[str]) -> dict[str, Any]:
+    """Settings from `key=value` texts: values as TOML has them, a comma makes a list, other text stays text."""
+    import tomllib
+
+    found: dict[str, Any] = {}
+    for text in texts:
+        key, separator, value = (part.strip() for part in text.partition("="))
+        if not separator or not key:
+            raise ValueError(f"A setting needs KEY=VALUE, such as n_a=3, got {text!r}.")
+        if key in found:
+            raise ValueError(f"Setting {key!r} came twice: give it once.")
+        for written in (value, f"[{value}]"):
+            try:
+                found[key] = tomllib.loads(f"value = {written}")["value"]
+                break
+            except tomllib.TOMLDecodeError:
+                continue
+        else:
+            found[key] = [part.strip() for part in value.split(",")] if "," in value else value
+    return found
