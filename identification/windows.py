@@ -12,19 +12,19 @@ from auv_gym.record import Record
 from identification.shooting import unknown_states
 
 LEAST_SAMPLES = 8
-AFLOAT = 1.0  # m; a float above this depth may bob or bounce at the surface, which no fit of its start can follow
 
 
 def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice]:
     """Windows of at most `seconds`: consecutive ones, or for inputs that move in steps the stretches between the steps.
 
     The sample at which an input has moved is left out: the log may have been written while it moved.  Stretches with
-    fewer than `LEAST_SAMPLES` samples are dropped.  Floats are judged below `AFLOAT` only, in equal parts of each
-    stretch there.
+    fewer than `LEAST_SAMPLES` samples are dropped.  A vehicle that is `afloat` near the surface is judged below that
+    depth only, in equal parts of each stretch there.
     """
-    if not plant.family.stepped:
-        return _submerged(record, seconds) if plant.family.kind == "float" else record.windows(seconds)
-    inputs = np.stack([record[name] for name in plant.family.stepped], axis=1)
+    family = plant.family
+    if not family.stepped:
+        return record.windows(seconds) if family.afloat is None else _submerged(record, family.afloat, seconds)
+    inputs = np.stack([record[name] for name in family.stepped], axis=1)
     found = []
     for segment in record.segments:
         moved = np.r_[True, np.any(np.diff(inputs[segment], axis=0) != 0.0, axis=1)]
@@ -54,9 +54,9 @@ def held_out(plant: Plant, record: Record, windows: Sequence[slice]) -> tuple[li
     )
 
 
-def _submerged(record: Record, seconds: float) -> list[slice]:
-    """Windows of half to all of `seconds` in the stretches below `AFLOAT`."""
-    under, time, found = record["depth_m"] > AFLOAT, record.time, []
+def _submerged(record: Record, depth: float, seconds: float) -> list[slice]:
+    """Windows of half to all of `seconds` in the stretches below a depth, m."""
+    under, time, found = record["depth_m"] > depth, record.time, []
     for segment in record.segments:
         changes = np.flatnonzero(np.diff(under[segment])) + 1
         edges = segment.start + np.r_[0, changes, segment.stop - segment.start]

@@ -55,6 +55,8 @@ class Family:
     shared_unless: str = ""
     # inputs that change now and then, so that free runs lie between
     stepped: tuple[str, ...] = ()
+    # depth, m, above which it may bob or bounce at the surface, which no fit of a free run's start can follow
+    afloat: float | None = None
     # effects that are nothing to look for where a record has the channel
     measured: Mapping[str, str] = field(default_factory=dict)
     # lowest and highest that a record's channel can be, as numbers or paths of parameters

@@ -266,6 +266,7 @@ FLOAT_PISTON = Family(
         "density_kgpm3": (900.0, 1100.0),
         "temperature_C": (-5.0, 60.0),
     },
+    afloat=1.0,
     measured={"effects.water.gradient": "density_kgpm3"},
     shared={"volume_m3": "effects.volume.offset"},
     shared_unless="hull.trim_known",

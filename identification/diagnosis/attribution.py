@@ -152,7 +152,7 @@ def attribute(
             break
         chosen = _best(bench, accepted)
         trials = [_beside(bench, state, chosen, t, len(candidates)) for t in trials]
-        tied = tuple(t for t in trials if t is not chosen and _tie(bench, chosen, t))
+        tied = tuple(t for t in trials if t is not chosen and _tie(bench, chosen, t, _likeness(bench, chosen, t)))
         rounds.append(Round(tuple(trials), chosen, tied))
         assert chosen.state is not None
         state = bench.fit(chosen.state.plant, chosen.state.paths, chosen.state)
@@ -229,10 +229,10 @@ def _beside(bench: Workbench, state: State, chosen: Trial, trial: Trial, count: 
     Two effects with one signature explain a record equally well, and a fit of one of them that stopped early must not
     hide that.
     """
-    if trial is chosen or trial.state is None or _tie(bench, chosen, trial):
+    if trial is chosen or trial.state is None:
         return trial
     alike = _likeness(bench, chosen, trial)
-    if alike is None or abs(alike.cosine) < ALIKE:
+    if alike is None or abs(alike.cosine) < ALIKE or _tie(bench, chosen, trial, alike):
         return trial
     assert chosen.state is not None
     path, other = chosen.candidate.paths[0], trial.candidate.paths[0]
@@ -256,8 +256,8 @@ class _Likeness:
 
 
 def _likeness(bench: Workbench, chosen: Trial, other: Trial) -> _Likeness | None:
-    """The likeness of two effects of one component each; None where one has more."""
-    if len(chosen.candidate.paths) > 1 or len(other.candidate.paths) > 1:
+    """The likeness of two effects of one component each; None where one has more, or was not fitted."""
+    if other.state is None or len(chosen.candidate.paths) > 1 or len(other.candidate.paths) > 1:
         return None
     assert chosen.state is not None
     paths, here, problem = (*chosen.candidate.paths, *other.candidate.paths), chosen.state.train, bench.train
@@ -355,14 +355,13 @@ def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
     return bench.costs(other.state, best.state) - bench.costs(best.state, best.state)
 
 
-def _tie(bench: Workbench, best: Trial, other: Trial) -> bool:
+def _tie(bench: Workbench, best: Trial, other: Trial, alike: _Likeness | None) -> bool:
     """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample).
 
     Also where their signatures differ by less than that: a fit that stopped a little early is no difference.
     """
     if other.state is None or other.objection:
         return False
-    alike = _likeness(bench, best, other)
     if alike is not None and (alike.evidence < TIE or 1.0 - alike.cosine**2 < SAME):
         return True
     extra = _extra_cost(bench, best, other)

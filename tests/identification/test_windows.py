@@ -6,7 +6,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from identification.float_experiment import depth_control, oil_mission
-from identification.windows import AFLOAT, LEAST_SAMPLES, free_run_windows, held_out
+from identification.windows import LEAST_SAMPLES, free_run_windows, held_out
 
 
 def test_a_float_with_a_piston_is_judged_below_the_surface_only():
@@ -15,12 +15,12 @@ def test_a_float_with_a_piston_is_judged_below_the_surface_only():
     windows = free_run_windows(plant, record, 100.0)
     assert len(windows) >= 5
     for window in windows:
-        assert record["depth_m"][window].min() > AFLOAT
+        assert record["depth_m"][window].min() > plant.family.afloat
         assert 49.0 < np.ptp(record.time[window]) <= 100.0
     afloat = np.ones(len(record), dtype=bool)
     for window in windows:
         afloat[window] = False
-    assert (record["depth_m"][afloat] < AFLOAT).any()
+    assert (record["depth_m"][afloat] < plant.family.afloat).any()
 
 
 def test_a_float_with_oil_runs_free_between_its_actions_and_dives_are_held_out_whole():
