@@ -73,19 +73,15 @@ def _effects() -> Table:
 
 
 def _methods() -> Table:
-    shown = table("Methods", "name", "what")
-    shown.add_row(
-        "grey-box", "Frees parameters of a vehicle: output error over windows with initial states of their own."
-    )
-    shown.add_row("diagnosis", "Names the effect that a vehicle lacks, decided on held-out windows.")
-    for name, what in {
-        "rwls": "Recursive weighted least squares for a float's diving model; biased by depth noise.",
-        "ivls": "Instrumental variables for the diving model as published; fails with noise, there to be compared.",
-        "corrected ivls": "The same with a bounded instrument and integrated rows; sample by sample or over records.",
-        "refined iv": "The diving model over whole records, without bias and as accurate as white noise allows.",
-        "ls-svm": "The diving model by a support vector machine with a linear kernel; biased by depth noise.",
-    }.items():
-        shown.add_row(name, what)
+    from identification.estimator import list_methods
+
+    shown = table("Methods of `auv-gym identify`", "name!", "what", "settings (* needed)")
+    for method in list_methods().values():
+        if method.problem:
+            shown.add_row(method.name, method.title, f"[red]{method.problem}[/]")
+            continue
+        settings = (f"{s.name}{'*' * s.needed}" for s in method.settings.values())
+        shown.add_row(method.name, method.title, ", ".join(settings))
     return shown
 
 
