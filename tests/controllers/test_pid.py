@@ -1,8 +1,10 @@
 from dataclasses import replace
-from math import inf, pi, radians
+from math import inf, nan, pi, radians
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
@@ -277,3 +279,66 @@ def test_depth_control_needs_a_piston_and_a_time():
         float_depth_pid(load_vehicle("mermaid"))
     with pytest.raises(ValueError, match="settling > 0"):
         float_depth_pid(load_vehicle("qiandao_float"), settling=-1.0)
+
+
+def test_the_derivative_is_taken_of_a_measured_rate_where_there_is_one():
+    pid = Pid(1.0, derivative=2.0, rate_measured="r_radps")
+    reading = {"heading_rad": 0.0, "r_radps": 0.1, "dt_s": 1.0}
+    command, state = pid.act(pid.start(), reading, {"heading_rad": 0.3})
+    assert command["rudder_rad"] == pytest.approx(0.3 - 0.2)
+    command, _ = pid.act(state, {**reading, "heading_rad": 0.05, "r_radps": nan}, {"heading_rad": 0.3})
+    assert command["rudder_rad"] == pytest.approx(0.25 - 2.0 * 0.05)
+    without, _ = act(pid, state, 0.05, 0.3)
+    assert without == command["rudder_rad"]
+
+
+def test_a_measured_rate_passes_the_same_filter():
+    by_rate = Pid(1.0, derivative=1.0, filter_time=2.0, rate_measured="r_radps")
+    by_difference = replace(by_rate, rate_measured="")
+    one, two, heading = by_rate.start(), by_difference.start(), 0.0
+    for k in range(20):
+        rate = 0.0 if k == 0 else 0.1
+        heading += 0.5 * rate
+        reading = {"heading_rad": heading, "r_radps": rate, "dt_s": 0.5}
+        first, one = by_rate.act(one, reading, {"heading_rad": 1.0})
+        second, two = by_difference.act(two, reading, {"heading_rad": 1.0})
+        assert first["rudder_rad"] == pytest.approx(second["rudder_rad"], rel=1e-12)
+
+
+def test_the_command_that_holds_a_target_is_fed_forward():
+    points = ((0.0, 0.0), (1.0, 2.0), (2.0, 6.0))
+    pid = Pid(1.0, measured="u_mps", command="propeller_V", limit=5.0, steady=points)
+    for speed, volts in ((-1.0, 0.0), (0.5, 1.0), (1.0, 2.0), (1.5, 4.0)):
+        command, _ = pid.act(pid.start(), {"u_mps": speed, "dt_s": 1.0}, {"u_mps": speed})
+        assert command["propeller_V"] == pytest.approx(volts)
+    command, _ = pid.act(pid.start(), {"u_mps": 3.0, "dt_s": 1.0}, {"u_mps": 3.0})
+    assert command["propeller_V"] == 5.0  # 6 at the last point, and the limit
+    with pytest.raises(ValueError, match="order of their targets"):
+        replace(pid, steady=((1.0, 0.0), (1.0, 1.0)))
+
+
+@given(st.lists(st.floats(-pi, pi), min_size=1, max_size=30), st.floats(0.01, 2.0), st.floats(0.01, 5.0))
+def test_the_rate_limit_is_never_exceeded(headings, rate_limit, dt):
+    pid = Pid(2.0, 0.3, 4.0, limit=0.5, rate_limit=rate_limit)
+    state, last = pid.start(), 0.0
+    for heading in headings:
+        command, state = act(pid, state, heading, 0.0, dt)
+        assert abs(command - last) <= rate_limit * dt + 1e-12
+        last = command
+
+
+def test_after_long_saturation_it_recovers_without_much_overshoot():
+    pid = Pid(2.0, 1.0, measured="depth_m", command="piston_m", limit=1.0)
+    for clamped in (True, False):
+        law = pid if clamped else replace(pid, limit=1e9)  # the same law without clamping, and an actuator that has it
+        depth, state, deepest = 0.0, law.start(), 0.0
+        for k in range(1200):
+            target = 50.0 if k < 200 else 10.0  # 20 s of full travel towards a depth far away, then one near by
+            command, state = law.act(state, {"depth_m": depth, "dt_s": 0.1}, {"depth_m": target})
+            depth += 0.1 * min(max(command["piston_m"], -1.0), 1.0)
+            deepest = depth if k == 200 else max(deepest, depth)
+        if clamped:
+            assert deepest - 10.0 < 10.5  # where it was when the target came back, and no further
+            assert depth == pytest.approx(10.0, abs=0.05)
+        else:
+            assert deepest - 10.0 > 30.0
