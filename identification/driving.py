@@ -133,7 +133,7 @@ def _value_at(steps: Sequence[tuple[float, float]], time: float) -> float:
 
 
 def _run(
-    env: gymnasium.Env, rows: list[tuple[float, dict, dict, dict]], commands: list[dict], seed: int, reason: str
+    env: gymnasium.Env, rows: list[tuple[Any, dict, dict, dict]], commands: list[dict], seed: int, reason: str
 ) -> Run:
     inner: Any = env.unwrapped
     plant = inner.plant

@@ -1,0 +1,142 @@
+"""`auv-gym campaign`: the runs of a campaign file, the fits to them, and the report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from auv_gym.cli.application import app
+from auv_gym.cli.console import errors, output, progress_bar, table
+
+if TYPE_CHECKING:
+    from identification.campaign.conduct import Conducted
+    from identification.campaign.settings import Campaign
+
+_LISTED = 20  # failed runs in the table; the index has all
+
+
+class Part(StrEnum):
+    """The parts of a campaign that can be done by themselves."""
+
+    runs = "runs"
+    fits = "fits"
+    report = "report"
+
+
+@app.command()
+def campaign(
+    file: Annotated[Path, typer.Argument(help="A campaign file (.toml), see docs/campaigns.md.")],
+    out: Annotated[Path, typer.Option(help="Folder for records, index, models and report; one that is there goes on.")],
+    jobs: Annotated[int | None, typer.Option(help="Worker processes; default: one for each core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(help="Address of a Dask scheduler that performs the runs, such as tcp://host:8786.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Added to every seed of the file.")] = 0,
+    only: Annotated[Part | None, typer.Option(help="One part alone; default: runs, fits and report.")] = None,
+) -> None:
+    """Run a campaign of experiments, fit models to the records and compare them; a stopped one goes on.
+
+    Exit code: 3 where a run or a fit failed, 130 where the campaign was stopped.
+    """
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        from joblib import cpu_count
+
+        from identification.campaign.conduct import conduct
+        from identification.campaign.reading import read_campaign
+
+        settings = read_campaign(file, seed)
+        jobs = cpu_count() if jobs is None else jobs
+        failed = False
+        try:
+            if only in (None, Part.runs):
+                conducted = conduct(settings, out, jobs=jobs, scheduler=scheduler, progress=_counted(progress))
+            else:
+                conducted = None
+            if only in (None, Part.fits) and settings.fit:
+                from identification.campaign.fits import fit_models
+
+                fits = fit_models(settings, out, jobs=jobs, progress=progress)
+                failed |= any(fit["status"] != "done" for fit in fits)
+                if settings.compare is not None:
+                    from identification.campaign.rollouts import compare_rollouts
+
+                    compare_rollouts(settings, out, jobs=jobs, progress=progress)
+            report = None
+            if only in (None, Part.report):
+                progress(1.0, "writing the report")
+                report = _report(settings, out, needed=only is Part.report)
+        except KeyboardInterrupt:
+            errors.print(f"Stopped. What is done is in {out}; the same command goes on from there.", soft_wrap=True)
+            raise typer.Exit(130) from None
+    if conducted is not None:
+        _tell(conducted, out)
+        failed |= bool(conducted.failures or conducted.trouble)
+    if report is not None:
+        output.print(str(report), markup=False, soft_wrap=True)
+    if failed:
+        raise typer.Exit(3)
+
+
+def _counted(progress: Callable[[float, str], None]) -> Callable[[int, int, int, str], None]:
+    """What turns counts of runs into a bar with words: how many, how many failed, and the time that is left."""
+    begin: list[tuple[float, int]] = []
+
+    def tell(done: int, total: int, failed: int, text: str) -> None:
+        words = f"{done} of {total} runs" if text == "running" else text
+        if text == "running":
+            begin[:] = begin or [(monotonic(), done)]
+            here = done - begin[0][1]
+            if here and done < total:
+                left = (monotonic() - begin[0][0]) / here * (total - done)
+                words += f", {left:.0f} s left" if left < 120.0 else f", {left / 60.0:.0f} min left"
+        progress(done / max(total, 1), words + (f", {failed} failed" if failed else ""))
+
+    return tell
+
+
+def _report(settings: Campaign, out: Path, *, needed: bool) -> Path | None:
+    """The written report; without the extra it needs, a word about that, unless nothing else was asked for."""
+    from identification.campaign.report import write_report
+
+    try:
+        return write_report(settings, out)
+    except ImportError as error:
+        if needed:
+            raise
+        errors.print(f"No report: {error}", markup=False, soft_wrap=True)
+        return None
+
+
+def _tell(conducted: Conducted, out: Path) -> None:
+    rows = conducted.rows
+    done = sum(row.usable for row in rows)
+    kept = f", {conducted.kept} of them from before" if conducted.kept else ""
+    output.print(f"{done} of {len(rows)} runs done in {out}{kept}.", markup=False, soft_wrap=True)
+    if conducted.strangers:
+        output.print(
+            f"{len(conducted.strangers)} records in {out} belong to no run of this file, which has changed: delete "
+            "them if you do not need them.",
+            markup=False,
+            soft_wrap=True,
+        )
+    if conducted.failures:
+        output.print(_failures(conducted))
+    if conducted.trouble:
+        errors.print(f"The index is not up to date: {conducted.trouble}", markup=False, soft_wrap=True)
+
+
+def _failures(conducted: Conducted) -> Table:
+    failures = conducted.failures
+    more = f", the first {_LISTED}" if len(failures) > _LISTED else ""
+    shown = table(f"{len(failures)} runs did not go as planned{more}", "run!", "status", "seed>", "grid", "reason")
+    for row in failures[:_LISTED]:
+        cell = ", ".join(f"{key} = {value}" for key, value in row.cell.items())
+        shown.add_row(row.id, row.status, str(row.seed), cell, row.reason)
+    return shown
