@@ -1,0 +1,138 @@
+"""Predictive control of a vehicle for its targets, by its own linear form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, radians
+from typing import Any
+
+from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.engine import find_engine
+from auv_gym.linear import linearise
+from auv_gym.plant import Plant
+from controllers.controller import Controller
+from controllers.gpc import Gpc
+from controllers.loops import Joint
+
+PITCH_LIMIT = radians(20.0)  # beyond, depth no longer follows pitch in proportion
+# errors that matter as much as half an input's range moved in a sample
+_DEPTH_ERROR = 0.5  # lengths
+_ANGLE_ERROR = 0.3  # rad, of heading
+_TRIM_ERROR = 1.0  # rad, of pitch, where there are bow planes to hold the depth without it
+_SPEED_ERROR = 0.1  # of the cruise speed
+_SAMPLES = 3.0  # while a torpedo goes its length: the horizon is then ten lengths
+_ENGINE_SAMPLES = 15.0  # in the time of a float's engine, half the horizon
+
+
+def gpc_autopilot(
+    plant: Plant,
+    targets: Sequence[str] | None = None,
+    *,
+    dt: float | None = None,
+    pitch_limit: float | None = None,
+    **settings: Any,
+) -> Controller:
+    """Predictive control on `linearise(plant)`: depth, heading and speed of a torpedo, each by a Gpc of its own.
+
+    Planes hold the depth within pitch_limit, rad, default 20 degrees either side of trim; rudder and propulsion do the
+    rest.  A glider's rudder holds its heading, a float's engine its depth.  One motion each, as at cruise they do not
+    act on each other at first order, and small programs are solved sooner than a large one.
+    targets: some of these channels, default all.  dt: s between plans, a multiple of the plant's; default a third of
+    the time for a torpedo's length, a fifteenth of a float's engine's time.  settings: further ones of every Gpc.
+    """
+    kind = plant.family.kind
+    makers = {
+        "torpedo": {"depth_m": _torpedo_depth, "heading_rad": _torpedo_heading, "u_mps": _torpedo_speed},
+        "glider": {"heading_rad": _glider_heading},
+        "float": {"depth_m": _float_depth},
+    }.get(kind)
+    if makers is None:
+        raise ValueError(f"gpc_autopilot knows torpedoes, gliders and floats, got a vehicle of kind {kind!r}.")
+    names = tuple(makers) if targets is None else tuple(targets)
+    unknown = [name for name in names if name not in makers]
+    if unknown or not names:
+        raise ValueError(
+            f"gpc_autopilot of {plant.name!r} needs targets among {', '.join(makers)}, got "
+            f"{', '.join(unknown) or 'none'}."
+        )
+    if pitch_limit is not None:
+        if kind != "torpedo" or not 0.0 < pitch_limit < radians(85.0):
+            raise ValueError(f"gpc_autopilot needs a pitch_limit of a torpedo, 0 to 1.48 rad, got {pitch_limit!r}.")
+        if "depth_m" in names:
+            settings = {**settings, "pitch_limit": pitch_limit}
+    if dt is None:
+        dt = _usual_dt(plant)
+    made = [makers[name](plant, dt, settings) for name in names]
+    return made[0] if len(made) == 1 else Joint(tuple(made))
+
+
+def _torpedo_depth(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
+    model = linearise(plant, outputs=("depth_m", "pitch_rad"), dt=dt)
+    trim = float(model.output_offset[1])
+    limit = settings.get("pitch_limit", PITCH_LIMIT)
+    weights = {"depth_m": 1.0 / (_DEPTH_ERROR * plant.hull.length)}
+    if len(model.inputs) > 1:
+        weights["pitch_rad"] = 1.0 / _TRIM_ERROR
+    return _gpc(
+        plant,
+        model,
+        settings,
+        weights=weights,
+        output_limits={"pitch_rad": (trim - limit, trim + limit)},
+        nominal={"pitch_rad": trim} if len(model.inputs) > 1 else {},
+    )
+
+
+def _torpedo_heading(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
+    model = linearise(plant, (plant.inputs[0],), ("heading_rad",), dt=dt)
+    return _gpc(plant, model, settings, weights={"heading_rad": 1.0 / _ANGLE_ERROR})
+
+
+def _torpedo_speed(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
+    model = linearise(plant, (plant.inputs[3],), dt=dt)
+    return _gpc(plant, model, settings, weights={"u_mps": 1.0 / (_SPEED_ERROR * find_cruise(plant).speed)})
+
+
+def _gpc(plant: Plant, model, settings: dict[str, Any], **fields: Any) -> Gpc:
+    hull, limits = plant.hull, command_limits(plant)
+    actuators = dict(zip(plant.inputs, (hull.rudder, hull.stern_plane, hull.bow_plane, hull.propulsion)))
+    rates, ranges = {}, {}
+    for name in model.inputs:
+        limit, slowness = float(limits[plant.inputs.index(name)]), actuators[name].slowness
+        drive = name == plant.inputs[3]
+        ranges[name] = (0.0 if drive else -limit, limit)
+        if slowness > 0.0:  # s per rad; of the propulsion, s per its limit
+            rates[name] = (limit if drive else 1.0) / slowness
+    own = {key: value for key, value in settings.items() if key != "pitch_limit"}
+    return Gpc(model, input_limits=ranges, rate_limits=rates, **{**fields, **own})
+
+
+def _glider_heading(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
+    limit = plant.hull.rudder_limit
+    return Gpc(
+        linearise(plant, outputs=("heading_rad",), dt=dt),
+        weights={"heading_rad": 1.0 / _ANGLE_ERROR},
+        input_limits={"rudder_rad": (-limit, limit)},
+        **settings,
+    )
+
+
+def _float_depth(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
+    engine = find_engine(plant)
+    low, high = engine.middle - engine.half, engine.middle + engine.half
+    return Gpc(
+        linearise(plant, outputs=("depth_m",), dt=dt),
+        weights={"depth_m": 1.0 / (engine.speed * engine.time / 3.0)},
+        input_limits={engine.channel: (low, high)},
+        rate_limits={engine.channel: engine.rate} if engine.rate < inf else {},
+        **settings,
+    )
+
+
+def _usual_dt(plant: Plant) -> float:
+    wanted = plant.dt
+    if plant.family.kind == "torpedo":
+        wanted = plant.hull.length / find_cruise(plant).speed / _SAMPLES
+    elif plant.family.kind == "float":
+        wanted = find_engine(plant).time / _ENGINE_SAMPLES
+    return plant.dt * max(round(wanted / plant.dt), 1)
