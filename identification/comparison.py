@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil
-from typing import Any
+from typing import Any, cast
 
 import gymnasium
 import numpy as np
@@ -266,14 +266,14 @@ def compare_closed(
                 other.close()
         except (ValueError, Diverged) as error:
             failed[name] = str(error)
-    return ClosedLoop(vehicle, runs, _scales(vehicle.record), failed)
+    return ClosedLoop(vehicle, runs, step_scales(vehicle.record), failed)
 
 
 def stand_in(plant: Plant, model: Model) -> Model:
     """The model where it has all outputs of the plant; else the plant with the model driving those that it has."""
     if isinstance(model, Plant | Spliced) or set(plant.outputs) <= set(model.outputs):
         return model
-    return splice(plant, model)
+    return cast(Model, splice(plant, model))
 
 
 def check_usable(name: str, model: Model, record: Record) -> None:
@@ -361,7 +361,7 @@ def _root_mean_square(residual: np.ndarray) -> np.ndarray:
     return np.sqrt(np.nansum(residual**2, axis=0) / np.maximum(count, 1))
 
 
-def _scales(record: Record) -> dict[str, float]:
+def step_scales(record: Record) -> dict[str, float]:
     """What counts as 100 %, by channel that moves: the largest step of its set point, from where it began, or range."""
     scales = {}
     for name in record.names:
