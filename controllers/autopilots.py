@@ -31,14 +31,14 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
 
     kind: "pid", "s_plane" or "gpc".  targets: channels, by default depth, heading and speed of a torpedo, a glider's
     heading, a float's depth; `pitch_rad` in the place of depth.  settings: of `pid_autopilot`, `s_plane_autopilot` or
-    `controllers.gpc.gpc_autopilot`.  A channel without a target is left alone.
+    `gpc_autopilot`.  A channel without a target is left alone.
     """
     if kind == "pid":
         return pid_autopilot(plant, targets, **settings)
     if kind == "s_plane":
         return s_plane_autopilot(plant, targets, **settings)
     if kind == "gpc":
-        from controllers.gpc import gpc_autopilot  # needs a solver
+        from controllers.gpc_autopilot import gpc_autopilot  # needs a solver
 
         chosen = {} if targets is None else {"targets": tuple(targets)}
         return gpc_autopilot(plant, **chosen, **settings)

@@ -72,7 +72,7 @@ class Gpc:
         solver()
         if not isinstance(self.model, StateSpace | Polynomial):
             raise ValueError(
-                f"Gpc needs a linear model, a StateSpace or a Polynomial, got {type(self.model).__name__}: linearise it."
+                f"Gpc needs a linear model, a StateSpace or a Polynomial, got {type(self.model).__name__}: see linearise."
             )
         inputs, outputs = self.model.inputs, self.model.outputs
         for name, known in (
@@ -94,7 +94,7 @@ class Gpc:
         if not self.weights or not all(0.0 < w < inf for w in self.weights.values()):
             raise ValueError(f"Gpc needs a weight above 0 for one or more outputs, got {dict(self.weights)}.")
         for name in ("move_weights", "rate_limits", "noise", "drift"):
-            if not all(0.0 < value for value in getattr(self, name).values()):
+            if not all(value > 0.0 for value in getattr(self, name).values()):
                 raise ValueError(f"Gpc needs {name} above 0, got {dict(getattr(self, name))}.")
         for name in ("input_limits", "output_limits"):
             for key, (low, high) in getattr(self, name).items():
@@ -145,8 +145,8 @@ class Gpc:
                 return self._named(state.command, state.flag), state._replace(elapsed=elapsed)
             if elapsed > dt * (1.0 + _ON_TIME):
                 raise ValueError(
-                    f"This Gpc's model steps {dt:g} s at a time, got a call {elapsed:g} s after the last: call it every "
-                    f"{dt:g} s or a whole fraction of that, or give it a model of the interval of the calls."
+                    f"This Gpc's model steps {dt:g} s at a time, got a call {elapsed:g} s after the last: call it "
+                    f"every {dt:g} s or a whole fraction of that, or give it a model of the interval of the calls."
                 )
             before = np.array([reading.get(name, held) for name, held in zip(self.model.inputs, state.command)])
             before = np.where(np.isfinite(before), before, state.command)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from auv_gym.channels import set_point_of
+from auv_gym.channels import is_flag, set_point_of
 from controllers.controller import Controller
 
 
@@ -80,7 +80,11 @@ class Joint:
         for controller, memory in zip(self.controllers, state, strict=True):
             if all(name in target for name in targets_of(controller)):
                 command, memory = controller.act(memory, reading, target)
-                commands.update(command)
+                # a report that several make, such as `infeasible_flag`, is raised where any of them raises it
+                raised = {
+                    name: max(value, commands.get(name, value)) for name, value in command.items() if is_flag(name)
+                }
+                commands.update({**command, **raised})
             after.append(memory)
         return commands, tuple(after)
 

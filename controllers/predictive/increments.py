@@ -119,8 +119,8 @@ def _told_apart(model: StateSpace, scales: np.ndarray) -> list[int]:
     columns = np.vstack([model.a - np.eye(n), model.c / scales[m:, None]])
     if not _independent(columns):
         raise ValueError(
-            f"The outputs {', '.join(model.outputs)} do not show an integrating state of the model: add the output that "
-            "does, or leave the state out."
+            f"The outputs {', '.join(model.outputs)} do not show an integrating state of the model: add the output "
+            "that does, or leave the state out."
         )
     candidates = np.zeros((n + p, m + p))
     candidates[:n, :m] = model.b * scales[:m]

@@ -39,7 +39,7 @@ class Aims:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Minimise x' hessian x / 2 + (linear s + soft)' x within bounds that move with s, for s = [z | goals | references].
+    """Minimise x' hessian x / 2 + (linear s + soft)' x within bounds that s moves; s = [z | goals | references].
 
     x: the moves, m at a time, in units of 1 / move_weights; then how far the plan breaks each output's limits.
     rows: of x, after the simple bounds of x itself.
