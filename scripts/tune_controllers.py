@@ -60,14 +60,20 @@ _LOOPS = {
 _GAINS = ("proportional", "integral", "derivative", "error_scale", "rate_scale")
 
 
+Start = tuple[np.ndarray, np.ndarray]
+
+
 class Bench(NamedTuple):
-    """A vehicle's trial: plants, the first being the vehicle itself; steps of the targets; s of a run; s of a scale."""
+    """A vehicle's trial: plants, the first being the vehicle itself, and where each starts; steps of the targets.
+
+    duration: of a run, s.  scale: the vehicle's time scale, s.
+    """
 
     plants: tuple[Plant, ...]
+    starts: tuple[Start, ...]
     steps: Steps
     duration: float
     scale: float
-    start: Callable[[Plant], tuple[np.ndarray, np.ndarray]]
     seed: int
 
 
@@ -148,7 +154,8 @@ def bench_of(plant: Plant, seed: int) -> Bench:
         factors = 1.0 + CHANGE * rng.choice([-1.0, 1.0], len(paths))
         changed = {path: value_at(plant, path) * factor for path, factor in zip(paths, factors.tolist(), strict=True)}
         plants.append(replace_at(plant, {**changed, **{path: side * value for path, value in offsets.items()}}))
-    return Bench(tuple(plants), *_steps(plant), seed)
+    steps, duration, scale, start = _steps(plant)
+    return Bench(tuple(plants), tuple(start(plant) for plant in plants), steps, duration, scale, seed)
 
 
 def first_gains(plant: Plant) -> Gains:
@@ -209,7 +216,7 @@ def cost(bench: Bench, gains: Gains, kind: str, name: str) -> float:
     for i, plant in enumerate(bench.plants):
         rng = np.random.default_rng([bench.seed, i])
         try:
-            run = fly(plant, controller, bench.steps, bench.duration, start=bench.start(plant), rng=rng)
+            run = fly(plant, controller, bench.steps, bench.duration, start=bench.starts[i], rng=rng)
         except (Diverged, OverflowError):
             return _FAILED
         total += _cost_of(run, bench, name)
@@ -222,7 +229,7 @@ def measured(bench: Bench, gains: Gains) -> list[Reached]:
     for kind in gains.loops:
         controller, plant = autopilot(bench.plants[0], kind, gains=gains), bench.plants[0]
         rng = np.random.default_rng([bench.seed, len(bench.plants)])
-        run = fly(plant, controller, bench.steps, bench.duration, start=bench.start(plant), rng=rng)
+        run = fly(plant, controller, bench.steps, bench.duration, start=bench.starts[0], rng=rng)
         for name in bench.steps:
             part, target = next(_segments(run, name))
             size = target - float(run[name][part][0])
@@ -301,7 +308,7 @@ def _improved(bench: Bench, gains: Gains, kind: str, name: str, evaluations: int
     return at(found.x)
 
 
-def _steps(plant: Plant) -> tuple[Steps, float, float, Callable[[Plant], tuple[np.ndarray, np.ndarray]]]:
+def _steps(plant: Plant) -> tuple[Steps, float, float, Callable[[Plant], Start]]:
     """Steps of the targets, s of a run, s of the vehicle's time scale, and where a run starts."""
     if plant.family.kind == "torpedo":
         cruise, length = find_cruise(plant), plant.hull.length
@@ -319,8 +326,7 @@ def _steps(plant: Plant) -> tuple[Steps, float, float, Callable[[Plant], tuple[n
             lambda plant: level_flight(plant, deep),
         )
     if plant.family.kind == "glider":
-        scale = 3.0 * heading_pid(plant).filter_time
-        scale = max(scale, 10.0)
+        scale = max(3.0 * plant.dt, 10.0)
         duration = 2.0 * SEGMENT * scale
         return (
             {"heading_rad": [(0.0, 0.9), (0.5 * duration, 0.4)]},
