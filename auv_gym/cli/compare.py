@@ -1,0 +1,148 @@
+"""`auv-gym compare`: models against one another over records."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from auv_gym.cli.application import app
+from auv_gym.cli.console import output, progress_bar
+from auv_gym.cli.identify import printed
+from auv_gym.cli.logs import read_log
+
+if TYPE_CHECKING:
+    from auv_gym.model import Model
+    from auv_gym.record import Record
+
+_HORIZONS = (1, 3, 10, 30, 100)  # samples
+
+
+@app.command()
+def compare(
+    models: Annotated[
+        list[str], typer.Argument(metavar="MODEL...", help="Model files (.npz), vehicle files (.toml) or presets.")
+    ],
+    record: Annotated[list[str], typer.Option(metavar="RECORD", help="A record to compare over; may be repeated.")],
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for report.html and scores.json; made if it is not there.")
+    ] = None,
+    resample: Annotated[float | None, typer.Option(help="Bring the records to even samples of so many s.")] = None,
+    window: Annotated[
+        float | None, typer.Option(help="Length of the free runs, s; default: whole segments, or a vehicle's own.")
+    ] = None,
+    settle: Annotated[
+        float | None, typer.Option(help="First seconds of each window, to which starts are fitted; not scored.")
+    ] = None,
+    horizon: Annotated[
+        list[int] | None, typer.Option(help="Samples ahead of a prediction; may be repeated. Default: 1 to 100.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
+    ] = None,
+    cut_gaps: Annotated[
+        bool, typer.Option("--cut-gaps", help="Where values are missing, cut a record instead of refusing it.")
+    ] = False,
+) -> None:
+    """Compare models over records: free runs from fitted starts, and predictions over the horizon."""
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        from auv_gym.model import Diverged
+        from auv_gym.model_files import load_model
+        from identification.comparison import compare_open, horizon_sweep
+        from identification.drawing import require_render
+        from identification.identify import joined
+        from identification.model_page import compared_page, horizon_table, score_table
+
+        if out is not None:
+            require_render()
+        loaded = dict(zip(_names(models), (load_model(path) for path in models), strict=True))
+        data = joined([read_log(name, mapping, None, (), cut_gaps) for name in record])
+        data = data if resample is None else data.resample(resample)
+        _check_sample_times(loaded, data)
+        progress(0.1, "free runs")
+        open_loop = compare_open(loaded, data, window=window, settle=settle)
+        sweeps: dict[str, dict[str, dict[float, float]]] = {}
+        shortest = min(s.stop - s.start for s in data.segments)
+        wanted = list(horizon or (k for k in _HORIZONS if 2 * k <= shortest))
+        for number, (name, model) in enumerate(loaded.items()):
+            progress(0.4 + 0.4 * number / len(loaded), f"predictions of {name}")
+            if name in open_loop.runs and wanted:
+                try:
+                    swept = horizon_sweep(model, data, wanted, open_loop.settle)
+                except Diverged as error:
+                    open_loop.failed[name] = str(error)
+                    continue
+                sweeps[name] = {c: {k * data.sample_interval: v for k, v in of.items()} for c, of in swept.items()}
+        written: list[Path] = []
+        files = ", ".join(Path(name).name for name in record)
+        words = (
+            f"{len(loaded)} model{'s' * (len(loaded) != 1)} over {files}: {len(data)} samples, {data.duration_s:g} s."
+        )
+        if out is not None:
+            progress(0.9, "writing")
+            page = compared_page(f"Models over {files}", open_loop, sweeps, words)
+            scores = {m: {c: s.as_dict() for c, s in of.items()} for m, of in open_loop.scores.items()}
+            result = {"settle_s": open_loop.settle, "scores": scores, "horizons_s": sweeps, "failed": open_loop.failed}
+            written = _write(out, {"report.html": page, "scores.json": json.dumps(result, indent=1) + "\n"})
+        progress(1.0, "done")
+    output.print()
+    output.print(words, markup=False, soft_wrap=True)
+    title = f"Free runs in {len(open_loop.windows)} windows, starts fitted to the first {open_loop.settle:g} s"
+    if open_loop.runs:
+        output.print(printed(title, score_table(open_loop)))
+    if sweeps:
+        output.print(printed("Predictions: root mean square error so far ahead", horizon_table(sweeps)))
+    for name, reason in open_loop.failed.items():
+        output.print(f"{name}: {reason}", markup=False, soft_wrap=True)
+    for path in written:
+        output.print(f"Written to {path}", markup=False, soft_wrap=True)
+
+
+def _names(models: list[str]) -> list[str]:
+    """The stems of the files; whole paths where two have the same."""
+    stems = [Path(path).stem for path in models]
+    if len(set(models)) != len(models):
+        raise ValueError(f"A model came twice among {', '.join(models)}: name each once.")
+    return [stem if stems.count(stem) == 1 else path for stem, path in zip(stems, models, strict=True)]
+
+
+def _check_sample_times(models: Mapping[str, Model], data: Record) -> None:
+    """Raises, by their names, if models in discrete time do not step as the record is sampled."""
+    from auv_gym.plant import Plant
+
+    times: dict[str, float] = {
+        name: model.dt for name, model in models.items() if not isinstance(model, Plant) and not _steps_over(model)
+    }
+    if len({round(dt, 9) for dt in times.values()}) > 1:
+        told = ", ".join(f"{name} {dt:g} s" for name, dt in times.items())
+        raise ValueError(
+            f"Models of different sample times cannot be compared over one record: {told}. Fit them at one interval, "
+            "as with `auv-gym identify --resample`."
+        )
+    for name, dt in times.items():
+        if not data.is_uniform() or abs(dt - data.sample_interval) > 1e-3 * dt:
+            raise ValueError(
+                f"{name} steps {dt:g} s at a time, and the record has samples {data.sample_interval:g} s apart"
+                f"{'' if data.is_uniform() else ', unevenly'}: give --resample {dt:g}."
+            )
+
+
+def _steps_over(model: Any) -> bool:
+    return hasattr(model, "step_over")
+
+
+def _write(folder: Path, files: Mapping[str, str]) -> list[Path]:
+    from auv_gym.writing import replacing
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"Cannot make the folder {folder}: {error.strerror or error}.") from error
+    for name, text in files.items():
+        with replacing(folder / name) as new:
+            new.write_text(text, encoding="utf-8")
+    return [folder / name for name in files]

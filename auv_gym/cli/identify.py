@@ -1,0 +1,154 @@
+"""`auv-gym identify`: a model fitted to records, judged on data that took no part, written to a file."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from auv_gym.cli.application import app
+from auv_gym.cli.console import output, progress_bar, table
+from auv_gym.cli.logs import read_log
+
+if TYPE_CHECKING:
+    from rich.table import Table as Printed
+
+    from auv_gym.record import Record
+    from identification.model_page import Table
+
+
+@app.command()
+def identify(
+    records: Annotated[list[str], typer.Argument(metavar="RECORD...", help="Records: .nc, .csv, .mat, Slocum files.")],
+    method: Annotated[str, typer.Option(help="A method, see `auv-gym list methods`.")],
+    out: Annotated[Path, typer.Option(help="The model file: .npz, for a vehicle .toml.")],
+    vehicle: Annotated[
+        str | None, typer.Option(help="For grey_box: a preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")
+    ] = None,
+    inputs: Annotated[
+        list[str] | None, typer.Option("--input", metavar="CHANNEL", help="An input of the model; may be repeated.")
+    ] = None,
+    outputs: Annotated[
+        list[str] | None, typer.Option("--output", metavar="CHANNEL", help="An output of the model; may be repeated.")
+    ] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="A setting of the method, such as n_a=3; may be repeated."),
+    ] = None,
+    free: Annotated[
+        list[str] | None,
+        typer.Option(metavar="PATH", help="For grey_box: a parameter to free, such as hull.n_r; may be repeated."),
+    ] = None,
+    validate: Annotated[
+        list[str] | None,
+        typer.Option(metavar="RECORD", help="A record to judge by; may be repeated. Default: the last third held out."),
+    ] = None,
+    resample: Annotated[float | None, typer.Option(help="Bring the records to even samples of so many s.")] = None,
+    window: Annotated[
+        float | None, typer.Option(help="Length of the free runs, s; default: whole segments, for a vehicle its own.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
+    ] = None,
+    cut_gaps: Annotated[
+        bool, typer.Option("--cut-gaps", help="Where values are missing, cut a record instead of refusing it.")
+    ] = False,
+    report: Annotated[
+        Path | None, typer.Option(help="Write a page with tables and figures: a name that ends in .html, or a folder.")
+    ] = None,
+) -> None:
+    """Fit a model to records, judge it in free runs over data that took no part, and write it to a file."""
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        from auv_gym.model_files import save_model
+        from auv_gym.plant import load_vehicle
+        from identification.drawing import require_render
+        from identification.estimator import make_estimator, parse_settings
+        from identification.identify import identify as identify_records
+        from identification.model_page import identified_page, parameter_table, residual_table, score_table
+
+        if report is not None:
+            require_render()
+        plant = None if vehicle is None else load_vehicle(vehicle)
+        given = parse_settings(settings or [])
+        if free:
+            if "free" in given:
+                raise ValueError("--free and --set free=... say the same: give one of them.")
+            given["free"] = list(free)
+        estimator = make_estimator(method, given, plant=plant, inputs=inputs, outputs=outputs)
+        # what is written is known only after the fit, but a wrong name should not cost one
+        _check_name(out, ".toml" if type(estimator).__name__ == "GreyBox" else ".npz")
+        progress(0.02, "reading")
+        named = [*(inputs or []), *(outputs or [])]
+        fitted, apart = (
+            [_read(name, mapping, named, cut_gaps, resample) for name in names] for names in (records, validate or [])
+        )
+        done = identify_records(estimator, fitted, apart, window=window, progress=progress)
+        model = done.fit.model
+        attrs: dict[str, Any] = {
+            "method": method,
+            "settings": given,
+            "records": [Path(name).name for name in records],
+            "judged_on": [Path(name).name for name in validate or []] or done.told,
+        }
+        save_model(model, out, attrs)
+        page = None
+        if report is not None:
+            progress(0.9, "writing the report")
+            page = report if report.suffix == ".html" else report / "report.html"
+            _write_page(page, identified_page(f"{out.stem} ({method})", done, _words(method, done.fitted, records)))
+        progress(1.0, "done")
+    output.print()
+    output.print(_words(method, done.fitted, records), markup=False, soft_wrap=True)
+    output.print()
+    output.print(printed("Parameters", parameter_table(done.fit.estimates)))
+    if done.open_loop is not None and done.open_loop.runs:
+        settle = f"starts fitted to the first {done.open_loop.settle:g} s"
+        output.print(printed(f"Free runs over {done.told}, {settle}", score_table(done.open_loop)))
+    if done.tests:
+        output.print(printed("What the model leaves of it, tested", residual_table(done.tests)))
+    if done.problem:
+        output.print(f"Not judged in full: {done.problem}", markup=False, soft_wrap=True)
+    for path in (out, page):
+        if path is not None:
+            output.print(f"Written to {path}", markup=False, soft_wrap=True)
+
+
+def printed(title: str, shown: Table) -> Printed:
+    """A table of texts as the console prints it."""
+    from rich.markup import escape
+
+    heads = (head + (">" if i >= shown.words else "!") for i, head in enumerate(shown.heads))
+    result = table(title, *heads)
+    for row in shown.rows:
+        result.add_row(*map(escape, row))  # a1[depth_m] is no style
+    return result
+
+
+def _read(name: str, mapping: Path | None, required: Sequence[str], cut_gaps: bool, resample: float | None) -> Record:
+    record = read_log(name, mapping, None, required, cut_gaps)
+    return record if resample is None else record.resample(resample)
+
+
+def _check_name(out: Path, suffix: str) -> None:
+    if out.suffix.lower() != suffix:
+        raise ValueError(f"--out needs a name that ends in {suffix} for this method, got {out.name!r}.")
+    if not out.parent.is_dir():
+        raise ValueError(f"--out names the folder {out.parent}, which is not there: make it first.")
+
+
+def _write_page(path: Path, text: str) -> None:
+    from auv_gym.writing import replacing
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")
+
+
+def _words(method: str, fitted: Record, names: Sequence[str]) -> str:
+    files = ", ".join(Path(name).name for name in names)
+    parts = len(fitted.segments)
+    segments = f" in {parts} segments" if parts > 1 else ""
+    return f"{method}, fitted to {len(fitted)} samples, {fitted.duration_s:g} s{segments}, of {files}."

@@ -1,0 +1,216 @@
+"""The pages of `auv-gym identify` and `auv-gym compare`, and the tables that they and the command line print."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auv_gym import __version__
+from auv_gym.channels import channel
+from identification.campaign import figures
+from identification.comparison import OpenLoop
+from identification.drawing import shown_values, svg, unit_label
+from identification.estimate import Estimate
+from identification.figures_models import horizon_figure
+from identification.identify import Identified
+from identification.page import Drawing, amount, drawing, listed, number, page, span
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# model -> channel -> horizon in s -> root mean square error
+Sweeps = Mapping[str, Mapping[str, Mapping[float, float]]]
+WHITE = 0.01  # p value above which a residual passes as white
+_RUNS = (
+    "In a free run the model sees the inputs alone. Its start is fitted to the first {settle} of each window, "
+    "which are not scored; this is so for all models."
+)
+_TESTS = (
+    "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "
+    "follows most: the input with the largest correlation at an earlier sample, in 95 % bounds of noise."
+)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; the columns after the first `words` hold numbers."""
+
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    words: int = 1
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page."""
+
+    title: str
+    texts: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    drawings: Sequence[Drawing] = ()
+
+
+def parameter_table(estimates: Sequence[Estimate]) -> Table:
+    """Each parameter with its value and 95 % interval, or why it has none."""
+    rows = [(e.path, amount(e.value, e.unit), _interval(e)) for e in estimates]
+    return Table(("parameter", "value", "95 % interval"), tuple(rows))
+
+
+def score_table(open_loop: OpenLoop) -> Table:
+    """Errors of free runs by output and model; of several models, for the outputs that more than one has."""
+    rows = []
+    for name in shared_outputs(open_loop.scores):
+        for model, of in open_loop.scores.items():
+            if name in of:
+                s, unit = of[name], channel(name).unit
+                errors = amount(s.rmse, unit), amount(s.maximum, unit)
+                rows.append((name, model, *errors, f"{s.fit_percent:.1f} %", number(s.r2, 4)))
+    return Table(("output", "model", "rms error", "largest", "fit", "R²"), tuple(rows), words=2)
+
+
+def horizon_table(sweeps: Sweeps) -> Table:
+    """Root mean square errors of predictions, by output and model, one column a horizon in s."""
+    horizons = sorted({k for of in sweeps.values() for errors in of.values() for k in errors})
+    rows = []
+    for name in shared_outputs(sweeps):
+        for model, of in sweeps.items():
+            if name in of:
+                found = [
+                    number(float(shown_values(name, np.asarray(of[name][k])))) if k in of[name] else "–"
+                    for k in horizons
+                ]
+                rows.append((f"{channel(name).label}, {unit_label(name)}", model, *found))
+    return Table(("output", "model", *(f"{k:g} s" for k in horizons)), tuple(rows), words=2)
+
+
+def shared_outputs(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The outputs that more than one model has, or all where there are none; found: model -> channel -> anything."""
+    names = [name for of in found.values() for name in of]
+    shared = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    return shared or list(dict.fromkeys(names))
+
+
+def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Whiteness of the residual of each output, and the input that it goes with most."""
+    rows = []
+    for name, test in tests.items():
+        p = f"{test['p_value']:.2g}" if test["p_value"] >= 1e-4 else "< 0.0001"
+        # lags above zero: the present input goes with the residual by feedback, not by what the model lacks
+        ties = {driver: _largest(tie) / tie["bound"] for driver, tie in test["inputs"].items()}
+        driver = max(ties, key=lambda k: ties[k], default="")
+        tie = f"{driver}, {number(ties[driver], 2)} bounds" if driver else "–"
+        white = "yes" if test["p_value"] > WHITE else "no"
+        rows.append((name, tie, amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2), p, white))
+    return Table(("output", "follows most", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
+
+
+def identified_page(title: str, done: Identified, words: str) -> str:
+    """The page of one fit: parameters, free runs over held-out data, residual tests.  words: what was fitted."""
+    found, sections = [words], []
+    if done.open_loop is not None and done.open_loop.runs:
+        scores = done.open_loop.scores["model"]
+        told = [f"{s.fit_percent:.1f} % of {channel(name).label}" for name, s in scores.items()]
+        found.append(f"Free runs over held-out data ({done.told}) fit {listed(told, 'and')}.")
+        sections.append(_free_run_section(done.open_loop, f"Free runs over {done.told}"))
+    if done.problem:
+        found.append(f"It could not be judged in full: {done.problem}")
+    sections.append(Section("Parameters", tables=[parameter_table(done.fit.estimates)]))
+    if done.tests:
+        sections.append(_residual_section(done.tests))
+    return _page(title, "auv-gym identify", found, sections)
+
+
+def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -> str:
+    """The page of several models over a record: free runs, and predictions over the horizon."""
+    found = [words]
+    for name in shared_outputs(open_loop.scores):
+        of = {model: scores[name] for model, scores in open_loop.scores.items() if name in scores}
+        best = min(of, key=lambda model: of[model].rmse)
+        found.append(f"{channel(name).label.capitalize()}: {best} is nearest, {of[best].fit_percent:.1f} % fit.")
+    found += [f"{model} has no free run: {reason}" for model, reason in open_loop.failed.items()]
+    sections = [_free_run_section(open_loop, "Free runs")] if open_loop.runs else []
+    if sweeps:
+        names = shared_outputs(sweeps)
+        shared = {model: {n: errors for n, errors in of.items() if n in names} for model, of in sweeps.items()}
+        sections.append(
+            Section(
+                "Predictions over the horizon",
+                ["Each prediction starts from the state corrected with every measurement up to then, and runs free."],
+                [horizon_table(sweeps)],
+                [
+                    _drawn(
+                        lambda: horizon_figure(shared),
+                        "horizon",
+                        "Root mean square error of predictions over the horizon.",
+                        "A model of the vehicle stays low far ahead; one that follows measurements is good for a few "
+                        "samples only.",
+                    )
+                ],
+            )
+        )
+    return _page(title, "auv-gym compare", found, sections)
+
+
+def _page(title: str, eyebrow: str, found: Sequence[str], sections: Sequence[Section]) -> str:
+    content = {"title": title, "eyebrow": eyebrow, "found": found, "sections": sections, "version": __version__}
+    return page("models.html", content)
+
+
+def _free_run_section(open_loop: OpenLoop, title: str) -> Section:
+    given = shared_outputs(open_loop.scores)
+    names = [name for name in figures.outputs_of(open_loop.record, given) if name in given] or given[:1]
+    records = {model: open_loop.shown(model) for model in open_loop.runs}
+    picture = _drawn(
+        lambda: figures.rollout_figure(open_loop.shown(), records, names, "measured"),
+        "free-runs",
+        "Measured outputs and free runs of the models, with their errors below.",
+        "Free runs over what was measured, and below each output the error. Errors that grow steadily are a drift, "
+        "errors that swing with the input a wrong gain or delay.",
+    )
+    windows = len(open_loop.windows)
+    text = f"{windows} window{'s' * (windows != 1)}. " + _RUNS.format(settle=f"{open_loop.settle:g} s")
+    return Section(title, [text], [score_table(open_loop)], [picture])
+
+
+def _residual_section(tests: Mapping[str, Mapping[str, Any]]) -> Section:
+    white = sum(test["p_value"] > WHITE for test in tests.values())
+    drawings = [
+        _drawn(
+            lambda: figures.autocorrelation_figure({"model": tests}),
+            "autocorrelation",
+            "Autocorrelation of residuals, per output.",
+            "Whether the residual remembers its past. Points inside the grey band: no more than noise.",
+        )
+    ]
+    if any(test["inputs"] for test in tests.values()):
+        drawings.append(
+            _drawn(
+                lambda: figures.input_correlation_figure({"model": tests}),
+                "input-correlation",
+                "Correlation of residuals with inputs at lags of either sign.",
+                "Whether the residual follows an input. Right of zero beyond the band: a response that the model "
+                "lacks; left of it: feedback, which moves the input after the output has gone astray.",
+            )
+        )
+    title = f"Residual tests: white in {white} of {len(tests)} outputs"
+    return Section(title, tables=[residual_table(tests)], drawings=drawings)
+
+
+def _drawn(draw: Callable[[], Figure], name: str, label: str, caption: str) -> Drawing:
+    return drawing(svg(draw, name, label), caption)
+
+
+def _largest(tie: Mapping[str, Any]) -> float:
+    """Largest correlation at lags above zero."""
+    return float(np.max(np.abs(tie["correlation"])[np.asarray(tie["lags_s"]) > 0.0]))
+
+
+def _interval(estimate: Estimate) -> str:
+    if all(map(isfinite, estimate.ci95)):
+        return span(estimate.ci95, estimate.unit) + (f" ({estimate.problem})" if estimate.problem else "")
+    return estimate.problem or "none"
