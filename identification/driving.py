@@ -12,7 +12,7 @@ import gymnasium
 import numpy as np
 
 from auv_gym import __version__
-from auv_gym.channels import CHANNELS, is_flag, set_point_of
+from auv_gym.channels import CHANNELS, set_point_of
 from auv_gym.record import Record
 from controllers.controller import Controller
 
@@ -55,6 +55,7 @@ def drive(
     memory = controller.start()
     rows: list[tuple[float, dict, dict, dict]] = []  # time, reading, target, state
     commands: list[dict] = []  # what the vehicle got, and reports
+    known = [name for name in info["state"] if name in CHANNELS]  # not what a vehicle remembers of its commands
     before, ended, cut = info["time_s"] - info.get("dt_s", inner.plant.dt), False, False
     while True:
         time = info["time_s"]
@@ -63,7 +64,7 @@ def drive(
             dict(info["target"]) | {n: _value_at(s, time) for n, s in steps.items()},
         )
         if not cut:
-            rows.append((time, reading, target, dict(info["state"])))
+            rows.append((time, reading, target, {name: info["state"][name] for name in known}))
         if ended:
             break
         command, memory = controller.act(memory, {**reading, "dt_s": time - before}, target)
@@ -157,9 +158,8 @@ def _run(
     }
     if reason:
         attrs["reason"] = reason
-    truth = {name: values for name, values in states.items() if name in CHANNELS and not is_flag(name)}
     record = Record.from_arrays(time, {**readings, **given, **wanted}, attrs=attrs)
-    return Run(record, Record.from_arrays(time, truth, attrs=attrs), reason)
+    return Run(record, Record.from_arrays(time, states, attrs=attrs), reason)
 
 
 def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, final
+from typing import Any, Literal, final
 
 import numpy as np
 
@@ -54,10 +54,7 @@ def perform(run: PlannedRun, folder: Path | None = None) -> Outcome:
     begin = time.perf_counter()
     try:
         with tempfile.TemporaryDirectory(prefix="auv-gym-") as aside:
-            for name, content in run.files.items():
-                file = Path(aside) / Path(name).name
-                file.write_bytes(content)
-            record, reason = _record(_beside(run), folder or Path(aside), Path(aside))
+            record, reason = _record(_with_files(run, Path(aside)), folder or Path(aside), Path(aside))
             status = _status(reason)
             seconds = time.perf_counter() - begin
             digest = content_hash(record)
@@ -93,13 +90,19 @@ def content_hash(record: Record) -> str:
     return digest.hexdigest()
 
 
-def _beside(run: PlannedRun) -> RunSettings:
-    """The settings with the vehicle's file where its content is put."""
-    vehicle = run.settings.vehicle
-    if vehicle is None or vehicle.file is None:
-        return run.settings
-    moved = vehicle.model_copy(update={"file": Path(vehicle.file).name})
-    return run.settings.model_copy(update={"vehicle": moved})
+def _with_files(run: PlannedRun, aside: Path) -> RunSettings:
+    """The settings with the files that they name put into a folder, each by a name of its own there."""
+    moved: dict[str, str] = {}
+    for number, (name, content) in enumerate(run.files.items()):
+        moved[name] = f"{number}-{Path(name).name}"
+        (aside / moved[name]).write_bytes(content)
+    vehicle, controller = run.settings.vehicle, run.settings.controller
+    changes: dict[str, Any] = {}
+    if vehicle is not None and vehicle.file is not None:
+        changes["vehicle"] = vehicle.model_copy(update={"file": moved[vehicle.file]})
+    if controller is not None and controller.gains_file is not None:
+        changes["controller"] = controller.model_copy(update={"gains_file": moved[controller.gains_file]})
+    return run.settings.model_copy(update=changes)
 
 
 def _record(settings: RunSettings, folder: Path, aside: Path) -> tuple[Record, str]:
@@ -109,7 +112,7 @@ def _record(settings: RunSettings, folder: Path, aside: Path) -> tuple[Record, s
         env = make_env(settings, aside)
         run = drive(
             env,
-            make_controller(settings, env),
+            make_controller(settings, env, aside),
             seed=settings.seed,
             targets=experiment.steps,
             start=experiment.start,

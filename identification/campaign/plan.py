@@ -25,7 +25,7 @@ class PlannedRun:
     """One run: its settings, and where in the campaign it stands.
 
     id: a short hash of the settings and of the content of files that they name.  cell: the grid's values, by key.
-    files: content of the vehicle file, by the name that the settings give it.
+    files: content of the files that workers need, by the names that the settings give them.
     """
 
     id: str
@@ -59,17 +59,21 @@ def plan(campaign: Campaign) -> tuple[PlannedRun, ...]:
         cell = dict(zip(campaign.grid, values, strict=True))
         content = dict(campaign.template)
         where = ", ".join([str(campaign.path), *(f"with {key} = {value!r}" for key, value in cell.items())])
-        for key, value in cell.items():
-            content = with_value(content, key, value)
+        try:
+            for key, value in cell.items():
+                content = with_value(content, key, value)
+        except ValueError as error:
+            raise ValueError(f"{campaign.path}: {error}") from None
         for seed in campaign.seeds:
             settings = checked(RunSettings, {**content, "seed": seed}, where)
             runs.append(_planned(settings, cell, campaign.folder, contents))
-    ids = [run.id for run in runs]
+    seen: set[str] = set()
     for run in runs:
-        if ids.count(run.id) > 1:
+        if run.id in seen:
             raise ValueError(
                 f"{campaign.path}: the grid names the same run twice, {_named(run)}: drop one of the values."
             )
+        seen.add(run.id)
     for fit in campaign.fit:
         for words, wanted in ((f"fit {fit.name!r}: runs", fit.runs), (f"fit {fit.name!r}: validate", fit.validate_on)):
             _check_filter(runs, wanted or {}, f"{campaign.path}: {words}")
@@ -87,23 +91,22 @@ def selected(runs: Sequence[P], wanted: Filter) -> list[P]:
 
 
 def _planned(settings: RunSettings, cell: Mapping[str, Any], folder: Path, contents: dict[str, bytes]) -> PlannedRun:
-    vehicle = settings.vehicle.file if settings.vehicle is not None else None
-    log = settings.experiment.file if settings.experiment.kind == "log" else None
-    named = [name for name in (vehicle, log) if name is not None and not name.startswith("slocum:")]
+    shipped = settings.files
+    log = settings.experiment.file if settings.experiment.kind == "log" else ""
+    named = [*shipped, *([log] if log and not log.startswith("slocum:") else [])]
     for name in named:
         if name not in contents:
             try:
                 contents[name] = (folder / name).read_bytes()
             except OSError as error:
-                raise ValueError(f"Cannot read {folder / name}: {error.strerror}. Correct the key `file`.") from None
+                raise ValueError(f"Cannot read {folder / name}: {error.strerror}. Correct the name.") from None
     told = {
         "format": FORMAT,
         "settings": settings.model_dump(mode="json", exclude_none=True),
         "files": {name: hashlib.sha256(contents[name]).hexdigest() for name in named},
     }
     digest = hashlib.sha256(json.dumps(told, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
-    shipped = {vehicle: contents[vehicle]} if vehicle is not None else {}
-    return PlannedRun(digest[:_ID_DIGITS], settings.seed, cell, settings, shipped)
+    return PlannedRun(digest[:_ID_DIGITS], settings.seed, cell, settings, {name: contents[name] for name in shipped})
 
 
 def _check_filter(runs: Sequence[PlannedRun], wanted: Filter, where: str) -> None:

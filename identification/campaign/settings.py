@@ -106,9 +106,10 @@ Experiment = Annotated[EnvExperiment | MissionExperiment | LogExperiment, Field(
 
 
 class Controller(OpenTable):
-    """An autopilot (`controllers.autopilots`) with its settings."""
+    """An autopilot (`controllers.autopilots`) with its settings; gains_file: beside the campaign file."""
 
     kind: Literal["pid", "s_plane", "gpc"] = "pid"
+    gains_file: str | None = None
 
 
 class Excitation(OpenTable):
@@ -155,6 +156,13 @@ class RunSettings(Table):
     envelope: Envelope | None = None
     sensors: dict[str, float] = {}
     seed: int = Field(ge=0)
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """The files that the vehicle and the controller are made of, beside the campaign file."""
+        vehicle = self.vehicle.file if self.vehicle is not None else None
+        gains = self.controller.gains_file if self.controller is not None else None
+        return tuple(name for name in (vehicle, gains) if name is not None)
 
     @model_validator(mode="after")
     def _parts_of_an_experiment(self) -> RunSettings:

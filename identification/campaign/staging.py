@@ -67,11 +67,13 @@ def make_env(settings: RunSettings, folder: Path, *, model: Model | None = None)
         raise ValueError(f"{experiment.env_id} does not take all of {', '.join(options)}: {error}.") from None
 
 
-def make_controller(settings: RunSettings, env: gymnasium.Env) -> Controller:
-    """The autopilot of a run, with the excitation that is added to it and the envelope around it."""
+def make_controller(settings: RunSettings, env: gymnasium.Env, folder: Path = Path()) -> Controller:
+    """The autopilot of a run, with the excitation that is added to it and the envelope around it; see `make_env`."""
     assert settings.controller is not None  # RunSettings sees to it
     inner: Any = env.unwrapped
     given = settings.controller.settings
+    if settings.controller.gains_file is not None:
+        given["gains"] = folder / settings.controller.gains_file
     try:
         plain = autopilot(inner.plant, settings.controller.kind, **given)
     except TypeError as error:
@@ -94,7 +96,7 @@ def check_run(settings: RunSettings, folder: Path) -> None:
         for name, steps in settings.experiment.steps.items():
             checked_steps(name, steps)
         env = make_env(settings, folder)
-        controller = make_controller(settings, env)
+        controller = make_controller(settings, env, folder)
         _, info = env.reset(seed=settings.seed)
         inner: Any = env.unwrapped
         target = dict(info["target"]) | {n: s[0][1] for n, s in settings.experiment.steps.items()}

@@ -1,0 +1,69 @@
+"""Work shared among processes, in which one that dies costs its own task only."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+import joblib
+from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky.process_executor import BrokenProcessPool
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def in_parallel(work: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[tuple[int, R | None]]:
+    """Number and result of each task as they come; None for one whose process died, also when it had one alone.
+
+    jobs: processes with one thread each; with 1 everything happens in this process.  Where a process dies, the tasks
+    that were under way are done again one by one, then the others go on.  Errors of `work` are raised.
+    """
+    if jobs == 1:
+        yield from enumerate(map(work, tasks))
+        return
+    left, suspects = dict(enumerate(tasks)), list[int]()
+    try:
+        while left:
+            alone = suspects[:1]
+            under_way: list[int] = []
+            batch = {number: left[number] for number in alone or left}
+            try:
+                for number, result in _spread(work, batch, jobs, under_way):
+                    del left[number]
+                    yield number, result
+            except BrokenProcessPool:
+                if alone:
+                    del left[alone[0]]
+                    yield alone[0], None
+                else:
+                    suspects = under_way
+            suspects = [number for number in suspects if number in left]
+    except BaseException:  # interrupted: nobody waits for what the others are doing
+        get_reusable_executor().shutdown(wait=False, kill_workers=True)
+        raise
+
+
+def _spread(work: Callable[[T], R], tasks: dict[int, T], jobs: int, under_way: list[int]) -> Iterator[tuple[int, R]]:
+    """Number and result of each task as they come from worker processes; under_way has those handed to them."""
+
+    def handed_out() -> Iterator[Any]:
+        for number, task in tasks.items():
+            under_way.append(number)
+            yield joblib.delayed(_in_worker)(work, number, task)
+
+    # one at a time, so that of a process that dies it is known what it was at
+    settings: Any = {"n_jobs": jobs, "batch_size": 1, "return_as": "generator_unordered", "max_nbytes": None}
+    with joblib.parallel_config("loky", inner_max_num_threads=1):
+        results: Any = joblib.Parallel(**settings)(handed_out())
+        for number, result in results:
+            under_way.remove(number)
+            yield number, result
+
+
+def _in_worker(work: Callable[[T], R], number: int, task: T) -> tuple[int, R]:
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends the others
+    return number, work(task)
