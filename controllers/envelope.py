@@ -100,6 +100,14 @@ class Envelope:
         if guarding:
             target = {name: self._inside(name, self.safe.get(name, value)) for name, value in target.items()}
         excited, controller = self.controller.act(state.controller, reading, target)
+        added = {name: excited.get(f"excitation_{name}", 0.0) for name in target}
+        if any(added.values()):
+            # whoever rests is told what the other one is, or its integrals would run away from what is done
+            if guarding:
+                still = {name: value - added[name] for name, value in target.items()}
+                excited, controller = self.controller.act(state.controller, reading, still)
+            else:
+                target = {name: value + added[name] for name, value in target.items()}
         guarded, guard = self.guard.act(state.guard, reading, target)
         command = {**unexcited(excited), **guarded} if guarding else excited
         flags = {"envelope_flag": float(guarding)}

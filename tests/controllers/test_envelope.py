@@ -113,16 +113,16 @@ def test_while_the_guard_acts_nothing_is_excited(plant, pilot):
 def test_noise_does_not_trip_it(plant, pilot):
     """Differences of 0.1 m of noise alone are 0.3 m/s, and 1 m within the lookahead."""
     bare = excited(pilot, 0.05)
-    smooth = fly(plant, Envelope(bare, pilot, LIMITS), noise=0.1)
+    smooth = fly(plant, Envelope(bare, pilot, LIMITS), 300.0, noise=0.1)
     assert not smooth["envelope_flag"].any()
-    loud = fly(plant, Envelope(excited(pilot, 0.3), pilot, LIMITS), noise=0.1)
-    quiet = fly(plant, Envelope(excited(pilot, 0.3), pilot, LIMITS))
+    loud, quiet = (fly(plant, Envelope(excited(pilot, 0.3), pilot, LIMITS), 300.0, noise=n) for n in (0.1, 0.0))
     spells = [len(guarded_times(run["time"], run["envelope_flag"])) for run in (loud, quiet)]
-    assert spells[0] < 1.3 * spells[1]
+    assert 0 < spells[0] < 1.3 * spells[1]
     assert farthest(loud)[0] < 1.1 * 3.0
-    raw = fly(plant, Envelope(bare, pilot, LIMITS, smoothing=0.0), noise=0.3)
+    envelopes = (Envelope(bare, pilot, LIMITS, smoothing=time) for time in (0.0, 3.0))
+    raw, smoothed = (fly(plant, envelope, 200.0, noise=0.3) for envelope in envelopes)
     assert raw["envelope_flag"].any()
-    assert not fly(plant, Envelope(bare, pilot, LIMITS, smoothing=3.0), noise=0.3)["envelope_flag"].any()
+    assert not smoothed["envelope_flag"].any()
 
 
 def test_hand_over_is_without_a_bump_where_the_load_needs_trim(plant, pilot):
@@ -227,3 +227,17 @@ def test_a_channel_that_nobody_reads_is_refused():
     envelope = Envelope(Pid(1.0), Pid(1.0), LIMITS)
     with pytest.raises(ValueError, match="limits depth_m, which is not read: readings are heading_rad, dt_s"):
         envelope.act(envelope.start(), {"heading_rad": 0.0, "dt_s": 1.0}, {"heading_rad": 0.0})
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_whoever_rests_is_told_the_targets_of_the_one_who_acts(seed):
+    """Else the integrals of the resting loop run away under an excited set point, and each hand-over is a kick."""
+    slow = load_vehicle("npsauv", dt=4.0)
+    loop = autopilot(slow, "pid", targets=("depth_m",), pitch_limit=0.04)
+    steps = make_signal("prbs", 150, 4.0, np.random.default_rng(seed), amplitude=4.0, clock_s=60.0)
+    moved = excited(loop, 0.03, seed, dt=4.0, depth_m=steps)
+    _, free = farthest(fly(slow, moved))
+    guarded = fly(slow, Envelope(moved, loop, {"pitch_rad": (-0.0873, 0.0873)}, rates={"pitch_rad": "q_radps"}))
+    _, pitch = farthest(guarded)
+    assert 0.1 < guarded["envelope_flag"].mean() < 0.9
+    assert pitch < 1.1 * free
