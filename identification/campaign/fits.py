@@ -1,0 +1,266 @@
+"""The models of a campaign: each `[[fit]]` on the runs that it names, judged on others, kept in the folder `models`."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from auv_gym.model import Model
+from auv_gym.model_files import load_model, save_model
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from auv_gym.writing import replacing
+from identification.campaign.index import Row, read_index
+from identification.campaign.judging import open_loop, poles_of, residual_tests
+from identification.campaign.plan import plan, selected
+from identification.campaign.pool import in_parallel
+from identification.campaign.settings import Campaign, Fit, RunSettings
+from identification.campaign.staging import make_env, make_vehicle
+from identification.comparison import OpenLoop
+from identification.estimate import Estimate
+from identification.estimator import make_estimator
+
+FOLDER, LIST = "models", "fits.json"
+FORMAT = 1  # goes up where the same settings come to give another result
+VEHICLE = "vehicle as designed"  # its free runs, beside those of the models
+
+Progress = Callable[[float, str], Any]
+
+
+@dataclass(frozen=True, eq=False)
+class FitTask:
+    """One model to fit.
+
+    name: of the model, and of its files.  cell: the grid's values that `each` asked for.  train, held: runs.
+    settings: of a run that it is fitted to; origin: the folder that files in them are relative to.
+    """
+
+    name: str
+    fit: Fit
+    cell: Mapping[str, Any]
+    train: tuple[Row, ...]
+    held: tuple[Row, ...]
+    settings: RunSettings
+    origin: Path
+
+    @property
+    def key(self) -> str:
+        """A hash of all that the result depends on."""
+        told = {
+            "format": FORMAT,
+            "fit": self.fit.model_dump(mode="json", include={"method", "settings", "inputs", "outputs"}),
+            "vehicle": self.settings.model_dump(mode="json", include={"vehicle", "experiment"}),
+            "train": [(row.id, row.sha256) for row in self.train],
+            "held": [(row.id, row.sha256) for row in self.held],
+        }
+        return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def fit_models(
+    campaign: Campaign, folder: str | Path, *, jobs: int = 1, progress: Progress | None = None
+) -> list[dict[str, Any]]:
+    """What each fit gave, as `models/NAME.json` has it; `status` is done or failed, then with a `reason`.
+
+    A fit whose settings and runs are those of an earlier call is not made again.
+    """
+    folder = Path(folder)
+    tasks = planned_fits(campaign, read_index(folder))
+    (folder / FOLDER).mkdir(exist_ok=True)
+    results = {task.name: kept for task in tasks if (kept := _kept(task, folder)) is not None}
+    waiting = [task for task in tasks if task.name not in results]
+    for number, result in in_parallel(partial(_fitted, folder), waiting, jobs):
+        task = waiting[number]
+        if result is None:
+            result = {**_empty(task), "reason": "The process that fitted it died: too little memory, perhaps."}
+            write_json(_file_of(task.name, folder), result)
+        results[task.name] = result
+        if progress is not None:
+            progress(len(results) / len(tasks), task.name)
+    write_json(folder / FOLDER / LIST, [task.name for task in tasks])
+    return [results[task.name] for task in tasks]
+
+
+def planned_fits(campaign: Campaign, rows: Sequence[Row]) -> list[FitTask]:
+    """The fits of a campaign on the runs that went as planned: one each, or one for each value that `each` asks for.
+
+    Without `validate`, a model is judged on the other seeds of its own cells.
+    """
+    settings = {run.id: run.settings for run in plan(campaign)} if campaign.fit else {}
+    usable = [row for row in rows if row.usable and row.id in settings]
+    tasks = []
+    for fit in campaign.fit:
+        wanted = selected([row for row in rows if row.id in settings], fit.runs)
+        cells = {json.dumps(cell): cell for cell in ({key: row.cell[key] for key in fit.each} for row in wanted)}
+        for cell in cells.values():
+            mine = [row for row in wanted if cell.items() <= row.cell.items()]
+            train = [row for row in mine if row in usable]
+            held = [row for row in usable if row not in mine and cell.items() <= row.cell.items()]
+            if fit.validate_on is not None:
+                held = selected(held, fit.validate_on)
+            else:
+                held = [row for row in held if any(row.cell == other.cell for other in train)]
+            words = [f"{key.rpartition('.')[2]}={value}" for key, value in cell.items()]
+            name = re.sub(r"[^\w.=-]+", "_", "-".join([fit.name, *words]))
+            tasks.append(FitTask(name, fit, cell, tuple(train), tuple(held), settings[mine[0].id], campaign.folder))
+    return tasks
+
+
+def read_fits(folder: str | Path) -> list[dict[str, Any]]:
+    """What `fit_models` gave last; empty where nothing was fitted."""
+    models = Path(folder) / FOLDER
+    if not (models / LIST).is_file():
+        return []
+    names = json.loads((models / LIST).read_text(encoding="utf-8"))
+    found = [models / f"{name}.json" for name in names]
+    return [json.loads(path.read_text(encoding="utf-8")) for path in found if path.is_file()]
+
+
+def load_fitted(folder: str | Path, fit: Mapping[str, Any]) -> Model:
+    """The model of a fit that is done."""
+    return load_model(Path(folder) / FOLDER / str(fit["file"]))
+
+
+def designed_vehicle(settings: RunSettings, origin: Path) -> Plant | None:
+    """The vehicle of a run without the effects that the campaign gives it; None for a log without a vehicle."""
+    if settings.vehicle is not None:
+        return make_vehicle(settings.vehicle, origin, effects=False)
+    if settings.experiment.kind != "env":
+        return None
+    env: Any = make_env(settings.model_copy(update={"sensors": {}}), origin)
+    try:
+        return env.unwrapped.plant
+    finally:
+        env.close()
+
+
+def _kept(task: FitTask, folder: Path) -> dict[str, Any] | None:
+    """What an earlier call found for this very task, if it found a model that is still there."""
+    try:
+        result = json.loads(_file_of(task.name, folder).read_text(encoding="utf-8"))
+        there = (
+            result["key"] == task.key and result["status"] == "done" and (folder / FOLDER / result["file"]).is_file()
+        )
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return result if there else None
+
+
+def _fitted(folder: Path, task: FitTask) -> dict[str, Any]:
+    """A model fitted, judged and written."""
+    started = perf_counter()
+    result = _empty(task)
+    try:
+        _fill(result, task, folder)
+        result["status"] = "done"
+    except Exception as error:  # whatever a method raises, the other fits go on, and this one says why it did not
+        ours = isinstance(error, ValueError | ImportError) or type(error).__name__ == "Diverged"
+        result["reason"] = str(error) if ours else f"{type(error).__name__}: {error}"
+    result["seconds"] = result["seconds"] or perf_counter() - started
+    write_json(_file_of(task.name, folder), result)
+    return result
+
+
+def _empty(task: FitTask) -> dict[str, Any]:
+    """The result of a fit that has not been made."""
+    return {
+        "key": task.key,
+        "name": task.name,
+        "fit": task.fit.name,
+        "method": task.fit.method,
+        "settings": task.fit.settings,
+        "cell": dict(task.cell),
+        "status": "failed",
+        "reason": "",
+        "remarks": [],
+        "file": "",
+        "trained_on": [row.id for row in task.train],
+        "held_out": [row.id for row in task.held],
+        "inputs": [],
+        "outputs": [],
+        "dt": 0.0,
+        "seconds": 0.0,
+        "parameters": [],
+        "poles": [],
+        "scores": {},
+        "vehicle_scores": {},
+        "residuals": {},
+    }
+
+
+def _fill(result: dict[str, Any], task: FitTask, folder: Path) -> None:
+    if not task.train:
+        raise ValueError("No run that it should be fitted to has a record: see the reasons in the index.")
+    records = [Record.load(row.path(folder)) for row in task.train]
+    plant = designed_vehicle(task.settings, task.origin)
+    fit = task.fit
+    estimator = make_estimator(fit.method, fit.settings, plant=plant, inputs=fit.inputs, outputs=fit.outputs)
+    started = perf_counter()
+    found = estimator.fit(*records)
+    model = found.model
+    result["seconds"] = perf_counter() - started
+    suffix = ".toml" if isinstance(model, Plant) else ".npz"
+    attrs = {"campaign_fit": fit.name, "method": fit.method, "runs": [row.id for row in task.train]}
+    save_model(model, folder / FOLDER / f"{task.name}{suffix}", attrs)
+    driven = [name for name in model.inputs if name not in getattr(model, "constants", {})]
+    result |= {
+        "file": f"{task.name}{suffix}",
+        "inputs": driven or list(model.inputs),
+        "outputs": [name for name in model.outputs if records[0].has(name)],
+        "dt": model.dt,
+        "poles": poles_of(model),
+        "parameters": [_told(estimate) for estimate in found.estimates],
+    }
+    judged = []
+    for row in task.held:
+        record = Record.load(row.path(folder))
+        run = _judged(model, plant, record)
+        if "model" in run.failed:
+            result["remarks"].append(f"Run {row.id}: {run.failed['model']}")
+            continue
+        for place, name in (("scores", "model"), ("vehicle_scores", VEHICLE)):
+            if name in run.runs:
+                result[place][row.id] = {c: _finite(score.as_dict()) for c, score in run.scores[name].items()}
+        judged.append(record)
+    if judged:
+        result["residuals"] = residual_tests(model, judged)
+
+
+def _judged(model: Model, plant: Plant | None, record: Record) -> OpenLoop:
+    """Free runs of a model, and of the vehicle as designed where it can follow the record at all."""
+    if plant is not None:
+        with suppress(ValueError):
+            return open_loop({"model": model, VEHICLE: plant}, record)
+    return open_loop({"model": model}, record)
+
+
+def _told(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "name": estimate.path,
+        "unit": estimate.unit,
+        "value": estimate.value,
+        "error": estimate.error if isfinite(estimate.error) else None,
+        "ci95": list(estimate.ci95) if all(map(isfinite, estimate.ci95)) else None,
+        "problem": estimate.problem,
+    }
+
+
+def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
+    return {name: value if isfinite(value) else None for name, value in values.items()}
+
+
+def _file_of(name: str, folder: Path) -> Path:
+    return folder / FOLDER / f"{name}.json"
+
+
+def write_json(path: Path, content: Any) -> None:
+    with replacing(path) as new:
+        new.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

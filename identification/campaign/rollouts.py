@@ -1,0 +1,248 @@
+"""Identified models in the vehicle's place: driven by its inputs, or by its controller in its environment."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_gym.channels import channel, set_point_of
+from auv_gym.model import Model
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from identification.campaign.fits import VEHICLE, Progress, designed_vehicle, load_fitted, read_fits, write_json
+from identification.campaign.index import Row, read_index
+from identification.campaign.judging import open_loop, over_time
+from identification.campaign.plan import plan, selected
+from identification.campaign.pool import in_parallel
+from identification.campaign.settings import Campaign, EnvExperiment, RunSettings
+from identification.campaign.staging import make_controller, make_env
+from identification.comparison import compare_closed, step_scales
+
+FOLDER, LIST = "rollouts", "rollouts.json"
+KINDS = ("open", "closed")
+FORMAT = 1  # goes up where the same settings come to give another result
+
+
+@dataclass(frozen=True, eq=False)
+class RolloutTask:
+    """The rollouts of all models that fit to one run, in open or in closed loop.
+
+    fits: results of `fit_models`, done.  origin: the folder that files in the settings are relative to.
+    """
+
+    kind: str
+    row: Row
+    settings: RunSettings
+    fits: tuple[Mapping[str, Any], ...]
+    origin: Path
+
+    @property
+    def name(self) -> str:
+        """Of its files."""
+        return f"{self.kind}-{self.row.id}"
+
+    @property
+    def key(self) -> str:
+        """A hash of all that the result depends on."""
+        told = [FORMAT, self.kind, self.row.id, self.row.sha256, [fit["key"] for fit in self.fits]]
+        return hashlib.sha256(json.dumps(told).encode()).hexdigest()
+
+
+def compare_rollouts(
+    campaign: Campaign, folder: str | Path, *, jobs: int = 1, progress: Progress | None = None
+) -> list[dict[str, Any]]:
+    """What came of the rollouts on each run, as `rollouts/KIND-RUN.json` has it; the runs lie beside it as NetCDF.
+
+    Open loop: free runs over the record.  Closed loop: the run again with the same controller, set points and seed, and
+    with each model in the vehicle's place.  What was compared before, with the same models, is not compared again.
+    """
+    folder = Path(folder)
+    tasks = planned_rollouts(campaign, read_index(folder), read_fits(folder))
+    (folder / FOLDER).mkdir(exist_ok=True)
+    results = {task.name: kept for task in tasks if (kept := _kept(task, folder)) is not None}
+    waiting = [task for task in tasks if task.name not in results]
+    for number, result in in_parallel(partial(_compared, folder), waiting, jobs):
+        task = waiting[number]
+        if result is None:
+            result = {**_empty(task), "reason": "The process that ran it died: too little memory, perhaps."}
+            write_json(_file_of(task.name, folder), result)
+        results[task.name] = result
+        if progress is not None:
+            progress(len(results) / len(tasks), task.name)
+    write_json(folder / FOLDER / LIST, [task.name for task in tasks])
+    return [results[task.name] for task in tasks]
+
+
+def planned_rollouts(campaign: Campaign, rows: Sequence[Row], fits: Sequence[Mapping[str, Any]]) -> list[RolloutTask]:
+    """The comparisons that a campaign asks for: each run with the models fitted for its cell, but not to it."""
+    if campaign.compare is None:
+        return []
+    settings = {run.id: run.settings for run in plan(campaign)}
+    known = [row for row in rows if row.usable and row.id in settings]
+    wanted = [kind for kind in KINDS if getattr(campaign.compare, f"{kind}_loop")]
+    tasks = []
+    for kind in wanted:
+        for row in selected(known, campaign.compare.runs):
+            mine = [fit for fit in fits if fit["status"] == "done" and fit["cell"].items() <= row.cell.items()]
+            mine = [fit for fit in mine if row.id not in fit["trained_on"]]
+            if mine and (kind == "open" or isinstance(settings[row.id].experiment, EnvExperiment)):
+                tasks.append(RolloutTask(kind, row, settings[row.id], tuple(mine), campaign.folder))
+    return tasks
+
+
+def read_rollouts(folder: str | Path) -> dict[str, list[dict[str, Any]]]:
+    """What `compare_rollouts` gave last, by kind; empty lists where nothing was compared."""
+    folder = Path(folder)
+    found: dict[str, list[dict[str, Any]]] = {kind: [] for kind in KINDS}
+    if (folder / FOLDER / LIST).is_file():
+        for name in json.loads((folder / FOLDER / LIST).read_text(encoding="utf-8")):
+            if _file_of(name, folder).is_file():
+                result = json.loads(_file_of(name, folder).read_text(encoding="utf-8"))
+                found[result["kind"]].append(result)
+    return found
+
+
+def load_rollout(folder: str | Path, file: str) -> Record:
+    """A record of a rollout."""
+    return Record.load(Path(folder) / FOLDER / file)
+
+
+def _compared(folder: Path, task: RolloutTask) -> dict[str, Any]:
+    """The rollouts of one run, scored and written."""
+    result = _empty(task)
+    try:
+        models = {fit["name"]: load_fitted(folder, fit) for fit in task.fits}
+        (_open if task.kind == "open" else _closed)(result, task, models, folder)
+        result["status"] = "done"
+    except Exception as error:  # the other comparisons go on, and this one says why it did not
+        result["reason"] = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+    write_json(_file_of(task.name, folder), result)
+    return result
+
+
+def _open(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Model], folder: Path) -> None:
+    record = Record.load(task.row.path(folder))
+    plant = designed_vehicle(task.settings, task.origin)
+    everything = models if plant is None else {**models, VEHICLE: plant}
+    done = open_loop(everything, record)
+    shown, scales = done.shown(), _judged(step_scales(record), record, models)
+    result["file"] = _saved(shown, f"{task.name}.nc", folder)
+    for name in everything:
+        if name in done.failed:
+            result["models"][name] = _failed(done.failed[name])
+            continue
+        run = done.runs[name]
+        errors = {c: -run.residual[:, i] for i, c in enumerate(run.channels) if c in scales}
+        elapsed = shown.elapsed
+        file = _saved(done.shown(name), f"{task.name}-{name}.nc".replace(" ", "_"), folder)
+        result["models"][name] = _scored(errors, run.scored, elapsed, scales, file)
+
+
+def _closed(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Model], folder: Path) -> None:
+    experiment = task.settings.experiment
+    assert isinstance(experiment, EnvExperiment)  # planned_rollouts sees to it
+    env = make_env(task.settings, task.origin)
+    controller = make_controller(task.settings, env)
+    env.close()
+    done = compare_closed(
+        lambda model: make_env(task.settings, task.origin, model=model),
+        controller,
+        models,
+        seed=task.settings.seed,
+        targets=experiment.steps,
+        start=experiment.start,
+    )
+    vehicle = done.vehicle.record
+    scales = _judged(done.scales, vehicle, models)
+    result["file"] = _saved(vehicle, f"{task.name}.nc", folder)
+    for name in models:
+        if name in done.failed:
+            result["models"][name] = _failed(done.failed[name])
+            continue
+        run = done.runs[name]
+        errors, elapsed = {}, vehicle.elapsed
+        for c in scales:
+            time, errors[c] = done.difference(name, c)
+            elapsed = time - vehicle.time[0]
+        scored = np.ones(elapsed.size, dtype=bool)
+        file = _saved(run.record, f"{task.name}-{name}.nc", folder)
+        result["models"][name] = {**_scored(errors, scored, elapsed, scales, file), "reason": run.reason}
+
+
+def _judged(scales: Mapping[str, float], record: Record, models: Mapping[str, Model]) -> dict[str, float]:
+    """The scales of what models give and of what has a set point, these first."""
+    given = {name for model in models.values() for name in model.outputs if not isinstance(model, Plant)}
+    aimed = [name for name in scales if record.has(set_point_of(name))]
+    kept = dict.fromkeys([*aimed, *(name for name in scales if name in given)])
+    return {name: scales[name] for name in kept or scales}
+
+
+def _scored(
+    errors: Mapping[str, np.ndarray],
+    scored: np.ndarray,
+    elapsed: np.ndarray,
+    scales: Mapping[str, float],
+    file: str,
+) -> dict[str, Any]:
+    """What a rollout's errors come to, by channel: in the channel's unit, in percent of its step, and over time."""
+    scores, curves = {}, {}
+    for name, error in errors.items():
+        kept = error[scored & np.isfinite(error)]
+        if kept.size:
+            rmse = float(np.sqrt(np.mean(kept**2)))
+            scores[name] = {
+                "rmse": rmse,
+                "maximum": float(np.max(np.abs(kept))),
+                "percent": 100.0 * rmse / scales[name],
+                "step": scales[name],
+            }
+            curves[name] = over_time(elapsed, error, scales[name])
+    return {"status": "done", "reason": "", "file": file, "scores": scores, "over_time": curves}
+
+
+def _failed(reason: str) -> dict[str, Any]:
+    return {"status": "failed", "reason": reason, "file": "", "scores": {}, "over_time": {}}
+
+
+def _saved(record: Record, name: str, folder: Path) -> str:
+    """Writes the channels of a rollout that a picture may show; the file's name."""
+    kept = [n for n in record.names if channel(n).kind in ("motion", "input", "command") or n.endswith("_flag")]
+    Record(record.dataset[[*kept, "segment"]]).save(folder / FOLDER / name)
+    return name
+
+
+def _kept(task: RolloutTask, folder: Path) -> dict[str, Any] | None:
+    """What an earlier call found for this very task, if its records are still there."""
+    try:
+        result = json.loads(_file_of(task.name, folder).read_text(encoding="utf-8"))
+        files = [result["file"], *(of["file"] for of in result["models"].values() if of["status"] == "done")]
+        there = all((folder / FOLDER / file).is_file() for file in files)
+        return result if result["key"] == task.key and result["status"] == "done" and there else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _empty(task: RolloutTask) -> dict[str, Any]:
+    """The result of a comparison that has not been made."""
+    return {
+        "key": task.key,
+        "kind": task.kind,
+        "run": task.row.id,
+        "seed": task.row.seed,
+        "cell": dict(task.row.cell),
+        "status": "failed",
+        "reason": "",
+        "file": "",
+        "models": {},
+    }
+
+
+def _file_of(name: str, folder: Path) -> Path:
+    return folder / FOLDER / f"{name}.json"
