@@ -43,10 +43,10 @@ class Gpc:
     """Predictive control by any linear model, without offset under constant disturbances, within limits.
 
     Minimises the squares of weights times errors, `first` to `horizon` samples ahead, and of move_weights times `moves`
-    changes of the inputs.  weights: by output, 1 over an error that matters; others are only limited.  move_weights: by
-    input, default 1 over half its range.  input_limits, rate_limits (per s): hard.  output_limits: soft, at `soft` per
-    half range broken, which no error outweighs.  reference_time: s, with which the reference goes to the target.
-    nominal: targets of outputs for which none may come.  neutral: inputs before the first plan.
+    changes of the inputs.  weights: by output, 1 over an error that matters.  move_weights: by input, default 1 over
+    half its range.  input_limits, rate_limits (per s): hard.  output_limits: kept wherever they can be, whatever the
+    errors; where not, broken the less the larger `soft` is.  reference_time: s, in which the reference nears the
+    target.  nominal: targets of outputs for which none may come.  neutral: inputs before the first plan.
     A StateSpace gets a Kalman filter; noise: standard deviations of its outputs, drift: of a sample's change of each
     input's or output's disturbance.  A Polynomial is taken as CARIMA, see `of_polynomial` for observer.
     """
@@ -72,7 +72,7 @@ class Gpc:
         solver()
         if not isinstance(self.model, StateSpace | Polynomial):
             raise ValueError(
-                f"Gpc needs a linear model, a StateSpace or a Polynomial, got {type(self.model).__name__}: see linearise."
+                f"Gpc needs a linear model, a StateSpace or a Polynomial, got {type(self.model).__name__}: linearise it"
             )
         inputs, outputs = self.model.inputs, self.model.outputs
         for name, known in (
@@ -180,6 +180,11 @@ class Gpc:
     def first_move_gain(self) -> np.ndarray:
         """The first change of the inputs per entry of [estimate | goals | references], as without limits."""
         return self._parts.program.gain()
+
+    @property
+    def program(self) -> Program:
+        """The quadratic program of every sample, for s = [estimate | goals | references]."""
+        return self._parts.program
 
     @property
     def disturbances(self) -> tuple[str, ...]:

@@ -44,8 +44,6 @@ def linearise(
     moved = dict.fromkeys(name for channel in chosen for name in moves[channel])
     kept = _checked("states", states, moved, family.states)
     seen = _checked("outputs", outputs, [name for name in kept if name in clean.outputs], clean.outputs)
-    if set(seen) - set(kept):
-        raise ValueError(f"linearise needs outputs among its states, {', '.join(kept)}, got {', '.join(seen)}.")
     point, commands = _steady(clean) if at is None else at
     full = np.zeros(len(clean.states))
     full[: len(family.states)] = point
@@ -54,30 +52,36 @@ def linearise(
     positions = [f"{name} position" for name in chosen if name in family.actuators]
     at_states = [clean.states.index(name) for name in (*kept, *positions)]
     at_inputs = [family.inputs.index(name) for name in chosen]
+    at_outputs = [clean.outputs.index(name) for name in seen]
     sizes = _steps(clean, (*kept, *positions, *chosen))
 
     def after(change: np.ndarray) -> np.ndarray:
+        """The states a sample later and the outputs now."""
         x, u = full.copy(), np.array(commands, dtype=float)
         x[at_states] += change[: len(at_states)]
         u[at_inputs] += change[len(at_states) :]
-        return clean.step(x, u)[at_states]
+        return np.concatenate([clean.step(x, u)[at_states], clean.output(x)[at_outputs]])
 
     slopes = np.stack([(after(d) - after(-d)) / (2.0 * size) for d, size in zip(np.diag(sizes), sizes)], axis=1)
     # an actuator without a lag is where it is told to be, and remembers nothing
-    lagging = [i for i in range(len(at_states)) if i < len(kept) or slopes[:, i].any()]
-    drift = after(np.zeros(sizes.size))[: len(kept)] - full[at_states][: len(kept)]
+    states_kept = [i for i in range(len(at_states)) if i < len(kept) or slopes[:, i].any()]
+    steady = after(np.zeros(sizes.size))
     names = (*kept, *positions)
-    _check_steady(plant, dict(zip(kept, drift)), clean.dt)
+    _check_steady(plant, dict(zip(kept, steady[: len(kept)] - full[at_states[: len(kept)]])), clean.dt)
+    rows = slopes[len(at_states) :][:, states_kept]
+    for name, row in zip(seen, rows):
+        if not row.any():
+            raise ValueError(f"linearise needs outputs that its states move, {', '.join(kept)}, got {name}.")
     return StateSpace(
-        a=slopes[np.ix_(lagging, lagging)],
-        b=slopes[lagging][:, len(at_states) :],
-        c=np.eye(len(lagging))[[names.index(name) for name in seen]],
+        a=slopes[np.ix_(states_kept, states_kept)],
+        b=slopes[states_kept][:, len(at_states) :],
+        c=rows,
         inputs=chosen,
         outputs=seen,
         dt=clean.dt,
         input_offset=np.array(commands, dtype=float)[at_inputs],
-        output_offset=np.array([full[clean.states.index(name)] for name in seen]),
-        states=tuple(f"{names[i]} change" for i in lagging),
+        output_offset=steady[len(at_states) :],
+        states=tuple(f"{names[i]} change" for i in states_kept),
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from controllers.predictive.increments import Increments
 
 _FAR = 1e30  # what the solver takes as no limit
+_SOFT = 8  # what it calls a constraint that may be broken
 _TOLERANCE = 1e-8  # of the rows, which are scaled by their limits' ranges
 
 
@@ -20,7 +21,7 @@ class Aims:
 
     weights: (p,), of an output's error, 0 where it has no target.  move_weights: (m,).  rates: (m,), a sample's
     largest change.  lowest, highest: (m,) and output_lowest, output_highest: (p,), less the model's offsets.
-    fading: of the reference's distance from its goal, a sample.  soft: cost of an output's limit broken by its range.
+    fading: of the reference's distance from its goal, a sample.  soft: see Program.
     """
 
     horizon: int
@@ -39,39 +40,40 @@ class Aims:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Minimise x' hessian x / 2 + (linear s + soft)' x within bounds that s moves; s = [z | goals | references].
+    """Minimise x' hessian x / 2 + (slope s)' x within bounds that s moves; s = [z | goals | references].
 
-    x: the moves, m at a time, in units of 1 / move_weights; then how far the plan breaks each output's limits.
-    rows: of x, after the simple bounds of x itself.
+    x: the moves, m at a time, in units of 1 / move_weights.  rows: of x, after the simple bounds of x itself.
+    Outputs' limits are kept wherever any moves keep them, at whatever cost; only where none do are they softened: the
+    square of what is broken, in half ranges, then costs `soft` times the plan's own slope. So no weight outweighs them.
     """
 
     hessian: np.ndarray
-    linear: np.ndarray
     slope: np.ndarray
     rows: np.ndarray
     upper: np.ndarray
-    upper_slope: np.ndarray
     lower: np.ndarray
-    lower_slope: np.ndarray
+    bound_slope: np.ndarray
     unit: np.ndarray
-    size: int
+    hard: np.ndarray
+    softened: np.ndarray
+    soft: float
 
     def solve(self, s: np.ndarray) -> np.ndarray | None:
         """The moves, shape (moves, m), in the inputs' units; None if there are none within the inputs' limits."""
         upper, lower = self.upper.copy(), self.lower.copy()
-        bounds = self.hessian.shape[0]
-        upper[bounds:] += self.upper_slope @ s
-        lower[bounds:] += self.lower_slope @ s
-        x, _, status, _ = solver().solve(
-            self.hessian, self.linear + self.slope @ s, self.rows, upper, lower, primal_tol=_TOLERANCE
-        )
-        if status <= 0:
-            return None
-        return x[: self.size].reshape(-1, self.unit.size) * self.unit
+        linear, moved = self.slope @ s, self.bound_slope @ s
+        upper[linear.size :] += moved
+        lower[linear.size :] += moved
+        solve, problem = solver().solve, (self.hessian, linear, self.rows, upper, lower)
+        x, _, status, _ = solve(*problem, self.hard, primal_tol=_TOLERANCE)
+        if status <= 0 and self.softened.any():
+            give = 1.0 / (self.soft * (1.0 + np.abs(linear).max()))
+            x, _, status, _ = solve(*problem, self.softened, primal_tol=_TOLERANCE, rho_soft=give)
+        return x.reshape(-1, self.unit.size) * self.unit if status > 0 else None
 
     def gain(self) -> np.ndarray:
         """The first move without limits per entry of s, shape (m, len(s))."""
-        free = -np.linalg.solve(self.hessian[: self.size, : self.size], self.slope[: self.size])
+        free = -np.linalg.solve(self.hessian, self.slope)
         return self.unit[:, None] * free[: self.unit.size]
 
 
@@ -94,51 +96,37 @@ def build(increments: Increments, aims: Aims) -> Program:
     wanted[:, range(t), range(t, 2 * t)] = fade[:, None]
     errors = (weight * np.concatenate([free[:, tracked], -wanted], axis=2)).reshape(steps * t, n + 2 * t)
     reach = (weight * forced[:, tracked]).reshape(steps * t, size)
-    variables = size + limited.size
-    hessian = np.diag(np.full(variables, 2.0 * aims.soft))
-    hessian[:size, :size] = 2.0 * (reach.T @ reach + np.eye(size))
-    slope = np.zeros((variables, n + 2 * t))
-    slope[:size] = 2.0 * reach.T @ errors
-    linear = np.zeros(variables)
-    linear[size:] = aims.soft  # per range broken: exact, where the constraint's multipliers stay below it
 
-    bound = np.concatenate([np.tile(aims.rates / unit, aims.moves), np.full(limited.size, np.inf)])
+    bound = np.tile(aims.rates / unit, aims.moves)
     # inputs: what they were, which z ends in, and the moves so far
     some = np.flatnonzero(np.isfinite(aims.lowest) | np.isfinite(aims.highest))
     scale = _ranges(aims.lowest[some], aims.highest[some])
     sums = np.kron(np.tril(np.ones((aims.moves, aims.moves))), (np.diag(unit)[some].T / scale).T)
     was = np.zeros((some.size, n + 2 * t))
     was[range(some.size), n - m + some] = 1.0 / scale
-    rows = [np.hstack([sums, np.zeros((len(sums), limited.size))])]
+    rows = [sums]
     slopes = [-np.tile(was, (aims.moves, 1))]
     uppers, lowers = [np.tile(aims.highest[some] / scale, aims.moves)], [np.tile(aims.lowest[some] / scale, aims.moves)]
-    for i, output in enumerate(limited):
+    for output in limited:
         lowest, highest = aims.output_lowest[output], aims.output_highest[output]
-        scale = _ranges(np.array([lowest]), np.array([highest]))[0]
-        for limit, side in ((highest, 1.0), (lowest, -1.0)):
-            if not np.isfinite(limit):
-                continue
-            row = np.zeros((steps, variables))
-            row[:, :size] = side * forced[:, output] / scale
-            row[:, size + i] = -1.0
-            rows.append(row)
-            at = np.zeros((steps, n + 2 * t))
-            at[:, :n] = -side * free[:, output] / scale
-            slopes.append(at)
-            uppers.append(np.full(steps, side * limit / scale))
-            lowers.append(np.full(steps, -np.inf))
-    both = np.concatenate(slopes)
+        scale = float(_ranges(np.array([lowest]), np.array([highest]))[0])
+        rows.append(forced[:, output] / scale)
+        slopes.append(np.hstack([-free[:, output] / scale, np.zeros((steps, 2 * t))]))
+        uppers.append(np.full(steps, highest / scale))
+        lowers.append(np.full(steps, lowest / scale))
+    softened = np.zeros(size + len(sums) + limited.size * steps, dtype=np.int32)
+    softened[size + len(sums) :] = _SOFT
     return Program(
-        hessian=hessian,
-        linear=linear,
-        slope=slope,
+        hessian=2.0 * (reach.T @ reach + np.eye(size)),
+        slope=2.0 * reach.T @ errors,
         rows=np.concatenate(rows),
         upper=_finite(np.concatenate([bound, *uppers])),
-        upper_slope=both,
-        lower=_finite(np.concatenate([-bound[:size], np.zeros(limited.size), *lowers])),
-        lower_slope=both,
+        lower=_finite(np.concatenate([-bound, *lowers])),
+        bound_slope=np.concatenate(slopes),
         unit=unit,
-        size=size,
+        hard=np.zeros_like(softened),
+        softened=softened,
+        soft=aims.soft,
     )
 
 
