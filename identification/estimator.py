@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, Field, dataclass, fields
@@ -180,6 +181,26 @@ def make_estimator(
     return made(**values)
 
 
+def parse_settings(texts: Iterable[str]) -> dict[str, Any]:
+    """Settings from `key=value` texts: values as TOML has them, a comma makes a list, other text stays text."""
+    found: dict[str, Any] = {}
+    for text in texts:
+        key, separator, value = (part.strip() for part in text.partition("="))
+        if not separator or not key:
+            raise ValueError(f"A setting needs KEY=VALUE, such as n_a=3, got {text!r}.")
+        if key in found:
+            raise ValueError(f"Setting {key!r} came twice: give it once.")
+        for written in (value, f"[{value}]"):
+            try:
+                found[key] = tomllib.loads(f"value = {written}")["value"]
+                break
+            except tomllib.TOMLDecodeError:
+                continue
+        else:
+            found[key] = [part.strip() for part in value.split(",")] if "," in value else value
+    return found
+
+
 def summary(fit: Fit) -> str:
     """The model's channels and the parameters with their 95 % intervals, one a line."""
     model = fit.model
@@ -262,25 +283,3 @@ def _default(field: Field[Any]) -> Any:
     if field.default is not MISSING:
         return field.default
     return None if field.default_factory is MISSING else field.default_factory()
-
-
-def parse_settings(texts: Iterable[str]) -> dict[str, Any]:
-    """Settings from `key=value` texts: values as TOML has them, a comma makes a list, other text stays text."""
-    import tomllib
-
-    found: dict[str, Any] = {}
-    for text in texts:
-        key, separator, value = (part.strip() for part in text.partition("="))
-        if not separator or not key:
-            raise ValueError(f"A setting needs KEY=VALUE, such as n_a=3, got {text!r}.")
-        if key in found:
-            raise ValueError(f"Setting {key!r} came twice: give it once.")
-        for written in (value, f"[{value}]"):
-            try:
-                found[key] = tomllib.loads(f"value = {written}")["value"]
-                break
-            except tomllib.TOMLDecodeError:
-                continue
-        else:
-            found[key] = [part.strip() for part in value.split(",")] if "," in value else value
-    return found

@@ -31,7 +31,7 @@ _RUNS = (
 )
 _TESTS = (
     "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "
-    "follows most: the input with the largest correlation at an earlier sample, in 95 % bounds of noise."
+    "follows most: the input with the largest correlation at an earlier sample, and that in 95 % bounds of noise."
 )
 
 
@@ -103,7 +103,7 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
         # lags above zero: the present input goes with the residual by feedback, not by what the model lacks
         ties = {driver: _largest(tie) / tie["bound"] for driver, tie in test["inputs"].items()}
         driver = max(ties, key=lambda k: ties[k], default="")
-        tie = f"{driver}, {number(ties[driver], 2)} bounds" if driver else "–"
+        tie = f"{driver} ({number(ties[driver], 2)})" if driver else "–"
         white = "yes" if test["p_value"] > WHITE else "no"
         rows.append((name, tie, amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2), p, white))
     return Table(("output", "follows most", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
@@ -211,6 +211,6 @@ def _largest(tie: Mapping[str, Any]) -> float:
 
 
 def _interval(estimate: Estimate) -> str:
-    if all(map(isfinite, estimate.ci95)):
-        return span(estimate.ci95, estimate.unit) + (f" ({estimate.problem})" if estimate.problem else "")
-    return estimate.problem or "none"
+    if estimate.problem or not all(map(isfinite, estimate.ci95)):
+        return estimate.problem or "none"
+    return span(estimate.ci95, estimate.unit)

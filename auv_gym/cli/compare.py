@@ -95,7 +95,8 @@ def compare(
     if open_loop.runs:
         output.print(printed(title, score_table(open_loop)))
     if sweeps:
-        output.print(printed("Predictions: root mean square error so far ahead", horizon_table(sweeps)))
+        uneven = "" if data.is_uniform() else ", about, as samples are uneven"
+        output.print(printed(f"Predictions: root mean square error so far ahead{uneven}", horizon_table(sweeps)))
     for name, reason in open_loop.failed.items():
         output.print(f"{name}: {reason}", markup=False, soft_wrap=True)
     for path in written:

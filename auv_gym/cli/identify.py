@@ -108,7 +108,7 @@ def identify(
         settle = f"starts fitted to the first {done.open_loop.settle:g} s"
         output.print(printed(f"Free runs over {done.told}, {settle}", score_table(done.open_loop)))
     if done.tests:
-        output.print(printed("What the model leaves of it, tested", residual_table(done.tests)))
+        output.print(printed("Residual tests (follows most: in 95 % bounds of noise)", residual_table(done.tests)))
     if done.problem:
         output.print(f"Not judged in full: {done.problem}", markup=False, soft_wrap=True)
     for path in (out, page):

@@ -92,7 +92,7 @@ def test_tables_hold_the_numbers_that_they_name(done):
     assert scores.rows[1][2].endswith("deg")
     tests = residual_table(done.tests)
     assert {row[-1] for row in tests.rows} <= {"yes", "no"}
-    assert tests.rows[0][1].split(",")[0] in INPUTS
+    assert tests.rows[0][1].split(" (")[0] in INPUTS
     sweeps = {"a": {"pitch_rad": {4.0: np.radians(1.5), 8.0: 0.1}}, "b": {"pitch_rad": {4.0: 0.2}}}
     assert horizon_table(sweeps) == Table(
         ("output", "model", "4 s", "8 s"), (("pitch, deg", "a", "1.50", "5.73"), ("pitch, deg", "b", "11.5", "–")), 2
