@@ -33,7 +33,7 @@ class Series:
         if not records:
             raise ValueError(f"{name}.fit needs at least one record, got none.")
         names = (*inputs, *outputs)
-        dt = records[0].sample_interval
+        dt = _plain(records[0].sample_interval)
         for record in records:
             for channel_name in names:
                 _check_finite(record, channel_name, name)
@@ -163,6 +163,12 @@ def solve(problem: Regression, name: str, output: str, intercept: bool = True) -
         covariance = np.block([[covariance, across[:, None]], [across[None, :], np.array([[own]])]])
         coefficients = np.append(coefficients, level - middle @ coefficients)
     return Solution(coefficients, covariance, error, freedom, residual)
+
+
+def _plain(dt: float) -> float:
+    """The interval without the rounding of times that it was taken from, so that it equals the dt of an environment."""
+    short = float(f"{dt:.6g}")
+    return short if abs(short - dt) <= 1e-7 * dt else dt
 
 
 def _not_told_apart(name: str, output: str, terms: Sequence[Term], directions: np.ndarray) -> str:

@@ -104,6 +104,15 @@ def test_headings_are_continuous_wherever_their_segments_begin():
     np.testing.assert_allclose(fit.model.a[:, 0, 0], [1.0, -1.8, 0.8], atol=1e-7)
 
 
+def test_the_sample_time_is_free_of_the_rounding_of_times():
+    record = record_of(TRUTH, 200, np.random.default_rng(0), noise=0.01)
+    columns = {name: record[name] for name in record.names}
+    for dt in (0.1, 1.0 / 3.0):
+        late = Record.from_arrays(86400.0 + dt * np.arange(200), columns)
+        assert Arx(INPUTS, OUTPUTS).fit(late).model.dt == pytest.approx(dt, rel=1e-9)
+    assert Arx(INPUTS, OUTPUTS).fit(Record.from_arrays(86400.0 + 0.1 * np.arange(200), columns)).model.dt == 0.1
+
+
 def test_noise_on_the_output_biases_the_coefficients():
     rng = np.random.default_rng(0)
     clean = record_of(TRUTH, 3000, rng, segments=1)
