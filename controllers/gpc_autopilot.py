@@ -13,6 +13,7 @@ from auv_gym.plant import Plant
 from controllers.controller import Controller
 from controllers.gpc import Gpc
 from controllers.loops import Joint
+from controllers.trial import NOISE
 
 PITCH_LIMIT = radians(20.0)  # beyond, depth no longer follows pitch in proportion
 # errors that matter as much as half an input's range moved in a sample
@@ -20,6 +21,10 @@ _DEPTH_ERROR = 0.5  # lengths
 _ANGLE_ERROR = 0.3  # rad, of heading
 _TRIM_ERROR = 1.0  # rad, of pitch, where there are bow planes to hold the depth without it
 _SPEED_ERROR = 0.1  # of the cruise speed
+# change of the inputs' disturbance in a sample, of half their range, that the filters reckon with: what the linear form
+# leaves out of a vehicle that pitches, turns and slows down
+_FIN_DRIFT = 0.1
+_DRIVE_DRIFT = 0.03
 _SAMPLES = 3.0  # while a torpedo goes its length: the horizon is then ten lengths
 _ENGINE_SAMPLES = 15.0  # in the time of a float's engine, half the horizon
 
@@ -96,15 +101,17 @@ def _torpedo_speed(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
 def _gpc(plant: Plant, model, settings: dict[str, Any], **fields: Any) -> Gpc:
     hull, limits = plant.hull, command_limits(plant)
     actuators = dict(zip(plant.inputs, (hull.rudder, hull.stern_plane, hull.bow_plane, hull.propulsion)))
-    rates, ranges = {}, {}
+    rates, ranges, drift = {}, {}, {}
     for name in model.inputs:
         limit, slowness = float(limits[plant.inputs.index(name)]), actuators[name].slowness
         drive = name == plant.inputs[3]
         ranges[name] = (0.0 if drive else -limit, limit)
+        drift[name] = (_DRIVE_DRIFT if drive else _FIN_DRIFT) * limit
         if slowness > 0.0:  # s per rad; of the propulsion, s per its limit
             rates[name] = (limit if drive else 1.0) / slowness
     own = {key: value for key, value in settings.items() if key != "pitch_limit"}
-    return Gpc(model, input_limits=ranges, rate_limits=rates, **{**fields, **own})
+    noise = {name: NOISE[name] for name in model.outputs}
+    return Gpc(model, **{"input_limits": ranges, "rate_limits": rates, "noise": noise, "drift": drift, **fields, **own})
 
 
 def _glider_heading(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:

@@ -1,0 +1,127 @@
+from math import radians
+
+import numpy as np
+import pytest
+
+from auv_gym.channels import set_point_of
+from auv_gym.cruise import find_cruise
+from auv_gym.engine import find_engine
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from controllers.autopilots import autopilot
+from controllers.gpc import Gpc
+from controllers.gpc_autopilot import PITCH_LIMIT, gpc_autopilot
+from controllers.loops import Joint
+from controllers.trial import at_rest, fly, level_flight
+
+PITCH = radians(5.0)
+
+
+def errors(run, name):
+    return np.abs(run[name] - run[set_point_of(name)])
+
+
+@pytest.mark.parametrize("vehicle", ["npsauv", "heu_torpedo"])
+def test_a_torpedo_reaches_depth_heading_and_speed(vehicle):
+    plant = load_vehicle(vehicle)
+    cruise, length = find_cruise(plant), plant.hull.length
+    targets = {
+        "depth_m": [(0.0, 20.0 + 2.0 * length)],
+        "heading_rad": [(0.0, 0.8)],
+        "u_mps": [(0.0, 0.9 * cruise.speed)],
+    }
+    duration = 35.0 * length / cruise.speed
+    run = fly(plant, gpc_autopilot(plant), targets, duration, start=level_flight(plant, 20.0))
+    last = slice(-len(run["time_s"]) // 10, None)
+    assert errors(run, "depth_m")[last].max() < 0.05 * length
+    assert errors(run, "heading_rad")[last].max() < 0.01
+    assert errors(run, "u_mps")[last].max() < 0.03 * cruise.speed
+    # the linear form does not know all of the vehicle, and plans see it at their own samples only
+    assert np.abs(run["pitch_rad"]).max() < PITCH_LIMIT + radians(4.0)
+
+
+def test_an_unstable_vehicle_with_a_list_stays_level():
+    plant = load_vehicle("remus100")
+    targets = {"depth_m": [(0.0, 21.0)], "heading_rad": [(0.0, 0.2)]}
+    pilot = gpc_autopilot(plant, ["depth_m", "heading_rad"])
+    run = fly(plant, pilot, targets, 60.0, start=level_flight(plant, 20.0))
+    assert errors(run, "depth_m")[-100:].max() < 0.05
+    assert errors(run, "heading_rad")[-100:].max() < 0.02
+
+
+@pytest.mark.parametrize("vehicle", ["slocum", "ganeshblue"])
+def test_a_glider_turns(vehicle):
+    plant = load_vehicle(vehicle)
+    run = fly(plant, gpc_autopilot(plant), {"heading_rad": [(0.0, 1.0)]}, 60.0 * plant.dt, start=at_rest(plant, {}))
+    assert errors(run, "heading_rad")[-5:].max() < 1e-3
+    assert np.abs(run["rudder_rad"]).max() <= plant.hull.rudder_limit
+
+
+@pytest.mark.parametrize("vehicle", ["qiandao_float", "mermaid"])
+def test_a_float_dives(vehicle):
+    plant = load_vehicle(vehicle)
+    engine = find_engine(plant)
+    targets = {"depth_m": [(0.0, 100.0 + engine.speed * engine.time)]}
+    run = fly(plant, gpc_autopilot(plant), targets, 5.0 * engine.time, start=at_rest(plant, {"depth_m": 100.0}))
+    assert errors(run, "depth_m")[-3:].max() < 0.01 * engine.speed * engine.time
+    assert run[engine.channel].min() >= engine.middle - engine.half
+    assert run[engine.channel].max() <= engine.middle + engine.half
+
+
+def test_a_heavy_torpedo_keeps_its_depth():
+    """Net weight, a stern plane that stands wrong, and a pitch sensor that reads wrong: none leaves an offset."""
+    plant = load_vehicle("npsauv")
+    pilot = gpc_autopilot(plant, ["depth_m"])
+    laden = replace_at(plant, {"effects.load.force_z": 40.0, "effects.stern_plane.offset": 0.02})
+    run = fly(laden, pilot, {"depth_m": [(0.0, 20.0)]}, 400.0, start=level_flight(plant, 20.0))
+    assert errors(run, "depth_m").max() > 0.05
+    assert errors(run, "depth_m")[-50:].max() < 2e-3
+
+
+def test_with_a_pitch_limit_it_tracks_depth_better_than_pid():
+    """The sum of squared errors over steps of 2 lengths, from the same start, both told of the limit."""
+    plant = load_vehicle("npsauv", dt=4.0)
+    targets = {"depth_m": [(0.0, 20.0), (8.0, 30.6), (208.0, 20.0)]}
+    cost, pitch = {}, {}
+    for kind in ("pid", "gpc"):
+        pilot = autopilot(plant, kind, ["depth_m"], pitch_limit=PITCH)
+        run = fly(plant, pilot, targets, 400.0, start=level_flight(plant, 20.0))
+        cost[kind] = float(np.sum(errors(run, "depth_m") ** 2))
+        pitch[kind] = float(np.abs(run["pitch_rad"]).max())
+    assert cost["gpc"] < cost["pid"]
+    assert pitch["gpc"] < PITCH + radians(0.5)
+
+
+def test_each_motion_has_a_controller_of_its_own():
+    plant = load_vehicle("npsauv")
+    pilot = gpc_autopilot(plant, horizon=20, moves=5, pitch_limit=PITCH)
+    assert isinstance(pilot, Joint)
+    assert set(pilot.commands) == set(plant.inputs)
+    assert set(pilot.targets) == {"depth_m", "heading_rad", "u_mps"}
+    depth, heading, speed = pilot.controllers
+    assert isinstance(depth, Gpc)
+    assert depth.output_limits["pitch_rad"] == pytest.approx((-PITCH, PITCH))
+    assert (heading.horizon, speed.moves) == (20, 5)
+    assert gpc_autopilot(plant, ["heading_rad"], dt=0.5).model.dt == 0.5
+
+
+def test_plans_are_made_at_a_multiple_of_the_sample_time():
+    for vehicle in ("npsauv", "qiandao_float", "slocum"):
+        plant = load_vehicle(vehicle)
+        pilot = gpc_autopilot(plant, ["heading_rad"] if plant.family.kind == "torpedo" else None)
+        samples = pilot.model.dt / plant.dt
+        assert samples == pytest.approx(round(samples), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "vehicle, options, message",
+    [
+        ("npsauv", {"targets": ["roll_rad"]}, "targets among depth_m, heading_rad, u_mps, got roll_rad"),
+        ("npsauv", {"targets": []}, "got none"),
+        ("npsauv", {"pitch_limit": 2.0}, "pitch_limit of a torpedo"),
+        ("slocum", {"pitch_limit": 0.1}, "pitch_limit of a torpedo"),
+    ],
+)
+def test_what_a_vehicle_cannot_follow_is_refused(vehicle, options, message):
+    with pytest.raises(ValueError, match=message):
+        gpc_autopilot(load_vehicle(vehicle), **options)
