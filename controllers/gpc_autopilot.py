@@ -18,7 +18,7 @@ from controllers.trial import NOISE
 PITCH_LIMIT = radians(20.0)  # beyond, depth no longer follows pitch in proportion
 # errors that matter as much as half an input's range moved in a sample
 _DEPTH_ERROR = 0.5  # lengths
-_ANGLE_ERROR = 0.3  # rad, of heading
+_ANGLE_ERROR = 0.3  # rad, of heading, or of pitch where that has a target
 _TRIM_ERROR = 1.0  # rad, of pitch, where there are bow planes to hold the depth without it
 _SPEED_ERROR = 0.1  # of the cruise speed
 # change of the inputs' disturbance in a sample, of half their range, that the filters reckon with: what the linear form
@@ -42,18 +42,23 @@ def gpc_autopilot(
     Planes hold the depth within pitch_limit, rad, default 20 degrees either side of trim; rudder and propulsion do the
     rest.  A glider's rudder holds its heading, a float's engine its depth.  One motion each, as at cruise they do not
     act on each other at first order, and small programs are solved sooner than a large one.
-    targets: some of these channels, default all.  dt: s between plans, a multiple of the plant's; default a third of
+    targets: some of these channels, default all; `pitch_rad` in the place of depth.  dt: s between plans, a multiple of the plant's; default a third of
     the time for a torpedo's length, a fifteenth of a float's engine's time.  settings: further ones of every Gpc.
     """
     kind = plant.family.kind
     makers = {
-        "torpedo": {"depth_m": _torpedo_depth, "heading_rad": _torpedo_heading, "u_mps": _torpedo_speed},
+        "torpedo": {
+            "depth_m": _torpedo_depth,
+            "heading_rad": _torpedo_heading,
+            "u_mps": _torpedo_speed,
+            "pitch_rad": _torpedo_pitch,
+        },
         "glider": {"heading_rad": _glider_heading},
         "float": {"depth_m": _float_depth},
     }.get(kind)
     if makers is None:
         raise ValueError(f"gpc_autopilot knows torpedoes, gliders and floats, got a vehicle of kind {kind!r}.")
-    names = tuple(makers) if targets is None else tuple(targets)
+    names = tuple(name for name in makers if name != "pitch_rad") if targets is None else tuple(targets)
     unknown = [name for name in names if name not in makers]
     if unknown or not names:
         raise ValueError(
@@ -86,6 +91,12 @@ def _torpedo_depth(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
         output_limits={"pitch_rad": (trim - limit, trim + limit)},
         nominal={"pitch_rad": trim} if len(model.inputs) > 1 else {},
     )
+
+
+def _torpedo_pitch(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
+    planes = (plant.inputs[1],)
+    model = linearise(plant, planes, ("pitch_rad",), states=("w_mps", "q_radps", "pitch_rad"), dt=dt)
+    return _gpc(plant, model, settings, weights={"pitch_rad": 1.0 / _ANGLE_ERROR})
 
 
 def _torpedo_heading(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:

@@ -1,9 +1,10 @@
-"""What holds for every model that an environment may step: each preset, bare and with effects on."""
+"""What holds for every model that an environment may step: each preset, bare and with effects on, and linear models."""
 
 import numpy as np
 import pytest
 
 from auv_gym.channels import CHANNELS
+from auv_gym.linear import Polynomial, linearise
 from auv_gym.model import Model, predict, simulate
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
@@ -160,3 +161,56 @@ def test_the_same_run_twice_is_the_same(model):
     one, two = simulate(model, record), simulate(model, record)
     for name in model.outputs:
         assert np.array_equal(one[name], two[name])
+
+
+NOISY = Polynomial.from_coefficients(
+    {"depth_m": [-1.6, 0.6], "pitch_rad": [-1.2, 0.5]},
+    {"depth_m": {"stern_plane_rad": [0.1]}, "pitch_rad": {"stern_plane_rad": [-0.2, 0.1], "bow_plane_rad": [0.1]}},
+    2.0,
+    c={"depth_m": [0.4], "pitch_rad": [-0.3, 0.1, 0.2, 0.1]},
+)
+LINEAR = {
+    **{f"{name} linearised": linearise(plant) for name, plant in PRESETS.items()},
+    "polynomial": NOISY,
+    "state space": NOISY.to_state_space(),
+}
+
+
+@pytest.fixture(params=LINEAR.values(), ids=LINEAR)
+def linear(request) -> Model:
+    return request.param
+
+
+def moving(model: Model, samples: int = 40) -> Record:
+    """Small sines about the model's own operating point."""
+    waves = 0.01 * np.sin(np.outer(np.arange(1, len(model.inputs) + 1), 0.4 * np.arange(samples)))
+    offset = getattr(model, "input_offset", np.zeros(len(model.inputs)))
+    given = dict(zip(model.inputs, offset[:, None] + waves, strict=True))
+    start = model.output(np.zeros(len(model.states)))
+    held = {name: np.full(samples, value) for name, value in zip(model.outputs, start, strict=True)}
+    return Record.from_arrays(model.dt * np.arange(samples), {**given, **held})
+
+
+def test_a_linear_model_keeps_the_protocol(linear):
+    test_it_keeps_the_protocol(linear)
+    x, u = linear.initial(np.full(len(linear.outputs), 0.1)), np.full(len(linear.inputs), 0.2)
+    x_before, y = x.copy(), linear.output(x)
+    x1 = linear.step(x, u)
+    for state in (x, x1, linear.correct(x1, y)):
+        assert (state.shape, state.dtype) == ((len(linear.states),), np.float64)
+    assert (y.shape, y.dtype) == ((len(linear.outputs),), np.float64)
+    assert np.array_equal(linear.step(x, u), x1)
+    assert np.array_equal(x, x_before)
+    assert np.array_equal(linear.correct(x1, np.full(y.size, np.nan)), x1)
+    assert linear.output(linear.initial(y)) == pytest.approx(y, abs=1e-9)
+
+
+def test_a_linear_simulation_predicts_itself_at_every_horizon(linear):
+    made = simulate(linear, moving(linear))
+    for horizon in (1, 5, 100):
+        again = predict(linear, made, horizon)
+        for name in linear.outputs:
+            assert again[name] == pytest.approx(made[name], abs=1e-9 * (1.0 + np.abs(made[name]).max())), (
+                name,
+                horizon,
+            )

@@ -105,6 +105,15 @@ def test_each_motion_has_a_controller_of_its_own():
     assert gpc_autopilot(plant, ["heading_rad"], dt=0.5).model.dt == 0.5
 
 
+def test_pitch_can_stand_in_the_place_of_depth():
+    plant = load_vehicle("heu_torpedo")
+    pilot = gpc_autopilot(plant, ["pitch_rad"])
+    run = fly(plant, pilot, {"pitch_rad": [(0.0, 0.1)]}, 20.0, start=level_flight(plant, 50.0))
+    assert errors(run, "pitch_rad")[-20:].max() < 0.005
+    with pytest.raises(ValueError, match="stern_plane_rad twice"):
+        gpc_autopilot(plant, ["depth_m", "pitch_rad"])
+
+
 def test_plans_are_made_at_a_multiple_of_the_sample_time():
     for vehicle in ("npsauv", "qiandao_float", "slocum"):
         plant = load_vehicle(vehicle)
@@ -116,7 +125,7 @@ def test_plans_are_made_at_a_multiple_of_the_sample_time():
 @pytest.mark.parametrize(
     "vehicle, options, message",
     [
-        ("npsauv", {"targets": ["roll_rad"]}, "targets among depth_m, heading_rad, u_mps, got roll_rad"),
+        ("npsauv", {"targets": ["roll_rad"]}, "targets among depth_m, heading_rad, u_mps, pitch_rad, got roll_rad"),
         ("npsauv", {"targets": []}, "got none"),
         ("npsauv", {"pitch_limit": 2.0}, "pitch_limit of a torpedo"),
         ("slocum", {"pitch_limit": 0.1}, "pitch_limit of a torpedo"),
