@@ -42,8 +42,9 @@ def gpc_autopilot(
     Planes hold the depth within pitch_limit, rad, default 20 degrees either side of trim; rudder and propulsion do the
     rest.  A glider's rudder holds its heading, a float's engine its depth.  One motion each, as at cruise they do not
     act on each other at first order, and small programs are solved sooner than a large one.
-    targets: some of these channels, default all; `pitch_rad` in the place of depth.  dt: s between plans, a multiple of the plant's; default a third of
-    the time for a torpedo's length, a fifteenth of a float's engine's time.  settings: further ones of every Gpc.
+    targets: some of these channels, default all; `pitch_rad` in the place of depth.  dt: s between plans, a multiple of
+    the plant's; default a third of the time for a torpedo's length, a fifteenth of a float's engine's time.
+    settings: further ones of every Gpc.
     """
     kind = plant.family.kind
     makers = {
