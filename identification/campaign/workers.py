@@ -11,6 +11,7 @@ from identification.campaign.perform import Outcome, perform
 from identification.campaign.plan import PlannedRun
 from identification.campaign.pool import in_parallel
 
+_ANSWER = 10.0  # s, within which a scheduler answers
 _LOST = "its worker process died again and again: out of memory, or killed"
 
 
@@ -32,7 +33,7 @@ def outcomes_on(scheduler: str, runs: Sequence[PlannedRun], folder: Path) -> Ite
     except ImportError:
         raise ImportError("--scheduler needs Dask: pip install 'auv-gym[distributed]'.") from None
     try:
-        client = Client(scheduler, timeout=10, set_as_default=False)
+        client = Client(scheduler, timeout=_ANSWER)
     except (OSError, TimeoutError, ValueError) as error:
         raise ValueError(
             f"No Dask scheduler answers at {scheduler} ({error}): start one with `dask scheduler`."

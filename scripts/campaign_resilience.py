@@ -1,0 +1,182 @@
+"""What a campaign survives: how much two jobs gain over one, a kill halfway, and a worker of a cluster that dies.
+
+Each campaign is a command of its own, as a user would give it; all of them have to leave the same records.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from identification.campaign.index import RUNS, read_index
+
+_FILE = """
+name = "resilience"
+seeds = {runs}
+
+[vehicle]
+preset = "heu_torpedo"
+
+[experiment]
+kind = "env"
+id = "Depth"
+duration_s = {duration}
+start = {{ depth_m = 15.0 }}
+targets = {{ depth_m = [[0, 15.0], [60, 18.0]] }}
+
+[controller]
+kind = "pid"
+
+[[excitation]]
+kind = "prbs"
+at = "stern_plane_rad"
+amplitude = 0.05
+clock_s = 2.0
+
+[sensors]
+depth.noise = 0.05
+"""
+PARTS = ("jobs", "kill", "dask")
+_PATIENCE = 1800.0  # s, for a campaign
+
+
+def measure(folder: Path, runs: int, duration: float, parts: Sequence[str]) -> dict[str, Any]:
+    """What each part found; `same` where the records are those of the campaign that one job performed undisturbed."""
+    file = folder / "resilience.toml"
+    file.write_text(_FILE.format(runs=runs, duration=duration), encoding="utf-8")
+    found: dict[str, Any] = {"runs": runs}
+    found["one_job_s"] = _timed(file, folder / "one", "--jobs", "1")
+    hashes = _hashes(folder / "one")
+    if "jobs" in parts:
+        found["two_jobs_s"] = _timed(file, folder / "two", "--jobs", "2")
+        found["speed_up"] = found["one_job_s"] / found["two_jobs_s"]
+        found["two_jobs_same"] = _hashes(folder / "two") == hashes
+    if "kill" in parts:
+        found |= {f"kill_{name}": value for name, value in _killed(file, folder / "killed", runs, hashes).items()}
+    if "dask" in parts:
+        found |= {f"dask_{name}": value for name, value in _clustered(file, folder / "dask", runs, hashes).items()}
+    return found
+
+
+def _killed(file: Path, out: Path, runs: int, hashes: dict[str, str]) -> dict[str, Any]:
+    """A campaign killed halfway with SIGKILL, workers and all, and resumed."""
+    process = subprocess.Popen(_command(file, out, "--jobs", "2"), start_new_session=True)
+    _wait(lambda: _written(out) >= runs // 2 or process.poll() is not None)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    before = {path: path.stat().st_mtime_ns for path in (out / RUNS).glob("*.nc")}
+    seconds = _timed(file, out, "--jobs", "2")
+    kept = sum(path.stat().st_mtime_ns == then for path, then in before.items())
+    return {"after": len(before), "kept": kept, "resumed_s": seconds, "same": _hashes(out) == hashes}
+
+
+def _clustered(file: Path, out: Path, runs: int, hashes: dict[str, str]) -> dict[str, Any]:
+    """A campaign on a Dask scheduler with two worker processes on this machine, of which one is killed halfway."""
+    with cluster(2) as (address, workers):
+        begin = time.perf_counter()
+        process = subprocess.Popen(_command(file, out, "--scheduler", address))
+        _wait(lambda: _written(out) >= runs // 2 or process.poll() is not None)
+        at = _written(out)
+        workers[0].kill()
+        code = process.wait(_PATIENCE)
+    rows = read_index(out)
+    return {
+        "killed_after": at,
+        "s": time.perf_counter() - begin,
+        "exit_code": code,
+        "twice": len(rows) - len({row.id for row in rows}),
+        "same": _hashes(out) == hashes,
+    }
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """The address of a Dask scheduler on the loopback, and its worker processes, without nannies to restart them."""
+    with tempfile.TemporaryDirectory(prefix="auv-gym-") as folder:
+        told = Path(folder) / "scheduler.json"
+        dask = [sys.executable, "-m", "dask"]
+        quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+        quiet["env"] = {**os.environ, "PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
+        options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(told)]
+        started = [subprocess.Popen([*dask, "scheduler", *options], **quiet)]
+        try:
+            _wait(lambda: told.is_file() and told.stat().st_size > 0)
+            address = json.loads(told.read_text(encoding="utf-8"))["address"]
+            options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
+            started += [subprocess.Popen([*dask, "worker", address, *options], **quiet) for _ in range(workers)]
+            yield address, started[1:]
+        finally:
+            for process in started:
+                process.terminate()
+            for process in started:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(10)
+                process.kill()
+
+
+def _command(file: Path, out: Path, *options: str) -> list[str]:
+    return [sys.executable, "-m", "auv_gym.cli", "campaign", str(file), "--out", str(out), "--only", "runs", *options]
+
+
+def _timed(file: Path, out: Path, *options: str) -> float:
+    begin = time.perf_counter()
+    subprocess.run(_command(file, out, *options), check=True, stdout=subprocess.DEVNULL, timeout=_PATIENCE)
+    return time.perf_counter() - begin
+
+
+def _wait(ready: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + _PATIENCE
+    while not ready():
+        if time.monotonic() > deadline:
+            raise ValueError(f"Nothing came within {_PATIENCE:g} s: try fewer or shorter runs.")
+        time.sleep(0.05)
+
+
+def _written(out: Path) -> int:
+    return len(list((out / RUNS).glob("*.nc")))
+
+
+def _hashes(out: Path) -> dict[str, str]:
+    return {row.id: row.sha256 for row in read_index(out)}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Prints what each part found; 1 if records differ or a run was done twice."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--runs", type=int, default=200, help="runs of a campaign (default: %(default)s)")
+    parser.add_argument("--duration", type=float, default=200.0, help="length of a run, s (default: %(default)s)")
+    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS, help="default: all of them")
+    parser.add_argument("--json", action="store_true", help="print JSON instead of a table")
+    arguments = parser.parse_args(argv)
+    if arguments.runs < 4:
+        raise ValueError(f"--runs needs 4 or more, got {arguments.runs}: halfway has to lie inside.")
+    with tempfile.TemporaryDirectory(prefix="auv-gym-") as folder:
+        found = measure(Path(folder), arguments.runs, arguments.duration, arguments.parts)
+    console = Console()
+    if arguments.json:
+        console.print_json(json.dumps(found))
+    else:
+        shown = Table("what", "value", title="A campaign's resilience", title_justify="left")
+        for name, value in found.items():
+            shown.add_row(name, f"{value:.2f}" if isinstance(value, float) else str(value))
+        console.print(shown)
+    sound = [value for name, value in found.items() if name.endswith("same")]
+    return 0 if all(sound) and not found.get("dask_twice") and found.get("kill_kept") == found.get("kill_after") else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
