@@ -68,8 +68,9 @@ def _content(campaign: Campaign, folder: Path, rows: Sequence[Row]) -> dict[str,
     usable = [row for row in rows if row.finished and row.path(folder).is_file()]
     records = {row.id: Record.load(row.path(folder)) for row in usable}
     fits, rollouts = read_fits(folder), read_rollouts(folder)
+    wanted = _outputs_in_question(fits, list(records.values()))
+    fits = [_narrowed(fit, wanted) for fit in fits]
     made = [fit for fit in fits if fit["status"] == "done"]
-    wanted = list(dict.fromkeys(name for fit in made for name in fit["outputs"]))
     told = {kind: _rollouts(kind, rollouts[kind], rows, folder, wanted) for kind in ("open", "closed")}
     headings = {
         "experiment": _experiment_heading(rows),
@@ -126,6 +127,30 @@ def _content(campaign: Campaign, folder: Path, rows: Sequence[Row]) -> dict[str,
         "glossary": GLOSSARY,
         "versions": next((str(r.attrs["versions"]) for r in records.values() if r.attrs.get("versions")), ""),
         "settings": campaign.text,
+    }
+
+
+def _outputs_in_question(fits: Sequence[Mapping[str, Any]], records: Sequence[Record]) -> list[str]:
+    """The outputs that have a set point or that a linear model gives; a vehicle has a dozen that nobody asked about."""
+    if not records:
+        return []
+    aimed = [name for name in figures.outputs_of(records[0]) if records[0].has(set_point_of(name))]
+    given = [name for fit in fits if fit["file"].endswith(".npz") for name in fit["outputs"]]
+    return list(dict.fromkeys([*aimed, *given])) or figures.outputs_of(records[0])
+
+
+def _narrowed(fit: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Any]:
+    """What is told of a fit, about these outputs alone."""
+
+    def kept(of: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: of[name] for name in wanted if name in of}
+
+    return {
+        **fit,
+        "outputs": [name for name in wanted if name in fit["outputs"]],
+        "scores": {run: kept(scores) for run, scores in fit["scores"].items()},
+        "vehicle_scores": {run: kept(scores) for run, scores in fit["vehicle_scores"].items()},
+        "residuals": kept(fit["residuals"]),
     }
 
 
@@ -222,6 +247,8 @@ def _cell(row: Row) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_value, value))
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
@@ -402,6 +429,12 @@ def _scores(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
                         _spread([s["rmse"] for s in of], name), _percents([s["fit_percent"] for s in of]),
                     ]
                 )  # fmt: skip
+    designed = {run: scores for fit in fits for run, scores in fit["vehicle_scores"].items()}
+    for name in dict.fromkeys(name for fit in fits for name in fit["outputs"]):
+        of = [scores[name] for scores in designed.values() if name in scores]
+        if of:
+            ends = [_spread([s["rmse"] for s in of], name), _percents([s["fit_percent"] for s in of])]
+            lines.append([VEHICLE, "–", channel(name).label, "0", str(len(of)), *ends])
     heads = ["model", "method", "output", "runs fitted", "held out", "rms error", "fit"]
     caption = "Median over the held-out runs, and below it the range."
     return _table(heads, lines, 3, caption) if lines else None
@@ -410,7 +443,7 @@ def _scores(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 def _model(fit: Mapping[str, Any]) -> dict[str, Any]:
     text = f"{fit['method']}, from {listed([channel(n).label for n in fit['inputs']], 'and')} to "
     text += f"{listed([channel(n).label for n in fit['outputs']], 'and')}, {fit['dt']:g} s a sample; "
-    settings = ", ".join(f"{key} {value}" for key, value in fit["settings"].items())
+    settings = ", ".join(f"{key} {_value(value)}" for key, value in fit["settings"].items())
     text += f"{settings}; " if settings else ""
     text += f"fitted in {number(fit['seconds'], 2)} s to {len(fit['trained_on'])} "
     text += f"run{'s' * (len(fit['trained_on']) != 1)}; models/{fit['file']}."
@@ -468,6 +501,7 @@ def _rollouts(
                 by_model[name].setdefault(output, []).append(score)
     lines, best = [], []
     for name, outputs in by_model.items():
+        outputs = {output: outputs[output] for output in wanted if output in outputs}
         for output, scores in outputs.items():
             percents = [s["percent"] for s in scores]
             rmse, most = _spread([s["rmse"] for s in scores], output), _spread([s["maximum"] for s in scores], output)
@@ -571,8 +605,8 @@ def _residuals(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
             lines.append([*line, "yes" if passed else "no", tie])
     heads = ["model", "output", "residual", "rms", "lag-1 correlation", "p (Ljung-Box)", "white", "tie to an input"]
     text = (
-        "What models leave of held-out runs: errors of predictions one sample ahead where a model predicts, of free runs "
-        "otherwise. A model that tells all that inputs and the past can tell leaves white residuals that "
+        "What models leave of held-out runs: errors one sample ahead where a model predicts, of free runs otherwise. A "
+        "model that tells all that inputs and the past can tell leaves white residuals that "
         "follow no input; errors of free runs are hardly ever white."
     )
     few = dict(list(tests.items())[:MOST_MODELS])
@@ -587,8 +621,8 @@ def _residuals(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
             _drawn(
                 lambda: figures.input_correlation_figure(few), "input-correlation",
                 "Correlation of residuals with inputs at lags of either sign.",
-                "Whether the residual follows an input. Beyond the band right of zero: a response that the model lacks; "
-                "left of zero: feedback, which moves the input after the output has gone astray.",
+                "Whether the residual follows an input. Beyond the band right of zero: a response that is lacking; left "
+                "of zero: feedback, which moves the input after the output has gone astray.",
             )
         )  # fmt: skip
     heading = f"Residual tests: white in {white} of {total} outputs of models"
