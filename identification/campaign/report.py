@@ -490,7 +490,7 @@ def _rollouts(
     """What one kind of rollouts shows: heading, words, table, figures; None where there are none."""
     if not told:
         return None
-    models = list(dict.fromkeys(name for r in told for name in r["models"]))
+    models = sorted(dict.fromkeys(name for r in told for name in r["models"]), key=lambda name: name == VEHICLE)
     by_model: dict[str, dict[str, list[Mapping[str, float]]]] = {name: {} for name in models}
     failed = [("no model", r["run"], r["reason"]) for r in told if r["status"] != "done"]
     for r in told:
@@ -576,7 +576,7 @@ def _curves(told: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, dict[str, 
             for output, curve in of["over_time"].items():
                 parts.setdefault(name, {}).setdefault(output, []).append(curve)
     result: dict[str, dict[str, dict[str, list[float]]]] = {}
-    for name, outputs in list(parts.items())[:MOST_MODELS]:
+    for name, outputs in sorted(parts.items(), key=lambda item: item[0] == VEHICLE)[:MOST_MODELS]:
         for output, curves in outputs.items():
             longest = max(curves, key=lambda c: c["time_s"][-1])
             squares = [np.interp(longest["time_s"], c["time_s"], np.square(c["percent"]), right=np.nan) for c in curves]
@@ -606,8 +606,8 @@ def _residuals(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
     heads = ["model", "output", "residual", "rms", "lag-1 correlation", "p (Ljung-Box)", "white", "tie to an input"]
     text = (
         "What models leave of held-out runs: errors one sample ahead where a model predicts, of free runs otherwise. A "
-        "model that tells all that inputs and the past can tell leaves white residuals that "
-        "follow no input; errors of free runs are hardly ever white."
+        "model that tells all that inputs and the past can tell leaves white residuals that follow no input; errors of "
+        "free runs are hardly ever white."
     )
     few = dict(list(tests.items())[:MOST_MODELS])
     drawings = [
@@ -621,8 +621,8 @@ def _residuals(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
             _drawn(
                 lambda: figures.input_correlation_figure(few), "input-correlation",
                 "Correlation of residuals with inputs at lags of either sign.",
-                "Whether the residual follows an input. Beyond the band right of zero: a response that is lacking; left "
-                "of zero: feedback, which moves the input after the output has gone astray.",
+                "Whether the residual follows an input. Beyond the band right of zero: a response that is lacking; "
+                "left of zero: feedback, which moves the input after the output has gone astray.",
             )
         )  # fmt: skip
     heading = f"Residual tests: white in {white} of {total} outputs of models"
