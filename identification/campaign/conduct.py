@@ -28,6 +28,8 @@ from identification.campaign.staging import check_run
 from identification.campaign.workers import outcomes_here, outcomes_on
 
 CAMPAIGN = "campaign.toml"
+_RESERVE = ".reserve"
+_ROW_SIZE = 1024  # bytes that a row of the index surely fits into
 _INDEX_EVERY = 2.0  # s; run files are the truth, so that an index that lags costs nothing
 
 Progress = Callable[[int, int, int, str], None]
@@ -79,6 +81,9 @@ def conduct(
         kept = sum(row.finished for row in rows.values())
         todo = [run for run in runs if not rows[run.id].finished]
         _check(todo, campaign, lambda k, n: progress(kept, len(runs), 0, f"checking {k} of {n}"))
+        # room for the index, which is to say so when the disk is full
+        with replacing(out / _RESERVE) as reserve:
+            reserve.write_bytes(b"\0" * (_ROW_SIZE * (len(runs) + 8)))
         trouble, last = "", -_INDEX_EVERY
         try:
             with _interruptible():
@@ -92,6 +97,7 @@ def conduct(
                     if monotonic() - last > _INDEX_EVERY:
                         trouble, last = _try_index(rows, out), monotonic()
         finally:
+            (out / _RESERVE).unlink(missing_ok=True)
             trouble = _try_index(rows, out)
     return Conducted(tuple(rows.values()), kept, tuple(strangers(runs, out)), trouble)
 
