@@ -127,8 +127,8 @@ def thinned(values: np.ndarray, most: int, cuts: Sequence[int] | np.ndarray = ()
 class Clock:
     """Time of a record's samples along a figure, in a unit that suits its length, from 0.
 
-    times: (n,).  size: s in the unit.  cuts: where segments begin.  Segments whose times overlap or lie far apart follow
-    one another closely.
+    times: (n,).  size: s in the unit.  cuts: where segments begin.  Segments whose times overlap or lie far apart
+    follow one another closely.
     """
 
     def __init__(self, record: Record):
