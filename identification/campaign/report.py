@@ -630,9 +630,9 @@ def _residuals(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 
 
 def _beyond(test: Mapping[str, Any]) -> float:
-    """Largest correlation at lags from zero on, in 95 % bounds."""
+    """Largest correlation at lags above zero, in 95 % bounds; at zero an input cannot have acted yet."""
     lags, values = np.asarray(test["lags_s"]), np.abs(test["correlation"])
-    return float(np.max(values[lags >= 0.0]) / test["bound"])
+    return float(np.max(values[lags > 0.0]) / test["bound"])
 
 
 def _runs(rows: Sequence[Row], records: Mapping[str, Record]) -> dict[str, Any]:
