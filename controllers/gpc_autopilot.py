@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from math import inf, radians
 from typing import Any
 
+import numpy as np
+
 from auv_gym.cruise import command_limits, find_cruise
 from auv_gym.engine import find_engine
 from auv_gym.linear import linearise
@@ -21,6 +23,11 @@ _DEPTH_ERROR = 0.5  # lengths
 _ANGLE_ERROR = 0.3  # rad, of heading, or of pitch where that has a target
 _TRIM_ERROR = 1.0  # rad, of pitch, where there are bow planes to hold the depth without it
 _SPEED_ERROR = 0.1  # of the cruise speed
+_TURN = 0.3  # rad of heading a length
+# a hull that is not stable in yaw turns on by itself where it has lost speed and the rudder no longer holds it
+_CAREFUL_TURN = 0.2
+_CAREFUL_LENGTHS = 4.0  # of the way, while the reference nears the target
+_STABLE = 1.0 + 1e-6  # largest pole
 # change of the inputs' disturbance in a sample, of half their range, that the filters reckon with: what the linear form
 # leaves out of a vehicle that pitches, turns and slows down
 _FIN_DRIFT = 0.1
@@ -101,8 +108,18 @@ def _torpedo_pitch(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
 
 
 def _torpedo_heading(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:
-    model = linearise(plant, (plant.inputs[0],), ("heading_rad",), dt=dt)
-    return _gpc(plant, model, settings, weights={"heading_rad": 1.0 / _ANGLE_ERROR})
+    model = linearise(plant, (plant.inputs[0],), ("heading_rad", "r_radps"), dt=dt)
+    rate = find_cruise(plant).speed / plant.hull.length
+    stable = np.abs(model.poles()).max() < _STABLE
+    fastest = (_TURN if stable else _CAREFUL_TURN) * rate
+    return _gpc(
+        plant,
+        model,
+        settings,
+        weights={"heading_rad": 1.0 / _ANGLE_ERROR},
+        output_limits={"r_radps": (-fastest, fastest)},
+        reference_time=0.0 if stable else _CAREFUL_LENGTHS / rate,
+    )
 
 
 def _torpedo_speed(plant: Plant, dt: float, settings: dict[str, Any]) -> Gpc:

@@ -11,7 +11,7 @@ import numpy as np
 from controllers.predictive.increments import Increments
 
 _FAR = 1e30  # what the solver takes as no limit
-_SOFT = 8  # what it calls a constraint that may be broken
+_STIFFEST = 3e-5  # of a limit: its square is what the solver still tells from zero
 _TOLERANCE = 1e-8  # of the rows, which are scaled by their limits' ranges
 
 
@@ -42,7 +42,8 @@ class Aims:
 class Program:
     """Minimise x' hessian x / 2 + (slope s)' x within bounds that s moves; s = [z | goals | references].
 
-    x: the moves, m at a time, in units of 1 / move_weights.  rows: of x, after the simple bounds of x itself.
+    x: the moves, m at a time, in units of 1 / move_weights.  rows: of x, after the simple bounds of x itself; the last
+    `softened` of them are outputs' limits.
     Outputs' limits are kept wherever any moves keep them, at whatever cost; only where none do are they softened: the
     square of what is broken, in half ranges, then costs `soft` times the plan's own slope. So no weight outweighs them.
     """
@@ -54,8 +55,7 @@ class Program:
     lower: np.ndarray
     bound_slope: np.ndarray
     unit: np.ndarray
-    hard: np.ndarray
-    softened: np.ndarray
+    softened: int
     soft: float
 
     def solve(self, s: np.ndarray) -> np.ndarray | None:
@@ -64,12 +64,31 @@ class Program:
         linear, moved = self.slope @ s, self.bound_slope @ s
         upper[linear.size :] += moved
         lower[linear.size :] += moved
-        solve, problem = solver().solve, (self.hessian, linear, self.rows, upper, lower)
-        x, _, status, _ = solve(*problem, self.hard, primal_tol=_TOLERANCE)
-        if status <= 0 and self.softened.any():
-            give = 1.0 / (self.soft * (1.0 + np.abs(linear).max()))
-            x, _, status, _ = solve(*problem, self.softened, primal_tol=_TOLERANCE, rho_soft=give)
-        return x.reshape(-1, self.unit.size) * self.unit if status > 0 else None
+        x, _, status, _ = solver().solve(self.hessian, linear, self.rows, upper, lower, primal_tol=_TOLERANCE)
+        if status <= 0 and self.softened:
+            x, status = self._give_way(linear, upper, lower)
+        return x[: linear.size].reshape(-1, self.unit.size) * self.unit if status > 0 else None
+
+    def _give_way(self, linear: np.ndarray, upper: np.ndarray, lower: np.ndarray) -> tuple[np.ndarray, int]:
+        """Moves, then what each of the last rows is broken by, in rows' lengths; and the solver's status.
+
+        Variables of their own: the solver's soft constraints, in the version tried, write beyond their memory.
+        """
+        n, more = linear.size, self.softened
+        hessian = 2.0 * np.eye(n + more)
+        hessian[:n, :n] = self.hessian
+        rows = np.hstack([self.rows, np.zeros((len(self.rows), more))])
+        lengths = np.diag(np.linalg.norm(self.rows[-more:], axis=1))
+        free = np.full(more, _FAR)
+        upper, lower = np.concatenate([upper[:n], free, upper[n:]]), np.concatenate([lower[:n], -free, lower[n:]])
+        give = max(1.0 / np.sqrt(self.soft * (1.0 + np.abs(linear).max())), _STIFFEST)
+        linear = np.concatenate([linear, np.zeros(more)])
+        x, status = linear, 0
+        while status <= 0 and give < 1.0:
+            rows[-more:, n:] = -give * lengths
+            x, _, status, _ = solver().solve(hessian, linear, rows, upper, lower, primal_tol=_TOLERANCE)
+            give *= 10.0  # an unstable model's far rows are nearly dependent: the solver then takes a softer limit
+        return x, status
 
     def gain(self) -> np.ndarray:
         """The first move without limits per entry of s, shape (m, len(s))."""
@@ -114,8 +133,6 @@ def build(increments: Increments, aims: Aims) -> Program:
         slopes.append(np.hstack([-free[:, output] / scale, np.zeros((steps, 2 * t))]))
         uppers.append(np.full(steps, highest / scale))
         lowers.append(np.full(steps, lowest / scale))
-    softened = np.zeros(size + len(sums) + limited.size * steps, dtype=np.int32)
-    softened[size + len(sums) :] = _SOFT
     return Program(
         hessian=2.0 * (reach.T @ reach + np.eye(size)),
         slope=2.0 * reach.T @ errors,
@@ -124,8 +141,7 @@ def build(increments: Increments, aims: Aims) -> Program:
         lower=_finite(np.concatenate([-bound, *lowers])),
         bound_slope=np.concatenate(slopes),
         unit=unit,
-        hard=np.zeros_like(softened),
-        softened=softened,
+        softened=limited.size * steps,
         soft=aims.soft,
     )
 

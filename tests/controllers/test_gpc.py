@@ -244,6 +244,16 @@ def test_an_output_limit_that_cannot_be_kept_is_broken_as_little_as_possible(div
     assert np.abs(outputs[12:, 1]).max() <= PITCH * (1.0 + 1e-6)
 
 
+def test_there_is_a_plan_from_anywhere(diving):
+    """From states far outside of the limits, hundreds of them: always a plan, and within the planes' limits."""
+    program, rng = diver(diving, rate_limits={}).program, np.random.default_rng(0)
+    for size in np.repeat([0.1, 1.0, 10.0], 100):
+        s = size * rng.standard_normal(program.slope.shape[1])
+        s[len(diving.states) + 2 : len(diving.states) + 4] = 0.0  # the planes as they were
+        planes = np.cumsum(program.solve(s), axis=0)
+        assert np.abs(planes).max() <= LIMIT * (1.0 + 1e-6)
+
+
 def test_a_reading_that_is_missing_counts_as_predicted():
     gpc, plant = turning(), yaw()
     x, state = plant.initial(np.zeros(1)), gpc.start()
