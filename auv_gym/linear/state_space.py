@@ -135,8 +135,8 @@ class StateSpace:
                 f"run needs starts of shape {(begin.size, len(self.states))}, one state a window, got {starts.shape}."
             )
         x = np.empty((int((stop - begin).sum()), len(self.states)))
-        _free_runs(self.a, np.ascontiguousarray(driven), begin, stop, starts, x)
         with np.errstate(over="ignore", invalid="ignore"):  # Diverged says so with the time
+            _free_runs(self.a, np.ascontiguousarray(driven), begin, stop, starts, x)
             y = x @ self.c.T + self.output_offset
         check_finite(self.outputs, np.concatenate([record.time[w] for w in windows]), y)
         return y
