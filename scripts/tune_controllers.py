@@ -41,14 +41,15 @@ from controllers.trial import NOISE, Steps, at_rest, fly, level_flight
 
 TABLE_4 = {"heading": (0.9, 1.7, 0.0024), "depth": (2.3, 2.4, 0.00006), "speed": (0.8, 0.1, 0.02)}  # Xu et al. 2013
 BESIDES = {"npsauv": (4.0,)}  # s, sample times besides a preset's own; paper 1 samples npsauv so
+PUBLISHED = "heu_torpedo"  # the vehicle that Table 4 is for
 PITCH_LIMIT = 0.35  # rad
 BOW_SHARE = -1.0  # bow planes against stern planes: a moment without a force
 CHANGE = 0.2  # of the main coefficients
 OFF = 0.05  # of an actuator's range, by which it is off its zero
 VERTICAL = ("hull.heave.uw", "hull.pitch.uw", "hull.pitch.uq", "hull.stern_plane.moment")
 SEGMENT = 30.0  # s per time scale of the vehicle; two make a run
-OVERSHOOT, TRAVEL = 10.0, 0.06  # weights: of overshoot over the step, of full travels of the command
-EVALUATIONS = 60  # of the cost, per loop
+OVERSHOOT, TRAVEL = 10.0, 0.15  # weights: of overshoot over the step, of full travels of the command
+EVALUATIONS = 40  # of the cost, per loop
 BAND = 0.05  # of the step, or the sensor's noise if that is more: settled
 _FAILED = 1e6
 _FACTORS = 0.7  # natural logarithm of the first changes of the gains
@@ -66,12 +67,13 @@ Start = tuple[np.ndarray, np.ndarray]
 class Bench(NamedTuple):
     """A vehicle's trial: plants, the first being the vehicle itself, and where each starts; steps of the targets.
 
-    duration: of a run, s.  scale: the vehicle's time scale, s.
+    held: the targets where they do not move.  duration: of a run, s.  scale: the vehicle's time scale, s.
     """
 
     plants: tuple[Plant, ...]
     starts: tuple[Start, ...]
     steps: Steps
+    held: Mapping[str, float]
     duration: float
     scale: float
     seed: int
@@ -96,7 +98,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--vehicle", nargs="+", metavar="NAME", help="presets or vehicle files (default: all presets)")
     parser.add_argument("--dt", type=float, help="sample time, s (default: the vehicle's; npsauv also 4 s)")
     parser.add_argument("--seed", type=int, default=0, help="of noise and changed coefficients (default 0)")
-    parser.add_argument("--evaluations", type=int, default=EVALUATIONS, help="of the cost, per loop (default 60)")
+    parser.add_argument("--evaluations", type=int, default=EVALUATIONS, help="of the cost, per loop (default 40)")
+    parser.add_argument("--s-plane", action="store_true", help="S-plane loops too (default: those of heu_torpedo)")
     parser.add_argument("--out", type=Path, default=Path("gains.toml"), help="entries of others stay in it")
     given = parser.parse_args(argv)
     try:
@@ -110,7 +113,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         with _progress() as show:
             for i, plant in enumerate(plants):
                 bench = bench_of(plant, given.seed)
-                gains = tuned(bench, given.evaluations, lambda share, text, i=i: show((i + share) / len(plants), text))
+                gains = tuned(
+                    bench,
+                    given.evaluations,
+                    lambda share, text, i=i: show((i + share) / len(plants), text),
+                    given.s_plane,
+                )
                 reached += measured(bench, gains)
                 kept = (*(e for e in kept if (e.vehicle, e.dt) != (gains.vehicle, gains.dt)), gains)
                 write_gains(kept, given.out)
@@ -122,9 +130,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0
 
 
-def tuned(bench: Bench, evaluations: int, show: Callable[[float, str], None]) -> Gains:
-    """The gains of the vehicle on a bench, after so many evaluations of the cost for each loop."""
-    gains = _all_rounded(first_gains(bench.plants[0]))
+def tuned(bench: Bench, evaluations: int, show: Callable[[float, str], None], s_plane: bool = False) -> Gains:
+    """The gains of a bench's vehicle, after so many evaluations for each loop; s_plane: with those of that law."""
+    gains = _all_rounded(first_gains(bench.plants[0], s_plane))
     plan = [(kind, name) for kind in gains.loops for name in _LOOPS[kind] if name in bench.steps]
     for i, (kind, name) in enumerate(plan):
 
@@ -154,11 +162,11 @@ def bench_of(plant: Plant, seed: int) -> Bench:
         factors = 1.0 + CHANGE * rng.choice([-1.0, 1.0], len(paths))
         changed = {path: value_at(plant, path) * factor for path, factor in zip(paths, factors.tolist(), strict=True)}
         plants.append(replace_at(plant, {**changed, **{path: side * value for path, value in offsets.items()}}))
-    steps, duration, scale, start = _steps(plant)
-    return Bench(tuple(plants), tuple(start(plant) for plant in plants), steps, duration, scale, seed)
+    steps, held, duration, scale, start = _steps(plant)
+    return Bench(tuple(plants), tuple(start(plant) for plant in plants), steps, held, duration, scale, seed)
 
 
-def first_gains(plant: Plant) -> Gains:
+def first_gains(plant: Plant, s_plane: bool = False) -> Gains:
     """Gains to start from: a torpedo's by its linear-quadratic regulators, others' by their lags and engines."""
     if plant.family.kind == "glider":
         pid = heading_pid(plant)
@@ -191,7 +199,7 @@ def first_gains(plant: Plant) -> Gains:
         "depth": _law(by_pitch, by_pitch / (40.0 * time), integral_range=0.5 * length, limit=PITCH_LIMIT),
     }
     loops: dict[str, Loops] = {"pid": pid}
-    if plant.dt < time:  # a sigmoid of depth alone has to be quick
+    if s_plane or (plant.name == PUBLISHED and plant.dt < time):
         scales = {
             "speed": (speed, 1.0 * speed / time),
             "heading": _scales("heading", float(limits[0]), rudder, turn),
@@ -216,7 +224,7 @@ def cost(bench: Bench, gains: Gains, kind: str, name: str) -> float:
     for i, plant in enumerate(bench.plants):
         rng = np.random.default_rng([bench.seed, i])
         try:
-            run = fly(plant, controller, bench.steps, bench.duration, start=bench.starts[i], rng=rng)
+            run = fly(plant, controller, _trial(bench, name), bench.duration, start=bench.starts[i], rng=rng)
         except (Diverged, OverflowError):
             return _FAILED
         total += _cost_of(run, bench, name)
@@ -228,9 +236,9 @@ def measured(bench: Bench, gains: Gains) -> list[Reached]:
     result = []
     for kind in gains.loops:
         controller, plant = autopilot(bench.plants[0], kind, gains=gains), bench.plants[0]
-        rng = np.random.default_rng([bench.seed, len(bench.plants)])
-        run = fly(plant, controller, bench.steps, bench.duration, start=bench.starts[0], rng=rng)
         for name in bench.steps:
+            rng = np.random.default_rng([bench.seed, len(bench.plants)])
+            run = fly(plant, controller, _trial(bench, name), bench.duration, start=bench.starts[0], rng=rng)
             part, target = next(_segments(run, name))
             size = target - float(run[name][part][0])
             band = max(BAND * abs(size), NOISE[name])
@@ -239,6 +247,14 @@ def measured(bench: Bench, gains: Gains) -> list[Reached]:
                 Reached(gains.vehicle, gains.dt, kind, name, size, step.settling_time, step.overshoot, step.swing)
             )
     return result
+
+
+def _trial(bench: Bench, name: str) -> Steps:
+    """The targets of a channel's trial: speed moves alone, because a sharp turn costs more of it than a step."""
+    return {
+        other: steps if (other == "u_mps") == (name == "u_mps") else [(0.0, bench.held[other])]
+        for other, steps in bench.steps.items()
+    }
 
 
 def _cost_of(run: Mapping[str, np.ndarray], bench: Bench, name: str) -> float:
@@ -308,8 +324,8 @@ def _improved(bench: Bench, gains: Gains, kind: str, name: str, evaluations: int
     return at(found.x)
 
 
-def _steps(plant: Plant) -> tuple[Steps, float, float, Callable[[Plant], Start]]:
-    """Steps of the targets, s of a run, s of the vehicle's time scale, and where a run starts."""
+def _steps(plant: Plant) -> tuple[Steps, Mapping[str, float], float, float, Callable[[Plant], Start]]:
+    """Steps of the targets, targets that stand, s of a run, s of the vehicle's time scale, and where a run starts."""
     if plant.family.kind == "torpedo":
         cruise, length = find_cruise(plant), plant.hull.length
         scale = max(length / cruise.speed, 3.0 * plant.dt)
@@ -321,6 +337,7 @@ def _steps(plant: Plant) -> tuple[Steps, float, float, Callable[[Plant], Start]]
                 "heading_rad": [(0.0, 0.9), (0.5 * duration, 0.4)],
                 "u_mps": [(0.0, 0.8 * cruise.speed), (0.4 * duration, cruise.speed)],
             },
+            {"depth_m": deep, "heading_rad": 0.0, "u_mps": cruise.speed},
             duration,
             scale,
             lambda plant: level_flight(plant, deep),
@@ -330,6 +347,7 @@ def _steps(plant: Plant) -> tuple[Steps, float, float, Callable[[Plant], Start]]
         duration = 2.0 * SEGMENT * scale
         return (
             {"heading_rad": [(0.0, 0.9), (0.5 * duration, 0.4)]},
+            {"heading_rad": 0.0},
             duration,
             scale,
             lambda plant: at_rest(plant, {"heading_rad": 0.0}),
@@ -338,6 +356,7 @@ def _steps(plant: Plant) -> tuple[Steps, float, float, Callable[[Plant], Start]]
     length, duration = engine.speed * engine.time, SEGMENT * engine.time
     return (
         {"depth_m": [(0.0, 5.0 * length), (0.5 * duration, 4.6 * length)]},
+        {"depth_m": 4.0 * length},
         duration,
         engine.time,
         lambda plant: at_rest(plant, {"depth_m": 4.0 * length}),
