@@ -42,7 +42,7 @@ def campaign(
 ) -> None:
     """Run a campaign of experiments, fit models to the records and compare them; a stopped one goes on.
 
-    Exit code: 3 where a run or a fit failed, 130 where the campaign was stopped.
+    Exit code: 3 where a run, a fit or a comparison failed, 130 where the campaign was stopped.
     """
     with progress_bar() as progress:
         progress(0.0, "starting")
@@ -67,7 +67,8 @@ def campaign(
                 if settings.compare is not None:
                     from identification.campaign.rollouts import compare_rollouts
 
-                    compare_rollouts(settings, out, jobs=jobs, progress=progress)
+                    rollouts = compare_rollouts(settings, out, jobs=jobs, progress=progress)
+                    failed |= any(told["status"] == "failed" for told in rollouts)
             report = None
             if only in (None, Part.report):
                 progress(1.0, "writing the report")

@@ -10,7 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, vehicle_of
+from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, model_of, vehicle_of
 from auv_gym.model import Model
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, without_effects
@@ -43,7 +43,7 @@ class GliderHeading(gymnasium.Env):
         vehicle: str | os.PathLike | Plant = "slocum",
         *,
         effects: Mapping[str, float] | None = None,
-        model: Model | None = None,
+        model: Model | str | os.PathLike | None = None,
         dt: float | None = None,
         duration: float = 600.0,
         compass_noise: float = 0.0,
@@ -54,7 +54,7 @@ class GliderHeading(gymnasium.Env):
         """An environment of a preset, a vehicle file or a plant; raises on what does not fit together.
 
         effects: values by parameter path, such as {"effects.rudder.offset": 0.05}.  model: drives the environment in
-        place of the plant.  dt: s, default the vehicle's.  compass_noise: standard deviation, rad.
+        place of the plant, a Model or its file.  dt: s, default the vehicle's.  compass_noise: standard deviation, rad.
         target: fixed heading, rad; by default it changes in steps drawn from the generator.
         speed: m/s, or a range from which each episode draws one; default the vehicle's nominal speed.
         """
@@ -74,7 +74,7 @@ class GliderHeading(gymnasium.Env):
         if target is not None:
             check_number("target", target, "rad")
         self.plant = plant
-        self.model = plant if model is None else _checked(model, plant)
+        self.model = plant if model is None else _checked(model_of(model, plant), plant)
         self.duration, self.compass_noise, self.target = float(duration), float(compass_noise), target
         self.speed_range = _speed_range(speed, plant.hull.speed)
         self.render_mode = render_mode

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from auv_gym.model import Model
+from auv_gym.model_files import load_model
 from auv_gym.plant import Plant, load_vehicle
 
 
@@ -18,6 +19,11 @@ def vehicle_of(vehicle: str | os.PathLike | Plant, dt: float | None) -> Plant:
     if isinstance(vehicle, Plant):
         return vehicle if dt is None else replace(vehicle, dt=dt)
     return load_vehicle(vehicle, dt=dt)
+
+
+def model_of(model: Model | str | os.PathLike, plant: Plant) -> Model:
+    """A model, or that of a model or vehicle file, at the plant's sample time where it can choose."""
+    return load_model(model, dt=plant.dt) if isinstance(model, str | os.PathLike) else model
 
 
 def check_number(name: str, value: Any, unit: str, *, above: float = -inf, at_least: float = -inf) -> None:

@@ -15,13 +15,13 @@ from auv_gym.envs.episodes import Episodes
 from auv_gym.envs.float_setting import float_setting
 from auv_gym.envs.kernel import CHANGE_DRAWS, START_DRAWS, bind_kernel
 from auv_gym.envs.layout import LAYOUTS, NOISE_ROWS, SAMPLING, plan_type, row_type, size
-from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, vehicle_of
+from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, model_of, vehicle_of
 from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import Observed, Task
 from auv_gym.envs.torpedo_setting import torpedo_setting
 from auv_gym.model import Model
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
-from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant import Plant
 from auv_gym.vehicles import FAMILIES
 
 _VEHICLES = {"torpedo": "a vehicle in six degrees of freedom", "float": "a profiling float"}
@@ -214,7 +214,7 @@ def _range(plant: Plant, path: str, limits: Any) -> tuple[float, float]:
 
 
 def _model(model: Model | str | os.PathLike, plant: Plant) -> Model:
-    driver = load_vehicle(model, dt=plant.dt) if isinstance(model, str | os.PathLike) else model
+    driver = model_of(model, plant)
     check_model_dt(driver, plant)
     return driver
 

@@ -149,7 +149,7 @@ def _closed(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Mode
     experiment = task.settings.experiment
     assert isinstance(experiment, EnvExperiment)  # planned_rollouts sees to it
     env = make_env(task.settings, task.origin)
-    controller = make_controller(task.settings, env)
+    controller = make_controller(task.settings, env, task.origin)
     env.close()
     done = compare_closed(
         lambda model: make_env(task.settings, task.origin, model=model),

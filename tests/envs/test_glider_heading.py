@@ -7,6 +7,8 @@ import pytest
 
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.envs.glider_heading import GliderHeading
+from auv_gym.linear import StateSpace
+from auv_gym.model_files import save_model
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import load_vehicle, save_vehicle
 from auv_gym.vehicles.glider import yaw_rates
@@ -52,6 +54,27 @@ def test_targets_readings_and_commands_go_by_channel():
     assert info["command"] == {"rudder_rad": pytest.approx(0.1)}
     assert info["target"] == {"heading_rad": info["target_rad"]}
     assert info["reading"] == {"heading_rad": info["reading_rad"], "u_mps": info["speed_mps"]}
+
+
+def test_a_model_file_drives_the_environment(tmp_path):
+    dt, lag = 4.0, 0.9
+    model = StateSpace(
+        a=np.array([[1.0, dt], [0.0, lag]]),
+        b=np.array([[0.0], [0.01]]),
+        c=np.array([[1.0, 0.0]]),
+        inputs=("rudder_rad",),
+        outputs=("heading_rad",),
+        dt=dt,
+    )
+    save_model(model, tmp_path / "turn.npz")
+    by_file = GliderHeading("slocum", model=tmp_path / "turn.npz")
+    by_model = GliderHeading("slocum", model=model)
+    actions = np.linspace(-0.5, 0.5, 20)
+    found, expected = (
+        [step[-1]["heading_rad"] for step in run(env, actions, heading=0.0)] for env in (by_file, by_model)
+    )
+    assert found == expected
+    assert abs(found[-1]) > 0.01
 
 
 @pytest.mark.parametrize("vehicle", ["ganeshblue", "slocum"])
