@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -12,15 +12,23 @@ import numpy as np
 
 from auv_gym.channels import CHANNELS
 from auv_gym.model import Model
-from auv_gym.param import replace_at
+from auv_gym.param import did_you_mean, replace_at
 from auv_gym.plant import Plant, load_vehicle
 from controllers.autopilots import autopilot
 from controllers.controller import Controller
 from controllers.envelope import Envelope as Enveloped
 from controllers.excited import Excited
-from identification.campaign.settings import Envelope, EnvExperiment, MissionExperiment, RunSettings, Vehicle
+from controllers.relay import Relay
+from identification.campaign.settings import (
+    Envelope,
+    EnvExperiment,
+    Excitation,
+    MissionExperiment,
+    RunSettings,
+    Vehicle,
+)
 from identification.driving import checked_steps, commanded
-from identification.excitation import make_signal
+from identification.excitation import SIGNALS, make_signal
 
 _OPTIONS = {  # of the file, by those of the environments
     "duration": "duration_s",
@@ -33,6 +41,10 @@ _OPTIONS = {  # of the file, by those of the environments
     "compass_noise": "compass_noise_rad",
     "speed": "speed_mps",
 }
+
+
+# Excitations that are no signals but answer the vehicle, with what their settings are by default.
+RELAYS: Mapping[str, Mapping[str, Any]] = {"relay": {}, "zigzag": {"measured": "heading_rad"}}
 
 
 def make_vehicle(vehicle: Vehicle, folder: Path, *, effects: bool = True) -> Plant:
@@ -81,10 +93,13 @@ def make_controller(settings: RunSettings, env: gymnasium.Env, folder: Path = Pa
     controller = plain
     if settings.excitation:
         _, info = env.reset(seed=settings.seed)
+        for number, given in enumerate(settings.excitation):
+            if given.kind in RELAYS:
+                controller = _relayed(controller, number, given, info["command"], commanded(env))
         signals = _signals(settings, env, info["target"])
         # a command that no target asks for moves about where the vehicle starts with it
         at_rest = {name: info["command"][name] for name in signals if name in commanded(env)}
-        controller = Excited(plain, signals, inner.plant.dt, at_rest)
+        controller = Excited(controller, signals, inner.plant.dt, at_rest) if signals else controller
     if settings.envelope is not None:
         controller = _enveloped(controller, plain, settings.envelope)
     return controller
@@ -140,6 +155,14 @@ def _signals(settings: RunSettings, env: gymnasium.Env, target: Mapping[str, flo
     known = (*commanded(env), *target, *experiment.targets)
     signals: dict[str, np.ndarray] = {}
     for number, given in enumerate(settings.excitation):
+        if given.kind in RELAYS:
+            continue
+        if given.kind not in SIGNALS:
+            kinds = (*SIGNALS, *RELAYS)
+            raise ValueError(
+                f"excitation.{number}.kind: no {given.kind!r}. {did_you_mean(given.kind, kinds)}"
+                f"Kinds: {', '.join(kinds)}."
+            )
         if given.at not in known:
             raise ValueError(
                 f"excitation.{number}.at needs a command or a target of this experiment "
@@ -152,6 +175,24 @@ def _signals(settings: RunSettings, env: gymnasium.Env, target: Mapping[str, flo
             raise ValueError(f"excitation.{number}: {error}") from None
         signals[given.at] = signals.get(given.at, 0.0) + signal
     return signals
+
+
+def _relayed(
+    controller: Controller, number: int, given: Excitation, rest: Mapping[str, float], commands: Sequence[str]
+) -> Controller:
+    """The controller with a command that switches as the vehicle answers, about where it stands at rest."""
+    settings = {**RELAYS[given.kind], **given.settings}
+    if given.at not in commands or given.start_s:
+        raise ValueError(
+            f"excitation.{number}: a {given.kind} is at one of the commands {', '.join(commands)}, from the start on; "
+            f"got at = {given.at!r}, start_s = {given.start_s:g}."
+        )
+    if "amplitude" in settings and "band" not in settings and given.kind == "zigzag":
+        settings["band"] = abs(settings["amplitude"])
+    try:
+        return Relay(controller, given.at, neutral=rest[given.at], **settings)
+    except TypeError as error:
+        raise ValueError(f"excitation.{number}: a {given.kind} needs amplitude, measured and band: {error}.") from None
 
 
 def _enveloped(controller: Controller, guard: Controller, envelope: Envelope) -> Controller:

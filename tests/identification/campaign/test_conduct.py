@@ -140,7 +140,8 @@ def test_what_cannot_be_is_found_before_anything_runs(campaign, tmp_path, monkey
     monkeypatch.setattr(conducting, "_outcomes", lambda *given: pytest.fail("a run was begun"))
     wrong = [
         ('at = "rudder_rad"', 'at = "ruder_rad"', r"excitation.0.at needs .*rudder_rad.*got 'ruder_rad'"),
-        ('kind = "prbs"', 'kind = "prsb"', r"excitation.0: No signal 'prsb'. Did you mean 'prbs'"),
+        ('kind = "prbs"', 'kind = "prsb"', r"excitation.0.kind: no 'prsb'. Did you mean 'prbs'"),
+        ('kind = "prbs"', 'kind = "relay"', "excitation.0: a relay needs amplitude, measured and band"),
         ("clock_s", "clock", "excitation.0: Signal 'prbs' has no setting 'clock'"),
         ('kind = "pid"', 'kind = "pid"\nfoo = 1', "controller: kind 'pid' does not take"),
         ('preset = "slocum"', 'preset = "slocom"', "Did you mean 'slocum'"),
@@ -153,6 +154,20 @@ def test_what_cannot_be_is_found_before_anything_runs(campaign, tmp_path, monkey
     for old, new, said in wrong:
         with pytest.raises(ValueError, match=said):
             conduct(changed(campaign, old, new), tmp_path / "out")
+
+
+def test_a_zigzag_switches_as_the_vehicle_answers(campaign, tmp_path):
+    short = changed(campaign, 'kind = "prbs"', 'kind = "zigzag"\nband = 0.05')
+    short = changed(short, "clock_s = 8.0\n", "")
+    row = conduct(short, tmp_path / "out").rows[0]
+    assert row.status == "done"
+    record = Record.load(row.path(tmp_path / "out"))
+    rudder = record["rudder_rad"]
+    assert set(np.round(rudder, 12)) == {-0.1, 0.1}
+    switched = np.flatnonzero(np.diff(rudder)) + 1
+    away = record["heading_rad"][switched] - record["heading_rad"][0]
+    assert switched.size >= 1
+    assert (np.sign(rudder[switched]) * away <= -0.05).all()
 
 
 def test_runs_that_fail_leave_the_others_alone(campaign, tmp_path, monkeypatch):
