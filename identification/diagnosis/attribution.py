@@ -166,13 +166,14 @@ def _trials(bench, state, candidates, count, progress, done, share) -> list[Tria
     if other is not None:
         bases.append(other)
     bar = threshold(count)
-    screenings = [screen(bench.train, b.train, state.paths, candidates, b.colour, bar) for b in bases]
-    from_given = {s.candidate: s for s in screenings[-1]}
+    ways = [(b, step) for b in bases for step in bench.plant.family.screened]
+    screenings = [screen(bench.train, b.train, state.paths, candidates, b.colour, bar, step) for b, step in ways]
+    of_candidate = [{s.candidate: s for s in of_way} for of_way in screenings]
     trials = []
     for number, s in enumerate(screenings[0]):
         progress(done + share * number / max(len(candidates), 1), s.candidate.title)
-        seen = [s, from_given[s.candidate]][: len(bases)]
-        trials.append(_trial(bench, state, list(zip(bases, seen, strict=True)), count))
+        seen = [(b, found[s.candidate]) for (b, _), found in zip(ways, of_candidate, strict=True)]
+        trials.append(_trial(bench, state, seen, count))
     return sorted(trials, key=lambda t: -t.total)
 
 
