@@ -75,6 +75,7 @@ _LISTED: Final = (
     Channel("heading_cmd_rad", "rad", "commanded heading", "command", angle=True),
     Channel("pitch_cmd_rad", "rad", "commanded pitch", "command", angle=True),
     Channel("depth_cmd_m", "m", "commanded depth", "command"),
+    Channel("u_cmd_mps", "m/s", "commanded forward speed", "command"),
     Channel("speed_cmd_mps", "m/s", "commanded speed through the water", "input"),
     Channel("rudder_cmd_rad", "rad", "commanded rudder", "command"),
     Channel("elevator_cmd_rad", "rad", "commanded elevator", "command"),

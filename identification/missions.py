@@ -11,8 +11,10 @@ import numpy as np
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant
 from auv_gym.record import Record
+from auv_gym.vehicles import FAMILIES
 from identification.experiment import closed_loop
 from identification.float_experiment import depth_control, oil_mission, summer_lake
+from identification.torpedo_experiment import steer
 
 _LAKE_TARGETS, _LAKE_HOLD = (40.0, 0.0), 600.0  # m, s
 
@@ -39,13 +41,7 @@ def fly(plant: Plant, rng: np.random.Generator, **settings: Any) -> Record:
 
 
 def mission_of(plant: Plant) -> Mission:
-    """The standard experiment with a vehicle; raises where its family has none."""
-    if plant.family.name not in MISSIONS:
-        raise ValueError(
-            f"No standard experiment is made for family {plant.family.name!r} of {plant.name}, only for "
-            f"{', '.join(MISSIONS)}: step this one in an environment, such as "
-            "gymnasium.make('auv_gym/Heading-v0', vehicle=...)."
-        )
+    """The standard experiment with a vehicle."""
     return MISSIONS[plant.family.name]
 
 
@@ -71,6 +67,15 @@ def _dives(plant: Plant, rng: np.random.Generator, *, depth_noise: float = 0.1, 
     return oil_mission(plant, rng=rng, noise=depth_noise, **named)
 
 
+def _manoeuvres(plant: Plant, rng: np.random.Generator, **settings: Any) -> Record:
+    return steer(plant, rng=rng, **settings)
+
+
+_STEER = Mission(
+    "heading, depth and speed in steps, with excitation at rudder and stern plane",
+    ("duration", "compass_noise", "depth_noise"),
+    _manoeuvres,
+)
 MISSIONS: Mapping[str, Mission] = {
     "glider": Mission(
         "a changing heading, with excitation at the rudder", ("duration", "compass_noise", "track_noise"), _heading
@@ -79,4 +84,5 @@ MISSIONS: Mapping[str, Mission] = {
         "from depth to depth in a stratified lake", ("duration", "target_depths", "depth_noise"), _lake
     ),
     "float_oil": Mission("dives with pump and valve", ("target_depths", "depth_noise"), _dives),
+    **{name: _STEER for name, family in FAMILIES.items() if family.kind == "torpedo"},
 }

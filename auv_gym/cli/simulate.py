@@ -30,7 +30,7 @@ def simulate(
         typer.Option(metavar="PATH=VALUE", help="An effect, such as effects.rudder.offset=0.05; may be repeated."),
     ] = None,
     compass_noise_deg: Annotated[
-        float | None, typer.Option(help="Glider: noise of the compass, standard deviation, deg; default: 0.5.")
+        float | None, typer.Option(help="Glider, torpedo: noise of the compass, standard deviation, deg; default: 0.5.")
     ] = None,
     track_noise_m: Annotated[
         float | None,
@@ -41,14 +41,16 @@ def simulate(
         typer.Option(help="Float: depth to go to, m; may be repeated: one after the other, or a dive to each."),
     ] = None,
     depth_noise_m: Annotated[
-        float | None, typer.Option(help="Float: noise of the depth, standard deviation, m; default: 0.02 or 0.1.")
+        float | None,
+        typer.Option(help="Float, torpedo: noise of the depth, standard deviation, m; default: 0.02, or 0.1."),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
 ) -> None:
     """Simulate a vehicle under control, and record what its sensors give.
 
-    A glider follows a changing heading with excitation at its rudder; a float with a piston goes from depth to depth;
-    a float with an oil bladder makes dives with pump and valve.
+    A glider follows a changing heading with excitation at its rudder; a torpedo changes heading, depth and speed with
+    excitation at its fins; a float with a piston goes from depth to depth; one with an oil bladder makes dives with
+    pump and valve.
     """
     if out is not None:
         _check_file_writable(out)
@@ -171,9 +173,9 @@ def _write_record(record: Record, path: Path) -> None:
 def _record_table(record: Record, title: str) -> Table:
     from auv_gym.channels import channel
 
-    shown = table(title, "channel!", "what", "unit", "lowest>", "mean>", "highest>")
+    shown = table(title, "channel!", "what", "lowest>", "mean>", "highest>")
     for name in record.names:
-        known, values = channel(name), record[name]
+        values = record[name]
         numbers = (f"{value:.4g}" for value in (values.min(), values.mean(), values.max()))
-        shown.add_row(name, known.label, known.unit, *numbers)
+        shown.add_row(name, channel(name).label, *numbers)
     return shown
