@@ -115,7 +115,7 @@ def test_simulated_missions_read_back_dive_by_dive(tmp_path, capsys):
         (["simulate", "qiandao_float", "--target-depth", "-3"], "target depths from 0 m down"),
         (["simulate", "qiandao_float", "--duration", "1"], "hold longer than a sample"),
         (["simulate", "mermaid", "--target-depth", "9"], "depths from 50 to 3000 m"),
-        (["simulate", "remus100", "--dt", "1"], "No gains of .remus100. within a factor of 2"),
+        (["simulate", "remus100", "--dt", "1"], "No gains of 'remus100' within a factor of 2"),
         (["simulate", "slocm"], "Did you mean 'slocum'"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset"], "got no '='"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset=much"], "the value 'much'"),
