@@ -10,9 +10,9 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.record import Record, concat
-from identification.campaign.judging import residual_tests
 from identification.comparison import OpenLoop, compare_open
 from identification.estimator import Estimator, Fit
+from identification.judging import residual_tests
 
 HELD_SHARE = 1.0 / 3.0
 

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from auv_gym import __version__
 from auv_gym.channels import channel
-from identification.campaign import figures
 from identification.comparison import OpenLoop
-from identification.drawing import shown_values, svg, unit_label
+from identification.drawing import shown_values, unit_label
 from identification.estimate import Estimate
-from identification.figures_models import horizon_figure
+from identification.figures_models import horizon_figure, residual_drawings, rollout_figure
 from identification.identify import Identified
-from identification.page import Drawing, amount, drawing, listed, number, page, span
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from identification.judging import is_white, strongest_tie
+from identification.page import Drawing, Table, amount, chance, drawn, listed, number, page, span
+from identification.shown import outputs_of
 
 # model -> channel -> horizon in s -> root mean square error
 Sweeps = Mapping[str, Mapping[str, Mapping[float, float]]]
-WHITE = 0.01  # p value above which a residual passes as white
 _RUNS = (
     "In a free run the model sees the inputs alone. Its start is fitted to the first {settle} of each window, "
     "which are not scored; this is so for all models."
@@ -33,16 +30,6 @@ _TESTS = (
     "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "
     "follows most: the input with the largest correlation at an earlier sample, and that in 95 % bounds of noise."
 )
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table of texts; the columns after the first `words` hold numbers."""
-
-    heads: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-    words: int = 1
-    caption: str = ""
 
 
 @dataclass(frozen=True)
@@ -99,13 +86,10 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
     """Whiteness of the residual of each output, and the input that it goes with most."""
     rows = []
     for name, test in tests.items():
-        p = f"{test['p_value']:.2g}" if test["p_value"] >= 1e-4 else "< 0.0001"
-        # lags above zero: the present input goes with the residual by feedback, not by what the model lacks
-        ties = {driver: _largest(tie) / tie["bound"] for driver, tie in test["inputs"].items()}
-        driver = max(ties, key=lambda k: ties[k], default="")
-        tie = f"{driver} ({number(ties[driver], 2)})" if driver else "–"
-        white = "yes" if test["p_value"] > WHITE else "no"
-        rows.append((name, tie, amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2), p, white))
+        driver, size = strongest_tie(test)
+        tie = f"{driver} ({number(size, 2)})" if driver else "–"
+        rms, first = amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2)
+        rows.append((name, tie, rms, first, chance(test["p_value"]), "yes" if is_white(test) else "no"))
     return Table(("output", "follows most", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
 
 
@@ -143,7 +127,7 @@ def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -
                 ["Each prediction starts from the state corrected with every measurement up to then, and runs free."],
                 [horizon_table(sweeps)],
                 [
-                    _drawn(
+                    drawn(
                         lambda: horizon_figure(shared),
                         "horizon",
                         "Root mean square error of predictions over the horizon.",
@@ -163,10 +147,10 @@ def _page(title: str, eyebrow: str, found: Sequence[str], sections: Sequence[Sec
 
 def _free_run_section(open_loop: OpenLoop, title: str) -> Section:
     given = shared_outputs(open_loop.scores)
-    names = [name for name in figures.outputs_of(open_loop.record, given) if name in given] or given[:1]
+    names = [name for name in outputs_of(open_loop.record, given) if name in given] or given[:1]
     records = {model: open_loop.shown(model) for model in open_loop.runs}
-    picture = _drawn(
-        lambda: figures.rollout_figure(open_loop.shown(), records, names, "measured"),
+    picture = drawn(
+        lambda: rollout_figure(open_loop.shown(), records, names, "measured"),
         "free-runs",
         "Measured outputs and free runs of the models, with their errors below.",
         "Free runs over what was measured, and below each output the error. Errors that grow steadily are a drift, "
@@ -178,36 +162,9 @@ def _free_run_section(open_loop: OpenLoop, title: str) -> Section:
 
 
 def _residual_section(tests: Mapping[str, Mapping[str, Any]]) -> Section:
-    white = sum(test["p_value"] > WHITE for test in tests.values())
-    drawings = [
-        _drawn(
-            lambda: figures.autocorrelation_figure({"model": tests}),
-            "autocorrelation",
-            "Autocorrelation of residuals, per output.",
-            "Whether the residual remembers its past. Points inside the grey band: no more than noise.",
-        )
-    ]
-    if any(test["inputs"] for test in tests.values()):
-        drawings.append(
-            _drawn(
-                lambda: figures.input_correlation_figure({"model": tests}),
-                "input-correlation",
-                "Correlation of residuals with inputs at lags of either sign.",
-                "Whether the residual follows an input. Right of zero beyond the band: a response that the model "
-                "lacks; left of it: feedback, which moves the input after the output has gone astray.",
-            )
-        )
+    white = sum(map(is_white, tests.values()))
     title = f"Residual tests: white in {white} of {len(tests)} outputs"
-    return Section(title, tables=[residual_table(tests)], drawings=drawings)
-
-
-def _drawn(draw: Callable[[], Figure], name: str, label: str, caption: str) -> Drawing:
-    return drawing(svg(draw, name, label), caption)
-
-
-def _largest(tie: Mapping[str, Any]) -> float:
-    """Largest correlation at lags above zero."""
-    return float(np.max(np.abs(tie["correlation"])[np.asarray(tie["lags_s"]) > 0.0]))
+    return Section(title, tables=[residual_table(tests)], drawings=residual_drawings({"model": tests}))
 
 
 def _interval(estimate: Estimate) -> str:

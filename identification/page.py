@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, log10
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from identification.drawing import require_render
+from identification.drawing import require_render, svg
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 def page(template: str, content: Mapping[str, Any]) -> str:
@@ -45,6 +48,25 @@ def drawing(svg: str, caption: str) -> Drawing:
     return Drawing(Markup(svg), caption)
 
 
+def drawn(draw: Callable[[], Figure], name: str, label: str, caption: str) -> Drawing:
+    """The figure that `draw` makes, for a page; see `identification.drawing.svg`."""
+    return drawing(svg(draw, name, label), caption)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; of a cell that is a pair the second stands below the first.
+
+    words: how many columns come before those with numbers.  marked: rows that something is wrong with.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str | tuple[str, str]]]
+    words: int = 1
+    caption: str = ""
+    marked: Sequence[int] = ()
+
+
 def number(value: float, digits: int = 3, sign: bool = False) -> str:
     """A number with this many significant digits, without an exponent where it stays short; a true minus sign."""
     if not isfinite(value):
@@ -62,6 +84,16 @@ def amount(value: float, unit: str, sign: bool = False) -> str:
     if unit in ("rad", "rad/s"):
         value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
     return typeset(f"{number(value, sign=sign)} {'' if unit == '1' else unit}".strip())
+
+
+def percent(value: float) -> str:
+    """A percentage with no more digits than it is worth."""
+    return f"{number(value) if abs(value) >= 1.0 or not isfinite(value) else number(round(value, 2))} %"
+
+
+def chance(p: float) -> str:
+    """A probability; small ones are only told to be small."""
+    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
 
 
 def span(limits: tuple[float, float], unit: str) -> str:

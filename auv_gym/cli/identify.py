@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table as Printed
 
     from auv_gym.record import Record
-    from identification.model_page import Table
+    from identification.page import Table
 
 
 @app.command()
@@ -123,7 +123,7 @@ def printed(title: str, shown: Table) -> Printed:
     heads = (head + (">" if i >= shown.words else "!") for i, head in enumerate(shown.heads))
     result = table(title, *heads)
     for row in shown.rows:
-        result.add_row(*map(escape, row))  # a1[depth_m] is no style
+        result.add_row(*(escape(str(cell)) for cell in row))  # a1[depth_m] is no style
     return result
 
 

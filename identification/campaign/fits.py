@@ -20,7 +20,6 @@ from auv_gym.plant import Plant
 from auv_gym.record import Record
 from auv_gym.writing import replacing
 from identification.campaign.index import Row, read_index
-from identification.campaign.judging import open_loop, poles_of, residual_tests
 from identification.campaign.plan import plan, selected
 from identification.campaign.pool import in_parallel
 from identification.campaign.settings import Campaign, Fit, RunSettings
@@ -28,6 +27,7 @@ from identification.campaign.staging import make_env, make_vehicle
 from identification.comparison import OpenLoop
 from identification.estimate import Estimate
 from identification.estimator import make_estimator
+from identification.judging import open_loop, poles_of, residual_tests
 
 FOLDER, LIST = "models", "fits.json"
 FORMAT = 1  # goes up where the same settings come to give another result

@@ -55,7 +55,7 @@ def perform(run: PlannedRun, folder: Path | None = None) -> Outcome:
     try:
         with tempfile.TemporaryDirectory(prefix="auv-gym-") as aside:
             record, reason = _record(_with_files(run, Path(aside)), folder or Path(aside), Path(aside))
-            status = _status(reason)
+            status = status_of(reason)
             seconds = time.perf_counter() - begin
             digest = content_hash(record)
             attrs = {
@@ -132,7 +132,8 @@ def _record(settings: RunSettings, folder: Path, aside: Path) -> tuple[Record, s
     return fly(make_vehicle(settings.vehicle, aside), rng, **experiment.settings), ""
 
 
-def _status(reason: str) -> Status:
+def status_of(reason: str) -> Status:
+    """What the reason of an episode's end makes of a run."""
     if any(reason.startswith(begin) if begin else not reason for begin in _SUCCESSES):
         return "done"
     return "diverged" if reason.startswith("diverged") else "ended"

@@ -18,16 +18,17 @@ from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.campaign.fits import VEHICLE, Progress, designed_vehicle, load_fitted, read_fits, write_json
 from identification.campaign.index import Row, read_index
-from identification.campaign.judging import open_loop, over_time
+from identification.campaign.perform import status_of
 from identification.campaign.plan import plan, selected
 from identification.campaign.pool import in_parallel
 from identification.campaign.settings import Campaign, EnvExperiment, RunSettings
 from identification.campaign.staging import make_controller, make_env
 from identification.comparison import compare_closed, step_scales
+from identification.judging import open_loop, over_time
 
 FOLDER, LIST = "rollouts", "rollouts.json"
 KINDS = ("open", "closed")
-FORMAT = 1  # goes up where the same settings come to give another result
+FORMAT = 2  # goes up where the same settings come to give another result
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +142,7 @@ def _open(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Model]
         run = done.runs[name]
         errors = {c: -run.residual[:, i] for i, c in enumerate(run.channels) if c in scales}
         elapsed = shown.elapsed
-        file = _saved(done.shown(name), f"{task.name}-{name}.nc".replace(" ", "_"), folder)
+        file = _saved(done.shown(name), f"{task.name}-{name}.nc".replace(" ", "_"), folder, run.channels)
         result["models"][name] = _scored(errors, run.scored, elapsed, scales, file)
 
 
@@ -173,7 +174,8 @@ def _closed(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Mode
             elapsed = time - vehicle.time[0]
         scored = np.ones(elapsed.size, dtype=bool)
         file = _saved(run.record, f"{task.name}-{name}.nc", folder)
-        result["models"][name] = {**_scored(errors, scored, elapsed, scales, file), "reason": run.reason}
+        early = run.reason if status_of(run.reason) != "done" else ""
+        result["models"][name] = {**_scored(errors, scored, elapsed, scales, file), "reason": early}
 
 
 def _judged(scales: Mapping[str, float], record: Record, models: Mapping[str, Model]) -> dict[str, float]:
@@ -211,10 +213,10 @@ def _failed(reason: str) -> dict[str, Any]:
     return {"status": "failed", "reason": reason, "file": "", "scores": {}, "over_time": {}}
 
 
-def _saved(record: Record, name: str, folder: Path) -> str:
-    """Writes the channels of a rollout that a picture may show; the file's name."""
+def _saved(record: Record, name: str, folder: Path, channels: Sequence[str] | None = None) -> str:
+    """Writes channels of a rollout, by default those that a picture may show; the file's name."""
     kept = [n for n in record.names if channel(n).kind in ("motion", "input", "command") or n.endswith("_flag")]
-    Record(record.dataset[[*kept, "segment"]]).save(folder / FOLDER / name)
+    Record(record.dataset[[*(kept if channels is None else channels), "segment"]]).save(folder / FOLDER / name)
     return name
 
 

@@ -17,6 +17,7 @@ from identification.validation import input_correlation, whiteness
 
 BINS = 60  # of an error over time
 LAGS = 20  # samples
+WHITE = 0.01  # p value above which a residual passes as white
 _DEAD_BEAT = 1e-6  # size of a pole in discrete time below which it is a delay
 
 
@@ -95,6 +96,19 @@ def residual_tests(model: Model, records: Sequence[Record]) -> dict[str, dict[st
     return result
 
 
+def is_white(test: Mapping[str, Any]) -> bool:
+    """Whether a residual passes as white."""
+    return test["p_value"] > WHITE
+
+
+def strongest_tie(test: Mapping[str, Any]) -> tuple[str, float]:
+    """The input that a residual goes with most, and how much, in 95 % bounds of noise; no input: "" and 0."""
+    # lags above zero: the present input goes with the residual by feedback, not by what the model lacks
+    ties = {driver: _largest(tie) / tie["bound"] for driver, tie in test["inputs"].items()}
+    driver = max(ties, key=lambda name: ties[name], default="")
+    return driver, ties.get(driver, 0.0)
+
+
 def poles_of(model: Model) -> list[tuple[float, float]]:
     """Real and imaginary parts of the poles in continuous time, 1/s, slowest first; none without a linear form.
 
@@ -125,3 +139,7 @@ def over_time(elapsed: np.ndarray, error: np.ndarray, scale: float) -> dict[str,
             middles.append(0.5 * (low + high))
             sizes.append(100.0 * float(np.sqrt(np.mean(error[inside] ** 2))) / scale)
     return {"time_s": middles, "percent": sizes}
+
+
+def _largest(tie: Mapping[str, Any]) -> float:
+    return float(np.max(np.abs(tie["correlation"])[np.asarray(tie["lags_s"]) > 0.0]))

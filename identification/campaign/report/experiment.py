@@ -1,0 +1,118 @@
+"""The experiment on the page: how set points were followed, signals of runs, spectra."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from auv_gym.channels import channel, set_point_of
+from auv_gym.record import Record
+from identification.campaign import figures
+from identification.campaign.index import Row
+from identification.campaign.report.focus import DETAILED, featured
+from identification.campaign.report.wording import cell_of, counted, percents, ranged, run_of, spread
+from identification.page import Drawing, Table, drawn
+from identification.shown import asked_of, inputs_of, outputs_of
+
+SPECTRAL = 60  # runs in the spectra
+
+
+def experiment_heading(rows: Sequence[Row]) -> str:
+    """How many runs there are, and what became of those that did not go as planned."""
+    bad = [row for row in rows if not row.usable]
+    count = counted(len(rows), "run")
+    if not bad:
+        return f"Experiment: {count}, all finished" if len(rows) > 1 else f"Experiment: {count}, finished"
+    states = {status: sum(row.status == status for row in bad) for status in dict.fromkeys(r.status for r in bad)}
+    return f"Experiment: {count}, of which " + ", ".join(f"{n} {status}" for status, n in states.items())
+
+
+def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None:
+    """Per cell of the grid: errors against the set points, work of the inputs, share of time that the guard acted."""
+    if not rows:
+        return None
+    first = records[rows[0].id]
+    aimed = [n for n in outputs_of(first) if first.has(set_point_of(n))]
+    driven = inputs_of(first)
+    if not aimed:
+        return None
+    guarded = any(record.has("envelope_flag") for record in records.values())
+    heads = ["setting", "runs"]
+    heads += [f"rms error of {channel(n).label}" for n in aimed]
+    heads += [f"rms of {channel(n).label} about its mean" for n in driven]
+    heads += ["guard acted, share of time"] if guarded else []
+    lines = []
+    for cell in dict.fromkeys(cell_of(row.cell) for row in rows):
+        of = [records[row.id] for row in rows if cell_of(row.cell) == cell]
+        line: list[str | tuple[str, str]] = [cell or "all runs", str(len(of))]
+        line += [_over(of, n, set_point_of(n), lambda r, n=n: _rms(r[n] - asked_of(r, n))) for n in aimed]
+        line += [_over(of, n, n, lambda r, n=n: float(np.std(r[n]))) for n in driven]
+        if guarded:
+            line.append(percents([100.0 * float(np.mean(figures.guard_acted(r))) for r in of]))
+        lines.append(line)
+    caption = "Reading less set point, with the excitation at it, over whole runs, steps included"
+    return Table(heads, lines, 1, caption + (": median over the seeds, and below it the range." * ranged(lines) or "."))
+
+
+def experiment_drawings(rows: Sequence[Row], records: Mapping[str, Record], wanted: Sequence[str]) -> list[Drawing]:
+    """All runs over one another where there are many, then a few one by one."""
+    if not rows:
+        return []
+    made = []
+    of, cells = [records[row.id] for row in rows], [cell_of(row.cell) for row in rows]
+    if len(rows) > DETAILED:
+        shown = min(len(of), figures.MOST_LINES)
+        which = f"all {len(of)} runs" if shown == len(of) else f"{shown} of the {len(of)} runs, evenly picked"
+        caption = f"Outputs of {which}, over one another. Look for one that leaves its bundle."
+        label = "Outputs of all runs over time."
+        made.append(drawn(lambda: figures.overlay_figure(of, wanted, cells), "overlay", label, caption))
+    for count, row in enumerate(featured(rows)):
+        record = records[row.id]
+        caption = _signals_caption(row, record)
+        label = f"Outputs, set points and inputs over time, {run_of(row)}."
+        made.append(drawn(lambda r=record: figures.signals_figure(r, wanted), f"signals{count}", label, caption))
+    return made
+
+
+def spectra_heading(rows: Sequence[Row], records: Mapping[str, Record]) -> str:
+    """Up to which frequency spectra go, and of how many runs."""
+    dt = records[rows[0].id].sample_interval
+    return f"Spectra: power up to {np.pi / dt:.2g} rad/s, of {counted(min(len(rows), SPECTRAL), 'run')}"
+
+
+def spectra_drawing(rows: Sequence[Row], records: Mapping[str, Record], wanted: Sequence[str]) -> Drawing | None:
+    """Spectra of outputs and inputs over the runs; None where nothing moves, or records are too short."""
+    of = [records[row.id] for row in rows][:SPECTRAL]
+    names = [*outputs_of(of[0], wanted), *inputs_of(of[0])] if of else []
+    count = max((len(figures.spectra(of, name)[1]) for name in names), default=0)
+    if not count:
+        return None
+    caption = f"Lines: median over {count} runs; bands: their range. " if count > 1 else ""
+    caption += (
+        "Power densities by Welch's method. Where an output's power falls to a flat floor, noise is all that is left, "
+        "and no model can be identified; an input needs power where the vehicle responds."
+    )
+    label = "Power spectra of outputs and inputs against frequency."
+    return drawn(lambda: figures.spectra_figure(of, wanted), "spectra", label, caption)
+
+
+def _signals_caption(row: Row, record: Record) -> str:
+    aimed = any(record.has(set_point_of(name)) for name in outputs_of(record))
+    caption = f"{run_of(row)}. Outputs in black" + (" with set points dashed" if aimed else "")
+    if inputs_of(record):
+        caption += ", inputs in green"
+    if any(record.has(f"excitation_{name}") for name in inputs_of(record)):
+        caption += ", of which the ochre part is excitation"
+    if any(record.has(f"excitation_{name}") for name in outputs_of(record)):
+        caption += "; what excitation adds to a set point is in the dashed line"
+    return caption + ("; shaded where the envelope's guard acted." if figures.guard_acted(record).any() else ".")
+
+
+def _over(records: Sequence[Record], name: str, needed: str, measure: Callable[[Record], float]) -> tuple[str, str]:
+    """Median and range of an amount of a channel, over the records that have what it needs."""
+    return spread([measure(r) for r in records if r.has(name) and r.has(needed)], name)
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.nanmean(np.square(values))))

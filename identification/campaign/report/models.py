@@ -1,0 +1,98 @@
+"""The fitted models on the page: errors over held-out runs, parameters, poles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import hypot, isfinite
+from typing import Any
+
+import numpy as np
+
+from auv_gym.channels import channel
+from identification.campaign.fits import VEHICLE
+from identification.campaign.report.wording import counted, left_out, median, percents, ranged, spread, value_of
+from identification.page import Table, amount, listed, number, percent, span
+
+MOST_PARAMETERS = 40  # in one table
+
+
+def models_heading(fits: Sequence[Mapping[str, Any]]) -> str:
+    """Which model fits best, and how many could not be fitted."""
+    made = [fit for fit in fits if fit["status"] == "done"]
+    scored = [(fit, fits_of(fit)) for fit in made if fit["scores"]]
+    missing = f"; {len(fits) - len(made)} of {counted(len(fits), 'fit')} failed" if len(made) < len(fits) else ""
+    if not made:
+        return f"Models: none, as {'the fit' if len(fits) == 1 else f'all {len(fits)} fits'} failed"
+    if not any(scores for _, scores in scored):
+        return f"Models: {len(made)} fitted, judged on no other run{missing}"
+    fit, scores = max(scored, key=lambda pair: np.mean(list(pair[1].values()) or [-np.inf]))
+    parts = [f"{channel(name).label} to {percent(value)}" for name, value in scores.items()]
+    return f"Models: {fit['name']} fits {listed(parts, 'and')} in runs that it has not seen{missing}"
+
+
+def fits_of(fit: Mapping[str, Any]) -> dict[str, float]:
+    """The median of a model's fit in percent over its held-out runs, by output."""
+    of = {name: [s[name]["fit_percent"] for s in fit["scores"].values() if name in s] for name in fit["outputs"]}
+    return {name: median(values) for name, values in of.items() if values}
+
+
+def score_table(fits: Sequence[Mapping[str, Any]]) -> Table | None:
+    """Model by output: errors over the held-out runs; last, those of the vehicle as it was designed."""
+    lines = []
+    for fit in fits:
+        for name in fit["outputs"]:
+            of = [scores[name] for scores in fit["scores"].values() if name in scores]
+            if of:
+                words = [fit["name"], fit["method"], channel(name).label]
+                lines.append([*words, str(len(fit["trained_on"])), str(len(of)), *_errors(of, name)])
+    designed = {run: scores for fit in fits for run, scores in fit["vehicle_scores"].items()}
+    for name in dict.fromkeys(name for fit in fits for name in fit["outputs"]):
+        of = [scores[name] for scores in designed.values() if name in scores]
+        if of:
+            lines.append([VEHICLE, "–", channel(name).label, "–", str(len(of)), *_errors(of, name)])
+    heads = ["model", "method", "output", "runs fitted", "runs held out", "rms error", "fit"]
+    caption = "Median over the held-out runs, and below it the range." if ranged(lines) else ""
+    return Table(heads, lines, 3, caption) if lines else None
+
+
+def model_content(fit: Mapping[str, Any]) -> dict[str, Any]:
+    """Title, text and tables of one model."""
+    inputs, outputs = ([channel(name).label for name in fit[key]] for key in ("inputs", "outputs"))
+    parts = [f"{fit['method']}, from {listed(inputs, 'and')} to {listed(outputs, 'and')}, {fit['dt']:g} s a sample"]
+    parts += [", ".join(f"{key} {value_of(value)}" for key, value in fit["settings"].items())]
+    parts += [f"fitted in {number(fit['seconds'], 2)} s to {counted(len(fit['trained_on']), 'run')}"]
+    shown = fit["parameters"][:MOST_PARAMETERS]
+    more = left_out(len(fit["parameters"]) - len(shown), "further parameters: in the JSON file.")
+    lines = [(p["name"], amount(p["value"], p["unit"]), _interval(p)) for p in shown]
+    return {
+        "title": fit["name"],
+        "text": "; ".join([*filter(None, parts), f"models/{fit['file']}."]),
+        "parameters": Table(("parameter", "value", "95 % interval"), lines, 1, more) if lines else None,
+        "poles": pole_table(fit["poles"]),
+    }
+
+
+def pole_table(poles: Sequence[tuple[float, float]]) -> Table | None:
+    """Poles of the linear form in continuous time, with damping ratio and time constant."""
+    lines = []
+    for real, imaginary in poles:
+        if imaginary < 0.0:
+            continue
+        size = hypot(real, imaginary)
+        still = size < 1e-9
+        pole = f"{number(real)}" + (f" ± {number(imaginary)} i" if imaginary > 0.0 else "")
+        kind = "integrator" if still else "unstable" if real > 0.0 else "oscillates" if imaginary > 0.0 else "settles"
+        constant = "–" if still or real == 0.0 else f"{number(1.0 / abs(real))} s"
+        lines.append((pole, kind, number(-real / size, 2) if not still else "–", constant))
+    return Table(("pole, 1/s", "kind", "damping", "time constant"), lines, 2) if lines else None
+
+
+def _errors(scores: Sequence[Mapping[str, Any]], name: str) -> list[tuple[str, str]]:
+    return [spread([s["rmse"] for s in scores], name), percents([s["fit_percent"] for s in scores])]
+
+
+def _interval(parameter: Mapping[str, Any]) -> str:
+    low, high = parameter["ci95"] or (float("nan"), float("nan"))
+    if isfinite(low) and isfinite(high):
+        return span((low, high), parameter["unit"])
+    return parameter["problem"] or "none"

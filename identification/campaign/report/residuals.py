@@ -1,0 +1,47 @@
+"""What models leave of held-out runs, on the page: tests, and how residuals go with their past and with inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from auv_gym.channels import channel
+from identification.campaign.report.wording import spread
+from identification.figures_models import residual_drawings
+from identification.judging import is_white, strongest_tie
+from identification.page import Table, chance, number
+
+MOST_MODELS = 6  # lines in one figure
+_TEXT = (
+    "What models leave of held-out runs: errors one sample ahead where a model predicts, of free runs otherwise. A "
+    "model that tells all that inputs and the past can tell leaves white residuals that follow no input; errors of "
+    "free runs are hardly ever white."
+)
+_CAPTION = (
+    "p: of the Ljung-Box test that the residual has no memory, white above 0.01. Follows most: the input with the "
+    "largest correlation at an earlier sample, and that in 95 % bounds of noise."
+)
+
+
+def residual_content(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
+    """Heading, words, table and figures of the residual tests; None where there are none."""
+    tests = {fit["name"]: fit["residuals"] for fit in fits if fit["residuals"]}
+    if not tests:
+        return None
+    lines, white = [], 0
+    for model, of in tests.items():
+        for name, test in of.items():
+            white += is_white(test)
+            driver, size = strongest_tie(test)
+            tie = f"{channel(driver).label}, {number(size, 2)}" if driver else "–"
+            of_what = "one sample ahead" if test["ahead"] else "free run"
+            rms, first = spread([test["rms"]], name), number(test["correlation"][0], 2, sign=True)
+            told = "yes" if is_white(test) else "no"
+            lines.append([model, channel(name).label, of_what, tie, rms, first, chance(test["p_value"]), told])
+    heads = ["model", "output", "residual", "follows most", "rms", "lag-1 correlation", "p", "white"]
+    return {
+        "heading": f"Residual tests: white in {white} of {len(lines)} outputs of models",
+        "text": _TEXT,
+        "table": Table(heads, lines, 4, _CAPTION),
+        "drawings": residual_drawings(dict(list(tests.items())[:MOST_MODELS])),
+    }
