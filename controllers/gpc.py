@@ -26,7 +26,8 @@ class GpcState(NamedTuple):
     """Memory of a Gpc: estimate and command of its last plan, None before the first.
 
     reference: of each weighted output, less the model's offset.  plan: commands that were to follow, (k, m).
-    elapsed: s since the plan.  infeasible: how many samples had no plan within the inputs' limits.
+    elapsed: s since the estimate.  since: samples from the plan to it.  infeasible: how many plans failed, for lack of
+    moves within the inputs' limits.
     """
 
     estimate: np.ndarray | None = None
@@ -34,6 +35,7 @@ class GpcState(NamedTuple):
     reference: np.ndarray | None = None
     plan: np.ndarray | None = None
     elapsed: float = 0.0
+    since: int = 0
     flag: bool = False
     infeasible: int = 0
 
@@ -42,13 +44,14 @@ class GpcState(NamedTuple):
 class Gpc:
     """Predictive control by any linear model, without offset under constant disturbances, within limits.
 
-    Minimises the squares of weights times errors, `first` to `horizon` samples ahead, and of move_weights times `moves`
-    changes of the inputs.  weights: by output, 1 over an error that matters.  move_weights: by input, default 1 over
-    half its range.  input_limits, rate_limits (per s): hard.  output_limits: kept wherever they can be, whatever the
+    Minimises the squares of weights times errors, `first` to `horizon` steps ahead, and of move_weights times `moves`
+    changes of the inputs.  A plan is made, and steps, `every` samples of the model; the filter takes each sample.
+    weights: by output, 1 over an error that matters.  move_weights: by input, default 1 over half its range.
+    input_limits, rate_limits (per s, from plan to plan): hard.  output_limits: kept wherever they can be, whatever the
     errors; where not, broken the less the larger `soft` is.  reference_time: s, in which the reference nears the
-    target.  nominal: targets of outputs for which none may come.  neutral: inputs before the first plan.
-    A StateSpace gets a Kalman filter; noise: standard deviations of its outputs, drift: of a sample's change of each
-    input's or output's disturbance.  A Polynomial is taken as CARIMA, see `of_polynomial` for observer.
+    target.  nominal: targets that may not come.  neutral: inputs before the first plan.  A StateSpace gets a Kalman
+    filter; noise: standard deviations of its outputs, drift: of a sample's change of each input's or output's
+    disturbance.  A Polynomial is taken as CARIMA, see `of_polynomial` for observer.
     """
 
     model: StateSpace | Polynomial
@@ -56,6 +59,7 @@ class Gpc:
     horizon: int = 30
     moves: int = 10
     first: int = 1
+    every: int = 1
     move_weights: Mapping[str, float] = field(default_factory=dict)
     input_limits: Limits = field(default_factory=dict)
     rate_limits: Mapping[str, float] = field(default_factory=dict)
@@ -88,9 +92,11 @@ class Gpc:
                     )
         if not 1 <= self.first <= self.horizon or not 1 <= self.moves <= self.horizon:
             raise ValueError(
-                f"Gpc needs 1 <= first <= horizon and 1 <= moves <= horizon, in samples, got first {self.first}, moves "
+                f"Gpc needs 1 <= first <= horizon and 1 <= moves <= horizon, in steps, got first {self.first}, moves "
                 f"{self.moves}, horizon {self.horizon}."
             )
+        if self.every < 1:
+            raise ValueError(f"Gpc needs a plan every 1 or more samples of its model, got every={self.every!r}.")
         if not self.weights or not all(0.0 < w < inf for w in self.weights.values()):
             raise ValueError(f"Gpc needs a weight above 0 for one or more outputs, got {dict(self.weights)}.")
         for name in ("move_weights", "rate_limits", "noise", "drift"):
@@ -128,7 +134,7 @@ class Gpc:
     def act(
         self, state: GpcState, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], GpcState]:
-        """The commands and `infeasible_flag`, and the next memory; between the model's samples the commands are held.
+        """The commands and `infeasible_flag`, and the next memory; between plans the commands are held.
 
         An output that is not read, or NaN, is as predicted.  An input among the reading is what the vehicle was given,
         if that was not the command.  Without a plan within the limits the last plan goes on.
@@ -143,18 +149,25 @@ class Gpc:
             elapsed = state.elapsed + reading["dt_s"]
             if elapsed < dt * (1.0 - _ON_TIME):
                 return self._named(state.command, state.flag), state._replace(elapsed=elapsed)
-            if elapsed > dt * (1.0 + _ON_TIME):
+            samples = round(elapsed / dt)
+            if abs(elapsed - samples * dt) > _ON_TIME * dt or samples > self.every:
                 raise ValueError(
-                    f"This Gpc's model steps {dt:g} s at a time, got a call {elapsed:g} s after the last: call it "
-                    f"every {dt:g} s or a whole fraction of that, or give it a model of the interval of the calls."
+                    f"This Gpc's model steps {dt:g} s at a time, {self.every} to a plan, got a call {elapsed:g} s "
+                    f"after the last: call it every {dt:g} s or a whole fraction of that, or give it a model of the "
+                    "interval of the calls."
                 )
             before = np.array([reading.get(name, held) for name, held in zip(self.model.inputs, state.command)])
             before = np.where(np.isfinite(before), before, state.command)
             z, reference = state.estimate, state.reference
             was = z[parts.last] + self.model.input_offset
             z = parts.increments.a @ z + parts.increments.b @ (before - was)
+            for _ in range(samples - 1):
+                z = parts.increments.a @ z
             innovation = self._wrapped(self._measured(reading) - parts.increments.c @ z)
             z = z + parts.increments.gain @ np.where(np.isfinite(innovation), innovation, 0.0)
+            since = state.since + samples
+            if since < self.every:
+                return self._named(state.command, state.flag), state._replace(estimate=z, elapsed=0.0, since=since)
         now = parts.increments.c @ z
         ahead = self._wanted(target) - now
         goal = (now + self._wrapped(ahead))[parts.tracked]
@@ -183,7 +196,7 @@ class Gpc:
 
     @property
     def program(self) -> Program:
-        """The quadratic program of every sample, for s = [estimate | goals | references]."""
+        """The quadratic program of every plan, for s = [estimate | goals | references]."""
         return self._parts.program
 
     @property
@@ -217,9 +230,10 @@ class Gpc:
             drift = np.array([self.drift.get(name, _SHARE * size) for name, size in zip(names, sizes)])
             increments = of_state_space(model, noise, drift, sizes)
         ends = [self.output_limits.get(name, (-inf, inf)) for name in model.outputs]
-        fading = exp(-model.dt / self.reference_time) if self.reference_time > 0.0 else 0.0
+        step = self.every * model.dt
+        fading = exp(-step / self.reference_time) if self.reference_time > 0.0 else 0.0
         program = build(
-            increments,
+            increments.held_for(self.every),
             Aims(
                 horizon=self.horizon,
                 moves=self.moves,
@@ -228,7 +242,7 @@ class Gpc:
                 move_weights=move_weights,
                 lowest=low - model.input_offset,
                 highest=high - model.input_offset,
-                rates=model.dt * np.array([self.rate_limits.get(name, inf) for name in model.inputs]),
+                rates=step * np.array([self.rate_limits.get(name, inf) for name in model.inputs]),
                 output_lowest=np.array([low for low, _ in ends]) - model.output_offset,
                 output_highest=np.array([high for _, high in ends]) - model.output_offset,
                 fading=fading,

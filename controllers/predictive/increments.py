@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import linalg
@@ -11,6 +11,7 @@ from scipy import linalg
 from auv_gym.linear import Polynomial, StateSpace
 
 _RANK = 1e-7  # a singular value over the largest, below which two disturbances look alike
+_NOTHING = 1e-14  # of the largest row: what rounding leaves
 _MARGIN = 1e-9
 _STIR = 1e-10  # of the drifts: a mode that nothing drives still gets a gain
 
@@ -38,6 +39,11 @@ class Increments:
         z[: len(self.model.states)] = self.model.initial(y + self.model.output_offset)
         z[z.size - u.size :] = u - self.input_offset
         return z
+
+    def held_for(self, samples: int) -> Increments:
+        """The increments over so many samples, at the first of which the inputs change; the filter stays as it is."""
+        further = np.linalg.matrix_power(self.a, samples - 1)
+        return replace(self, a=further @ self.a, b=further @ self.b)
 
 
 def of_state_space(model: StateSpace, noise: np.ndarray, drift: np.ndarray, scales: np.ndarray) -> Increments:
@@ -140,5 +146,9 @@ def _told_apart(model: StateSpace, scales: np.ndarray) -> list[int]:
 
 
 def _independent(columns: np.ndarray) -> bool:
+    """Whether no column is made of others, whatever units the rows have: a shaft's turns beside metres per second."""
+    for axis in (1, 0):
+        sizes = np.linalg.norm(columns, axis=axis, keepdims=True)
+        columns = columns / np.where(sizes > _NOTHING * sizes.max(), sizes, 1.0)
     sizes = np.linalg.svd(columns, compute_uv=False)
     return columns.shape[1] <= columns.shape[0] and sizes[-1] > _RANK * sizes[0]

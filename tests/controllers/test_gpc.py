@@ -217,6 +217,13 @@ def test_a_model_that_is_a_little_wrong_still_gets_there(kind):
     assert outputs.max() < 1.4
 
 
+def test_units_do_not_decide_where_the_disturbance_is():
+    """A shaft with a lag, in turns a minute: its disturbance is still told from the speed's."""
+    model = linearise(load_vehicle("npsauv"), ("propeller_rpm",))
+    gpc = Gpc(model, {"u_mps": 5.0}, input_limits={"propeller_rpm": (0.0, 1500.0)})
+    assert gpc.disturbances == ("propeller_rpm",)
+
+
 def test_without_a_plan_within_the_limits_the_last_one_goes_on():
     gpc = turning(rate_limits={"rudder_rad": 0.05})
     state = gpc.start()
@@ -277,8 +284,57 @@ def test_between_its_samples_the_command_is_held():
         assert held == first
     acted, state = gpc.act(state, read, {"heading_rad": -1.0})
     assert acted != first
-    with pytest.raises(ValueError, match=r"steps 1 s at a time, got a call 1\.5 s"):
+    with pytest.raises(ValueError, match=r"steps 1 s at a time, 1 to a plan, got a call 1\.5 s"):
         gpc.act(state, {**read, "dt_s": 1.5}, {"heading_rad": 1.0})
+
+
+def slowly(model: StateSpace, samples: int) -> StateSpace:
+    """The same model over so many samples, its inputs held."""
+    powers = [np.linalg.matrix_power(model.a, k) for k in range(samples + 1)]
+    return replace(model, a=powers[-1], b=sum(powers[:-1]) @ model.b, dt=samples * model.dt)
+
+
+def test_plans_of_several_samples_are_those_of_a_slow_model(diving):
+    """At rest the filter has nothing to say: only the plan counts, and its limits."""
+    quick, slow = diver(diving, every=4), diver(slowly(diving, 4))
+    read = {"depth_m": 3.0, "pitch_rad": 0.0}
+    for target in (2.9, 30.0):
+        one, _ = quick.act(quick.start(), {**read, "dt_s": 1.0}, {"depth_m": target})
+        two, _ = slow.act(slow.start(), {**read, "dt_s": 4.0}, {"depth_m": target})
+        assert one == pytest.approx(two, abs=1e-9)
+
+
+def test_between_plans_the_filter_goes_on(diving):
+    gpc, quick = diver(diving, every=4), diver(diving)
+    x, state = diving.initial(np.zeros(2)), gpc.start()
+    commands, estimates = [], []
+    for _ in range(9):
+        y = diving.output(x)
+        command, state = gpc.act(state, {**dict(zip(diving.outputs, y)), "dt_s": 1.0}, {"depth_m": 5.0})
+        commands.append(tuple(command[name] for name in PLANES))
+        estimates.append(state.estimate[: len(x)])
+        assert np.abs(estimates[-1] - x).max() < 1e-9
+        x = diving.step(x, np.array(commands[-1]))
+    assert len(set(commands)) == 3
+    assert commands[0] == commands[3] != commands[4] == commands[7] != commands[8]
+    read = {"depth_m": 4.0, "pitch_rad": 0.0, "dt_s": 1.0}
+    held, after = gpc.act(state._replace(since=0), read, {"depth_m": 5.0})
+    other, same = quick.act(state._replace(since=0), read, {"depth_m": 5.0})
+    assert tuple(held[name] for name in PLANES) == commands[-1] != tuple(other[name] for name in PLANES)
+    assert after.estimate == pytest.approx(same.estimate, abs=1e-12)
+
+
+def test_a_call_that_comes_late_counts_as_readings_missed(diving):
+    gpc, read = diver(diving, every=4), {"depth_m": 1.0, "pitch_rad": 0.01}
+    _, state = gpc.act(gpc.start(), {**read, "dt_s": 1.0}, {"depth_m": 5.0})
+    _, late = gpc.act(state, {**read, "dt_s": 3.0}, {"depth_m": 5.0})
+    for _ in range(2):
+        _, state = gpc.act(state, {"dt_s": 1.0}, {"depth_m": 5.0})
+    _, state = gpc.act(state, {**read, "dt_s": 1.0}, {"depth_m": 5.0})
+    assert late.since == state.since == 3
+    assert late.estimate == pytest.approx(state.estimate, abs=1e-12)
+    with pytest.raises(ValueError, match="4 to a plan, got a call 5 s"):
+        gpc.act(state, {**read, "dt_s": 5.0}, {"depth_m": 5.0})
 
 
 def test_it_turns_the_short_way_and_past_south():
@@ -329,6 +385,7 @@ def test_a_target_that_is_missing_is_asked_for():
         ({"weights": {"heading_rad": -1.0}}, "weight above 0"),
         ({"horizon": 5}, "moves <= horizon"),
         ({"first": 0}, "1 <= first"),
+        ({"every": 0}, "every 1 or more samples"),
         ({"input_limits": {"rudder_rad": (0.4, -0.4)}}, "low < high"),
         ({"input_limits": {}}, "neither for 'rudder_rad'"),
         ({"input_limits": {"rudder_rad": (0.1, 0.4)}}, "neutral inputs within"),
