@@ -88,7 +88,7 @@ def amount(value: float, unit: str, sign: bool = False) -> str:
 
 def percent(value: float) -> str:
     """A percentage with no more digits than it is worth."""
-    return f"{number(value) if abs(value) >= 1.0 or not isfinite(value) else number(round(value, 2))} %"
+    return f"{number(value) if abs(value) >= 1.0 or not isfinite(value) else f'{value:.2f}'.replace('-', '−')} %"
 
 
 def chance(p: float) -> str:

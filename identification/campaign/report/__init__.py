@@ -71,10 +71,11 @@ def _content(campaign: Campaign, folder: Path, rows: Sequence[Row]) -> dict[str,
     made = [fit for fit in fits if fit["status"] == "done"]
     told = {kind: loop_content(kind, rollouts[kind], rows, folder, wanted) for kind in ("open", "closed")}
     residuals = residual_content(made)
-    spectra = spectra_drawing(usable, records, wanted)
+    whole = [row for row in usable if row.usable] or usable  # the shortest run says how fine the spectra are
+    spectra = spectra_drawing(whole, records, wanted)
     headings = {
         "experiment": experiment_heading(rows),
-        "spectra": spectra_heading(usable, records) if spectra else "",
+        "spectra": spectra_heading(whole, records) if spectra else "",
         "models": models_heading(fits) if fits else "",
         **{kind: of["heading"] if of else "" for kind, of in told.items()},
         "residuals": residuals["heading"] if residuals else "",
@@ -139,9 +140,10 @@ def _cards(
     if fits:
         held = {run for fit in done for run in fit["scores"]}
         cards.append(("models fitted", f"{len(done)} / {len(fits)}", f"judged on {counted(len(held), 'held-out run')}"))
-    for kind, words in (("open", "open loop"), ("closed", "closed loop")):
-        models = [of for r in rollouts[kind] for name, of in r["models"].items() if name in {f["name"] for f in done}]
+    names = {fit["name"] for fit in done}
+    for kind, words in (("closed", "closed loop"), ("open", "open loop")):
+        models = [of for r in rollouts[kind] for name, of in r["models"].items() if name in names]
         errors = [s["percent"] for of in models for s in of["scores"].values()]
         if errors:
-            cards.append((f"models in {words}", percent(median(errors)), "rms error in percent of the step, median"))
+            return [*cards, (f"models in {words}", percent(median(errors)), "of the step off (rms, median)")]
     return cards

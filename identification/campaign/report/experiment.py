@@ -21,11 +21,13 @@ SPECTRAL = 60  # runs in the spectra
 def experiment_heading(rows: Sequence[Row]) -> str:
     """How many runs there are, and what became of those that did not go as planned."""
     bad = [row for row in rows if not row.usable]
-    count = counted(len(rows), "run")
+    count, told = counted(len(rows), "run"), {"ended": "ended early"}
     if not bad:
         return f"Experiment: {count}, all finished" if len(rows) > 1 else f"Experiment: {count}, finished"
     states = {status: sum(row.status == status for row in bad) for status in dict.fromkeys(r.status for r in bad)}
-    return f"Experiment: {count}, of which " + ", ".join(f"{n} {status}" for status, n in states.items())
+    return f"Experiment: {count}, of which " + ", ".join(
+        f"{n} {told.get(status, status)}" for status, n in states.items()
+    )
 
 
 def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None:

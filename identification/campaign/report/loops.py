@@ -98,8 +98,9 @@ def _table(told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequ
         return None
     heads = ["model", *(["setting"] if apart else []), "output", "runs"]
     heads += ["rms error", "largest error", "rms error, of the step", "step"]
-    caption = "Model less vehicle, as far as both go" + (": median over the runs, below it the range." * ranged(lines))
-    return Table(heads, lines, 3 if apart else 2, caption.rstrip(".") + ".", marked)
+    caption = "Model less vehicle" + (", as far as the model went" if marked else "")
+    caption += ": median over the runs, and below it the range." if ranged(lines) else "."
+    return Table(heads, lines, 3 if apart else 2, caption, marked)
 
 
 def _complaints(told: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -18,6 +18,7 @@ from identification.campaign.staging import make_vehicle
 from identification.page import amount, span
 
 _STEPS = 8  # of a set point
+_OF_CHANNEL = "channel's"  # unit of a sensor's error, which is that of what it measures
 
 
 def setup(
@@ -90,7 +91,7 @@ def _steering(settings: RunSettings) -> Iterator[tuple[str, str, str]]:
 
 def _sensors(settings: RunSettings, plant: Plant | None) -> Iterator[tuple[str, str, str]]:
     told = [f"{path} {_of_parameter(plant, f'effects.sampling.{path}', v)}" for path, v in settings.sensors.items()]
-    yield "", "sensors", ", ".join(told)
+    yield "", "sensors", ", ".join(told) + (" (SI, radians)" if any(t[-1].isdigit() for t in told) else "")
 
 
 def _setting(key: str, value: Any, unit: str) -> str:
@@ -105,7 +106,7 @@ def _setting(key: str, value: Any, unit: str) -> str:
 
 def _of_parameter(plant: Plant | None, path: str, value: float) -> str:
     unit = _unit(plant, path)
-    return amount(value, unit) if unit else f"{value:g}"
+    return amount(value, unit) if unit and unit != _OF_CHANNEL else f"{value:g}"
 
 
 def _unit(plant: Plant | None, path: str) -> str:

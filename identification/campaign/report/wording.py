@@ -13,15 +13,15 @@ from identification.page import number, percent
 
 
 def cell_of(cell: Mapping[str, Any]) -> str:
-    """The values of the grid in a run: `controller.kind pid, vehicle.dt_s 4`; empty without a grid."""
-    return ", ".join(f"{key} {value_of(value)}" for key, value in cell.items())
+    """The values of the grid in a run, keys by their last two parts: `rudder.offset = 0.05`; empty without a grid."""
+    return ", ".join(f"{'.'.join(key.split('.')[-2:])} = {value_of(value)}" for key, value in cell.items())
 
 
 def value_of(value: Any) -> str:
     """A value of a setting; a list in brackets."""
     if isinstance(value, list | tuple):
         return f"({', '.join(map(value_of, value))})"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:g}".replace("-", "−") if isinstance(value, float) else str(value)
 
 
 def run_of(row: Row) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -16,6 +17,7 @@ from identification.campaign.index import read_index, write_index
 from identification.campaign.report import write_report
 from identification.campaign.report.focus import featured
 from identification.page import percent
+from identification.shown import asked_of
 
 pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
 pytest.importorskip("jinja2", reason="the extra `render` is not installed")
@@ -131,6 +133,41 @@ def test_a_campaign_of_which_nothing_ran_says_so(study, tmp_path, no_figures):
     found = Outline(write_report(replace(study.campaign, fit=(), compare=None), tmp_path).read_text(encoding="utf-8"))
     assert found.faults == []
     assert "6 runs, of which 6 failed" in found.text
+
+
+def test_a_model_that_leaves_its_envelope_is_marked_with_its_reason(study, tmp_path, no_figures):
+    for name in ("runs", "models", "rollouts"):
+        shutil.copytree(study.folder / name, tmp_path / name)
+    write_index(read_index(study.folder), tmp_path)
+    entry = next(r for r in study.rollouts if r["kind"] == "closed" and "offset" in r["models"])
+    file = tmp_path / "rollouts" / f"closed-{entry['run']}.json"
+    told = json.loads(file.read_text())
+    told["models"]["offset"]["reason"] = "too <deep> at 12 s"
+    file.write_text(json.dumps(told))
+    found = Outline(write_report(study.campaign, tmp_path).read_text(encoding="utf-8"))
+    assert found.faults == []
+    assert f"offset in run {entry['run']} ended early: too <deep> at 12 s" in found.text
+    assert "1 rollout of models cut short" in found.text
+    assert "1 cut short" in found.text
+    assert (
+        "offset is off by" not in found.text.partition("Closed loop:")[2].partition("Residual")[0]
+    )  # the other is best
+
+
+def test_excitation_of_a_set_point_is_part_of_what_was_asked():
+    time = np.arange(0.0, 40.0, 4.0)
+    signals = {"depth_m": np.sin(time), "depth_cmd_m": np.full(time.size, 50.0), "excitation_depth_m": np.cos(time)}
+    np.testing.assert_array_equal(asked_of(Record.from_arrays(time, signals), "depth_m"), 50.0 + np.cos(time))
+
+
+def test_percentages_have_no_more_digits_than_they_are_worth():
+    assert [percent(v) for v in (0.0276, -0.5, 1.637, 94.87, 2846.2)] == [
+        "0.03 %",
+        "−0.50 %",
+        "1.64 %",
+        "94.9 %",
+        "2846 %",
+    ]
 
 
 def test_without_the_extra_the_error_names_it_and_the_old_page_stays(study, page, monkeypatch):
