@@ -13,7 +13,7 @@ from identification.campaign.index import Row
 from identification.campaign.report.focus import DETAILED, featured
 from identification.campaign.report.wording import cell_of, counted, percents, ranged, run_of, spread
 from identification.page import Drawing, Table, drawn
-from identification.shown import asked_of, inputs_of, outputs_of
+from identification.shown import asked_of, excitation_of, inputs_of, outputs_of
 
 SPECTRAL = 60  # runs in the spectra
 
@@ -53,7 +53,8 @@ def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None
         if guarded:
             line.append(percents([100.0 * float(np.mean(figures.guard_acted(r))) for r in of]))
         lines.append(line)
-    caption = "Reading less set point, with the excitation at it, over whole runs, steps included"
+    excited = any(r.has(excitation_of(n)) for n in aimed for r in records.values())
+    caption = f"Reading less set point{' with the excitation at it' * excited}, over whole runs, steps included"
     return Table(heads, lines, 1, caption + (": median over the seeds, and below it the range." * ranged(lines) or "."))
 
 
@@ -104,9 +105,9 @@ def _signals_caption(row: Row, record: Record) -> str:
     caption = f"{run_of(row)}. Outputs in black" + (" with set points dashed" if aimed else "")
     if inputs_of(record):
         caption += ", inputs in green"
-    if any(record.has(f"excitation_{name}") for name in inputs_of(record)):
+    if any(record.has(excitation_of(name)) for name in inputs_of(record)):
         caption += ", of which the ochre part is excitation"
-    if any(record.has(f"excitation_{name}") for name in outputs_of(record)):
+    if any(record.has(excitation_of(name)) for name in outputs_of(record)):
         caption += "; what excitation adds to a set point is in the dashed line"
     return caption + ("; shaded where the envelope's guard acted." if figures.guard_acted(record).any() else ".")
 
