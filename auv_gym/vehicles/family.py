@@ -45,9 +45,6 @@ class Family:
     # steps of difference quotients, of a parameter's scale: larger than the rounding of kinks, smaller than a probe; a
     # fit that has come to rest goes on with the next one, for runs that are far from linear in the parameters
     differences: tuple[float, ...] = (1e-2,)
-    # steps, in probes, at which a diagnosis takes the signatures of effects: one probe, and finer ones where runs are
-    # so far from linear that a probe shows something else than the beginning of a change
-    screened: tuple[float, ...] = (1.0,)
     # where an input that is not required comes from: the parameter at a path; otherwise zero
     constants: Mapping[str, str] = field(default_factory=dict)
     # effects that act as a coefficient does

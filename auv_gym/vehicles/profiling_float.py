@@ -290,5 +290,4 @@ FLOAT_OIL = replace(
     title="vertical motion of a profiling float with an oil bladder",
     required=("oil_volume_m3",),
     stepped=("oil_volume_m3",),
-    screened=(1.0, 1e-3),  # parked near neutral trim, its speed goes with the root of what is left of its weight
 )

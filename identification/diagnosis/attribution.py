@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,8 +151,11 @@ def attribute(
             rounds.append(Round(tuple(trials), None, ()))
             break
         chosen = _best(bench, accepted)
-        trials = [_beside(bench, state, chosen, t, len(candidates)) for t in trials]
-        tied = tuple(t for t in trials if t is not chosen and _tie(bench, chosen, t, _likeness(bench, chosen, t)))
+        alike = {t.candidate: _likenesses(bench, chosen, t) for t in trials if t is not chosen}
+        trials = [
+            t if t is chosen else _beside(bench, state, chosen, t, alike[t.candidate], len(candidates)) for t in trials
+        ]
+        tied = tuple(t for t in trials if t is not chosen and _tie(bench, chosen, t, alike[t.candidate]))
         rounds.append(Round(tuple(trials), chosen, tied))
         assert chosen.state is not None
         state = bench.fit(chosen.state.plant, chosen.state.paths, chosen.state)
@@ -166,14 +169,13 @@ def _trials(bench, state, candidates, count, progress, done, share) -> list[Tria
     if other is not None:
         bases.append(other)
     bar = threshold(count)
-    ways = [(b, step) for b in bases for step in bench.plant.family.screened]
-    screenings = [screen(bench.train, b.train, state.paths, candidates, b.colour, bar, step) for b, step in ways]
-    of_candidate = [{s.candidate: s for s in of_way} for of_way in screenings]
+    screenings = [screen(bench.train, b.train, state.paths, candidates, b.colour, bar) for b in bases]
+    from_given = {s.candidate: s for s in screenings[-1]}
     trials = []
     for number, s in enumerate(screenings[0]):
         progress(done + share * number / max(len(candidates), 1), s.candidate.title)
-        seen = [(b, found[s.candidate]) for (b, _), found in zip(ways, of_candidate, strict=True)]
-        trials.append(_trial(bench, state, seen, count))
+        seen = [s, from_given[s.candidate]][: len(bases)]
+        trials.append(_trial(bench, state, list(zip(bases, seen, strict=True)), count))
     return sorted(trials, key=lambda t: -t.total)
 
 
@@ -224,24 +226,27 @@ def _judged(bench, state: State, candidate: Candidate, screening: Screening, pla
     return Trial(candidate, after, train, test, screening, objection)
 
 
-def _beside(bench: Workbench, state: State, chosen: Trial, trial: Trial, count: int) -> Trial:
+def _beside(
+    bench: Workbench, state: State, chosen: Trial, trial: Trial, alike: Sequence[_Likeness], count: int
+) -> Trial:
     """A trial that is behind the chosen one, fitted again from the chosen solution if it acts alike; else as it is.
 
-    Two effects with one signature explain a record equally well, and a fit of one of them that stopped early must not
-    hide that.
+    Two effects with one signature explain a record equally well, and a fit of one of them that stopped early, or a
+    screening that saw no trace of it where the other was missing, must not hide that.
     """
-    if trial is chosen or trial.state is None:
-        return trial
-    alike = _likeness(bench, chosen, trial)
-    if alike is None or abs(alike.cosine) < ALIKE or _tie(bench, chosen, trial, alike):
+    ways = [way for way in alike if abs(way.cosine) >= ALIKE]
+    if not ways or trial.screening.seen < SEEN or _tie(bench, chosen, trial, alike):
         return trial
     assert chosen.state is not None
     path, other = chosen.candidate.paths[0], trial.candidate.paths[0]
-    spec = spec_at(state.plant, other)
-    value = float(np.clip(spec.neutral + alike.size, *spec.bounds))
-    plant = replace_at(chosen.state.plant, {path: value_at(state.plant, path), other: value})
-    again = _judged(bench, state, trial.candidate, trial.screening, plant, chosen.state.train.starts, count)
-    return again if again.total > trial.total else trial
+    found = [trial]
+    for way in ways:
+        values = {path: value_at(state.plant, path), other: spec_at(state.plant, other).neutral + way.size}
+        values |= {p: value_at(chosen.state.plant, p) + move for p, move in way.moves.items()}
+        bounded = {p: float(np.clip(value, *spec_at(state.plant, p).bounds)) for p, value in values.items()}
+        plant, starts = replace_at(chosen.state.plant, bounded), chosen.state.train.starts
+        found.append(_judged(bench, state, trial.candidate, trial.screening, plant, starts, count))
+    return max(found, key=lambda t: t.total)
 
 
 @dataclass(frozen=True)
@@ -249,29 +254,44 @@ class _Likeness:
     """How alike two effects act at the solution with one of them: by the angle between their signatures.
 
     size: of the other one, from neutral, that does the same.  evidence: what the difference between them amounts to.
+    moves: changes of what else was fitted that go with it.
     """
 
     cosine: float
     size: float
     evidence: float
+    moves: Mapping[str, float]
 
 
-def _likeness(bench: Workbench, chosen: Trial, other: Trial) -> _Likeness | None:
-    """The likeness of two effects of one component each; None where one has more, or was not fitted."""
-    if other.state is None or len(chosen.candidate.paths) > 1 or len(other.candidate.paths) > 1:
-        return None
+def _likenesses(bench: Workbench, chosen: Trial, other: Trial) -> list[_Likeness]:
+    """The likeness of two effects of one component each, by themselves, and with all else that is fitted refitted.
+
+    Empty where an effect has more components.  A pump's gain is a valve's only if the drag may change with it.
+    """
+    if len(chosen.candidate.paths) > 1 or len(other.candidate.paths) > 1:
+        return []
     assert chosen.state is not None
     paths, here, problem = (*chosen.candidate.paths, *other.candidate.paths), chosen.state.train, bench.train
-    columns = problem.linearise(here, paths, problem.sigma(here), problem.steps[-1]).columns.reshape(2, -1)
-    own, its = np.linalg.norm(columns, axis=1)
-    if min(own, its) < 1e-9:
-        return None
-    cosine = float(columns[0] @ columns[1] / (own * its))
+    beside = [p for p in chosen.state.paths if p not in paths]
+    signatures = problem.linearise(here, (*paths, *beside), problem.sigma(here), problem.steps[-1]).columns
+    columns = signatures.reshape(len(signatures), -1)
     moved = value_at(chosen.state.plant, paths[0]) - spec_at(problem.plant, paths[0]).neutral
-    sizes = moved / problem.scale(paths[0])
-    return _Likeness(
-        cosine, cosine * sizes * own / its * problem.scale(paths[1]), (1.0 - cosine**2) * (sizes * own) ** 2
-    )
+    moved /= problem.scale(paths[0])
+    found = []
+    for fitted in ([], beside):
+        given = columns[2 : 2 + len(fitted)].T
+        imitated = np.linalg.lstsq(given, columns[:2].T, rcond=1e-10)[0]
+        one, two = columns[:2] - imitated.T @ given.T
+        own, its = float(np.linalg.norm(one)), float(np.linalg.norm(two))
+        if min(own, its) < 1e-9 or (fitted and min(own, its) < SAME * np.linalg.norm(columns[:2], axis=1).max()):
+            continue
+        cosine = float(one @ two / (own * its))
+        size = cosine * moved * own / its
+        changes = moved * imitated[:, 0] - size * imitated[:, 1]
+        moves = {p: float(c) * problem.scale(p) for p, c in zip(fitted, changes, strict=True)}
+        evidence = (1.0 - cosine**2) * (moved * own) ** 2
+        found.append(_Likeness(cosine, size * problem.scale(paths[1]), evidence, moves))
+    return found
 
 
 def _objection(bench, before: State, after: State, candidate: Candidate, train: float, held: float, count: int) -> str:
@@ -356,14 +376,14 @@ def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
     return bench.costs(other.state, best.state) - bench.costs(best.state, best.state)
 
 
-def _tie(bench: Workbench, best: Trial, other: Trial, alike: _Likeness | None) -> bool:
+def _tie(bench: Workbench, best: Trial, other: Trial, alike: Sequence[_Likeness]) -> bool:
     """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample).
 
     Also where their signatures differ by less than that: a fit that stopped a little early is no difference.
     """
     if other.state is None or other.objection:
         return False
-    if alike is not None and (alike.evidence < TIE or 1.0 - alike.cosine**2 < SAME):
+    if any(way.evidence < TIE or 1.0 - way.cosine**2 < SAME for way in alike):
         return True
     extra = _extra_cost(bench, best, other)
     error = float(np.std(extra) * np.sqrt(extra.size))

@@ -108,15 +108,14 @@ def screen(
     candidates: Sequence[Candidate],
     colour: np.ndarray,
     threshold: float,
-    step: float = 1.0,
 ) -> list[Screening]:
     """Regression of the free-run residual on each candidate's signature, most promising first.
 
     A signature is the change of the outputs when the candidate leaves neutral by one probe, aligned in time because it
     is simulated, with what initial states and fitted coefficients can imitate taken out.
-    threshold: the evidence that a finding needs, for the detectable sizes.  step: in probes, in place of one.
+    threshold: the evidence that a finding needs, for the detectable sizes.
     """
-    regression = _Regression(problem, point, fitted, colour, threshold, step)
+    regression = _Regression(problem, point, fitted, colour, threshold)
     plain = [c for c in candidates if not c.period]
     result = regression.of(plain, point)
     for candidate in candidates:
@@ -144,16 +143,8 @@ def _best_period(regression: _Regression, candidate: Candidate, point: Point) ->
 class _Regression:
     """The residual of a point, what fitted coefficients can imitate, and regressions on signatures."""
 
-    def __init__(
-        self,
-        problem: Shooting,
-        point: Point,
-        fitted: Sequence[str],
-        colour: np.ndarray,
-        threshold: float,
-        step: float,
-    ):
-        self.problem, self.fitted, self.colour, self.threshold, self.step = problem, fitted, colour, threshold, step
+    def __init__(self, problem: Shooting, point: Point, fitted: Sequence[str], colour: np.ndarray, threshold: float):
+        self.problem, self.fitted, self.colour, self.threshold = problem, fitted, colour, threshold
         self.sigma = problem.sigma(point)
         self.scale = np.maximum(_spread(problem, point, colour, self.sigma), 1e-9)
         self.nuisance = self._flat(problem.linearise(point, list(fitted), self.sigma).columns)
@@ -167,7 +158,7 @@ class _Regression:
     def of(self, candidates: Sequence[Candidate], point: Point) -> list[Screening]:
         """A screening for each candidate, in their order; point: where the signatures are taken."""
         paths = [p for c in candidates for p in c.paths]
-        probes = self.problem.linearise(point, paths, self.sigma, step=self.step)
+        probes = self.problem.linearise(point, paths, self.sigma, step=1.0)
         kept = (probes.columns**2).sum(axis=(1, 2)) / np.maximum(probes.raw**2, 1e-30)
         signatures = self._flat(probes.columns)
         rest = signatures - (signatures @ self.basis) @ self.basis.T
