@@ -141,7 +141,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if given.json:
         print(json.dumps(as_json(results, band), indent=2))
     else:
-        Console(highlight=False).print(_table(results, band, given.amplitude))
+        Console(highlight=False, width=max(Console().width, 150)).print(_table(results, band, given.amplitude))
     if written is not None:
         print(f"Written to {written}", file=sys.stderr)
     return 0

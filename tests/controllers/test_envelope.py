@@ -157,7 +157,7 @@ def test_the_tuned_pilot_at_four_seconds_stays_within_ten_metres_and_five_degree
     plant = load_vehicle("npsauv", dt=4.0)
     pilot, rng = autopilot(plant, targets=("depth_m",)), np.random.default_rng(3)
     signals = {
-        name: make_signal("prbs", 150, 4.0, rng, amplitude=0.08) for name in ("stern_plane_rad", "bow_plane_rad")
+        name: make_signal("prbs", 150, 4.0, rng, amplitude=0.06) for name in ("stern_plane_rad", "bow_plane_rad")
     }
     limits = {"depth_m": (10.0, 30.0), "pitch_rad": (radians(-5.0), radians(5.0))}
     bare = Excited(pilot, signals, 4.0)

