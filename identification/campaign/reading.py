@@ -6,11 +6,15 @@ import json
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel
 
 from auv_gym.param import did_you_mean
 from identification.campaign.complaints import checked
 from identification.campaign.settings import Campaign, Head, RunSettings
+
+T = TypeVar("T", bound=BaseModel)
 
 # Tables whose keys are paths with dots in them: `[sensors] depth.noise = 0.1` and "depth.noise" = 0.1 say the same.
 _PATHS = (("vehicle", "effects"), ("sensors",), ("experiment", "randomise"), ("grid",))
@@ -20,7 +24,8 @@ _CAMPAIGN_KEYS = ("name", "description", "seeds", "grid", "fit", "compare")
 def read_campaign(path: str | Path, seed_offset: int = 0) -> Campaign:
     """The campaign of a file; raises ValueError with every key that is wrong, what came and what is allowed.
 
-    seed_offset: added to every seed.  The runs' own settings are checked with the grid's values in them, by `plan`.
+    seed_offset: added to every seed, also where runs are chosen by it.  The runs' own settings are checked with the
+    grid's values in them, by `plan`.
     """
     path = Path(path)
     try:
@@ -49,10 +54,24 @@ def read_campaign(path: str | Path, seed_offset: int = 0) -> Campaign:
         description=head.description,
         seeds=tuple(seed + seed_offset for seed in seeds),
         grid=head.grid,
-        fit=head.fit,
-        compare=head.compare,
+        fit=tuple(_moved(fit, ("runs", "validate_on"), seed_offset) for fit in head.fit),
+        compare=None if head.compare is None else _moved(head.compare, ("runs",), seed_offset),
         template={key: value for key, value in content.items() if key not in _CAMPAIGN_KEYS},
     )
+
+
+def _moved(table: T, filters: Sequence[str], seed_offset: int) -> T:
+    """A table whose filters choose runs by their seeds, which begin so much later."""
+    changes = {}
+    for name in filters:
+        wanted = getattr(table, name)
+        if wanted and "seeds" in wanted:
+            seeds = wanted["seeds"]
+            moved = [
+                s + seed_offset if isinstance(s, int) else s for s in (seeds if isinstance(seeds, list) else [seeds])
+            ]
+            changes[name] = {**wanted, "seeds": moved}
+    return table.model_copy(update=changes)
 
 
 def with_value(content: Mapping[str, Any], key: str, value: Any) -> dict[str, Any]:

@@ -177,3 +177,19 @@ def test_every_problem_has_a_line(write):
         plan(read_campaign(write(GOOD, ("duration_s", "duration"), ('preset = "slocum"', 'preset = "slocum"\nx = 1'))))
     assert len(str(raised.value).splitlines()) == 2
     assert "vehicle.x" in str(raised.value)
+
+
+def test_filters_by_seed_move_with_the_seeds(tmp_path):
+    path = tmp_path / "moved.toml"
+    path.write_text(
+        'name = "moved"\nseeds = [1, 2]\n[experiment]\nkind = "env"\nid = "GliderHeading"\n[controller]\n'
+        '[[fit]]\nname = "a"\nmethod = "arx"\nruns = { seeds = 1 }\nvalidate = { seeds = [2] }\n'
+        '[[fit]]\nname = "b"\nmethod = "arx"\n[compare]\nruns = { seeds = [1, 2] }\n'
+    )
+    campaign = read_campaign(path, seed_offset=10)
+    assert campaign.seeds == (11, 12)
+    assert campaign.fit[0].runs == {"seeds": [11]}
+    assert campaign.fit[0].validate_on == {"seeds": [12]}
+    assert campaign.fit[1].runs == {}
+    assert campaign.fit[1].validate_on is None
+    assert campaign.compare.runs == {"seeds": [11, 12]}
