@@ -16,8 +16,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import degrees, inf, pi, radians
 from pathlib import Path
@@ -27,9 +26,9 @@ import gymnasium
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from auv_gym.cli.console import steps_bar
 from auv_gym.cruise import command_limits
 from auv_gym.linear.linearise import linearise
 from auv_gym.plant import Plant
@@ -128,7 +127,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         env = environment()
         band = model_band(env.unwrapped.plant)  # type: ignore[attr-defined]
         compared = designs(band)
-        with _progress(len(compared) * given.seeds) as advance:
+        with steps_bar(len(compared) * given.seeds) as advance:
             pilot = depth_pilot(env)
             results = [fly(env, pilot, d, radians(given.amplitude), given.seeds, band, advance) for d in compared]
         if given.out is not None:
@@ -336,16 +335,6 @@ def _table(results: Sequence[Result], band: tuple[float, float], amplitude: floa
     for row in rows(results):
         table.add_row(*row)
     return table
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[str], None]]:
-    """A callable that is told what begins now and draws a bar on stderr, where that is a terminal."""
-    errors = Console(stderr=True)
-    columns = (BarColumn(bar_width=30), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bars:
-        task = bars.add_task("", total=total, completed=-1)
-        yield lambda text: bars.update(task, advance=1, description=text)
 
 
 if __name__ == "__main__":

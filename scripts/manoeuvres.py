@@ -13,8 +13,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import degrees, inf, pi, radians
 from pathlib import Path
@@ -23,9 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from auv_gym.cli.console import steps_bar
 from auv_gym.cruise import Cruise, command_limits, find_cruise
 from auv_gym.envs.tasks import HELD_PITCH
 from auv_gym.model import Diverged, check_finite
@@ -113,7 +112,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = parser.parse_args(argv)
     names, written = given.vehicle or presets(), []
     try:
-        with _progress(len(names) * (4 + len(ZIGZAGS)) + 1) as advance:
+        with steps_bar(len(names) * (4 + len(ZIGZAGS)) + 1) as advance:
             results = [manoeuvre(name, given.speed, advance) for name in names]
             compared = compare(results) if given.speed is None else []
             if given.out is not None:
@@ -511,16 +510,6 @@ def _comparison_table(compared: Sequence[Sequence[str]]) -> Table:
     for row in compared:
         table.add_row(*row)
     return table
-
-
-@contextmanager
-def _progress(total: int) -> Iterator[Callable[[str], None]]:
-    """A callable that is told what begins now and draws a bar on stderr, where that is a terminal."""
-    errors = Console(stderr=True)
-    columns = (BarColumn(bar_width=30), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bars:
-        task = bars.add_task("", total=total, completed=-1)
-        yield lambda text: bars.update(task, advance=1, description=text)
 
 
 if __name__ == "__main__":

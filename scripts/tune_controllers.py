@@ -13,7 +13,6 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 from math import degrees, inf
@@ -23,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from scipy.optimize import minimize
 
 from auv_gym.channels import channel, set_point_of
+from auv_gym.cli.console import progress_bar
 from auv_gym.cruise import command_limits, find_cruise
 from auv_gym.engine import find_engine
 from auv_gym.model import Diverged
@@ -110,7 +109,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         ]
         kept = read_gains(given.out) if given.out.exists() else ()
         reached: list[Reached] = []
-        with _progress() as show:
+        with progress_bar() as show:
             for i, plant in enumerate(plants):
                 bench = bench_of(plant, given.seed)
                 gains = tuned(
@@ -407,16 +406,6 @@ def _reached_table(reached: Sequence[Reached]) -> Table:
         shown = [f"{value:.2f}" for value in numbers]
         table.add_row(row.vehicle, f"{row.dt:g}", row.kind, label, shown[0], settled, *shown[1:])
     return table
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[float, str], None]]:
-    """A callable of fraction and text that draws a bar on stderr, where that is a terminal."""
-    errors = Console(stderr=True)
-    columns = (BarColumn(bar_width=30), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bars:
-        task = bars.add_task("", total=1.0)
-        yield lambda fraction, text: bars.update(task, completed=fraction, description=text)
 
 
 if __name__ == "__main__":

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from auv_gym.cli import logs
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar
 from auv_gym.cli.identify import printed
-from auv_gym.cli.logs import read_log
 
 if TYPE_CHECKING:
     from auv_gym.model import Model
@@ -30,7 +30,7 @@ def compare(
     out: Annotated[
         Path | None, typer.Option(help="Folder for report.html and scores.json; made if it is not there.")
     ] = None,
-    resample: Annotated[float | None, typer.Option(help="Bring the records to even samples of so many s.")] = None,
+    resample: logs.Resample = None,
     window: Annotated[
         float | None, typer.Option(help="Length of the free runs, s; default: whole segments, or a vehicle's own.")
     ] = None,
@@ -40,12 +40,8 @@ def compare(
     horizon: Annotated[
         list[int] | None, typer.Option(help="Samples ahead of a prediction; may be repeated. Default: 1 to 100.")
     ] = None,
-    mapping: Annotated[
-        Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
-    ] = None,
-    cut_gaps: Annotated[
-        bool, typer.Option("--cut-gaps", help="Where values are missing, cut a record instead of refusing it.")
-    ] = False,
+    mapping: logs.ColumnNames = None,
+    cut_gaps: logs.CutGaps = False,
 ) -> None:
     """Compare models over records: free runs from fitted starts, and predictions over the horizon."""
     with progress_bar() as progress:
@@ -60,7 +56,7 @@ def compare(
         if out is not None:
             require_render()
         loaded = dict(zip(_names(models), (load_model(path) for path in models), strict=True))
-        data = joined([read_log(name, mapping, None, (), cut_gaps) for name in record])
+        data = joined([logs.read_log(name, mapping, None, (), cut_gaps) for name in record])
         data = data if resample is None else data.resample(resample)
         _check_sample_times(loaded, data)
         progress(0.1, "free runs")

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from itertools import count
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -15,7 +15,7 @@ errors = Console(stderr=True, highlight=False)
 
 
 @contextmanager
-def progress_bar() -> Iterator[Any]:
+def progress_bar() -> Iterator[Callable[[float, str], None]]:
     """A callable of fraction and text that draws a bar on stderr, where that is a terminal."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -23,6 +23,14 @@ def progress_bar() -> Iterator[Any]:
     with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bars:
         task = bars.add_task("", total=1.0)
         yield lambda fraction, text: bars.update(task, completed=fraction, description=text)
+
+
+@contextmanager
+def steps_bar(total: int) -> Iterator[Callable[[str], None]]:
+    """A bar that is told what begins now, of so many things one after the other."""
+    with progress_bar() as show:
+        begun = count()
+        yield lambda text: show(next(begun) / total, text)
 
 
 def table(title: str, *columns: str) -> Table:

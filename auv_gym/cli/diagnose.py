@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.table import Table
 
+from auv_gym.cli import logs
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar, table
-from auv_gym.cli.logs import read_log
 
 if TYPE_CHECKING:
     from auv_gym.record import Record
@@ -28,18 +28,14 @@ def diagnose(
         float | None,
         typer.Option(help="Length of the free runs, s; default: the vehicle's. Every other one, or dive, is held out."),
     ] = None,
-    mapping: Annotated[
-        Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
-    ] = None,
+    mapping: logs.ColumnNames = None,
     profile: Annotated[
         Path | None,
         typer.Option(
             help="CSV of the water's density: density_kgpm3 over depth_m or pressure_dbar, by dive_id if many."
         ),
     ] = None,
-    cut_gaps: Annotated[
-        bool, typer.Option("--cut-gaps", help="Where values are missing, cut the log instead of refusing it.")
-    ] = False,
+    cut_gaps: logs.CutGaps = False,
     seed: Annotated[int, typer.Option(help="Kept with the result; the diagnosis itself draws nothing.")] = 0,
     cache_dir: Annotated[
         Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
@@ -60,7 +56,7 @@ def diagnose(
         plant = load_vehicle(vehicle)
         writable_folder(out)
         progress(0.0, "reading the log")
-        record = read_log(log, mapping, cache_dir, (plant.outputs[0], *plant.family.required), cut_gaps)
+        record = logs.read_log(log, mapping, cache_dir, (plant.outputs[0], *plant.family.required), cut_gaps)
         record = _between_depths(record, min_depth, max_depth)
         if profile is not None:
             if "density_kgpm3" not in plant.inputs:

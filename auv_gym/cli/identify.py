@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from auv_gym.cli import logs
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar, table
-from auv_gym.cli.logs import read_log
 
 if TYPE_CHECKING:
     from rich.table import Table as Printed
@@ -45,16 +45,12 @@ def identify(
         list[str] | None,
         typer.Option(metavar="RECORD", help="A record to judge by; may be repeated. Default: the last third held out."),
     ] = None,
-    resample: Annotated[float | None, typer.Option(help="Bring the records to even samples of so many s.")] = None,
+    resample: logs.Resample = None,
     window: Annotated[
         float | None, typer.Option(help="Length of the free runs, s; default: whole segments, for a vehicle its own.")
     ] = None,
-    mapping: Annotated[
-        Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
-    ] = None,
-    cut_gaps: Annotated[
-        bool, typer.Option("--cut-gaps", help="Where values are missing, cut a record instead of refusing it.")
-    ] = False,
+    mapping: logs.ColumnNames = None,
+    cut_gaps: logs.CutGaps = False,
     report: Annotated[
         Path | None, typer.Option(help="Write a page with tables and figures: a name that ends in .html, or a folder.")
     ] = None,
@@ -128,7 +124,7 @@ def printed(title: str, shown: Table) -> Printed:
 
 
 def _read(name: str, mapping: Path | None, required: Sequence[str], cut_gaps: bool, resample: float | None) -> Record:
-    record = read_log(name, mapping, None, required, cut_gaps)
+    record = logs.read_log(name, mapping, None, required, cut_gaps)
     return record if resample is None else record.resample(resample)
 
 

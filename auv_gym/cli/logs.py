@@ -4,10 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 if TYPE_CHECKING:
     from auv_gym.record import Record
+
+ColumnNames = Annotated[
+    Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
+]
+CutGaps = Annotated[
+    bool, typer.Option("--cut-gaps", help="Where values are missing, cut the log instead of refusing it.")
+]
+Resample = Annotated[float | None, typer.Option(help="Bring the records to even samples of so many s.")]
 
 
 def read_log(log: str, mapping: Path | None, cache_dir: Path | None, required: Sequence[str], cut_gaps: bool) -> Record:

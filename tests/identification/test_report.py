@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -20,44 +19,13 @@ from identification.diagnosis import diagnose
 from identification.experiment import closed_loop
 from identification.report import MEANINGS, amount, diagnosis_page, number, span
 from identification.validation import FreeRuns
+from tests.identification.outline import Outline
 
 pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
 pytest.importorskip("jinja2", reason="the extra `render` is not installed")
 
 SECTIONS = ("the-log", "before-after", "remains", "candidates", "effects", "detectable", "method")
-VOID = {"meta", "link", "br", "img", "hr", "input"}
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
-
-
-class Outline(HTMLParser):
-    """What a browser would see: attributes of each tag, text, and the tags that do not match."""
-
-    def __init__(self, page: str):
-        super().__init__()
-        self.open, self.faults, self.tags, self.words = [], [], [], []
-        self.feed(page)
-        self.close()
-        self.faults += self.open
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        if not self.open or self.open.pop() != tag:
-            self.faults.append(tag)
-
-    def handle_data(self, data):
-        if not {"style", "svg"} & set(self.open):
-            self.words.append(data)
-
-    @property
-    def text(self) -> str:
-        return re.sub(r"\s+", " ", "".join(self.words))
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ import re
 import shutil
 import sys
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -18,43 +17,12 @@ from identification.campaign.report import write_report
 from identification.campaign.report.focus import featured
 from identification.page import percent
 from identification.shown import asked_of
+from tests.identification.outline import Outline
 
 pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
 pytest.importorskip("jinja2", reason="the extra `render` is not installed")
 
 SECTIONS = ["experiment", "spectra", "models", "open-loop", "closed-loop", "residuals", "runs", "method"]
-VOID = {"meta", "link", "br", "img", "hr", "input"}
-
-
-class Outline(HTMLParser):
-    """What a browser would see: attributes of each tag, text, and the tags that do not match."""
-
-    def __init__(self, page):
-        super().__init__()
-        self.open, self.faults, self.tags, self.words = [], [], [], []
-        self.feed(page)
-        self.close()
-        self.faults += self.open
-
-    def handle_starttag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-        if tag not in VOID:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        self.tags.append((tag, dict(attrs)))
-
-    def handle_endtag(self, tag):
-        if not self.open or self.open.pop() != tag:
-            self.faults.append(tag)
-
-    def handle_data(self, data):
-        if not {"style", "svg"} & set(self.open):
-            self.words.append(data)
-
-    @property
-    def text(self):
-        return re.sub(r"\s+", " ", "".join(self.words))
 
 
 @pytest.fixture(scope="module")
