@@ -1,0 +1,61 @@
+"""What every linear fit returns: a model, the free parameters that it follows from, and how sure they are."""
+
+from __future__ import annotations
+
+from typing import Protocol, TypeGuard, runtime_checkable
+
+import numpy as np
+
+from auv_gym.linear import Polynomial, StateSpace
+from identification.estimate import Estimate
+
+
+@runtime_checkable
+class LinearFit(Protocol):
+    """A linear model fitted to records, in SI units.
+
+    vector, covariance: of its P free parameters, (P,) and (P, P); NaN in the latter where the method gives no errors.
+    at: the model with other values of these, smooth in them.  noise: covariance of the one-step errors, (p, p).
+    freedom: degrees of freedom behind it.  samples: rows of the regression, all outputs together.
+    parameters: the count that a choice of orders is charged for: free coefficients, without intercepts and starts.
+    loss: mean square one-step error by output, (p,).
+    """
+
+    @property
+    def model(self) -> Polynomial | StateSpace: ...
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]: ...
+
+    @property
+    def vector(self) -> np.ndarray: ...
+
+    @property
+    def covariance(self) -> np.ndarray: ...
+
+    @property
+    def noise(self) -> np.ndarray: ...
+
+    @property
+    def freedom(self) -> int: ...
+
+    @property
+    def samples(self) -> int: ...
+
+    @property
+    def parameters(self) -> int: ...
+
+    @property
+    def loss(self) -> np.ndarray: ...
+
+    def at(self, vector: np.ndarray) -> Polynomial | StateSpace: ...
+
+
+def is_linear(fit: object) -> TypeGuard[LinearFit]:
+    """Whether a fit is one, so that poles, responses and free runs have intervals and pictures."""
+    return isinstance(fit, LinearFit) and isinstance(fit.model, Polynomial | StateSpace)
+
+
+def has_errors(fit: LinearFit) -> bool:
+    """Whether the errors of its parameters are known."""
+    return bool(np.isfinite(fit.covariance).all())
