@@ -14,18 +14,21 @@ from auv_gym.model import Diverged
 from auv_gym.param import did_you_mean
 from auv_gym.record import Record, concat
 from identification.comparison import compare_open
-from identification.estimator import Estimator, list_methods, make_estimator
+from identification.estimator import Estimator, Method, list_methods, make_estimator
 from identification.linear.arx import Arx
 from identification.linear.nested import Nested
 from identification.linear.regressors import Series
 from identification.linear.structure import Structure
 
 CRITERIA = ("mdl", "aic", "bic", "held_out", "parsimony")
-# Of pitch the paper takes orders with a residual error of 3e-4 % in place of MDL's with 2e-4 %, and sees no substantial
-# difference between them.
+# Of pitch, Geng and Zhao 2012 take orders with a residual error of 3e-4 % in place of MDL's with 2e-4 %, and see no
+# substantial difference between them.
 TOLERANCE = 0.5
 # Rounding in data without noise: losses below this share of the output's mean square are no better than one another.
 _ROUNDING = 1e-24
+# Gradient at which a cell may end its iteration, see Stopping: losses are then right to some six digits, for half the
+# time.
+_NEAR = 1e-4
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,8 @@ class Cell:
     """A model of one output: its orders, and how well it does.
 
     n_b, delay: by input.  parameters: n, all that are free in A, B and C.  loss: V_N = 1/N sum e^2 over the N rows that
-    all cells of the output share, in its unit squared.  aic = V_N (1 + 2 n / N), mdl = V_N (1 + 2 n log N / N), as
-    paper 1 prints them; bic = N log V_N + n log N.  held_out: fit of free runs, %, NaN without records to validate on
+    all cells of the output share, in its unit squared.  aic = V_N (1 + 2 n / N), mdl = V_N (1 + 2 n log N / N), both as
+    in Geng and Zhao 2012; bic = N log V_N + n log N.  held_out: fit of free runs, %, NaN without records to validate on
     and where a run leaves the finite numbers.  problem: why there is no model; all numbers are then NaN.
     """
 
@@ -73,17 +76,18 @@ class Orders:
 class OrderSearch:
     """Every cell of a search, and what the criteria choose of them, each output by itself.
 
-    base: the estimator whose orders are sought.  rows: N by output.  tolerance: of `parsimony`, which takes the fewest
-    parameters whose loss is at most 1 + tolerance times that of MDL's choice, then the smallest delay, then n_a.
-    `mdl`, `aic` and `bic` take the smallest value, `held_out` the largest fit.
-    Source of parsimony: paper 1 (vertical-plane ARMAX), sec. III; of bic: Ljung 1999, sec. 16.4.
+    base: the estimator whose orders are sought.  rows: N by output.  criterion: the one that was asked for.
+    `mdl`, `aic` and `bic` take the smallest value, `held_out` the largest fit, `parsimony` the fewest parameters whose
+    loss is at most 1 + tolerance times that of MDL's choice, then the smallest delay, then the smallest n_a.
+    Source of parsimony: Geng and Zhao 2012, sec. III; of bic: Ljung 1999, sec. 16.4.
     """
 
     method: str
     base: Any
     cells: tuple[Cell, ...]
     rows: Mapping[str, int]
-    tolerance: float
+    tolerance: float = TOLERANCE
+    criterion: str = "mdl"
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -103,12 +107,10 @@ class OrderSearch:
         """The cells of an output."""
         return tuple(cell for cell in self.cells if cell.output == output)
 
-    def best(self, criterion: str, output: str) -> Cell:
-        """The cell that a criterion takes for an output; raises ValueError if it cannot choose."""
-        if criterion not in CRITERIA:
-            raise ValueError(
-                f"No criterion {criterion!r}. {did_you_mean(criterion, CRITERIA)}Criteria: {', '.join(CRITERIA)}."
-            )
+    def best(self, output: str, criterion: str = "") -> Cell:
+        """The cell that a criterion (default the search's) takes for an output; raises ValueError if it cannot."""
+        criterion = criterion or self.criterion
+        check_criterion(criterion)
         cells = [cell for cell in self.of(output) if not cell.problem]
         if not cells:
             why = self.of(output)[0].problem
@@ -122,13 +124,13 @@ class OrderSearch:
                 )
             return min(cells, key=lambda cell: (-cell.held_out, *_size(cell)))
         if criterion == "parsimony":
-            most = (1.0 + self.tolerance) * self.best("mdl", output).loss
+            most = (1.0 + self.tolerance) * self.best(output, "mdl").loss
             return min((cell for cell in cells if cell.loss <= most), key=lambda cell: (*_size(cell), cell.loss))
         return min(cells, key=lambda cell: (getattr(cell, criterion), *_size(cell)))
 
-    def choice(self, criterion: str) -> Orders:
-        """The orders that a criterion takes."""
-        cells = [self.best(criterion, output) for output in self.outputs]
+    def choice(self, criterion: str = "") -> Orders:
+        """The orders that a criterion takes, default the search's."""
+        cells = [self.best(output, criterion) for output in self.outputs]
         return Orders(
             tuple(cell.n_a for cell in cells),
             tuple(cell.n_b for cell in cells),
@@ -136,8 +138,8 @@ class OrderSearch:
             tuple(cell.n_c for cell in cells) if _has_noise(self.base) else None,
         )
 
-    def estimator(self, criterion: str) -> Estimator:
-        """The estimator with the orders that a criterion takes, which fits on all rows that they leave."""
+    def estimator(self, criterion: str = "") -> Estimator:
+        """The estimator with the orders that a criterion takes; it fits on all rows that they leave."""
         return replace(self.base, **self.choice(criterion).settings())
 
     def as_dict(self) -> dict[str, Any]:
@@ -149,6 +151,7 @@ class OrderSearch:
             "outputs": list(self.outputs),
             "rows": dict(self.rows),
             "tolerance": self.tolerance,
+            "criterion": self.criterion,
             "choices": {name: self.choice(name).settings() for name in self.criteria},
             "cells": [
                 {k: None if isinstance(v, float) and not isfinite(v) else v for k, v in c.items()} for c in cells
@@ -167,6 +170,7 @@ def search_orders(
     n_c: Iterable[int] | None = None,
     delay: Iterable[int] | Mapping[str, Iterable[int]] = (1,),
     validate: Sequence[Record] = (),
+    criterion: str = "mdl",
     tolerance: float = TOLERANCE,
     progress: Callable[[float, str], Any] = lambda fraction, text: None,
     **settings: Any,
@@ -182,6 +186,9 @@ def search_orders(
         raise ValueError("An order search needs at least one record, got none.")
     if not 0.0 <= tolerance < float("inf"):
         raise ValueError(f"An order search needs a tolerance from 0, such as {TOLERANCE}, got {tolerance!r}.")
+    check_criterion(criterion)
+    if criterion == "held_out" and not validate:
+        raise ValueError("The criterion held_out needs records to validate on, got none: give some in `validate`.")
     base = _base(method, inputs, outputs, settings)
     own, noise = _range("n_a", n_a, 1 if base.integrating else 0), _noise_range(method, base, n_c)
     counts, delays = _by_input("n_b", n_b, base.inputs, 0), _by_input("delay", delay, base.inputs, 1)
@@ -193,7 +200,7 @@ def search_orders(
         raise ValueError("An order search needs n_b of at least 1 for one input, got 0 alone.")
     cells, rows = [], {}
     for i, output in enumerate(base.outputs):
-        alone = replace(base, outputs=(output,), skip=skip, integrating=tuple({output} & set(base.integrating)))
+        alone = replace(_hasty(base), outputs=(output,), skip=skip, integrating=tuple({output} & set(base.integrating)))
         nested = None
         if isinstance(alone, Arx):
             largest = Structure.of("Arx", base.inputs, (output,), max(own), [lags], integrating=alone.integrating)
@@ -205,7 +212,13 @@ def search_orders(
             progress(len(cells) / (len(grid) * len(base.outputs)), f"orders of {output}")
             cells.append(_cell(alone, nested, orders, records, validate, rows[output], least))
     progress(1.0, "orders searched")
-    return OrderSearch(method, base, tuple(cells), rows, tolerance)
+    return OrderSearch(method, base, tuple(cells), rows, tolerance, criterion)
+
+
+def check_criterion(name: str) -> None:
+    """Raises ValueError if there is no such criterion."""
+    if name not in CRITERIA:
+        raise ValueError(f"No criterion {name!r}. {did_you_mean(name, CRITERIA)}Criteria: {', '.join(CRITERIA)}.")
 
 
 def _cell(
@@ -262,10 +275,9 @@ def _base(method: str, inputs: Sequence[str], outputs: Sequence[str], settings: 
     ours = {name for name in ("n_a", "n_b", "n_c", "delay", "skip") if name in settings}
     if ours:
         raise ValueError(f"An order search sets {', '.join(sorted(ours))} itself: leave it out of the settings.")
-    known = list_methods()
-    able = [name for name, offered in known.items() if not offered.problem and _is_polynomial(offered.load())]
-    method = method.strip().replace("-", "_")
-    if method not in able:
+    known, method = list_methods(), method.strip().replace("-", "_")
+    if method not in known or not _is_polynomial(known[method]):
+        able = [name for name, offered in known.items() if _is_polynomial(offered)]
         raise ValueError(f"No order search for {method!r}. {did_you_mean(method, able)}Methods: {', '.join(able)}.")
     if settings.get("structure", "diagonal") != "diagonal":
         raise ValueError(
@@ -274,8 +286,18 @@ def _base(method: str, inputs: Sequence[str], outputs: Sequence[str], settings: 
     return make_estimator(method, settings, inputs=inputs, outputs=outputs)
 
 
-def _is_polynomial(estimator: Any) -> bool:
-    return {"n_a", "n_b", "delay", "skip", "integrating"} <= {field.name for field in fields(estimator)}
+def _is_polynomial(method: Method) -> bool:
+    """Whether a method can be used and has the settings of one."""
+    needed = {"n_a", "n_b", "delay", "skip", "integrating"}
+    return not method.problem and needed <= {field.name for field in fields(method.load())}
+
+
+def _hasty(estimator: Any) -> Any:
+    """The estimator, its iteration ended as soon as the loss is known well enough to compare."""
+    stopping = getattr(estimator, "stopping", None)
+    if stopping is None:
+        return estimator
+    return replace(estimator, stopping=replace(stopping, gradient=max(stopping.gradient, _NEAR)))
 
 
 def _has_noise(estimator: Any) -> bool:
