@@ -9,7 +9,7 @@ from dataclasses import MISSING, Field, dataclass, fields
 from importlib import import_module
 from importlib.metadata import entry_points
 from math import isfinite
-from typing import Any, Protocol, get_type_hints
+from typing import Any, Protocol, get_args, get_type_hints
 
 from auv_gym.model import Model
 from auv_gym.param import did_you_mean
@@ -84,9 +84,11 @@ class Method:
     @property
     def settings(self) -> dict[str, Setting]:
         """The settings by name."""
+        made = self.load()
+        hints = get_type_hints(made)
         return {
-            field.name: Setting(field.name, _words(field.type), _default(field), _needed(field))
-            for field in fields(self.load())
+            field.name: Setting(field.name, _words(hints[field.name]), _default(field), _needed(field))
+            for field in fields(made)
             if field.name not in _GIVEN and field.init
         }
 
@@ -99,8 +101,33 @@ _BUILT_IN = (
     ),
     Method(
         "arx",
-        "Linear difference equations by least squares, each output by itself; biased by measurement noise.",
+        "Linear difference equations by least squares; biased by measurement noise.",
         "identification.linear.arx:Arx",
+    ),
+    Method(
+        "els",
+        "ARMAX by extended least squares, regressed on its own errors.",
+        "identification.linear.els:Els",
+    ),
+    Method(
+        "armax",
+        "ARMAX by the prediction-error method: without bias in closed loop and under coloured noise.",
+        "identification.linear.armax:Armax",
+    ),
+    Method(
+        "output_error",
+        "Free runs fitted, for noise on the measurement alone; not for unstable plants.",
+        "identification.linear.output_error:OutputError",
+    ),
+    Method(
+        "n4sid",
+        "State space by subspaces, order by singular values; biased in closed loop.",
+        "identification.linear.n4sid:N4sid",
+    ),
+    Method(
+        "pbsid",
+        "State space by subspaces of the predictor, without bias in closed loop.",
+        "identification.linear.pbsid:Pbsid",
     ),
     Method(
         "rwls",
@@ -270,9 +297,9 @@ def _allowed(method: Method) -> str:
     return f"Settings: {'; '.join(described) or 'none'}."
 
 
-def _words(annotation: Any) -> str:
-    text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", str(annotation))
-    return text.replace("Sequence[", "list[")
+def _words(hint: Any) -> str:
+    text = hint.__name__ if isinstance(hint, type) and not get_args(hint) else str(hint)
+    return text.replace("collections.abc.Sequence[", "list[").replace("typing.", "")
 
 
 def _needed(field: Field[Any]) -> bool:

@@ -40,12 +40,13 @@ from controllers.relay import Relay
 from identification.driving import drive
 from identification.excitation import make_signal
 from identification.linear.regressors import Series, regression
+from identification.linear.structure import Structure
 from identification.multisine import crest_factor
 
 DT, DURATION, DEPTH = 4.0, 600.0, 60.0  # s, s, m
 RESOLUTION, NOISE = radians(0.1), 0.03  # rad of pitch, as in the paper; m of depth, a usual pressure sensor
 PLANES = ("stern_plane_rad", "bow_plane_rad")
-N_A, N_B, DELAY = 3, (2, 2), (1, 1)
+EQUATION = Structure.of("Arx", PLANES, ("depth_m",), n_a=3, n_b=2).rows[0]
 
 
 @dataclass(frozen=True)
@@ -232,7 +233,7 @@ def excited(pilot: Controller, design: Design, amplitude: float, rng: np.random.
 def information(plant: Plant, record: Record) -> tuple[float, float]:
     """Smallest eigenvalue and condition number of the normal matrix per sample, as the module's docstring scales it."""
     limits = dict(zip(plant.inputs, command_limits(plant)))
-    problem = regression(Series.of([record], PLANES, ("depth_m",), "Arx"), 0, N_A, N_B, DELAY)
+    problem = regression(Series.of([record], PLANES, ("depth_m",), "Arx"), EQUATION)
     scale = np.array(
         [plant.hull.length if term.channel == "depth_m" else limits[term.channel] for term in problem.terms]
     )

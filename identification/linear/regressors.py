@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.record import Record
+from identification.linear.structure import Row, Term
 
 SAMPLES_PER_COEFFICIENT = 4
+SPAN = 1024  # rows that are decomposed at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,26 +57,16 @@ class Series:
         )
 
 
-@dataclass(frozen=True)
-class Term:
-    """A column of a regression: a channel so many samples before."""
-
-    channel: str
-    lag: int
-
-
 @dataclass(frozen=True, eq=False)
 class Regression:
     """target = matrix @ coefficients + error, over all rows that have all their lags in their own segment.
 
-    target: (N,).  matrix: (N, n).  terms: of each column.  segment, row: where each row comes from, (N,).
+    target: (N,).  matrix: (N, n).  terms: of each column.
     """
 
     target: np.ndarray
     matrix: np.ndarray
     terms: tuple[Term, ...]
-    segment: np.ndarray
-    row: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,36 +84,27 @@ class Solution:
     residual: np.ndarray
 
 
-def lagged(signal: np.ndarray, lags: Sequence[int], start: int) -> np.ndarray:
-    """The signal `lag` samples before each row from `start` on, shape (n - start, len(lags)); start >= all lags."""
-    columns = np.empty((max(signal.size - start, 0), len(lags)))
-    for j, lag in enumerate(lags):
-        columns[:, j] = signal[start - lag : signal.size - lag] if columns.size else 0.0
-    return columns
+def regression(series: Series, row: Row, start: int = 0) -> Regression:
+    """The regression of an output on -1 times lags of outputs and on lags of inputs, as its equation has them.
 
-
-def regression(series: Series, output: int, n_a: int, n_b: Sequence[int], delay: Sequence[int]) -> Regression:
-    """The regression of an output on -1 times its own n_a lags and on n_b[i] lags of each input from delay[i] on."""
-    own_lags = list(range(1, n_a + 1))
-    input_lags = [list(range(first, first + count)) for first, count in zip(delay, n_b, strict=True)]
-    start = max([0, *own_lags, *(lag for lags in input_lags for lag in lags)])
-    targets, blocks, segments, rows = [], [], [], []
-    for number, (u, y) in enumerate(zip(series.u, series.y, strict=True)):
-        if len(y) <= start:
-            continue
-        columns = [-lagged(y[:, output], own_lags, start)]
-        columns += [lagged(u[:, i], lags, start) for i, lags in enumerate(input_lags)]
-        targets.append(y[start:, output])
-        blocks.append(np.concatenate(columns, axis=1))
-        segments.append(np.full(len(y) - start, number))
-        rows.append(np.arange(start, len(y)))
-    terms = [Term(series.outputs[output], lag) for lag in own_lags]
-    terms += [Term(name, lag) for name, lags in zip(series.inputs, input_lags, strict=True) for lag in lags]
-    if not targets:
-        return Regression(np.empty(0), np.empty((0, len(terms))), tuple(terms), np.empty(0, int), np.empty(0, int))
-    return Regression(
-        np.concatenate(targets), np.concatenate(blocks), tuple(terms), np.concatenate(segments), np.concatenate(rows)
-    )
+    start: samples at the beginning of each segment that serve as lags only, at least; errors' lags are left out.
+    """
+    known = [k for k, term in enumerate(row.terms) if term.kind != "c"]
+    free = [k for k, term in enumerate(row.free_terms) if term.kind != "c"]
+    base, mix = row.base[known], row.mix[np.ix_(known, free)]
+    start = max(start, row.first)
+    targets, matrices = [np.empty(0)], [np.empty((0, len(free)))]
+    for u, y in zip(series.u, series.y, strict=True):
+        if len(y) > start:
+            columns = np.empty((len(y) - start, len(known)), order="F")
+            for place, k in enumerate(known):
+                term = row.terms[k]
+                signal, sign = (y, -1.0) if term.kind == "a" else (u, 1.0)
+                np.multiply(signal[start - term.lag : len(y) - term.lag, term.number], sign, out=columns[:, place])
+            fixed = base.any()
+            targets.append(y[start:, row.number] - columns @ base if fixed else y[start:, row.number])
+            matrices.append(columns @ mix if fixed or len(free) < len(known) else columns)
+    return Regression(np.concatenate(targets), np.concatenate(matrices), tuple(row.free_terms[k] for k in free))
 
 
 def solve(problem: Regression, name: str, output: str, intercept: bool = True) -> Solution:
@@ -136,9 +119,11 @@ def solve(problem: Regression, name: str, output: str, intercept: bool = True) -
     # centred columns have the intercept solved for, and keep the digits that a large mean would take
     middle = problem.matrix.mean(axis=0) if intercept else np.zeros(len(problem.terms))
     level = float(problem.target.mean()) if intercept else 0.0
-    columns = problem.matrix - middle
-    size = np.sqrt(np.sum(columns**2, axis=0))
-    full = np.sqrt(np.sum(problem.matrix**2, axis=0))
+    full = np.sqrt(np.einsum("ij,ij->j", problem.matrix, problem.matrix))
+    triangle = triangle_of(
+        np.column_stack([problem.matrix[rows] - middle, problem.target[rows] - level]) for rows in spans(samples)
+    )
+    size = np.sqrt(np.sum(triangle[:, : full.size] ** 2, axis=0))
     still = size <= 1e-12 * full
     if still.any():
         idle = dict.fromkeys(term.channel for term, quiet in zip(problem.terms, still) if quiet)
@@ -146,12 +131,13 @@ def solve(problem: Regression, name: str, output: str, intercept: bool = True) -
             f"{name} cannot fit {output}: {_and(list(idle))} {'is' if len(idle) == 1 else 'are'} constant throughout. "
             "Use a record in which it moves, or leave it out of the inputs."
         )
-    left, values, right = np.linalg.svd(columns / size, full_matrices=False)
-    tolerance = 10.0 * np.finfo(float).eps * max(columns.shape)
+    # all that the data tell is in the triangle, whose singular values are those of the columns
+    left, values, right = np.linalg.svd(triangle[: size.size, : size.size] / size)
+    tolerance = 10.0 * np.finfo(float).eps * max(problem.matrix.shape)
     if values[-1] <= tolerance * values[0]:
         raise ValueError(_not_told_apart(name, output, problem.terms, right[values <= tolerance * values[0]]))
-    coefficients = (right.T @ ((left.T @ (problem.target - level)) / values)) / size
-    residual = problem.target - level - columns @ coefficients
+    coefficients = (right.T @ ((left.T @ triangle[: size.size, -1]) / values)) / size
+    residual = problem.target - (level - middle @ coefficients) - problem.matrix @ coefficients
     freedom = samples - count
     error = float(np.sqrt(residual @ residual / freedom))
     root = right.T / values / size[:, None]
@@ -163,6 +149,19 @@ def solve(problem: Regression, name: str, output: str, intercept: bool = True) -
         covariance = np.block([[covariance, across[:, None]], [across[None, :], np.array([[own]])]])
         coefficients = np.append(coefficients, level - middle @ coefficients)
     return Solution(coefficients, covariance, error, freedom, residual)
+
+
+def triangle_of(parts: Iterable[np.ndarray]) -> np.ndarray:
+    """R of the QR decomposition of parts below one another, square and with zero rows where they have too few."""
+    r = np.empty((0, 0))
+    for part in parts:
+        r = np.asarray(np.linalg.qr(np.concatenate([r.reshape(-1, part.shape[1]), part]), mode="r"))
+    return np.concatenate([r, np.zeros((r.shape[1] - r.shape[0], r.shape[1]))])
+
+
+def spans(count: int) -> list[slice]:
+    """Rows in parts small enough to stay in a processor's cache."""
+    return [slice(at, min(at + SPAN, count)) for at in range(0, max(count, 1), SPAN)]
 
 
 def _plain(dt: float) -> float:

@@ -42,8 +42,10 @@ def test_the_truth_lies_in_the_intervals_as_often_as_they_say():
 def test_noise_of_the_equation_is_found():
     record = record_of(TRUTH, 2000, np.random.default_rng(3), noise=0.05)
     fit = Arx(INPUTS, OUTPUTS, n_a=(3, 2)).fit(record)
-    assert fit.noise["depth_m"] == pytest.approx(0.05, rel=0.06)  # 3 / sqrt(2 * 2000)
-    assert fit.samples == {"depth_m": 1997, "pitch_rad": 1998}
+    np.testing.assert_allclose(np.sqrt(np.diag(fit.noise)), 0.05, rtol=0.06)  # 3 / sqrt(2 * 2000)
+    np.testing.assert_allclose(fit.loss, 0.05**2, rtol=0.12)
+    assert abs(fit.noise[0, 1]) < 3.0 * 0.05**2 / np.sqrt(2000)
+    assert (fit.samples, fit.freedom, fit.parameters) == (1997 + 1998, 1997 - 8, 13)
     assert fit.covariance.shape == (15, 15)
     assert np.sqrt(fit.covariance[0, 0]) == pytest.approx(fit["a1[depth_m]"].error)
 
@@ -53,7 +55,7 @@ def test_segments_and_records_keep_their_lags_apart():
     parts = [record_of(TRUTH, 120, rng, segments=3, start=3.0) for _ in range(2)]
     fit = Arx(INPUTS, OUTPUTS, n_a=(3, 2), offset=False).fit(*parts)
     np.testing.assert_allclose(fit.model.a, TRUTH.a, atol=1e-8)  # across a cut no equation holds
-    assert fit.samples["depth_m"] == 2 * 3 * (40 - 3)
+    assert fit.samples == 2 * 3 * (40 - 3 + 40 - 2)
 
 
 def test_the_operating_point_is_found_beside_an_integrator():

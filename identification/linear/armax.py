@@ -1,0 +1,84 @@
+"""ARMAX by the prediction-error method."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auv_gym.record import Record
+from identification.linear.els import extended
+from identification.linear.levenberg_marquardt import Stopping, minimise
+from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.prediction import Prediction
+from identification.linear.structure import Orders, Structure
+
+_ROUNDS = 4  # of the weights of coupled outputs
+_SAME = 1e-6  # relative change of the errors' covariance that ends them
+_START_PASSES = 3
+
+
+@dataclass(frozen=True)
+class Armax:
+    """ARMAX by the prediction-error method: A(q) y = B(q) u + intercept + C(q) e.
+
+    Settings as in Arx, and n_c: lags of the errors.  Without bias in closed loop and under coloured noise, if the
+    orders hold the truth.  From extended least squares on by Levenberg and Marquardt's method with exact gradients; the
+    errors before the first prediction of each segment are estimated too.  structure full: A and C have all outputs in
+    each equation, errors weighted by their inverse covariance.  A may be unstable, C is kept stable.
+    Source: Geng and Zhao 2012, eqs (16) to (24); Ljung 1999, secs. 7.2 and 10.2.
+    """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    n_c: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
+    stopping: Stopping = field(default_factory=Stopping)
+
+    def __post_init__(self) -> None:
+        _ = self.orders
+
+    @property
+    def orders(self) -> Structure:
+        """The equations that these settings make."""
+        return Structure.of(
+            "Armax",
+            self.inputs,
+            self.outputs,
+            self.n_a,
+            self.n_b,
+            self.n_c,
+            self.delay,
+            self.structure,
+            self.integrating,
+        )
+
+    def fit(self, *records: Record) -> PolynomialFit:
+        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        return fit_blocks("Armax", records, self.orders, self.offset, self.skip, self._minimised)
+
+    def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return least_errors(prediction, extended(prediction, arx, _START_PASSES), self.stopping)
+
+
+def least_errors(prediction: Prediction, free: np.ndarray, stopping: Stopping) -> tuple[np.ndarray, np.ndarray]:
+    """The parameters and starts with the least errors, of several outputs the least determinant of their covariance."""
+    starts, r = prediction.starts(), len(prediction.rows)
+    weight = np.eye(r)
+    for _ in range(_ROUNDS if r > 1 else 1):
+        if r > 1:
+            errors = np.concatenate(prediction.errors(free, starts))
+            noise = errors.T @ errors / len(errors)
+            before, weight = weight, np.linalg.cholesky(np.linalg.inv(noise + 1e-15 * np.trace(noise) * np.eye(r)))
+            if np.abs(weight - before).max() <= _SAME * np.abs(weight).max():
+                break
+        found = minimise(prediction, free, starts, weight, stopping)
+        free, starts = found.free, found.starts
+    return free, starts

@@ -1,0 +1,148 @@
+"""Extended least squares: ARMAX models by regressions on their own errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from auv_gym.record import Record
+from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.prediction import Prediction, largest_root
+from identification.linear.regressors import regression, spans, triangle_of
+from identification.linear.structure import Orders, Row, Structure
+
+PASSES = 50
+_SETTLED = 1e-9  # change of the sum of squares in a pass, relative
+_INSIDE = 0.98  # size of the largest root of C to which an unstable one is brought
+
+
+@dataclass(frozen=True)
+class Els:
+    """ARMAX by extended least squares: A(q) y = B(q) u + C(q) e, regressed on the errors of the last pass.
+
+    Settings as in Arx, and n_c: lags of the errors.  Without bias where C is near 1 (1/C - 1/2 positive real), less
+    accurate than Armax, which starts from it.  Source: Ljung 1999, sec. 10.4 (pseudolinear regression).
+    """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    n_c: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
+
+    def __post_init__(self) -> None:
+        _ = self.orders
+
+    @property
+    def orders(self) -> Structure:
+        return Structure.of(
+            "Els",
+            self.inputs,
+            self.outputs,
+            self.n_a,
+            self.n_b,
+            self.n_c,
+            self.delay,
+            self.structure,
+            self.integrating,
+        )
+
+    def fit(self, *records: Record) -> PolynomialFit:
+        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        return fit_blocks(
+            "Els", records, self.orders, self.offset, self.skip, lambda errors, arx: (extended(errors, arx), None)
+        )
+
+
+def extended(prediction: Prediction, arx: np.ndarray, passes: int = PASSES) -> np.ndarray:
+    """The parameters of the pass with the smallest errors; arx: those of least squares, with zeros for C.
+
+    Each pass takes the errors of the one before; where its C is not stable, it is made so.
+    """
+    lags, rows = prediction.lags, prediction.rows
+    parts = [_Part.of(prediction, row) for row in rows] if lags else []
+    free, best, least = arx, arx, np.inf
+    previous = np.inf
+    for _ in range(passes if lags else 0):
+        errors = [e[lags:] for e in prediction.errors(free, prediction.starts())]
+        loss = sum(float(np.vdot(e, e)) for e in errors)
+        if loss < least:
+            best, least = free, loss
+        if abs(loss - previous) <= _SETTLED * loss:
+            break
+        previous = loss
+        free = _with_stable_c(prediction, np.concatenate([part.solve(errors) for part in parts]))
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """An output's regression on what is measured.
+
+    late: which parameters are the errors'.  errors: their lags and numbers.
+    """
+
+    matrices: list[np.ndarray]
+    targets: list[np.ndarray]
+    triangle: np.ndarray
+    late: np.ndarray
+    errors: list[tuple[int, int]]
+
+    @classmethod
+    def of(cls, prediction: Prediction, row: Row) -> _Part:
+        problem = regression(prediction.series, row, prediction.first)
+        ones = np.ones((problem.target.size, int(prediction.intercept)))
+        matrix = np.concatenate([problem.matrix, ones], axis=1) if prediction.intercept else problem.matrix
+        triangle = triangle_of(
+            np.column_stack([matrix[span], problem.target[span]]) for span in spans(problem.target.size)
+        )
+        ends = np.cumsum([len(y) - prediction.first for y in prediction.series.y])[:-1]
+        late = [term.kind == "c" for term in row.free_terms] + [False] * ones.shape[1]
+        local = {of.number: i for i, of in enumerate(prediction.rows)}
+        errors = [(term.lag, local[term.number]) for term in row.free_terms if term.kind == "c"]
+        return cls(np.split(matrix, ends), np.split(problem.target, ends), triangle, np.array(late), errors)
+
+    def solve(self, errors: Sequence[np.ndarray]) -> np.ndarray:
+        """The parameters of the regression on these errors too, its own part eliminated."""
+        count = len(self.errors)
+        across = np.zeros((self.triangle.shape[1] - 1, count))
+        among, along = np.zeros((count, count)), np.zeros(count)
+        for matrix, target, e in zip(self.matrices, self.targets, errors):
+            columns = [(lag, e[: max(len(e) - lag, 0), i]) for lag, i in self.errors]
+            for k, (lag, column) in enumerate(columns):
+                across[:, k] += matrix[lag:].T @ column
+                along[k] += target[lag:] @ column
+                for other, (late, with_column) in enumerate(columns[: k + 1]):
+                    # both from the row on at which the later of the two begins
+                    size = len(e) - max(lag, late)
+                    if size > 0:
+                        among[k, other] += column[column.size - size :] @ with_column[with_column.size - size :]
+        among = np.tril(among) + np.tril(among, -1).T
+        r, known = self.triangle[:-1, :-1], self.triangle[:-1, -1]
+        onto = solve_triangular(r, across, trans="T")
+        free = np.empty(self.late.size)
+        free[self.late] = np.linalg.pinv(among - onto.T @ onto, rcond=1e-12, hermitian=True) @ (along - onto.T @ known)
+        free[~self.late] = solve_triangular(r, known - onto @ free[self.late])
+        return free
+
+
+def _with_stable_c(prediction: Prediction, free: np.ndarray) -> np.ndarray:
+    """The same with all roots of C brought inside the circle, by one factor."""
+    root = largest_root(prediction.c(prediction.terms(free)))
+    if root < 1.0:
+        return free
+    factor, free, at = _INSIDE / root, free.copy(), 0
+    for row in prediction.rows:
+        for k, term in enumerate(row.free_terms):
+            if term.kind == "c":
+                free[at + k] *= factor**term.lag
+        at += row.free + prediction.intercept
+    return free

@@ -1,0 +1,87 @@
+"""Output-error models: the noise is on the measurement, and free runs are fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.signal import lfilter
+
+from auv_gym.record import Record
+from identification.linear.armax import least_errors
+from identification.linear.levenberg_marquardt import Stopping
+from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.prediction import Prediction, largest_root
+from identification.linear.regressors import regression
+from identification.linear.structure import Orders, Structure
+
+_PASSES = 10
+_INSIDE = 0.999  # size of the largest root of A with which signals are filtered
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """An output-error model, y = (B(q) / A(q)) u + e: what is minimised are the errors of free runs.
+
+    Settings as in Arx.  Each segment's initial state is estimated.  Right where the noise is on the measurement alone;
+    under feedback only if e is white.  An integrating plant can be fitted, an unstable one cannot: use Armax.
+    From filtered least squares (Steiglitz and McBride 1965) on by Levenberg and Marquardt's method.
+    Source: Ljung 1999, secs. 4.2 and 7.2.
+    """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
+    stopping: Stopping = field(default_factory=Stopping)
+
+    def __post_init__(self) -> None:
+        _ = self.orders
+
+    @property
+    def orders(self) -> Structure:
+        """The equations that these settings make."""
+        return Structure.of(
+            "OutputError",
+            self.inputs,
+            self.outputs,
+            self.n_a,
+            self.n_b,
+            delay=self.delay,
+            form=self.structure,
+            integrating=self.integrating,
+            tied=True,
+        )
+
+    def fit(self, *records: Record) -> PolynomialFit:
+        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        return fit_blocks("OutputError", records, self.orders, self.offset, self.skip, self._minimised)
+
+    def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        start = filtered(prediction, arx) if len(prediction.rows) == 1 else arx
+        return least_errors(prediction, start, self.stopping)
+
+
+def filtered(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
+    """The parameters with the smallest errors among passes of least squares on signals filtered with 1/A."""
+    row, best, least = prediction.rows[0], arx, np.inf
+    free, one = arx, np.eye(1)
+    for _ in range(_PASSES):
+        value = prediction.value(free, prediction.starts(), one)
+        if value < least:
+            best, least = free, value
+        a = prediction.c(prediction.terms(free))[:, 0, 0]
+        a = a * min(1.0, _INSIDE / max(largest_root(a[:, None, None]), 1e-12)) ** np.arange(a.size)
+        problem = regression(prediction.series, row, prediction.first)
+        ones = np.ones((problem.target.size, int(prediction.intercept)))
+        columns = np.column_stack([problem.matrix, ones, problem.target])
+        ends = np.cumsum([len(y) - prediction.first for y in prediction.series.y])[:-1]
+        columns = np.concatenate([lfilter([1.0], a, part, axis=0) for part in np.split(columns, ends)])
+        free = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=1e-14)[0]
+    return best

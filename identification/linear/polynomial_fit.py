@@ -1,0 +1,232 @@
+"""What a fit of a polynomial model returns, and the way there that the polynomial methods share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from auv_gym.channels import channel
+from auv_gym.linear import Polynomial
+from auv_gym.record import Record
+from identification.estimate import Estimate
+from identification.linear.prediction import Prediction, largest_root
+from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series, regression, solve
+from identification.linear.structure import Structure, blocks
+
+_AT_CIRCLE = 0.999  # size of a root of C beyond which errors of long ago still count, and intervals do not hold
+# what a method does: from the errors and the least-squares parameters to its parameters and starts (none: zeros)
+Method = Callable[[Prediction, np.ndarray], tuple[np.ndarray, np.ndarray | None]]
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialFit:
+    """A polynomial model, and how sure its coefficients are.
+
+    estimates: a_j of `a1[depth_m]`, b_j of `b1[depth_m, stern_plane_rad]`, c_j, and what stands for the operating
+    point, `intercept[depth_m]`.  vector, covariance: (P,), (P, P), of the free parameters, output by output; none is
+    taken between outputs that are fitted apart.  noise: (p, p), covariance of the one-step errors.  samples: of all
+    outputs together.  freedom: samples less parameters, of the output that has fewest.  loss: (p,), mean square error.
+    """
+
+    model: Polynomial
+    estimates: tuple[Estimate, ...]
+    vector: np.ndarray
+    covariance: np.ndarray
+    noise: np.ndarray
+    freedom: int
+    samples: int
+    loss: np.ndarray
+    structure: Structure
+    offset: bool
+    middles: tuple[np.ndarray, np.ndarray]
+    spreads: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def parameters(self) -> int:
+        """Coefficients that were fitted, those of C too, without intercepts and starts."""
+        return self.structure.parameters
+
+    def at(self, vector: np.ndarray) -> Polynomial:
+        """The model of other parameters, in the order of `vector`."""
+        return _model(self.structure, self.offset, self.model.dt, vector, self.middles, self.spreads)
+
+    def __getitem__(self, name: str) -> Estimate:
+        """The estimate of this name; raises KeyError where there is none."""
+        for estimate in self.estimates:
+            if estimate.path == name:
+                return estimate
+        raise KeyError(f"There is no coefficient {name!r}; there are {', '.join(e.path for e in self.estimates)}")
+
+
+def fit_blocks(
+    name: str, records: Sequence[Record], structure: Structure, offset: bool, skip: int, method: Method
+) -> PolynomialFit:
+    """The fit of a method to records, each group of coupled outputs by itself; raises on behalf of the method `name`.
+
+    skip: samples at the start of each segment that serve as lags only, at least.
+    """
+    if isinstance(skip, bool) or not isinstance(skip, int) or skip < 0:
+        raise ValueError(f"{name} needs skip >= 0 as a whole number of samples, got {skip!r}.")
+    series = Series.of(records, structure.inputs, structure.outputs, name)
+    p = len(structure.outputs)
+    vectors: dict[int, np.ndarray] = {}
+    covariances, problems, errors = [], {}, {}
+    freedom, samples, loss = [], 0, np.zeros(p)
+    for numbers in structure.coupled():
+        prediction = Prediction.of(series, structure, numbers, offset, skip)
+        arx = np.concatenate([_least_squares(name, prediction, k) for k in range(len(numbers))])
+        free, starts = method(prediction, arx)
+        starts = prediction.starts() if starts is None else starts
+        lags = prediction.lags
+        parts = prediction.errors(free, starts)
+        counts = np.array([row.free + offset for row in prediction.rows])
+        left = prediction.samples - counts
+        together = sum(e.T @ e for e in parts) / np.sqrt(np.outer(left, left))
+        tall = prediction.outputs_scale[numbers]
+        loss[numbers] = tall**2 * np.concatenate([e[lags:] for e in parts]).var(axis=0, mean=0.0)
+        matrix, shift = prediction.in_units()
+        covariances.append(matrix @ _covariance(prediction, free, starts, together) @ matrix.T)
+        for row, part, end in zip(prediction.rows, prediction.split(matrix @ free + shift), left):
+            vectors[row.number] = part
+            freedom.append(int(end))
+        for i, number in enumerate(numbers):
+            errors[number] = [tall[i] * e[lags:, i] for e in parts]
+        samples += prediction.samples * len(numbers)
+        if lags and not structure.tied and largest_root(prediction.c(prediction.terms(free))) > _AT_CIRCLE:
+            problems |= dict.fromkeys(
+                (structure.outputs[n] for n in numbers),
+                "a root of C is at the unit circle: the intervals of this output do not hold; lower n_c, or use "
+                "output_error if the noise is on the measurement",
+            )
+    # coupled() lists outputs in order, so that the parts join as they come
+    vector, covariance = np.concatenate([vectors[i] for i in range(p)]), blocks(covariances)
+    middles, spreads = _points(series)
+    return PolynomialFit(
+        _model(structure, offset, series.dt, vector, middles, spreads),
+        _estimates(structure, offset, vector, covariance, freedom, problems),
+        vector,
+        covariance,
+        _noise(errors, loss, freedom, samples // p),
+        min(freedom),
+        samples,
+        loss,
+        structure,
+        offset,
+        middles,
+        spreads,
+    )
+
+
+def _least_squares(name: str, prediction: Prediction, k: int) -> np.ndarray:
+    """The parameters of an output without C; raises where the data do not determine them."""
+    row = prediction.rows[k]
+    problem = regression(prediction.series, row, prediction.first)
+    count = row.free + prediction.intercept
+    if problem.target.size < SAMPLES_PER_COEFFICIENT * count:
+        raise ValueError(
+            f"{name} needs at least {SAMPLES_PER_COEFFICIENT} samples per coefficient ({count} coefficients of "
+            f"{row.output}), got {problem.target.size} that have all their lags: record longer or ask for fewer lags."
+        )
+    found = solve(problem, name, row.output, prediction.intercept)
+    free = np.zeros(count)
+    known = [i for i, term in enumerate(row.free_terms) if term.kind != "c"]
+    free[known + [row.free] * prediction.intercept] = found.coefficients
+    return free
+
+
+def _covariance(prediction: Prediction, free: np.ndarray, starts: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Of the parameters, for white errors of this covariance: the inverse of the information, starts estimated too."""
+    floor = np.finfo(float).eps ** 2 * np.eye(len(noise))
+    weight = np.linalg.cholesky(np.linalg.inv(noise + floor))
+    triangle = prediction.triangle(free, starts, weight)
+    size = np.maximum(np.sqrt(np.sum(triangle**2, axis=0)), np.finfo(float).tiny)
+    inverse = np.linalg.pinv(triangle / size, rcond=1e-14) / size[:, None]
+    return inverse @ inverse.T
+
+
+def _noise(errors: dict[int, list[np.ndarray]], loss: np.ndarray, freedom: Sequence[int], samples: int) -> np.ndarray:
+    """Covariance of the one-step errors, between outputs over the rows that both have."""
+    p = len(loss)
+    noise = np.empty((p, p))
+    for i in range(p):
+        for j in range(i, p):
+            pairs = [(a[-min(a.size, b.size) :], b[-min(a.size, b.size) :]) for a, b in zip(errors[i], errors[j])]
+            count = sum(a.size for a, _ in pairs)
+            left = np.sqrt(freedom[i] * freedom[j])
+            noise[i, j] = noise[j, i] = sum(float(a @ b) for a, b in pairs) / left if count else 0.0
+    return noise
+
+
+def _model(
+    structure: Structure,
+    offset: bool,
+    dt: float,
+    vector: np.ndarray,
+    middles: tuple[np.ndarray, np.ndarray],
+    spreads: tuple[np.ndarray, np.ndarray],
+) -> Polynomial:
+    values, intercepts, at = [], [], 0
+    for row in structure.rows:
+        values.append(row.base + row.mix @ vector[at : at + row.free])
+        at += row.free
+        intercepts.append(vector[at] if offset else 0.0)
+        at += offset
+    a, b, c = structure.arrays(values)
+    offsets = {}
+    if offset:
+        u0, y0 = _operating_point(a, b, np.array(intercepts), middles, spreads)
+        offsets = {"input_offset": u0, "output_offset": y0}
+    return Polynomial(a, b, structure.inputs, structure.outputs, dt, c=c, **offsets)
+
+
+def _points(series: Series) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Means and spreads of inputs and outputs."""
+    u, y = np.concatenate(series.u), np.concatenate(series.y)
+    return (u.mean(axis=0), y.mean(axis=0)), (u.std(axis=0), y.std(axis=0))
+
+
+def _operating_point(
+    a: np.ndarray,
+    b: np.ndarray,
+    intercepts: np.ndarray,
+    middles: tuple[np.ndarray, np.ndarray],
+    spreads: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets of inputs and outputs with A(1) y - B(1) u = intercepts, as near to the means of the data as can be.
+
+    Near in units of the signals' spread: an integrating output, whose A(1) is zero, leaves its part to the inputs.
+    """
+    means, spread = np.r_[middles[1], middles[0]], np.r_[spreads[1], spreads[0]]
+    gains = np.concatenate([a.sum(axis=0), -b.sum(axis=0)], axis=1)
+    moved = np.linalg.lstsq(gains * spread, intercepts - gains @ means, rcond=None)[0]
+    offsets = means + spread * moved
+    p = len(a[0])
+    return offsets[p:], offsets[:p]
+
+
+def _estimates(
+    structure: Structure,
+    offset: bool,
+    vector: np.ndarray,
+    covariance: np.ndarray,
+    freedom: Sequence[int],
+    problems: dict[str, str],
+) -> tuple[Estimate, ...]:
+    found, at = [], 0
+    for row, left in zip(structure.rows, freedom):
+        mix = blocks([row.mix, np.eye(int(offset))])
+        inside = slice(at, at + mix.shape[1])
+        values = np.r_[row.base, np.zeros(int(offset))] + mix @ vector[inside]
+        errors = np.sqrt(np.maximum(np.diag(mix @ covariance[inside, inside] @ mix.T), 0.0))
+        heads = [(term.name, term.unit) for term in row.terms]
+        heads += [(f"intercept[{row.output}]", channel(row.output).unit)] * offset
+        width, problem = float(stats.t.ppf(0.975, left)), problems.get(row.output, "")
+        found += [
+            Estimate(head, unit, float(v), float(e), (float(v - width * e), float(v + width * e)), problem)
+            for (head, unit), v, e in zip(heads, values, errors)
+        ]
+        at += mix.shape[1]
+    return tuple(found)
