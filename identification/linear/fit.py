@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
@@ -59,3 +60,34 @@ def is_linear(fit: object) -> TypeGuard[LinearFit]:
 def has_errors(fit: LinearFit) -> bool:
     """Whether the errors of its parameters are known."""
     return bool(np.isfinite(fit.covariance).all())
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """A model that is known, such as a linearised vehicle, as a fit without parameters: its bands have no width."""
+
+    model: Polynomial | StateSpace
+    estimates: tuple[Estimate, ...] = ()
+    freedom: int = 1
+    samples: int = 0
+    parameters: int = 0
+
+    @property
+    def vector(self) -> np.ndarray:
+        return np.empty(0)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        return np.empty((0, 0))
+
+    @property
+    def noise(self) -> np.ndarray:
+        return np.zeros((len(self.model.outputs), len(self.model.outputs)))
+
+    @property
+    def loss(self) -> np.ndarray:
+        return np.zeros(len(self.model.outputs))
+
+    def at(self, vector: np.ndarray) -> Polynomial | StateSpace:
+        """The model itself."""
+        return self.model
