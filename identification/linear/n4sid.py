@@ -1,0 +1,109 @@
+"""N4SID: state-space models from projections of the future on the past."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from auv_gym.record import Record
+from identification.linear.hankel import rows_of, triangle
+from identification.linear.regressors import Series
+from identification.linear.scaled import Scaled
+from identification.linear.state_space_fit import StateSpaceFit
+from identification.linear.subspace import (
+    ROWS_PER_COLUMN,
+    States,
+    check_channels,
+    check_excitation,
+    check_settings,
+    choose_order,
+    finished,
+    realise,
+)
+
+_HORIZON = 10  # samples, where the record has enough of them
+_DROPPED = 1e-10  # singular value over the largest, below which a direction is rounding
+WEIGHTS = ("cva", "n4sid", "moesp")
+
+
+@dataclass(frozen=True)
+class N4sid:
+    """State space from the part of the future that the past tells and the future inputs do not.
+
+    order: of the model, or "auto".  horizon: samples of the past and of the future, default 10 or what the record
+    allows.  weight: of the future, "cva" (canonical variates), "n4sid" or "moesp".  offset: whether an operating point
+    is estimated.  stable: whether unstable poles are reflected into the unit circle.  refine: whether the model is the
+    start of a descent to the least prediction errors, which also gives intervals.
+    In closed loop it is biased by the noise that the inputs repeat; see Pbsid.
+    Source: Van Overschee and De Moor 1996, Subspace Identification for Linear Systems, ch. 4; table 4.5 for the weights.
+    """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    order: int | Literal["auto"] = "auto"
+    horizon: int | None = None
+    weight: Literal["cva", "n4sid", "moesp"] = "cva"
+    offset: bool = True
+    stable: bool = False
+    refine: bool = False
+
+    def __post_init__(self) -> None:
+        check_channels("N4sid", self.inputs, self.outputs)
+        check_settings("N4sid", self.order, self.horizon)
+        if self.weight not in WEIGHTS:
+            raise ValueError(f"N4sid needs a weight of {', '.join(WEIGHTS)}, got {self.weight!r}.")
+
+    def fit(self, *records: Record) -> StateSpaceFit:
+        """Fit over all segments of all records, each with its own start; raises if the data cannot tell the model."""
+        series = Series.of(records, self.inputs, self.outputs, "N4sid")
+        scaled = Scaled.of(series, self.offset, "N4sid")
+        horizon = self._horizon(series)
+        states = self._states(series, scaled, horizon)
+        largest = min(len(states.weights), (horizon - 1) * scaled.outputs)
+        order = choose_order(self.order, largest, states, scaled, "N4sid")
+        found, errors = realise(states, order, scaled, "N4sid", self.stable)
+        return finished(series, scaled, found, errors, states, self.stable, self.refine)
+
+    def _horizon(self, series: Series) -> int:
+        """The horizon asked for or chosen; raises where the record is too short for it."""
+        m, p = len(series.inputs), len(series.outputs)
+
+        def enough(horizon: int) -> bool:
+            return rows_of(series.y, 2 * horizon) >= ROWS_PER_COLUMN * (2 * horizon * (m + p) + 1)
+
+        wanted = self.horizon or next((h for h in range(_HORIZON, 1, -1) if enough(h)), 2)
+        if not enough(wanted):
+            raise ValueError(
+                f"N4sid needs at least {ROWS_PER_COLUMN * (2 * wanted * (m + p) + 1)} windows of {2 * wanted} samples "
+                f"for a horizon of {wanted}, got {rows_of(series.y, 2 * wanted)}: record longer"
+                + (" or lower horizon." if self.horizon else ".")
+            )
+        if self.order != "auto" and not self.horizon and self.order > (wanted - 1) * p:
+            wanted = self.order // p + 2
+            if not enough(wanted):
+                raise ValueError(f"N4sid needs a longer record for order {self.order}, got one for {(wanted - 2) * p}.")
+        return wanted
+
+    def _states(self, series: Series, scaled: Scaled, horizon: int) -> States:
+        m, q = scaled.inputs, scaled.inputs + scaled.outputs
+        at = np.arange(2 * horizon * q).reshape(2 * horizon, q)
+        future_u, past, future_y = at[horizon:, :m].ravel(), at[:horizon].ravel(), at[horizon:, m:].ravel()
+        lower = triangle(scaled.joint, 2 * horizon, np.concatenate([future_u, past, future_y])).T
+        given, known = 1 + future_u.size, 1 + future_u.size + past.size
+        check_excitation("N4sid", lower[1:given, 1:given].T, series, horizon)
+        own, told, rest = lower[given:known, given:known], lower[known:, given:known], lower[known:, known:]
+        prediction = told @ np.linalg.pinv(own, rcond=_DROPPED)  # of the future, by the past alone
+        if self.weight == "cva":
+            left, size, _ = np.linalg.svd(np.concatenate([told, rest], axis=1), full_matrices=False)
+            kept = size > _DROPPED * size[0]
+            weight = (left[:, kept] / size[kept]).T
+            left, values, _ = np.linalg.svd(weight @ told, full_matrices=False)
+        else:
+            weight = np.eye(future_y.size)
+            seen = told if self.weight == "moesp" else prediction @ lower[given:known, :known]
+            left, values, _ = np.linalg.svd(seen, full_matrices=False)
+        kept = values > _DROPPED * values[0]
+        return States((left[:, kept] / values[kept]).T @ weight @ prediction, values, horizon)

@@ -1,0 +1,98 @@
+"""Matrices of an innovations form with a drift and a level, and the model that they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from auv_gym.linear import StateSpace
+from identification.linear.scaled import Scaled
+
+
+@dataclass(frozen=True, eq=False)
+class Realisation:
+    """x(t+1) = a x + b u + k e + drift,  y = c x + level + e.
+
+    A drift cannot always be moved into the level: an integrator keeps it.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    k: np.ndarray
+    drift: np.ndarray
+    level: np.ndarray
+
+    @cached_property
+    def predictor(self) -> np.ndarray:
+        """What the state of the one-step predictor is multiplied with, a - k c."""
+        return self.a - self.k @ self.c
+
+    @property
+    def vector(self) -> np.ndarray:
+        """All entries, matrix by matrix, row by row."""
+        return np.concatenate([part.ravel() for part in self.parts])
+
+    @property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        return self.a, self.b, self.c, self.k, self.drift, self.level
+
+    def at(self, vector: np.ndarray) -> Realisation:
+        """The realisation of these shapes with other entries."""
+        ends = np.cumsum([part.size for part in self.parts])[:-1]
+        return Realisation(*(v.reshape(part.shape) for v, part in zip(np.split(vector, ends), self.parts)))
+
+    def in_units(self, scaled: Scaled) -> Realisation:
+        """The same between the signals themselves instead of the scaled ones."""
+        b = self.b / scaled.input_spread
+        return Realisation(
+            self.a,
+            b,
+            scaled.output_spread[:, None] * self.c,
+            self.k / scaled.output_spread,
+            self.drift - b @ scaled.input_middle,
+            scaled.output_spread * self.level + scaled.output_middle,
+        )
+
+    def shifted(self, shift: np.ndarray) -> Realisation:
+        """The same with states counted from `shift`."""
+        return replace(self, drift=self.drift + self.a @ shift - shift, level=self.level + self.c @ shift)
+
+    def centred(self, scaled: Scaled) -> tuple[Realisation, np.ndarray, np.ndarray]:
+        """The same with states counted from an operating point, so that drift = -b offset; the offset; the shift.
+
+        self: in units.  Of all operating points that of least distance to the signals' middles, in their spreads.
+        """
+        n, m = self.b.shape
+        if not scaled.offset:
+            return self, np.zeros(m), np.zeros(n)
+        # least |(level + c d - middle) / spread|^2 + |(offset - middle) / spread|^2 with (a - 1) d + b offset = -drift
+        tall = np.zeros((self.level.size + m, n + m))
+        tall[: self.level.size, :n] = self.c / scaled.output_spread[:, None]
+        tall[self.level.size :, n:] = np.diag(1.0 / scaled.input_spread)
+        wanted = np.concatenate(
+            [(scaled.output_middle - self.level) / scaled.output_spread, scaled.input_middle / scaled.input_spread]
+        )
+        tied = np.concatenate([self.a - np.eye(n), self.b], axis=1)
+        system = np.block([[tall.T @ tall, tied.T], [tied, np.zeros((n, n))]])
+        size = np.sqrt(np.maximum(np.abs(system).max(axis=1), np.finfo(float).tiny))
+        right = np.concatenate([tall.T @ wanted, -self.drift])
+        found = np.linalg.lstsq(system / np.outer(size, size), right / size, rcond=1e-14)[0] / size
+        shift, offset = found[:n], found[n : n + m]
+        return self.shifted(shift), offset, shift
+
+    def model(self, like: StateSpace, offset: np.ndarray) -> StateSpace:
+        """The model with the channels of another; self: centred, with this input offset."""
+        return StateSpace(
+            self.a,
+            self.b,
+            self.c,
+            like.inputs,
+            like.outputs,
+            like.dt,
+            k=self.k,
+            input_offset=offset,
+            output_offset=self.level,
+        )

@@ -1,0 +1,294 @@
+"""Prediction-error refinement of a state-space model in innovations form, all its matrices free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from auv_gym.compiled import compiled
+from auv_gym.linear import StateSpace
+from identification.linear.realisation import Realisation
+from identification.linear.regressors import Series, spans
+from identification.linear.scaled import Scaled
+from identification.linear.state_space_fit import StateSpaceFit, fit_of
+
+_ITERATIONS = 60
+_FLAT = 1e-9  # expected fall of the loss per sample at which a descent ends
+_DAMPING = 1e-3  # at the start, over the diagonal of the normal matrix
+_LARGEST_DAMPING = 1e10
+_ROUNDING = 1e-10  # error over the spread of an output below which errors are rounding
+_STABLE = 1.0 - 1e-6  # largest size of a predictor's pole
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A realisation with the states that its segments start in, (segments, n), and its one-step errors, (rows, p)."""
+
+    found: Realisation
+    starts: np.ndarray
+    states: np.ndarray
+    errors: np.ndarray
+
+    @cached_property
+    def spread(self) -> np.ndarray:
+        """Mean square of the errors, (p, p), kept away from zero where they are rounding."""
+        p = self.errors.shape[1]
+        return self.errors.T @ self.errors / len(self.errors) + _ROUNDING**2 * np.eye(p)
+
+    @cached_property
+    def loss(self) -> float:
+        """log det of the errors' mean square; least where the likelihood of normal errors is largest."""
+        sign, value = np.linalg.slogdet(self.spread)
+        return float(value) if sign > 0.0 and np.isfinite(value) else np.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """Normal equations of the errors, weighted with the inverse of their mean square.
+
+    matrix, gradient: by the local coordinates, the starts solved for.  start_matrices, mixed, start_gradients: of each
+    segment, from which its start follows.
+    """
+
+    matrix: np.ndarray
+    gradient: np.ndarray
+    start_matrices: np.ndarray
+    mixed: np.ndarray
+    start_gradients: np.ndarray
+
+    def step(self, damping: float) -> tuple[np.ndarray, np.ndarray]:
+        """The change of the local coordinates, and of the starts."""
+        damped = self.matrix + damping * np.diag(np.diag(self.matrix) + 1e-12 * np.trace(self.matrix))
+        change = -np.linalg.lstsq(damped, self.gradient, rcond=1e-15)[0]
+        right = self.start_gradients + np.einsum("sij,j->si", self.mixed, change)
+        return change, -np.einsum("sij,sj->si", self.start_matrices, right)
+
+
+def refine(
+    model: StateSpace, series: Series, *, offset: bool = True, stable: bool = False, iterations: int = _ITERATIONS
+) -> StateSpaceFit:
+    """The model of least one-step errors, log det of their mean square, that a descent from another reaches.
+
+    series: `Series.of(records, model.inputs, model.outputs, "refine")`; each segment has a start of its own.  offset:
+    whether an operating point is estimated.  stable: whether no pole may leave the unit circle.
+    Gauss-Newton steps with Levenberg's damping in the directions that change more than the choice of states; the
+    predictor stays stable, the model need not be.  Intervals follow from the normal matrix at the end.
+    Source: McKelvey, Helmersson and Ribarits 2004, Data driven local coordinates for multivariable linear systems and
+    their application to system identification, Automatica 40; Ljung 1999, sec. 7.2, 9.4.
+    """
+    scaled = Scaled.of(series, offset, "refine")
+    return refined(series, scaled, _scaled(model, scaled), stable=stable, iterations=iterations)
+
+
+def refined(
+    series: Series,
+    scaled: Scaled,
+    found: Realisation,
+    *,
+    stable: bool = False,
+    iterations: int = _ITERATIONS,
+    singular_values: np.ndarray | None = None,
+) -> StateSpaceFit:
+    """As `refine`, from a realisation between scaled signals whose predictor is stable."""
+    rows = sum(len(y) for y in scaled.y)
+    free = local_directions(found, scaled.offset).shape[1] + len(scaled.y) * len(found.a)
+    if rows * scaled.outputs <= 2 * free:
+        raise ValueError(
+            f"A refinement of {free} numbers needs more than {2 * free} samples of outputs, got "
+            f"{rows * scaled.outputs}: record longer, or lower order."
+        )
+    here = started(found, scaled)
+    damping, count, directions = _DAMPING, 0, local_directions(here.found, scaled.offset)
+    slopes = slopes_of(here, scaled, directions)
+    while count < iterations:
+        change, start_change = slopes.step(damping)
+        expected = -(change @ slopes.gradient + np.sum(start_change * slopes.start_gradients)) / rows
+        if not expected > _FLAT or damping > _LARGEST_DAMPING:
+            break
+        count += 1
+        tried = moved(here, scaled, directions @ change, start_change, stable)
+        if tried is None or not tried.loss < here.loss:
+            damping *= 8.0
+            continue
+        here, damping = tried, damping / 10.0
+        directions = local_directions(here.found, scaled.offset)
+        slopes = slopes_of(here, scaled, directions)
+    covariance = directions @ np.linalg.pinv(slopes.matrix, hermitian=True) @ directions.T
+    # the spread was divided by rows, an unbiased one is divided by what the fitted numbers leave
+    covariance *= rows * scaled.outputs / (rows * scaled.outputs - free)
+    return fit_of(series, scaled, here.found, here.errors, free, covariance, singular_values, count)
+
+
+def local_directions(found: Realisation, offset: bool) -> np.ndarray:
+    """Changes of a realisation's entries across those that a change of the states makes, orthonormal, (P, free).
+
+    offset: whether drift and level are free, and the states' origin with them.
+    """
+    a, b, c, k, drift, _ = found.parts
+    n, size = len(a), found.vector.size
+    along = []
+    for i in range(n):
+        for j in range(n):
+            turn = np.zeros((n, n))
+            turn[i, j] = 1.0
+            parts = (turn @ a - a @ turn, turn @ b, -c @ turn, turn @ k, turn @ drift, np.zeros(len(c)))
+            along.append(np.concatenate([part.ravel() for part in parts]))
+    if offset:
+        still = np.zeros(a.size + b.size + c.size + k.size)
+        along += [np.concatenate([still, one - a @ one, -c @ one]) for one in np.eye(n)]
+    else:
+        along += [row for row in np.eye(size)[a.size + b.size + c.size + k.size :]]
+    q, _ = np.linalg.qr(np.transpose(along), mode="complete")
+    return q[:, len(along) :]
+
+
+def started(found: Realisation, scaled: Scaled) -> Candidate:
+    """The realisation with the starts of least errors."""
+    at_rest = _candidate(found, np.zeros((len(scaled.y), len(found.a))), scaled)
+    none = np.zeros((found.vector.size, 0))
+    slopes = slopes_of(at_rest, scaled, none, np.eye(scaled.outputs))
+    return _candidate(found, slopes.step(0.0)[1], scaled)
+
+
+def moved(
+    here: Candidate, scaled: Scaled, change: np.ndarray, start_change: np.ndarray, stable: bool
+) -> Candidate | None:
+    """The candidate with these changes; none where its predictor is unstable, or the model and it must not be."""
+    found = here.found.at(here.found.vector + change)
+    if not np.abs(np.linalg.eigvals(found.predictor)).max() < _STABLE:
+        return None
+    if stable and not np.abs(np.linalg.eigvals(found.a)).max() < _STABLE:
+        return None
+    return _candidate(found, here.starts + start_change, scaled)
+
+
+def slopes_of(here: Candidate, scaled: Scaled, directions: np.ndarray, weight: np.ndarray | None = None) -> Slopes:
+    """The normal equations about a candidate; weight: of the errors, default the inverse of their mean square."""
+    found, count = here.found, directions.shape[1]
+    a, b, c, k, drift, level = (
+        (np.array(part) for part in zip(*(found.at(d).parts for d in directions.T)))
+        if count
+        else (np.zeros((0, *part.shape)) for part in found.parts)
+    )
+    n, p = len(found.a), len(found.c)
+    # what drives the slopes of the state and what enters those of the output, by state, input, error and one
+    driving = np.concatenate([a - found.k @ c, b, k, (drift - level @ found.k.T)[:, :, None]], axis=2).transpose(
+        2, 1, 0
+    )
+    entering = np.concatenate([c, np.zeros((count, p, b.shape[2] + p)), level[:, :, None]], axis=2).transpose(2, 1, 0)
+    root = np.linalg.cholesky(np.linalg.inv(here.spread) if weight is None else weight).T
+    total, gradient = np.zeros((count, count)), np.zeros(count)
+    starts, mixed, pulls = [], [], []
+    row = 0
+    for u in scaled.u:
+        part = slice(row, row + len(u))
+        row += len(u)
+        signals = np.concatenate([here.states[part], u, here.errors[part], np.ones((len(u), 1))], axis=1)
+        normal, pull = _segment(found, signals, here.errors[part], driving, entering, root)
+        own, across = normal[count:, count:], normal[count:, :count]
+        inverse = np.linalg.pinv(own, rcond=1e-13, hermitian=True)
+        total += normal[:count, :count] - across.T @ inverse @ across
+        gradient += pull[:count] - across.T @ inverse @ pull[count:]
+        starts.append(inverse)
+        mixed.append(across)
+        pulls.append(pull[count:])
+    return Slopes(total, gradient, np.array(starts), np.array(mixed), np.array(pulls))
+
+
+def _segment(
+    found: Realisation,
+    signals: np.ndarray,
+    errors: np.ndarray,
+    driving: np.ndarray,
+    entering: np.ndarray,
+    root: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """J'J and J'e of a segment, J by local coordinates and start, errors multiplied with `root`."""
+    n, p, count = len(found.a), len(found.c), driving.shape[2]
+    # the start moves the states at once and then nothing more
+    pushing = np.ascontiguousarray(np.concatenate([driving, np.zeros((len(driving), n, n))], axis=2))
+    direct = np.ascontiguousarray(np.concatenate([entering, np.zeros((len(entering), p, n))], axis=2))
+    slope = np.concatenate([np.zeros((n, count)), np.eye(n)], axis=1)
+    normal, pull = np.zeros((count + n, count + n)), np.zeros(count + n)
+    for span in spans(len(errors)):
+        block = np.empty((span.stop - span.start, p, count + n))
+        _slopes(found.predictor, found.c, np.ascontiguousarray(signals[span]), pushing, direct, slope, block)
+        weighted = np.einsum("op,tpj->toj", root, block).reshape(-1, count + n)
+        normal += weighted.T @ weighted
+        pull += weighted.T @ (errors[span] @ root.T).ravel()
+    return normal, pull
+
+
+def _candidate(found: Realisation, starts: np.ndarray, scaled: Scaled) -> Candidate:
+    driven = [u @ found.b.T + (y - found.level) @ found.k.T + found.drift for u, y in zip(scaled.u, scaled.y)]
+    ends = np.cumsum([0, *(len(y) for y in scaled.y)])
+    states = np.concatenate(driven)
+    with np.errstate(over="ignore", invalid="ignore"):
+        _states(found.predictor, ends, np.ascontiguousarray(starts), states)
+        errors = np.concatenate(scaled.y) - states @ found.c.T - found.level
+    return Candidate(found, starts, states, errors)
+
+
+def _scaled(model: StateSpace, scaled: Scaled) -> Realisation:
+    """A model between scaled signals."""
+    b = model.b * scaled.input_spread
+    return Realisation(
+        model.a,
+        b,
+        model.c / scaled.output_spread[:, None],
+        model.k * scaled.output_spread,
+        model.b @ (scaled.input_middle - model.input_offset),
+        (model.output_offset - scaled.output_middle) / scaled.output_spread,
+    )
+
+
+@compiled
+def _states(a, ends, starts, x):
+    """States of segments, in place of what drives them, x, (rows, n)."""
+    n = a.shape[0]
+    held = np.empty(n)
+    for segment in range(ends.size - 1):
+        for i in range(n):
+            held[i] = starts[segment, i]
+        for t in range(ends[segment], ends[segment + 1]):
+            for i in range(n):
+                total = x[t, i]
+                x[t, i] = held[i]
+                held[i] = total
+            for i in range(n):
+                for j in range(n):
+                    held[i] += a[i, j] * x[t, j]
+
+
+@compiled
+def _slopes(a, c, signals, driving, entering, slope, errors):
+    """Slopes of one-step errors, (rows, p, J); slope: of the state, (n, J), on entry at the first row, then past the last.
+
+    a, c: of the predictor.  driving, entering: (signals, n, J), (signals, p, J).
+    """
+    n, p, count = a.shape[0], c.shape[0], slope.shape[1]
+    after = np.empty((n, count))
+    for t in range(signals.shape[0]):
+        for o in range(p):
+            for j in range(count):
+                errors[t, o, j] = 0.0
+            for i in range(n):
+                for j in range(count):
+                    errors[t, o, j] -= c[o, i] * slope[i, j]
+            for s in range(signals.shape[1]):
+                for j in range(count):
+                    errors[t, o, j] -= signals[t, s] * entering[s, o, j]
+        for i in range(n):
+            for j in range(count):
+                after[i, j] = 0.0
+            for l in range(n):
+                for j in range(count):
+                    after[i, j] += a[i, l] * slope[l, j]
+            for s in range(signals.shape[1]):
+                for j in range(count):
+                    after[i, j] += signals[t, s] * driving[s, i, j]
+        for i in range(n):
+            for j in range(count):
+                slope[i, j] = after[i, j]

@@ -1,0 +1,59 @@
+"""Signals of a series about their middles in units of their spreads, in which subspace methods compute."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.linear.regressors import Series
+
+_STILL = 1e-12  # spread over size below which a channel is constant but for rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """Inputs u and outputs y of each segment, (n, m) and (n, p), as (signal - middle) / spread.
+
+    offset: whether middles were taken off; without, a spread is a root mean square.
+    """
+
+    u: tuple[np.ndarray, ...]
+    y: tuple[np.ndarray, ...]
+    input_middle: np.ndarray
+    output_middle: np.ndarray
+    input_spread: np.ndarray
+    output_spread: np.ndarray
+    offset: bool
+
+    @classmethod
+    def of(cls, series: Series, offset: bool, name: str) -> Scaled:
+        """The signals of a series; raises, on behalf of the estimator `name`, where a channel is constant."""
+        middles, spreads, parts = [], [], []
+        for what, names, signals in (("input", series.inputs, series.u), ("output", series.outputs, series.y)):
+            joined = np.concatenate(signals)
+            middle = joined.mean(axis=0) if offset else np.zeros(joined.shape[1])
+            spread = np.sqrt(np.mean((joined - middle) ** 2, axis=0))
+            for channel, value, size in zip(names, spread, np.abs(joined).max(axis=0)):
+                if value <= _STILL * size:
+                    raise ValueError(
+                        f"{name} needs every {what} to move, got {channel} constant throughout: use a record in which "
+                        f"it moves, or leave it out of the {what}s."
+                    )
+            middles.append(middle)
+            spreads.append(spread)
+            parts.append(tuple((part - middle) / spread for part in signals))
+        return cls(parts[0], parts[1], middles[0], middles[1], spreads[0], spreads[1], offset)
+
+    @property
+    def joint(self) -> tuple[np.ndarray, ...]:
+        """Inputs and outputs beside each other, (n, m + p), of each segment."""
+        return tuple(np.concatenate([u, y], axis=1) for u, y in zip(self.u, self.y))
+
+    @property
+    def inputs(self) -> int:
+        return self.input_spread.size
+
+    @property
+    def outputs(self) -> int:
+        return self.output_spread.size
