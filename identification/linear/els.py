@@ -127,7 +127,7 @@ class _Part:
                         among[k, other] += column[column.size - size :] @ with_column[with_column.size - size :]
         among = np.tril(among) + np.tril(among, -1).T
         r, known = self.triangle[:-1, :-1], self.triangle[:-1, -1]
-        onto = solve_triangular(r, across, trans="T")
+        onto = solve_triangular(r, across, trans=1)
         free = np.empty(self.late.size)
         free[self.late] = np.linalg.pinv(among - onto.T @ onto, rcond=1e-12, hermitian=True) @ (along - onto.T @ known)
         free[~self.late] = solve_triangular(r, known - onto @ free[self.late])

@@ -13,7 +13,8 @@ from identification.linear.arx import Arx
 from identification.recursive.rwls import Rwls
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
-NAMES = ["grey_box", "arx", "rwls", "ivls", "corrected_ivls", "refined_iv", "ls_svm"]
+LINEAR = ["arx", "els", "armax", "output_error", "n4sid", "pbsid"]
+NAMES = ["grey_box", *LINEAR, "rwls", "ivls", "corrected_ivls", "refined_iv", "ls_svm"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -48,7 +49,7 @@ def test_settings_take_the_types_of_their_fields():
 @pytest.mark.parametrize(
     "name, settings, given, words",
     [
-        ("arxx", {}, {}, r"Did you mean 'arx'\? Methods: grey_box, arx"),
+        ("arxx", {}, {}, r"Did you mean 'arx' or 'armax'\? Methods: grey_box, arx"),
         ("arx", {"na": 2}, {"inputs": INPUTS, "outputs": OUTPUTS}, r"no setting 'na'.*Did you mean 'n_a'.*n_b \(int"),
         ("arx", {"n_a": "two"}, {"inputs": INPUTS, "outputs": OUTPUTS}, r"cannot take n_a = 'two'"),
         ("arx", {"n_a": 2.5}, {"inputs": INPUTS, "outputs": OUTPUTS}, r"cannot take n_a = 2\.5"),
