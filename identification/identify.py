@@ -9,10 +9,15 @@ from typing import Any
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.model import Diverged
 from auv_gym.record import Record, concat
 from identification.comparison import OpenLoop, compare_open
 from identification.estimator import Estimator, Fit
-from identification.judging import residual_tests
+from identification.causality import check_causality
+from identification.judging import residual_tests, sweep_horizons
+from identification.linear.fit import has_errors, is_linear
+from identification.linear.orders import OrderSearch
+from identification.linear.uncertainty import SimulatedBand, simulated_band
 
 HELD_SHARE = 1.0 / 3.0
 
@@ -22,7 +27,8 @@ class Identified:
     """A fit, and how its model does on data that took no part in it.
 
     held: the held-out data as one record.  told: words for which data that is.  open_loop, tests: free runs and
-    residual tests over it, None where `problem` says why there are none; for tests see `residual_tests`.
+    residual tests over it, None where `problem` says why there are none; for tests see `residual_tests`.  search:
+    where the orders that were fitted are from, None where they were given.
     """
 
     fit: Fit
@@ -32,6 +38,10 @@ class Identified:
     open_loop: OpenLoop | None
     tests: dict[str, dict[str, Any]] | None
     problem: str = ""
+    search: OrderSearch | None = None
+    sweep: dict[str, dict[float, float]] | None = None
+    band: SimulatedBand | None = None
+    doubts: tuple[str, ...] = ()
 
 
 def identify(
@@ -41,11 +51,13 @@ def identify(
     *,
     window: float | None = None,
     settle: float | None = None,
+    search: OrderSearch | None = None,
     progress: Callable[[float, str], Any] = lambda fraction, text: None,
 ) -> Identified:
     """A fit to the records, judged on the records in `validate`, or without any on the last third of the data.
 
     The model is then that of the first two thirds: the one that was judged.  window, settle: see `compare_open`.
+    search: where the estimator's orders are from, to go with the result; see `identification.order_search`.
     Raises what the fit raises; a model that cannot be judged is returned with the problem.
     """
     if not records:
@@ -71,7 +83,18 @@ def identify(
             tests = residual_tests(fit.model, [apart])
         except ValueError as error:
             problems.append(str(error))
-    return Identified(fit, fitted, apart, told, open_loop, tests, " ".join(problems))
+    sweep, band, doubts = None, None, ()
+    if is_linear(fit):
+        progress(0.9, "errors over the horizon")
+        doubts = check_causality(train, fit.model.inputs, fit.model.outputs)
+        if open_loop is not None and open_loop.runs:
+            try:
+                sweep = sweep_horizons(fit.model, apart, open_loop.settle) or None
+                if has_errors(fit):
+                    band = simulated_band(fit, apart, windows=open_loop.windows, settle=open_loop.settle)
+            except (Diverged, ValueError) as error:
+                problems.append(str(error))
+    return Identified(fit, fitted, apart, told, open_loop, tests, " ".join(problems), search, sweep, band, doubts)
 
 
 def split(records: Sequence[Record]) -> tuple[list[Record], list[Record], str]:

@@ -11,7 +11,7 @@ from auv_gym.channels import channel
 from auv_gym.param import did_you_mean
 from auv_gym.record import Record
 from identification.identify import split
-from identification.linear.orders import TOLERANCE, OrderSearch, check_criterion, search_orders
+from identification.linear.orders import TOLERANCE, Cell, OrderSearch, check_criterion, search_orders
 from identification.page import Table, amount, percent
 
 KEYS = ("n_a", "n_b", "n_c", "delay")
@@ -44,6 +44,9 @@ def search_apart(
             raise ValueError(f"An order search needs {name}: give channel names, such as stern_plane_rad.")
     if not records:
         raise ValueError("An order search needs at least one record, got none.")
+    fixed = sorted({*KEYS, "skip"} & set(settings or {}))
+    if fixed:
+        raise ValueError(f"An order search sets {', '.join(fixed)} itself: search it over one value instead.")
     train = list(records) if validate else split(records)[0]
     apart: list[Record] = []
     if criterion == "held_out":
@@ -89,26 +92,51 @@ def parse_ranges(texts: Iterable[str]) -> dict[str, tuple[int, ...]]:
     return found
 
 
+def remarks(search: OrderSearch) -> tuple[str, ...]:
+    """What to know of a search: orders that could not be fitted, and chosen ones at the end of what was tried."""
+    found = []
+    for output in search.outputs:
+        cells, best = search.of(output), search.best(output)
+        failed = [cell for cell in cells if cell.problem]
+        if failed:
+            found.append(
+                f"{len(failed)} of {len(cells)} orders of {output} could not be fitted, the first: {failed[0].problem}"
+            )
+        for name in KEYS:
+            tried, taken = {_largest(cell, name) for cell in cells}, _largest(best, name)
+            if len(tried) > 1 and taken == max(tried):
+                found.append(f"{name} of {output} is the largest that was tried, {taken}: try larger ones.")
+    return tuple(found)
+
+
 def order_table(search: OrderSearch) -> Table:
-    """What each criterion takes, by output; the one that was asked for first, as chosen."""
-    noise, judged = hasattr(search.base, "n_c"), "held_out" in search.criteria
-    several = {name: any(len(set(getattr(cell, name))) > 1 for cell in search.cells) for name in ("n_b", "delay")}
+    """What each criterion takes, by output; the one that was asked for first, as chosen.  Orders are left out where one
+    alone was tried.  The caption ends with `remarks`.
+    """
+    judged = "held_out" in search.criteria
+    keys = [key for key in KEYS if len({getattr(cell, key) for cell in search.cells}) > 1]
     rows = []
     for output in search.outputs:
-        names = [search.criterion, *(name for name in search.criteria if name != search.criterion)]
-        for name in names:
+        for name in (search.criterion, *(name for name in search.criteria if name != search.criterion)):
             cell = search.best(output, name)
-            told = f"{_WORDS[name]}, chosen" if name == search.criterion else _WORDS[name]
-            row = [output, told, str(cell.n_a), _of_inputs(cell.n_b, several["n_b"])]
-            row += [str(cell.n_c)] * noise + [_of_inputs(cell.delay, several["delay"]), str(cell.parameters)]
-            row += [amount(sqrt(cell.loss), channel(output).unit), *[percent(cell.held_out)] * judged]
-            rows.append(row)
-    heads = ["output", "criterion", "n_a", "n_b", *["n_c"] * noise, "delay", "parameters", "one-step error, rms"]
-    return Table((*heads, *["held-out fit"] * judged), rows, words=2)
+            row = [output, f"{_WORDS[name]}, chosen" if name == search.criterion else _WORDS[name]]
+            row += [_shown(getattr(cell, key)) for key in keys]
+            row += [str(cell.parameters), amount(sqrt(cell.loss), channel(output).unit)]
+            rows.append(row + [percent(cell.held_out)] * judged)
+    heads = ("output", "criterion", *keys, "n", "error, rms", *["held-out"] * judged)
+    return Table(heads, rows, words=2, caption=" ".join([_CAPTION, *remarks(search)]))
 
 
-_WORDS = {"mdl": "MDL", "aic": "AIC", "bic": "BIC", "held_out": "held-out fit", "parsimony": "parsimony"}
+_CAPTION = "n: coefficients; error: one sample ahead, over the rows that all orders share."
+_WORDS = {"mdl": "MDL", "aic": "AIC", "bic": "BIC", "held_out": "held-out", "parsimony": "parsimony"}
 
 
-def _of_inputs(numbers: tuple[int, ...], several: bool) -> str:
-    return ", ".join(map(str, numbers)) if several else str(numbers[0])
+def _shown(value: int | tuple[int, ...]) -> str:
+    """An order; of several inputs one number where it is the same for all."""
+    values = value if isinstance(value, tuple) else (value,)
+    return ", ".join(map(str, values[:1] if len(set(values)) == 1 else values))
+
+
+def _largest(cell: Cell, name: str) -> int:
+    value = getattr(cell, name)
+    return max(value) if isinstance(value, tuple) else value

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from auv_gym.cli import logs
+from auv_gym.cli import logs, orders
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar, table
 
@@ -37,6 +37,9 @@ def identify(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="A setting of the method, such as n_a=3; may be repeated."),
     ] = None,
+    search: orders.Search = None,
+    choose: orders.Choose = None,
+    tolerance: orders.Tolerance = None,
     free: Annotated[
         list[str] | None,
         typer.Option(metavar="PATH", help="For grey_box: a parameter to free, such as hull.n_r; may be repeated."),
@@ -64,6 +67,7 @@ def identify(
         from identification.estimator import make_estimator, parse_settings
         from identification.identify import identify as identify_records
         from identification.model_page import identified_page, parameter_table, residual_table, score_table
+        from identification.order_search import order_table
 
         if report is not None:
             require_render()
@@ -73,6 +77,7 @@ def identify(
             if "free" in given:
                 raise ValueError("--free and --set free=... say the same: give one of them.")
             given["free"] = list(free)
+        ranges = orders.check(search, choose, tolerance)
         estimator = make_estimator(method, given, plant=plant, inputs=inputs, outputs=outputs)
         # what is written is known only after the fit, but a wrong name should not cost one
         _check_name(out, ".toml" if type(estimator).__name__ == "GreyBox" else ".npz")
@@ -81,14 +86,23 @@ def identify(
         fitted, apart = (
             [_read(name, mapping, named, cut_gaps, resample) for name in names] for names in (records, validate or [])
         )
-        done = identify_records(estimator, fitted, apart, window=window, progress=progress)
+        found, fitting = None, progress
+        if ranges:
+            found = orders.searched(
+                method, fitted, apart, inputs, outputs, ranges, given, choose, tolerance, _part(progress, 0.02, 0.7)
+            )
+            estimator, fitting = found.estimator(), _part(progress, 0.7, 1.0)
+        done = identify_records(estimator, fitted, apart, window=window, search=found, progress=fitting)
         model = done.fit.model
+        chosen = {} if found is None else found.choice().settings()
         attrs: dict[str, Any] = {
             "method": method,
-            "settings": given,
+            "settings": {**given, **chosen},
             "records": [Path(name).name for name in records],
             "judged_on": [Path(name).name for name in validate or []] or done.told,
         }
+        if found is not None:
+            attrs["order_search"] = {"criterion": found.criterion, "tolerance": found.tolerance, "tried": ranges}
         save_model(model, out, attrs)
         page = None
         if report is not None:
@@ -99,6 +113,11 @@ def identify(
     output.print()
     output.print(_words(method, done.fitted, records), markup=False, soft_wrap=True)
     output.print()
+    if found is not None:
+        shown = order_table(found)
+        output.print(printed("Orders", shown))
+        output.print(shown.caption, markup=False, soft_wrap=True)
+        output.print()
     output.print(printed("Parameters", parameter_table(done.fit.estimates)))
     if done.open_loop is not None and done.open_loop.runs:
         settle = f"starts fitted to the first {done.open_loop.settle:g} s"
@@ -121,6 +140,11 @@ def printed(title: str, shown: Table) -> Printed:
     for row in shown.rows:
         result.add_row(*(escape(str(cell)) for cell in row))  # a1[depth_m] is no style
     return result
+
+
+def _part(progress: Callable[[float, str], Any], first: float, last: float) -> Callable[[float, str], Any]:
+    """The progress of a part of the work, from one fraction of all to another."""
+    return lambda fraction, text: progress(first + fraction * (last - first), text)
 
 
 def _read(name: str, mapping: Path | None, required: Sequence[str], cut_gaps: bool, resample: float | None) -> Record:

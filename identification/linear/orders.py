@@ -272,9 +272,8 @@ def _held_out(model: Any, validate: Sequence[Record]) -> float:
 
 def _base(method: str, inputs: Sequence[str], outputs: Sequence[str], settings: Mapping[str, Any]) -> Any:
     """The estimator whose orders are sought, its orders still the defaults."""
-    ours = {name for name in ("n_a", "n_b", "n_c", "delay", "skip") if name in settings}
-    if ours:
-        raise ValueError(f"An order search sets {', '.join(sorted(ours))} itself: leave it out of the settings.")
+    if "skip" in settings:
+        raise ValueError("An order search sets skip itself, for all orders alike: leave it out of the settings.")
     known, method = list_methods(), method.strip().replace("-", "_")
     if method not in known or not _is_polynomial(known[method]):
         able = [name for name, offered in known.items() if _is_polynomial(offered)]

@@ -6,7 +6,7 @@ import pytest
 from auv_gym.record import Record
 from identification.identify import split
 from identification.linear.orders import search_orders
-from identification.order_search import order_table, parse_ranges, search_apart
+from identification.order_search import order_table, parse_ranges, remarks, search_apart
 
 INPUTS, OUTPUTS = ["stern_plane_rad"], ["q_radps", "w_mps"]
 
@@ -69,7 +69,7 @@ def test_the_table_says_what_each_criterion_takes_and_which_was_asked_for():
     search = search_apart("arx", [record()], [], INPUTS, OUTPUTS, ranges, criterion="bic", settings={"offset": False})
     assert search.base.offset is False
     shown = order_table(search)
-    assert shown.heads == ("output", "criterion", "n_a", "n_b", "delay", "parameters", "one-step error, rms")
+    assert shown.heads == ("output", "criterion", "n_a", "n_b", "delay", "n", "error, rms")
     assert [row[0] for row in shown.rows] == ["q_radps"] * 4 + ["w_mps"] * 4
     assert [row[1] for row in shown.rows[:4]] == ["BIC, chosen", "MDL", "AIC", "parsimony"]
     assert shown.rows[0][2:6] == ["1", "1", "1", "2"]
@@ -83,8 +83,8 @@ def test_the_table_has_what_the_method_and_the_criterion_add():
     search = search_apart("armax", [record(300)], [], INPUTS, OUTPUTS[:1], ranges, criterion="held_out")
     shown = order_table(search)
     assert "n_c" in shown.heads
-    assert shown.heads[-1] == "held-out fit"
-    assert shown.rows[0][1] == "held-out fit, chosen"
+    assert shown.heads[-1] == "held-out"
+    assert shown.rows[0][1] == "held-out, chosen"
     assert shown.rows[0][-1].endswith("%")
 
 
@@ -93,3 +93,14 @@ def test_a_search_needs_channels_and_a_known_criterion():
         search_apart("arx", [record(90)], [], INPUTS, None, {})
     with pytest.raises(ValueError, match="No criterion 'mdll'"):
         search_apart("arx", [record(90)], [], INPUTS, OUTPUTS, {}, criterion="mdll")
+    with pytest.raises(ValueError, match="sets n_a itself"):
+        search_apart("arx", [record(90)], [], INPUTS, OUTPUTS, {"n_b": (1, 2)}, settings={"n_a": 2})
+
+
+def test_orders_at_the_end_of_what_was_tried_are_told_and_those_that_failed():
+    search = search_apart("arx", [record(120)], [], INPUTS, OUTPUTS, {"n_a": (1, 2, 19), "n_b": (1,), "delay": (1, 2)})
+    told = remarks(search)
+    assert told[0].startswith("2 of 6 orders of q_radps could not be fitted, the first: Arx needs at least 4 samples")
+    assert told[2] == "delay of w_mps is the largest that was tried, 2: try larger ones."
+    assert order_table(search).caption.endswith(" ".join(told))
+    assert remarks(search_apart("arx", [record()], [], INPUTS, OUTPUTS[:1], {"n_a": (1, 2), "n_b": (1, 2)})) == ()
