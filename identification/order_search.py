@@ -11,7 +11,7 @@ from auv_gym.channels import channel
 from auv_gym.param import did_you_mean
 from auv_gym.record import Record
 from identification.identify import split
-from identification.linear.orders import TOLERANCE, Cell, OrderSearch, check_criterion, search_orders
+from identification.linear.orders import CRITERIA, TOLERANCE, Cell, OrderSearch, check_criterion, search_orders
 from identification.page import Table, amount, percent
 
 KEYS = ("n_a", "n_b", "n_c", "delay")
@@ -119,7 +119,7 @@ def order_table(search: OrderSearch) -> Table:
     for output in search.outputs:
         for name in (search.criterion, *(name for name in search.criteria if name != search.criterion)):
             cell = search.best(output, name)
-            row = [output, f"{_WORDS[name]}, chosen" if name == search.criterion else _WORDS[name]]
+            row = [output, f"{CRITERIA[name]}, chosen" if name == search.criterion else CRITERIA[name]]
             row += [_shown(getattr(cell, key)) for key in keys]
             row += [str(cell.parameters), amount(sqrt(cell.loss), channel(output).unit)]
             rows.append(row + [percent(cell.held_out)] * judged)
@@ -128,7 +128,6 @@ def order_table(search: OrderSearch) -> Table:
 
 
 _CAPTION = "n: coefficients; error: one sample ahead, over the rows that all orders share."
-_WORDS = {"mdl": "MDL", "aic": "AIC", "bic": "BIC", "held_out": "held-out", "parsimony": "parsimony"}
 
 
 def _shown(value: int | tuple[int, ...]) -> str:

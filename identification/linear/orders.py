@@ -20,7 +20,7 @@ from identification.linear.nested import Nested
 from identification.linear.regressors import Series
 from identification.linear.structure import Structure
 
-CRITERIA = ("mdl", "aic", "bic", "held_out", "parsimony")
+CRITERIA = {"mdl": "MDL", "aic": "AIC", "bic": "BIC", "held_out": "held-out", "parsimony": "parsimony"}  # in words
 # Of pitch, Geng and Zhao 2012 take orders with a residual error of 3e-4 % in place of MDL's with 2e-4 %, and see no
 # substantial difference between them.
 TOLERANCE = 0.5

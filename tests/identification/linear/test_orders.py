@@ -157,7 +157,7 @@ def test_held_out_takes_the_best_free_run_over_other_records():
     search = search_orders(
         "armax", [train], COLOURED.inputs, COLOURED.outputs, n_a=[1, 2], n_b=[1, 2], n_c=[1], validate=[other]
     )
-    assert search.criteria == CRITERIA
+    assert search.criteria == tuple(CRITERIA)
     best = search.best("q_radps", "held_out")
     assert best.n_a == 2
     assert best.held_out == max(cell.held_out for cell in search.cells)
