@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -135,6 +136,29 @@ class Polynomial:
     def state_space(self) -> StateSpace:
         """What the Model's functions are those of."""
         return self.to_state_space()
+
+    def to_control(self) -> Any:
+        """The same system for python-control, in state space; offsets and C, which it does not know, stay behind."""
+        return self.state_space.to_control()
+
+    @classmethod
+    def from_control(
+        cls, system: Any, inputs: Sequence[str] | None = None, outputs: Sequence[str] | None = None
+    ) -> Polynomial:
+        """The output-error model of a system of python-control in discrete time: each output over its own denominator.
+
+        Names are the system's unless given.  Raises as StateSpace.from_control does.
+        """
+        model = StateSpace.from_control(system, inputs, outputs)
+        n = len(model.states)
+        markov = [model.c @ np.linalg.matrix_power(model.a, k) @ model.b for k in range(n)]
+        denominator = np.real(np.poly(model.a))
+        p, m = len(model.outputs), len(model.inputs)
+        a, b = np.zeros((n + 1, p, p)), np.zeros((n + 1, p, m))
+        a[:] = denominator[:, None, None] * np.eye(p)
+        for k in range(1, n + 1):
+            b[k] = sum(denominator[j] * markov[k - 1 - j] for j in range(k))
+        return cls(a, b, model.inputs, model.outputs, model.dt, c=a)
 
     @property
     def states(self) -> tuple[str, ...]:

@@ -131,3 +131,21 @@ def test_coefficients_of_nothing_are_refused():
         Polynomial.from_coefficients({"depth_m": [1.0]}, {"depth_m": {"rudder_rad": [1.0]}}, 1.0, delay=0)
     with pytest.raises(ValueError, match="got b for inputs"):
         Polynomial.from_coefficients({"depth_m": [1.0]}, {"depth_m": {"rudder_rad": [1.0]}}, 1.0, inputs=("piston_m",))
+
+
+def test_python_control_knows_the_same_system():
+    control = pytest.importorskip("control")
+    model = Polynomial.from_coefficients(
+        a={"depth_m": [-1.5, 0.7], "pitch_rad": [-0.9]},
+        b={"depth_m": {"stern_plane_rad": [0.3, 0.1]}, "pitch_rad": {"stern_plane_rad": [0.2]}},
+        dt=0.5,
+    )
+    system, omega = model.to_control(), np.array([0.1, 0.7, 3.0])
+    back = Polynomial.from_control(system)
+    assert (back.inputs, back.outputs, back.dt) == (model.inputs, model.outputs, 0.5)
+    np.testing.assert_allclose(
+        back.to_state_space().frequency_response(omega), model.to_state_space().frequency_response(omega), rtol=1e-9
+    )
+    one = Polynomial.from_control(control.tf([0.5], [1.0, -0.8], 0.5), ("rudder_rad",), ("r_radps",))
+    np.testing.assert_allclose(one.a[:, 0, 0], [1.0, -0.8], atol=1e-12)
+    np.testing.assert_allclose(one.b[:, 0, 0], [0.0, 0.5], atol=1e-12)

@@ -6,6 +6,7 @@ from scipy.signal import lfilter
 
 from auv_gym.linear import Polynomial, StateSpace
 from auv_gym.record import Record
+from identification.linear import prediction
 from identification.linear.armax import Armax
 from identification.linear.arx import Arx
 from identification.linear.els import Els
@@ -115,6 +116,22 @@ def test_the_gradient_and_normal_matrix_are_those_of_differences(orders, block):
     triangle = errors.triangle(free, starts, weight)
     np.testing.assert_allclose(triangle.T @ triangle, rest.T @ rest, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(found.reduced()[0], rest.T @ rest, rtol=1e-5, atol=1e-5)
+
+
+def test_the_compiled_filters_are_those_of_plain_python():
+    record = coupled(40, 0)[1]
+    settings = {"n_a": 2, "n_b": 2, "n_c": 2, "structure": "full"}
+    errors = errors_of(record, Armax, ("rudder_rad", "stern_plane_rad"), ("u_mps", "w_mps"), settings, block=(0, 1))
+    rng = np.random.default_rng(1)
+    free, starts = 0.1 * rng.standard_normal(errors.free), rng.standard_normal(errors.starts().shape)
+    found = [errors.errors(free, starts)[0], errors.linearised(free, starts, np.eye(2), np.eye(errors.free)).matrix]
+    plain = {name: getattr(prediction, name) for name in ("_one_step_errors", "_slopes")}
+    with pytest.MonkeyPatch.context() as patch:
+        for name, function in plain.items():
+            patch.setattr(prediction, name, getattr(function, "py_func", function))
+        again = [errors.errors(free, starts)[0], errors.linearised(free, starts, np.eye(2), np.eye(errors.free)).matrix]
+    for one, other in zip(found, again):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
 
 
 def test_armax_finds_the_truth_where_arx_is_biased():
