@@ -1,8 +1,8 @@
-"""Triangular factors of block Hankel matrices: all windows of a length, of all segments, as rows."""
+"""Triangular factors of tall matrices, block Hankel ones among them: all windows of a length, of all segments."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -25,12 +25,21 @@ def triangle(parts: Sequence[np.ndarray], length: int, columns: np.ndarray) -> n
     """
     used = [part for part in parts if len(part) >= length]
     order = np.concatenate([[0], 1 + columns])
-    matrix = _normal_matrix(used, length)[np.ix_(order, order)]
-    size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
-    matrix = matrix / np.outer(size, size)
-    if np.linalg.eigvalsh(matrix)[0] > _WELL_CONDITIONED:
-        return np.linalg.cholesky(matrix).T * size
-    return triangle_of(_rows(used, length, columns))
+    return _factor(_normal_matrix(used, length)[np.ix_(order, order)], lambda: _rows(used, length, columns))
+
+
+def triangle_tall(matrix: np.ndarray) -> np.ndarray:
+    """R of the QR decomposition of a matrix with many rows."""
+    return _factor(matrix.T @ matrix, lambda: (matrix[span] for span in spans(len(matrix))))
+
+
+def _factor(normal: np.ndarray, rows: Callable[[], Iterable[np.ndarray]]) -> np.ndarray:
+    """R of a matrix from its normal matrix, or from its rows where that has lost digits."""
+    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
+    scaled = normal / np.outer(size, size)
+    if np.linalg.eigvalsh(scaled)[0] > _WELL_CONDITIONED:
+        return np.linalg.cholesky(scaled).T * size
+    return triangle_of(rows())
 
 
 def _normal_matrix(parts: Sequence[np.ndarray], length: int) -> np.ndarray:

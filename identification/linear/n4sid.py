@@ -38,7 +38,7 @@ class N4sid:
     is estimated.  stable: whether unstable poles are reflected into the unit circle.  refine: whether the model is the
     start of a descent to the least prediction errors, which also gives intervals.
     In closed loop it is biased by the noise that the inputs repeat; see Pbsid.
-    Source: Van Overschee and De Moor 1996, Subspace Identification for Linear Systems, ch. 4; table 4.5 for the weights.
+    Source: Van Overschee and De Moor 1996, Subspace Identification for Linear Systems, ch. 4.
     """
 
     inputs: Sequence[str]

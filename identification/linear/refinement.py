@@ -19,6 +19,7 @@ _FLAT = 1e-9  # expected fall of the loss per sample at which a descent ends
 _DAMPING = 1e-3  # at the start, over the diagonal of the normal matrix
 _LARGEST_DAMPING = 1e10
 _ROUNDING = 1e-10  # error over the spread of an output below which errors are rounding
+_FADED = 1e-60  # slope of the state by its start, below which it is none
 _STABLE = 1.0 - 1e-6  # largest size of a predictor's pole
 
 
@@ -139,7 +140,7 @@ def local_directions(found: Realisation, offset: bool) -> np.ndarray:
         still = np.zeros(a.size + b.size + c.size + k.size)
         along += [np.concatenate([still, one - a @ one, -c @ one]) for one in np.eye(n)]
     else:
-        along += [row for row in np.eye(size)[a.size + b.size + c.size + k.size :]]
+        along += list(np.eye(size)[a.size + b.size + c.size + k.size :])
     q, _ = np.linalg.qr(np.transpose(along), mode="complete")
     return q[:, len(along) :]
 
@@ -167,26 +168,25 @@ def moved(
 def slopes_of(here: Candidate, scaled: Scaled, directions: np.ndarray, weight: np.ndarray | None = None) -> Slopes:
     """The normal equations about a candidate; weight: of the errors, default the inverse of their mean square."""
     found, count = here.found, directions.shape[1]
-    a, b, c, k, drift, level = (
-        (np.array(part) for part in zip(*(found.at(d).parts for d in directions.T)))
-        if count
-        else (np.zeros((0, *part.shape)) for part in found.parts)
-    )
     n, p = len(found.a), len(found.c)
-    # what drives the slopes of the state and what enters those of the output, by state, input, error and one
-    driving = np.concatenate([a - found.k @ c, b, k, (drift - level @ found.k.T)[:, :, None]], axis=2).transpose(
-        2, 1, 0
-    )
-    entering = np.concatenate([c, np.zeros((count, p, b.shape[2] + p)), level[:, :, None]], axis=2).transpose(2, 1, 0)
     root = np.linalg.cholesky(np.linalg.inv(here.spread) if weight is None else weight).T
     total, gradient = np.zeros((count, count)), np.zeros(count)
     starts, mixed, pulls = [], [], []
+    driving, entering = _forces(found, directions, root)
     row = 0
     for u in scaled.u:
         part = slice(row, row + len(u))
         row += len(u)
         signals = np.concatenate([here.states[part], u, here.errors[part], np.ones((len(u), 1))], axis=1)
-        normal, pull = _segment(found, signals, here.errors[part], driving, entering, root)
+        normal, pull = np.zeros((count + n, count + n)), np.zeros(count + n)
+        slope = np.concatenate([np.zeros((n, count)), np.eye(n)], axis=1)
+        for span in spans(len(u)):
+            states = (signals[span] @ driving).reshape(-1, n, count + n)
+            errors = (signals[span] @ entering).reshape(-1, p, count + n)
+            _slopes(found.predictor, root @ found.c, slope, states, errors)
+            errors = errors.reshape(-1, count + n)
+            normal += errors.T @ errors
+            pull += errors.T @ (here.errors[part][span] @ root.T).ravel()
         own, across = normal[count:, count:], normal[count:, :count]
         inverse = np.linalg.pinv(own, rcond=1e-13, hermitian=True)
         total += normal[:count, :count] - across.T @ inverse @ across
@@ -197,28 +197,20 @@ def slopes_of(here: Candidate, scaled: Scaled, directions: np.ndarray, weight: n
     return Slopes(total, gradient, np.array(starts), np.array(mixed), np.array(pulls))
 
 
-def _segment(
-    found: Realisation,
-    signals: np.ndarray,
-    errors: np.ndarray,
-    driving: np.ndarray,
-    entering: np.ndarray,
-    root: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """J'J and J'e of a segment, J by local coordinates and start, errors multiplied with `root`."""
-    n, p, count = len(found.a), len(found.c), driving.shape[2]
-    # the start moves the states at once and then nothing more
-    pushing = np.ascontiguousarray(np.concatenate([driving, np.zeros((len(driving), n, n))], axis=2))
-    direct = np.ascontiguousarray(np.concatenate([entering, np.zeros((len(entering), p, n))], axis=2))
-    slope = np.concatenate([np.zeros((n, count)), np.eye(n)], axis=1)
-    normal, pull = np.zeros((count + n, count + n)), np.zeros(count + n)
-    for span in spans(len(errors)):
-        block = np.empty((span.stop - span.start, p, count + n))
-        _slopes(found.predictor, found.c, np.ascontiguousarray(signals[span]), pushing, direct, slope, block)
-        weighted = np.einsum("op,tpj->toj", root, block).reshape(-1, count + n)
-        normal += weighted.T @ weighted
-        pull += weighted.T @ (errors[span] @ root.T).ravel()
-    return normal, pull
+def _forces(found: Realisation, directions: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What state, input, error and one add to the slopes of states, (signals, n J), and `root` errors, (signals, p J).
+
+    J: the local coordinates, then the start, which moves the states at once and then nothing more.
+    """
+    n, m = found.b.shape
+    p, count = len(found.c), directions.shape[1]
+    driving, entering = np.zeros((n + m + p + 1, n, count + n)), np.zeros((n + m + p + 1, p, count + n))
+    for j, direction in enumerate(directions.T):
+        a, b, c, k, drift, level = found.at(direction).parts
+        driving[:, :, j] = np.concatenate([a - found.k @ c, b, k, (drift - found.k @ level)[:, None]], axis=1).T
+        entering[:n, :, j] = -(root @ c).T
+        entering[-1, :, j] = -root @ level
+    return driving.reshape(len(driving), -1), entering.reshape(len(entering), -1)
 
 
 def _candidate(found: Realisation, starts: np.ndarray, scaled: Scaled) -> Candidate:
@@ -263,32 +255,35 @@ def _states(a, ends, starts, x):
 
 
 @compiled
-def _slopes(a, c, signals, driving, entering, slope, errors):
-    """Slopes of one-step errors, (rows, p, J); slope: of the state, (n, J), on entry at the first row, then past the last.
+def _slopes(a, c, slope, states, errors):
+    """Slopes of errors, (rows, p, J), added to what enters them; slope: of the state, (n, J), at the first row.
 
-    a, c: of the predictor.  driving, entering: (signals, n, J), (signals, p, J).
+    states: what drives its slopes, (rows, n, J), the last n not at all.  slope leaves as that past the last row.
     """
     n, p, count = a.shape[0], c.shape[0], slope.shape[1]
     after = np.empty((n, count))
-    for t in range(signals.shape[0]):
-        for o in range(p):
-            for j in range(count):
-                errors[t, o, j] = 0.0
+    fading = True
+    for t in range(states.shape[0]):
+        if fading:
+            largest = 0.0
             for i in range(n):
-                for j in range(count):
-                    errors[t, o, j] -= c[o, i] * slope[i, j]
-            for s in range(signals.shape[1]):
-                for j in range(count):
-                    errors[t, o, j] -= signals[t, s] * entering[s, o, j]
+                for j in range(count - n, count):
+                    largest = max(largest, abs(slope[i, j]))
+            if largest < _FADED:  # numbers too small for their exponent take a hundred times longer
+                slope[:, count - n :] = 0.0
+                fading = False
         for i in range(n):
             for j in range(count):
-                after[i, j] = 0.0
-            for l in range(n):
+                after[i, j] = states[t, i, j]
+        for h in range(n):
+            for o in range(p):
+                weight = c[o, h]
                 for j in range(count):
-                    after[i, j] += a[i, l] * slope[l, j]
-            for s in range(signals.shape[1]):
+                    errors[t, o, j] -= weight * slope[h, j]
+            for i in range(n):
+                weight = a[i, h]
                 for j in range(count):
-                    after[i, j] += signals[t, s] * driving[s, i, j]
+                    after[i, j] += weight * slope[h, j]
         for i in range(n):
             for j in range(count):
                 slope[i, j] = after[i, j]

@@ -57,12 +57,16 @@ class StateSpaceFit:
         found, offset, _ = self.centre.at(np.asarray(vector, dtype=float)).centred(self.scaled)
         return found.model(self.model, offset)
 
-    @cached_property
+    @property
     def estimates(self) -> tuple[Estimate, ...]:
-        """Poles, `pole 1` or of a pair `pole 1 (real)` and `pole 1 (imaginary)`, and steady gains `gain[output, input]`.
+        """Poles, `pole 1` or of a pair `pole 1 (real)` and `pole 1 (imaginary)`, and `gain[output, input]` at rest.
 
-        Gains only where no pole is at 1.
+        No gains where a pole is at 1.
         """
+        return self._estimates
+
+    @cached_property
+    def _estimates(self) -> tuple[Estimate, ...]:
         found = []
         for number, pole in enumerate(pole_intervals(self), start=1):
             if pole.pair:

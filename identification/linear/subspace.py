@@ -10,6 +10,7 @@ import numpy as np
 from scipy import linalg
 
 from auv_gym.channels import channel
+from identification.linear.hankel import triangle_tall
 from identification.linear.realisation import Realisation
 from identification.linear.refinement import refined
 from identification.linear.regressors import Series
@@ -167,7 +168,7 @@ def reflected(a: np.ndarray) -> np.ndarray:
 
 
 def with_stable_predictor(found: Realisation, w: np.ndarray, e: np.ndarray) -> Realisation:
-    """The realisation, with Kalman's gain for the errors w of its states and e of its outputs if its own is unstable."""
+    """The realisation, with Kalman's gain for the errors w of states and e of outputs where its own is unstable."""
     if np.abs(np.linalg.eigvals(found.predictor)).max() < 1.0:
         return found
     n, rows = len(found.a), len(w)
@@ -191,13 +192,14 @@ def with_stable_predictor(found: Realisation, w: np.ndarray, e: np.ndarray) -> R
 
 def _solve(columns: np.ndarray, target: np.ndarray, name: str) -> np.ndarray:
     """Least squares; raises where the columns are dependent."""
-    size = np.linalg.norm(columns, axis=0)
+    count = columns.shape[1]
+    r = triangle_tall(np.concatenate([columns, target], axis=1))
+    size = np.linalg.norm(r[:, :count], axis=0)
     size[size == 0.0] = 1.0
-    q, r = np.linalg.qr(columns / size)
-    values = np.linalg.svd(r, compute_uv=False)
+    values = np.linalg.svd(r[:count, :count] / size, compute_uv=False)
     if values[-1] <= _DEPENDENT * values[0]:
         raise ValueError(
             f"{name} cannot tell states and inputs apart in this record: lower order, or excite the inputs with more "
             "frequencies, independent of the feedback."
         )
-    return np.linalg.solve(r, q.T @ target) / size[:, None]
+    return np.linalg.solve(r[:count, :count], r[:count, count:])
