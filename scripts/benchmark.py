@@ -1,4 +1,4 @@
-"""How fast the compiled code is, as ratios within one run: `python -m scripts.benchmark rollout|env|recursion`.
+"""How fast the compiled code is, as ratios within one run: `python -m scripts.benchmark COMMAND`.
 
 Timings are the best of several repeats: what disturbs a run only ever makes it longer.
 """
@@ -23,7 +23,7 @@ from auv_gym.compiled import JIT
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, Runs, load_vehicle
 from auv_gym.record import Record
-from scripts import benchmark_env, benchmark_recursion
+from scripts import benchmark_env, benchmark_identification, benchmark_recursion
 
 PLAIN_SAMPLES = 100
 COMPILED_SAMPLES = 5000
@@ -46,6 +46,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     benchmark_recursion.add_arguments(recursion)
     recursion.set_defaults(measure=_recursion)
+    identification = commands.add_parser("identification", help="linear identification, beside other packages")
+    benchmark_identification.add_arguments(identification)
+    identification.set_defaults(measure=benchmark_identification.measure, show=benchmark_identification.show)
     for command in commands.choices.values():
         command.add_argument("--json", action="store_true", help="print JSON")
     arguments = parser.parse_args(argv)
@@ -55,6 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         parser.error(str(error))
     if arguments.json:
         print(json.dumps(numbers, indent=2))
+    elif "show" in arguments:
+        arguments.show(numbers)
     else:
         _print(arguments.command, numbers)
     return 0

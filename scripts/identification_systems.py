@@ -6,10 +6,10 @@ the outputs and on the states.  Every record has a seed of its own; the same see
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
@@ -97,15 +97,20 @@ def fit_percent(y: np.ndarray, simulated: np.ndarray) -> float:
     return float(np.mean(np.where(np.isfinite(left), 100.0 * (1.0 - left), -np.inf)))
 
 
-def coefficient_error(a: Sequence[float], b: Sequence[float], c: Sequence[float]) -> float:
-    """Length of the error of all coefficients of ARMAX over that of the true ones.
+def coefficient_error(a: ArrayLike, b: ArrayLike, c: ArrayLike | None = None) -> float:
+    """Length of the error of all coefficients of ARMAX over that of the true ones; without c, of a and b.
 
-    a, c: from the first power of the delay on, b too; what is not given counts as zero.
+    Each from the first power of the delay on; fewer than the true ones count as zeros there.
     """
-    true = (A[1:], B[1:], C[1:])
-    size = max(len(given) for given in (*true, a, b, c))
-    found, wanted = (np.concatenate([np.pad(part, (0, size - len(part))) for part in p]) for p in ((a, b, c), true))
-    return float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted))
+    pairs = [(a, A), (b, B)] + ([] if c is None else [(c, C)])
+    errors, sizes = [], []
+    for given, true in pairs:
+        found = np.asarray(given, dtype=float)
+        size = max(found.size, true.size - 1)
+        wanted = np.pad(true[1:], (0, size - true.size + 1))
+        errors.append(np.pad(found, (0, size - found.size)) - wanted)
+        sizes.append(wanted)
+    return float(np.linalg.norm(np.concatenate(errors)) / np.linalg.norm(np.concatenate(sizes)))
 
 
 def largest_pole_error(a: np.ndarray) -> float:

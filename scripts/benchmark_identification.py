@@ -1,0 +1,271 @@
+"""How fast and how good linear identification is, on two known systems, beside other packages on the same arrays.
+
+Each package runs in a process of its own, the others in an environment of their own each: ours needs none of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import Progress
+from rich.table import Table
+from scipy.signal import dlsim, lfilter
+
+from scripts.identification_systems import (
+    SYSTEMS,
+    clean,
+    coefficient_error,
+    fit_percent,
+    largest_pole_error,
+    measured,
+)
+from scripts.peers.environments import OURS, PEERS, Peer, make, run
+
+FRESH_SAMPLES = 2000
+TITLES = {
+    "armax": "ARMAX of orders 4, 4, 2; coloured noise, 10 %",
+    "state_space": "Three states, 2 inputs, 2 outputs; noise on outputs, 10 %, and states",
+}
+ERRORS = {
+    "armax": {"error_abc": "error of a, b, c", "error_ab": "error of a, b"},
+    "state_space": {"pole_error": "largest pole error"},
+}
+_QUANTITIES = {"ms": "ms", "fit_percent": "fit, %"}
+_FORMS = {"ms": "{:.1f}", "fit_percent": "{:.2f}"}
+_WIDTH = 110  # columns, where no terminal says how many there are
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of this benchmark."""
+    parser.add_argument("--peers", type=Path, default=Path(".peers"), help="environments of others (default: .peers)")
+    parser.add_argument("--make-peers", action="store_true", help="make the environments that are not there, with pip")
+    parser.add_argument("--seeds", type=int, default=20, help="records of each length (default: %(default)s)")
+    parser.add_argument(
+        "--samples", type=int, nargs="+", default=[1000, 10_000], help="lengths of records (default: 1000 10000)"
+    )
+    parser.add_argument(
+        "--budget", type=float, default=30.0, help="s, after which a method gets no more seeds (default: %(default)g)"
+    )
+    parser.add_argument("--threads", type=int, default=1, help="of linear algebra, in all processes (default: 1)")
+
+
+def measure(arguments: argparse.Namespace) -> dict[str, Any]:
+    """Rows of every method on both systems, what could not be measured, and where another package is ahead."""
+    if min(arguments.seeds, arguments.threads, *arguments.samples) < 1 or not arguments.budget > 0.0:
+        raise ValueError(
+            f"--seeds, --samples, --threads and --budget need more than 0, got {arguments.seeds}, "
+            f"{' '.join(map(str, arguments.samples))}, {arguments.threads} and {arguments.budget:g}."
+        )
+    if arguments.make_peers:
+        make(arguments.peers)
+    present = [peer for peer in (OURS, *PEERS) if peer.python(arguments.peers).exists()]
+    rows: dict[str, list[dict[str, Any]]] = {system: [] for system in SYSTEMS}
+    failed: list[dict[str, str]] = []
+    with tempfile.TemporaryDirectory() as name, Progress(transient=True, console=Console(stderr=True)) as progress:
+        folder = Path(name)
+        write_jobs(folder, arguments.samples, arguments.seeds, arguments.budget)
+        for peer in present:
+            task = progress.add_task(peer.title, total=None)
+            lines = []
+            try:
+                for line in run(peer, folder, arguments.peers, arguments.threads):
+                    lines.append(line)
+                    progress.update(task, total=lines[0]["fits"], advance=_done(line))
+            except ValueError as error:
+                failed.append({"peer": peer.title, "method": "all", "error": str(error)})
+            progress.update(task, visible=False)
+            for system in SYSTEMS:
+                rows[system] += _rows(peer, system, [line for line in lines if line.get("system") == system])
+            failed += [
+                {"peer": peer.title, "method": f"{line['method']}, N {line['samples']}", "error": line["error"]}
+                for line in lines
+                if "error" in line
+            ]
+    numbers: dict[str, Any] = {
+        "samples": arguments.samples,
+        "seeds": arguments.seeds,
+        "threads": arguments.threads,
+        "measured": [peer.title for peer in present],
+        "systems": rows,
+        "not_installed": [peer.title for peer in PEERS if peer not in present],
+        "failed": failed,
+    }
+    sides = {row["ours"] for found in rows.values() for row in found}
+    leading = [lead for system in SYSTEMS for lead in leads(system, rows[system])]
+    return {**numbers, "compared": len(sides) == 2, "ahead_of_ours": leading}
+
+
+def leads(system: str, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Each quantity in which a peer's method is ahead of the best of ours of the same kind.
+
+    Accuracy is compared over all kinds together too, as "any kind"; time is not, as the least accurate are the fastest.
+    """
+    found = []
+    for kind in ("any kind", *dict.fromkeys(row["kind"] for row in rows)):
+        among = [row for row in rows if kind in ("any kind", row["kind"])]
+        for column in columns(system, rows):
+            if kind == "any kind" and column[0] == "ms":
+                continue
+            ours, others = (
+                [row for row in among if row["ours"] is side and value(row, column) is not None]
+                for side in (True, False)
+            )
+            if not ours or not others:
+                continue
+            mine, theirs = (min(side, key=lambda row: rank(row, column)) for side in (ours, others))
+            if rank(theirs, column) < rank(mine, column):
+                found.append(
+                    {
+                        "system": system,
+                        "kind": kind,
+                        "quantity": column[0],
+                        "samples": column[1],
+                        "peer": f"{theirs['peer']} {theirs['method']}",
+                        "theirs": value(theirs, column),
+                        "ours": value(mine, column),
+                    }
+                )
+    return found
+
+
+def columns(system: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
+    """Quantity and length of record of each column of a system's table."""
+    lengths = dict.fromkeys(int(samples) for row in rows for samples in row["by_samples"])
+    return [(quantity, n) for quantity in ("ms", "fit_percent", *ERRORS[system]) for n in sorted(lengths)]
+
+
+def value(row: Mapping[str, Any], column: tuple[str, int]) -> float | None:
+    """What a row has in a column, if anything."""
+    return row["by_samples"].get(str(column[1]), {}).get(column[0])
+
+
+def rank(row: Mapping[str, Any], column: tuple[str, int]) -> float:
+    """A number that is the smaller the better the row is in a column where it has a value."""
+    found = row["by_samples"][str(column[1])][column[0]]
+    return -found if column[0] == "fit_percent" else found
+
+
+def show(numbers: Mapping[str, Any]) -> None:
+    """Print both tables, what is missing from them, and where another package is ahead."""
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=max(console.width, _WIDTH))
+    for system, rows in numbers["systems"].items():
+        if rows:
+            console.print(_table(system, rows))
+    console.print(
+        f"Medians over {numbers['seeds']} records (fewer: in brackets), threads: {numbers['threads']}. The fit is that "
+        "of a free run on fresh data without noise. [bold]*[/bold]: best of its kind.\n"
+        f"Measured: {', '.join(numbers['measured'])}."
+    )
+    if numbers["not_installed"]:
+        console.print(f"Not installed: {', '.join(numbers['not_installed'])}; --make-peers installs them.")
+    for failure in numbers["failed"]:
+        console.print(f"Failed: {failure['peer']}, {failure['method']}: {failure['error']}", markup=False)
+    for lead in numbers["ahead_of_ours"]:
+        quantity = (_QUANTITIES | ERRORS[lead["system"]])[lead["quantity"]]
+        console.print(
+            f"Not first: {lead['system'].replace('_', ' ')}, {lead['kind']}, {quantity}, N {lead['samples']}: "
+            f"{lead['peer']} {lead['theirs']:.4g}, ours {lead['ours']:.4g}."
+        )
+    if numbers["compared"] and not numbers["ahead_of_ours"]:
+        console.print("Ours is first wherever another package is measured.")
+
+
+def write_jobs(folder: Path, lengths: Sequence[int], seeds: int, budget_s: float) -> None:
+    """Write what runners read: the settings, and the arrays of every record."""
+    jobs = {"samples": lengths, "seeds": seeds, "budget_s": budget_s}
+    (folder / "jobs.json").write_text(json.dumps(jobs), encoding="utf-8")
+    for system in SYSTEMS:
+        for samples in lengths:
+            for seed in range(seeds):
+                signals = measured(system, samples, seed)
+                np.savez(folder / f"{system}_{samples}_{seed}.npz", u=signals.u, y=signals.y)
+
+
+def _done(line: Mapping[str, Any]) -> int:
+    return int("seconds" in line or "error" in line) + line.get("left", 0)
+
+
+def _rows(peer: Peer, system: str, lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """A row for each method: medians over its seeds, by length of record."""
+    rows: dict[str, dict[str, Any]] = {}
+    for line in lines:
+        row = rows.setdefault(
+            line["method"], {"peer": peer.name, "ours": peer.ours, "method": line["method"], "kind": line["kind"]}
+        )
+        scores = row.setdefault("by_samples", {}).setdefault(str(line["samples"]), [])
+        if "model" in line:
+            times = {"ms": 1e3 * line["seconds"], "cpu_ms": 1e3 * line["cpu_s"]}
+            scores.append(times | score(system, line["model"], line["seed"]))
+    for row in rows.values():
+        row["by_samples"] = {samples: _medians(scores) for samples, scores in row["by_samples"].items() if scores}
+    return [row for row in rows.values() if row["by_samples"]]
+
+
+def _medians(scores: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    return {"seeds": len(scores)} | {key: float(np.median([one[key] for one in scores])) for key in scores[0]}
+
+
+def score(system: str, model: Mapping[str, Any], seed: int) -> dict[str, float]:
+    """How far a model is from the truth, and how well it runs on fresh data from rest, for whichever package."""
+    fresh = clean(system, FRESH_SAMPLES, seed)
+    offset_u, offset_y = (np.asarray(model.get(key, 0.0)) for key in ("offset_u", "offset_y"))
+    if system == "armax":
+        a, b = np.asarray(model["a"]), np.asarray(model["b"])
+        intercept = np.full(FRESH_SAMPLES, a.sum() * offset_y - b.sum() * offset_u)
+        simulated = np.asarray(lfilter(b, a, fresh.u[:, 0])) + np.asarray(lfilter([1.0], a, intercept))
+        errors = {"error_ab": coefficient_error(a[1:], b[1:])}
+        if "c" in model:
+            errors["error_abc"] = coefficient_error(a[1:], b[1:], model["c"][1:])
+        return {"fit_percent": fit_percent(fresh.y, simulated[:, None]), **errors}
+    a, b, c = (np.asarray(model[key]) for key in "abc")
+    d = np.asarray(model.get("d", np.zeros((c.shape[0], b.shape[1]))))
+    steady = np.linalg.lstsq(np.eye(len(a)) - a, -b @ np.broadcast_to(offset_u, b.shape[1]), rcond=None)[0]
+    with np.errstate(over="ignore", invalid="ignore"):  # an unstable model scores -inf
+        fit = fit_percent(fresh.y, dlsim((a, b, c, d, 1.0), fresh.u - offset_u, x0=steady)[1] + offset_y)
+    return {"fit_percent": fit, "pole_error": largest_pole_error(a)}
+
+
+def _table(system: str, rows: Sequence[Mapping[str, Any]]) -> Table:
+    """A system's rows by kind, the best of each kind marked."""
+    shown = columns(system, rows)
+    lengths = " / ".join(dict.fromkeys(str(samples) for _, samples in shown))
+    table = Table(title=f"{TITLES[system]}; N {lengths}")
+    table.add_column("method", no_wrap=True)
+    quantities = _QUANTITIES | ERRORS[system]
+    for name in quantities.values():
+        table.add_column(name, justify="right", no_wrap=True)
+    most = max(scores["seeds"] for row in rows for scores in row["by_samples"].values())
+    for kind in dict.fromkeys(row["kind"] for row in rows):
+        table.add_section()
+        table.add_row(f"[italic]{kind}[/italic]")
+        among = [row for row in rows if row["kind"] == kind]
+        best = {c: min((rank(row, c) for row in among if value(row, c) is not None), default=None) for c in shown}
+        for row in among:
+            name = escape(f"{row['peer']} {row['method']}")
+            cells = [
+                " / ".join(_cell(row, column, best[column], most) for column in shown if column[0] == quantity)
+                for quantity in quantities
+            ]
+            table.add_row(f"  [bold]{name}[/bold]" if row["ours"] else f"  {name}", *cells)
+    return table
+
+
+def _cell(row: Mapping[str, Any], column: tuple[str, int], best: float | None, most: int) -> str:
+    found = value(row, column)
+    if found is None:
+        return "-"
+    text = _FORMS.get(column[0], "{:.4f}").format(found)
+    seeds = row["by_samples"][str(column[1])]["seeds"]
+    if column[0] == "ms" and seeds < most:
+        text += f" ({seeds})"
+    return f"[bold]*{text}[/bold]" if rank(row, column) == best else text
