@@ -19,9 +19,8 @@ from identification.linear.subspace import (
     check_channels,
     check_excitation,
     check_settings,
-    choose_order,
     finished,
-    realise,
+    identified,
 )
 
 _HORIZON = 10  # samples, where the record has enough of them
@@ -63,9 +62,8 @@ class N4sid:
         horizon = self._horizon(series)
         states = self._states(series, scaled, horizon)
         largest = min(len(states.weights), (horizon - 1) * scaled.outputs)
-        order = choose_order(self.order, largest, states, scaled, "N4sid")
-        found, errors = realise(states, order, scaled, "N4sid", self.stable)
-        return finished(series, scaled, found, errors, states, self.stable, self.refine)
+        found = identified(states, self.order, largest, scaled, "N4sid", self.stable)
+        return finished(series, scaled, found, states, self.stable, self.refine)
 
     def _horizon(self, series: Series) -> int:
         """The horizon asked for or chosen; raises where the record is too short for it."""

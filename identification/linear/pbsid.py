@@ -18,9 +18,8 @@ from identification.linear.subspace import (
     check_channels,
     check_excitation,
     check_settings,
-    choose_order,
     finished,
-    realise,
+    identified,
 )
 
 _SHORTEST, _LONGEST = 4, 30  # samples, of a horizon that is not given
@@ -62,9 +61,8 @@ class Pbsid:
         factor, horizon = self._factor(series, scaled)
         states = self._states(factor, horizon, scaled)
         largest = min(len(states.weights), (horizon - 1) * scaled.outputs)
-        order = choose_order(self.order, largest, states, scaled, "Pbsid")
-        found, errors = realise(states, order, scaled, "Pbsid", self.stable)
-        return finished(series, scaled, found, errors, states, self.stable, self.refine)
+        found = identified(states, self.order, largest, scaled, "Pbsid", self.stable)
+        return finished(series, scaled, found, states, self.stable, self.refine)
 
     def _factor(self, series: Series, scaled: Scaled) -> tuple[np.ndarray, int]:
         """R of [1, lags, outputs], the latest lag first, and how many lags it has."""
@@ -107,9 +105,12 @@ class Pbsid:
         q, p = scaled.inputs + scaled.outputs, scaled.outputs
         lags = factor[1 : 1 + horizon * q, 1 : 1 + horizon * q]
         predictor = np.linalg.lstsq(lags, factor[1 : 1 + horizon * q, -p:], rcond=_DROPPED)[0].T
+        left = factor[1 + horizon * q :, -p:]
+        errors = left.T @ left / np.sum(factor[1:, -p:] ** 2, axis=0) + _DROPPED * np.eye(p)
+        apart = np.linalg.inv(np.linalg.cholesky(errors))  # in units of the errors no output outweighs another
         future = np.zeros((horizon, p, horizon * q))
         for ahead in range(horizon):
-            future[ahead, :, : (horizon - ahead) * q] = predictor[:, ahead * q :]
+            future[ahead, :, : (horizon - ahead) * q] = apart @ predictor[:, ahead * q :]
         future = future.reshape(horizon * p, horizon * q)
         left, values, _ = np.linalg.svd(future @ lags.T, full_matrices=False)
         kept = values > _DROPPED * values[0]

@@ -103,7 +103,8 @@ def refined(
     here = started(found, scaled)
     damping, count, directions = _DAMPING, 0, local_directions(here.found, scaled.offset)
     slopes = slopes_of(here, scaled, directions)
-    while count < iterations:
+    noiseless = 2.0 * scaled.outputs * np.log(2.0 * _ROUNDING)
+    while count < iterations and here.loss > noiseless:
         change, start_change = slopes.step(damping)
         expected = -(change @ slopes.gradient + np.sum(start_change * slopes.start_gradients)) / rows
         if not expected > _FLAT or damping > _LARGEST_DAMPING:
@@ -147,10 +148,10 @@ def local_directions(found: Realisation, offset: bool) -> np.ndarray:
 
 def started(found: Realisation, scaled: Scaled) -> Candidate:
     """The realisation with the starts of least errors."""
-    at_rest = _candidate(found, np.zeros((len(scaled.y), len(found.a))), scaled)
+    at_rest = candidate(found, np.zeros((len(scaled.y), len(found.a))), scaled)
     none = np.zeros((found.vector.size, 0))
     slopes = slopes_of(at_rest, scaled, none, np.eye(scaled.outputs))
-    return _candidate(found, slopes.step(0.0)[1], scaled)
+    return candidate(found, slopes.step(0.0)[1], scaled)
 
 
 def moved(
@@ -162,7 +163,7 @@ def moved(
         return None
     if stable and not np.abs(np.linalg.eigvals(found.a)).max() < _STABLE:
         return None
-    return _candidate(found, here.starts + start_change, scaled)
+    return candidate(found, here.starts + start_change, scaled)
 
 
 def slopes_of(here: Candidate, scaled: Scaled, directions: np.ndarray, weight: np.ndarray | None = None) -> Slopes:
@@ -213,7 +214,8 @@ def _forces(found: Realisation, directions: np.ndarray, root: np.ndarray) -> tup
     return driving.reshape(len(driving), -1), entering.reshape(len(entering), -1)
 
 
-def _candidate(found: Realisation, starts: np.ndarray, scaled: Scaled) -> Candidate:
+def candidate(found: Realisation, starts: np.ndarray, scaled: Scaled) -> Candidate:
+    """A realisation with starts, run over all segments."""
     driven = [u @ found.b.T + (y - found.level) @ found.k.T + found.drift for u, y in zip(scaled.u, scaled.y)]
     ends = np.cumsum([0, *(len(y) for y in scaled.y)])
     states = np.concatenate(driven)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +49,11 @@ class Scaled:
     def joint(self) -> tuple[np.ndarray, ...]:
         """Inputs and outputs beside each other, (n, m + p), of each segment."""
         return tuple(np.concatenate([u, y], axis=1) for u, y in zip(self.u, self.y))
+
+    def after(self, count: int) -> Scaled:
+        """The same without the first samples of each segment, and without segments of no more than those."""
+        longer = [(u[count:], y[count:]) for u, y in zip(self.u, self.y) if len(y) > count]
+        return replace(self, u=tuple(u for u, _ in longer), y=tuple(y for _, y in longer))
 
     @property
     def inputs(self) -> int:

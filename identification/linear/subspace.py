@@ -12,7 +12,7 @@ from scipy import linalg
 from auv_gym.channels import channel
 from identification.linear.hankel import triangle_tall
 from identification.linear.realisation import Realisation
-from identification.linear.refinement import refined
+from identification.linear.refinement import Candidate, candidate, refined
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit, fit_of
@@ -21,6 +21,7 @@ _DEPENDENT = 1e-9  # singular value over the largest, of columns of unit size, b
 _NOISELESS = 1e-9  # one-step error over the spread of an output below which it is rounding
 _INSIDE = 0.999  # size to which a pole outside the unit circle is moved at least, where it has to be stable
 _LARGEST_ORDER = 20
+_UNHELPFUL = 4  # orders beyond the best, after which no more are tried
 ROWS_PER_COLUMN = 2
 
 
@@ -79,56 +80,89 @@ def check_excitation(name: str, factor: np.ndarray, series: Series, horizon: int
         )
 
 
-def choose_order(order: int | str, largest: int, states: States, scaled: Scaled, name: str) -> int:
-    """The order asked for, or where that is "auto", the one of least log det of one-step errors plus BIC's charge.
+@dataclass(frozen=True, eq=False)
+class Regressors:
+    """States now and a sample after, inputs and outputs, as the few rows that have the same products as all of them.
 
-    The charge counts n (m + 2 p) parameters.  Source: Bauer 2001, Order estimation for subspace methods, Automatica 37.
+    one: (rows, 1), or (rows, 0) without an operating point.  samples: how many rows there were.
     """
+
+    one: np.ndarray
+    now: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    after: np.ndarray
+    samples: int
+
+    @classmethod
+    def of(cls, states: States, count: int, scaled: Scaled) -> Regressors:
+        """Those of the first `count` states."""
+        kept = [(u, y, z) for u, y, z in zip(scaled.u, scaled.y, scaled.joint) if len(z) > states.past]
+        x = [states.over(z, count) for _, _, z in kept]
+        parts = (
+            np.ones((sum(len(part) - 1 for part in x), 1 if scaled.offset else 0)),
+            np.concatenate([part[:-1] for part in x]),
+            np.concatenate([u[states.past :] for u, _, _ in kept]),
+            np.concatenate([y[states.past :] for _, y, _ in kept]),
+            np.concatenate([part[1:] for part in x]),
+        )
+        few = triangle_tall(np.concatenate(parts, axis=1))
+        return cls(*np.split(few, np.cumsum([part.shape[1] for part in parts])[:-1], axis=1), len(parts[0]))
+
+
+def identified(states: States, order: int | str, largest: int, scaled: Scaled, name: str, stable: bool) -> Candidate:
+    """The model of this order; where that is "auto", of the order of least log det of its errors plus BIC's charge.
+
+    Orders go up from 1 until four more do not help; the charge counts n (m + 2 p) parameters.
+    Source: Bauer 2001, Order estimation for subspace methods, Automatica 37; Schwarz 1978, Annals of Statistics 6.
+    """
+    if order != "auto" and int(order) > largest:
+        raise ValueError(
+            f"{name} finds orders up to {largest} in this record at this horizon, got {order}: raise horizon, record "
+            "longer or lower order."
+        )
+    most = min(largest, _LARGEST_ORDER) if order == "auto" else int(order)
+    regressors = Regressors.of(states, most, scaled)
     if order != "auto":
-        if int(order) > largest:
-            raise ValueError(
-                f"{name} finds orders up to {largest} at this horizon, got {order}: raise horizon, record longer or "
-                "lower order."
-            )
-        return int(order)
-    most = min(largest, _LARGEST_ORDER, int(np.count_nonzero(states.singular_values > 1e-10)))
-    seen = [states.over(z, most)[:-1] for z in scaled.joint if len(z) > states.past]
-    x = np.concatenate(seen)
-    y = np.concatenate([part[states.past :] for part in scaled.y if len(part) > states.past])
-    rows, p = y.shape
-    columns = np.concatenate([np.ones((rows, 1)), x], axis=1)[:, 0 if scaled.offset else 1 :]
-    _, r = np.linalg.qr(
-        np.concatenate([columns, y], axis=1)
-    )  # nested: the first columns' part of y is in its first rows
-    best, least = 1, np.inf
+        return _candidate(states, most, regressors, scaled, name, stable)
+    charge = (scaled.inputs + 2 * scaled.outputs) * log(regressors.samples) / regressors.samples
+    best, least, problem = None, np.inf, None
     for count in range(1, most + 1):
-        left = r[columns.shape[1] - most + count :, columns.shape[1] :]
-        errors = left.T @ left / rows + _NOISELESS**2 * np.eye(p)
-        size = np.linalg.slogdet(errors)[1] + count * (scaled.inputs + 2 * p) * log(rows) / rows
-        if size < least:
-            best, least = count, float(size)
+        try:
+            found = _candidate(states, count, regressors, scaled, name, stable)
+        except ValueError as error:
+            problem = error
+            continue
+        if best is None or found.loss + count * charge < least:
+            best, least = found, found.loss + count * charge
+        elif count > len(best.found.a) + _UNHELPFUL:
+            break
+    if best is None:
+        raise problem or ValueError(f"{name} finds no states in this record: excite the inputs with more frequencies.")
     return best
 
 
-def realise(
-    states: States, order: int, scaled: Scaled, name: str, stable: bool = False
-) -> tuple[Realisation, np.ndarray]:
-    """The model by regression of outputs and next states on states and inputs, and its one-step errors, (rows, p).
+def _candidate(
+    states: States, order: int, regressors: Regressors, scaled: Scaled, name: str, stable: bool
+) -> Candidate:
+    later = scaled.after(states.past)
+    starts = np.array([states.over(z[: states.past], order)[0] for z in scaled.joint if len(z) > states.past])
+    return candidate(realise(regressors, order, name, stable), starts, later)
+
+
+def realise(regressors: Regressors, order: int, name: str, stable: bool = False) -> Realisation:
+    """The model by regression of outputs and next states on the first `order` states and inputs.
 
     An output does not see the input of its own sample.  stable: whether poles outside the unit circle are reflected
     into it.  Source: Verhaegen and Verdult 2007, Filtering and System Identification, sec. 9.6.
     """
-    kept = [(u, y, states.over(z, order)) for u, y, z in zip(scaled.u, scaled.y, scaled.joint) if len(z) > states.past]
-    now = np.concatenate([x[:-1] for _, _, x in kept])
-    after = np.concatenate([x[1:] for _, _, x in kept])
-    u = np.concatenate([u[states.past :] for u, _, _ in kept])
-    y = np.concatenate([y[states.past :] for _, y, _ in kept])
-    one = np.ones((len(y), 1 if scaled.offset else 0))
+    one, u, y = regressors.one, regressors.u, regressors.y
+    now, after = regressors.now[:, :order], regressors.after[:, :order]
     m, p = u.shape[1], y.shape[1]
     found = _solve(np.concatenate([now, one], axis=1), y, name)
-    c, level = found[:order].T, found[order:].T @ np.ones(one.shape[1])
-    e = y - now @ c.T - level
-    quiet = bool((np.sqrt(np.mean(e**2, axis=0)) < _NOISELESS).any())
+    c, level = found[:order].T, found[order:].sum(axis=0)
+    e = y - now @ c.T - one * level if one.shape[1] else y - now @ c.T
+    quiet = bool((np.linalg.norm(e, axis=0) < _NOISELESS * np.sqrt(regressors.samples)).any())
     heard = np.zeros((len(e), 0)) if quiet else e
     found = _solve(np.concatenate([now, u, heard, one], axis=1), after, name)
     a = found[:order].T
@@ -136,27 +170,24 @@ def realise(
         a = reflected(a)
         moved = _solve(np.concatenate([u, heard, one], axis=1), after - now @ a.T, name)
         found = np.concatenate([a.T, moved])
+    w = after - np.concatenate([now, u, one], axis=1) @ np.delete(
+        found, np.s_[order + m : order + m + heard.shape[1]], 0
+    )
     b, k = found[order : order + m].T, found[order + m : order + m + heard.shape[1]].T
-    drift = found[order + m + heard.shape[1] :].T @ np.ones(one.shape[1])
+    drift = found[order + m + heard.shape[1] :].sum(axis=0)
     result = Realisation(a, b, c, np.zeros((order, p)) if quiet else k, drift, level)
-    w = after - now @ a.T - u @ b.T - drift
-    return with_stable_predictor(result, w, e), e
+    joint = np.concatenate([w, e], axis=1)
+    return with_stable_predictor(result, joint.T @ joint / regressors.samples)
 
 
 def finished(
-    series: Series,
-    scaled: Scaled,
-    found: Realisation,
-    errors: np.ndarray,
-    states: States,
-    stable: bool,
-    refine: bool,
+    series: Series, scaled: Scaled, found: Candidate, states: States, stable: bool, refine: bool
 ) -> StateSpaceFit:
-    """The fit of a realisation with these one-step errors, refined if asked for."""
+    """The fit of a model, refined if asked for."""
     if refine:
-        return refined(series, scaled, found, stable=stable, singular_values=states.singular_values)
-    fitted = found.vector.size - (0 if scaled.offset else found.drift.size + found.level.size)
-    return fit_of(series, scaled, found, errors, fitted, singular_values=states.singular_values)
+        return refined(series, scaled, found.found, stable=stable, singular_values=states.singular_values)
+    free = found.found.vector.size - (0 if scaled.offset else len(found.found.drift) + scaled.outputs)
+    return fit_of(series, scaled, found.found, found.errors, free, singular_values=states.singular_values)
 
 
 def reflected(a: np.ndarray) -> np.ndarray:
@@ -167,18 +198,16 @@ def reflected(a: np.ndarray) -> np.ndarray:
     return np.real(vectors @ np.diag(inside) @ np.linalg.inv(vectors))
 
 
-def with_stable_predictor(found: Realisation, w: np.ndarray, e: np.ndarray) -> Realisation:
-    """The realisation, with Kalman's gain for the errors w of states and e of outputs where its own is unstable."""
+def with_stable_predictor(found: Realisation, spread: np.ndarray) -> Realisation:
+    """The realisation, where its predictor is unstable with Kalman's gain; spread: mean square of errors of x and y."""
     if np.abs(np.linalg.eigvals(found.predictor)).max() < 1.0:
         return found
-    n, rows = len(found.a), len(w)
-    joint = np.concatenate([w, e], axis=1)
-    spread = joint.T @ joint / rows
+    n, p = found.k.shape
     # noise of the size of rounding, and then more, where states without noise leave the equation unsolvable
     for share in (1e-10, 1e-6, 1e-3):
         q = spread[:n, :n] + share * np.eye(n)
-        r = spread[n:, n:] + share * np.eye(e.shape[1])
-        s = spread[:n, n:] if share < 1e-3 else np.zeros((n, e.shape[1]))
+        r = spread[n:, n:] + share * np.eye(p)
+        s = spread[:n, n:] if share < 1e-3 else np.zeros((n, p))
         try:
             x = linalg.solve_discrete_are(found.a.T, found.c.T, q, r, s=s)
         except np.linalg.LinAlgError:
