@@ -69,21 +69,21 @@ class N4sid:
         """The horizon asked for or chosen; raises where the record is too short for it."""
         m, p = len(series.inputs), len(series.outputs)
 
-        def enough(horizon: int) -> bool:
-            return rows_of(series.y, 2 * horizon) >= ROWS_PER_COLUMN * (2 * horizon * (m + p) + 1)
+        def needed(horizon: int) -> int:
+            return ROWS_PER_COLUMN * (2 * horizon * (m + p) + 1)
 
-        wanted = self.horizon or next((h for h in range(_HORIZON, 1, -1) if enough(h)), 2)
-        if not enough(wanted):
+        def given(horizon: int) -> int:
+            return rows_of(series.y, 2 * horizon)
+
+        least = 2 if self.order == "auto" else max(int(self.order) // p + 2, 2)
+        horizon = self.horizon or max([h for h in range(least, _HORIZON + 1) if given(h) >= needed(h)], default=least)
+        if given(horizon) < needed(horizon):
+            lower = "horizon" if self.horizon else "order"
             raise ValueError(
-                f"N4sid needs at least {ROWS_PER_COLUMN * (2 * wanted * (m + p) + 1)} windows of {2 * wanted} samples "
-                f"for a horizon of {wanted}, got {rows_of(series.y, 2 * wanted)}: record longer"
-                + (" or lower horizon." if self.horizon else ".")
+                f"N4sid needs at least {needed(horizon)} windows of {2 * horizon} samples for a horizon of {horizon}, "
+                f"got {given(horizon)}: record longer{'' if horizon == 2 else f' or lower {lower}'}."
             )
-        if self.order != "auto" and not self.horizon and self.order > (wanted - 1) * p:
-            wanted = self.order // p + 2
-            if not enough(wanted):
-                raise ValueError(f"N4sid needs a longer record for order {self.order}, got one for {(wanted - 2) * p}.")
-        return wanted
+        return horizon
 
     def _states(self, series: Series, scaled: Scaled, horizon: int) -> States:
         m, q = scaled.inputs, scaled.inputs + scaled.outputs

@@ -69,7 +69,8 @@ def check_settings(name: str, order: int | str, horizon: int | None) -> None:
 
 def check_excitation(name: str, factor: np.ndarray, series: Series, horizon: int) -> None:
     """Raises if the inputs do not excite `horizon` lags; factor: R of their lags, middles taken off."""
-    values = np.linalg.svd(factor / np.linalg.norm(factor, axis=0), compute_uv=False)
+    size = np.linalg.norm(factor, axis=0)
+    values = np.linalg.svd(factor / np.where(size > 0.0, size, 1.0), compute_uv=False)
     excited = int(np.count_nonzero(values > _DEPENDENT * values[0]))
     if excited < values.size:
         m = len(series.inputs)
@@ -107,7 +108,8 @@ class Regressors:
             np.concatenate([part[1:] for part in x]),
         )
         few = triangle_tall(np.concatenate(parts, axis=1))
-        return cls(*np.split(few, np.cumsum([part.shape[1] for part in parts])[:-1], axis=1), len(parts[0]))
+        one, now, u, y, after = np.split(few, np.cumsum([part.shape[1] for part in parts])[:-1], axis=1)
+        return cls(one, now, u, y, after, len(parts[0]))
 
 
 def identified(states: States, order: int | str, largest: int, scaled: Scaled, name: str, stable: bool) -> Candidate:
