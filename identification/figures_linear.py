@@ -1,4 +1,4 @@
-"""Figures of linear models: poles and zeros, frequency responses, and the choice of orders.
+"""Figures of linear models: poles and zeros, and frequency responses.
 
 Needs the extra `render`.  Functions return a matplotlib Figure, for `figure.savefig`; `drawing.svg` turns it into text.
 """
@@ -71,7 +71,7 @@ def pole_zero_figure(models: Models) -> Figure:
         axes.grid(False)
         axes.locator_params(nbins=5)
         axes.set_title(_pair_words(output, given, columns), loc="left")
-        axes.set_xlabel(_beyond(shown, centre, half) or "real part", fontsize=8.5)
+        axes.set_xlabel(fill(_beyond(shown, centre, half), 58 if columns < 3 else 40) or "real part", fontsize=8.5)
         axes.set_ylabel("imaginary part")
     legend(figure, panels, _marks(fits))
     return figure
@@ -108,26 +108,6 @@ def bode_figure(models: Models, omega: np.ndarray | Sequence[float] | None = Non
         bottom.set_xlabel("rad/s")
         bottom.tick_params(labelbottom=True)
     legend(figure, drawn)
-    return figure
-
-
-def singular_value_figure(fit: Any) -> Figure:
-    """Singular values of a subspace fit, from which its order was chosen.  fit: with `singular_values` and `order`."""
-    values = np.asarray(fit.singular_values, dtype=float)
-    order = int(fit.order)
-    figure = new_figure(2.9)
-    axes = grid(figure, 1, 1)[0]
-    number = np.arange(1, values.size + 1)
-    seen = np.maximum(values, 1e-16 * values.max(initial=1e-300))
-    kept = number <= order
-    axes.semilogy(number, seen, color=QUIET, linewidth=0.9, zorder=1.5)
-    axes.semilogy(number[kept], seen[kept], "o", color=LOOKS[0]["color"], markersize=6, label=f"kept: order {order}")
-    axes.semilogy(number[~kept], seen[~kept], "o", color=QUIET, markerfacecolor="white", markersize=5, label="left out")
-    axes.axvline(order + 0.5, color=INK, linewidth=0.8, linestyle=":")
-    axes.xaxis.get_major_locator().set_params(integer=True)
-    axes.set_title("singular value (no unit)", loc="left")
-    axes.set_xlabel("number of the state")
-    legend(figure, [axes])
     return figure
 
 
@@ -273,7 +253,7 @@ def _beyond(shown: Mapping[str, tuple[Sequence[PoleInterval], np.ndarray]], cent
         counted = [f"{t} ({told.count(t)} times)" if told.count(t) > 1 else t for t in dict.fromkeys(told)]
         words += [f"{word}{'s' * (len(told) > 1)} {', '.join(counted)}"] if told else []
     text = "; ".join(words).replace("-", "−")
-    return fill(f"real part (beyond: {text})", 55) if text else ""
+    return f"real part (beyond: {text})" if text else ""
 
 
 def _draw_response(top, bottom, bands: Mapping[str, ResponseBand], output: str, given: str) -> None:

@@ -41,13 +41,22 @@ LOOKS: tuple[dict[str, Any], ...] = (
     {"color": "#b0558f", "linestyle": (0, (5, 1.2, 1.2, 1.2))},
     {"color": "#b07d00", "linestyle": (0, (8, 2))},
 )
+BAND = "#b8d4e8"
+_EDGES = 400  # points of a band's edge
+_WIDENED = 0.5  # share of a panel's height by which a band may widen it at most
 _SHOWN = 1e-5  # of the largest error; what is smaller is rounding
 
 
-def rollout_figure(truth: Record, models: Mapping[str, Record], names: Sequence[str], words: str) -> Figure:
+def rollout_figure(
+    truth: Record,
+    models: Mapping[str, Record],
+    names: Sequence[str],
+    words: str,
+    bands: Mapping[str, Mapping[str, np.ndarray]] | None = None,
+) -> Figure:
     """Outputs of the vehicle and of the models in its place, over one another, and below each the models' errors.
 
-    words: what the black line is.
+    words: what the black line is.  bands: by model and output the 95 % half width around the model's line, (n,).
     """
     clock = Clock(truth)
     figure = new_figure(2.35 * len(names) + 0.8)
@@ -64,6 +73,12 @@ def rollout_figure(truth: Record, models: Mapping[str, Record], names: Sequence[
                 cuts = clock.cuts[clock.cuts < values.size]
                 line(top, clock.times[rows], shown_values(name, values[rows]), cuts, linewidth=1.3, label=label, **look)
                 line(bottom, clock.times[rows], shown_values(name, error), cuts, linewidth=1.0, **look)
+        for label, of in (bands or {}).items():  # after all lines, which say how far a panel goes
+            if name in of and models[label].has(name):
+                values, rows = models[label][name], slice(0, min(len(models[label]), len(truth), of[name].size))
+                half, cuts = shown_values(name, of[name][rows]), clock.cuts[clock.cuts < rows.stop]
+                for axes, middle in ((top, values[rows]), (bottom, values[rows] - truth[name][rows])):
+                    _shade(axes, clock.times[rows], shown_values(name, middle), half, cuts)
         bottom.axhline(0.0, color=INK, linewidth=0.7)
         top.set_title(quantity_label(name), loc="left")
         bottom.set_title(f"model less vehicle, {unit_label(name)}", loc="left", color=QUIET)
@@ -74,6 +89,18 @@ def rollout_figure(truth: Record, models: Mapping[str, Record], names: Sequence[
     panels[-1].set_xlabel(clock.label)
     legend(figure, panels[::2])
     return figure
+
+
+def _shade(axes, times: np.ndarray, middle: np.ndarray, half: np.ndarray, cuts: np.ndarray) -> None:
+    """A band, which may widen its panel only so far that the lines in it can still be read."""
+    low, high = axes.get_ylim()
+    room = _WIDENED * (high - low)
+    for part in np.split(np.arange(times.size), cuts):
+        kept = part[:: max(part.size // _EDGES, 1)]
+        edges = np.clip([middle[kept] - half[kept], middle[kept] + half[kept]], low - 2.0 * room, high + 2.0 * room)
+        axes.fill_between(times[kept], *edges, color=BAND, linewidth=0, zorder=1.2, label="95 % band of the fit")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(max(bottom, low - room), min(top, high + room))
 
 
 def horizon_figure(sweeps: Mapping[str, Mapping[str, Mapping[float, float]]]) -> Figure:

@@ -12,11 +12,12 @@ from auv_gym.linear import Polynomial, StateSpace, linearise
 from auv_gym.model import Model, predict
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from identification.comparison import OpenLoop, compare_open
+from identification.comparison import OpenLoop, compare_open, horizon_sweep
 from identification.validation import input_correlation, whiteness
 
 BINS = 60  # of an error over time
 LAGS = 20  # samples
+HORIZONS = (1, 3, 10, 30, 100)  # samples
 WHITE = 0.01  # p value above which a residual passes as white
 _DEAD_BEAT = 1e-6  # size of a pole in discrete time below which it is a delay
 
@@ -94,6 +95,19 @@ def residual_tests(model: Model, records: Sequence[Record]) -> dict[str, dict[st
             "inputs": ties,
         }
     return result
+
+
+def sweep_horizons(
+    model: Model, record: Record, settle: float, horizons: Sequence[int] = ()
+) -> dict[str, dict[float, float]]:
+    """Root mean square error of predictions by output and horizon in s; see `horizon_sweep`.
+
+    horizons: samples; default those of `HORIZONS` that are at most half of the shortest segment.  Raises Diverged.
+    """
+    shortest = min(s.stop - s.start for s in record.segments) - int(settle / record.sample_interval)
+    wanted = list(horizons) or [k for k in HORIZONS if 2 * k <= shortest]
+    swept = horizon_sweep(model, record, wanted, settle) if wanted else {}
+    return {name: {k * record.sample_interval: error for k, error in of.items()} for name, of in swept.items()}
 
 
 def is_white(test: Mapping[str, Any]) -> bool:

@@ -14,9 +14,16 @@ from auv_gym.channels import channel
 from identification.comparison import OpenLoop
 from identification.drawing import shown_values, unit_label
 from identification.estimate import Estimate
+from identification.figures_linear import bode_figure, pole_zero_figure
 from identification.figures_models import horizon_figure, residual_drawings, rollout_figure
+from identification.figures_orders import order_figure, singular_value_figure
 from identification.identify import Identified
 from identification.judging import is_white, strongest_tie
+from identification.linear.fit import LinearFit, has_errors, is_linear
+from identification.linear.orders import OrderSearch
+from identification.linear.uncertainty import SimulatedBand, pole_intervals
+from identification.linear_tables import full_pole_table, zero_table
+from identification.order_search import order_table
 from identification.page import Drawing, Table, amount, chance, drawn, listed, number, page, span
 from identification.shown import outputs_of
 
@@ -25,6 +32,10 @@ Sweeps = Mapping[str, Mapping[str, Mapping[float, float]]]
 _RUNS = (
     "In a free run the model sees the inputs alone. Its start is fitted to the first {settle} of each window, "
     "which are not scored; this is so for all models."
+)
+_BAND = (
+    " Shaded: where 95 % of fits to other records of this length would run, by what the parameters are unsure of; it "
+    "holds neither disturbances nor what the model lacks."
 )
 _TESTS = (
     "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "
@@ -94,18 +105,25 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
 
 
 def identified_page(title: str, done: Identified, words: str) -> str:
-    """The page of one fit: parameters, free runs over held-out data, residual tests.  words: what was fitted."""
-    found, sections = [words], []
+    """The page of one fit: free runs over held-out data, parameters, residual tests; of a linear fit also predictions
+    over the horizon, poles and zeros, its frequency response and where its orders are from.  words: what was fitted.
+    """
+    found, sections = [*(f"Check the data: {doubt}" for doubt in done.doubts), words], []
     if done.open_loop is not None and done.open_loop.runs:
         scores = done.open_loop.scores["model"]
         told = [f"{s.fit_percent:.1f} % of {channel(name).label}" for name, s in scores.items()]
         found.append(f"Free runs over held-out data ({done.told}) fit {listed(told, 'and')}.")
-        sections.append(_free_run_section(done.open_loop, f"Free runs over {done.told}"))
+        sections.append(_free_run_section(done.open_loop, f"Free runs over {done.told}", done.band))
+    if done.sweep:
+        sections.append(_horizon_section({"model": done.sweep}))
     if done.problem:
         found.append(f"It could not be judged in full: {done.problem}")
     sections.append(Section("Parameters", tables=[parameter_table(done.fit.estimates)]))
+    if is_linear(done.fit):
+        sections += [_pole_section(done.fit), _response_section(done.fit)]
     if done.tests:
         sections.append(_residual_section(done.tests))
+    sections += _order_sections(done)
     return _page(title, "auv-gym identify", found, sections)
 
 
@@ -121,22 +139,7 @@ def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -
     if sweeps:
         names = shared_outputs(sweeps)
         shared = {model: {n: errors for n, errors in of.items() if n in names} for model, of in sweeps.items()}
-        sections.append(
-            Section(
-                "Predictions over the horizon",
-                ["Each prediction starts from the state corrected with every measurement up to then, and runs free."],
-                [horizon_table(sweeps)],
-                [
-                    drawn(
-                        lambda: horizon_figure(shared),
-                        "horizon",
-                        "Root mean square error of predictions over the horizon.",
-                        "A model of the vehicle stays low far ahead; one that follows measurements is good for a few "
-                        "samples only.",
-                    )
-                ],
-            )
-        )
+        sections.append(_horizon_section(shared))
     return _page(title, "auv-gym compare", found, sections)
 
 
@@ -145,20 +148,97 @@ def _page(title: str, eyebrow: str, found: Sequence[str], sections: Sequence[Sec
     return page("models.html", content)
 
 
-def _free_run_section(open_loop: OpenLoop, title: str) -> Section:
+def _free_run_section(open_loop: OpenLoop, title: str, band: SimulatedBand | None = None) -> Section:
     given = shared_outputs(open_loop.scores)
     names = [name for name in outputs_of(open_loop.record, given) if name in given] or given[:1]
     records = {model: open_loop.shown(model) for model in open_loop.runs}
+    bands = {} if band is None else {"model": dict(zip(band.channels, band.half.T, strict=True))}
     picture = drawn(
-        lambda: rollout_figure(open_loop.shown(), records, names, "measured"),
+        lambda: rollout_figure(open_loop.shown(), records, names, "measured", bands),
         "free-runs",
         "Measured outputs and free runs of the models, with their errors below.",
         "Free runs over what was measured, and below each output the error. Errors that grow steadily are a drift, "
-        "errors that swing with the input a wrong gain or delay.",
+        "errors that swing with the input a wrong gain or delay." + (_BAND if bands else ""),
     )
     windows = len(open_loop.windows)
     text = f"{windows} window{'s' * (windows != 1)}. " + _RUNS.format(settle=f"{open_loop.settle:g} s")
     return Section(title, [text], [score_table(open_loop)], [picture])
+
+
+def _horizon_section(sweeps: Sweeps) -> Section:
+    return Section(
+        "Predictions over the horizon",
+        ["Each prediction starts from the state corrected with every measurement up to then, and runs free."],
+        [horizon_table(sweeps)],
+        [
+            drawn(
+                lambda: horizon_figure(sweeps),
+                "horizon",
+                "Root mean square error of predictions over the horizon.",
+                "A model of the vehicle stays low far ahead; one that follows measurements is good for a few "
+                "samples only.",
+            )
+        ],
+    )
+
+
+def _pole_section(fit: LinearFit) -> Section:
+    tables = [full_pole_table(pole_intervals(fit)), zero_table(fit.model)]
+    return Section(
+        "Poles and zeros",
+        tables=tables,
+        drawings=[
+            drawn(
+                lambda: pole_zero_figure({"model": fit}),
+                "poles",
+                "Poles with their 95 % regions and zeros in the plane of discrete time.",
+                "Grey lines: equal damping ratio ζ, solid, and equal natural frequency, dashed. A mode whose pole is "
+                "outside the unit circle grows; a zero within the region of a pole says that an order is too many.",
+            )
+        ],
+    )
+
+
+def _response_section(fit: LinearFit) -> Section:
+    band = " Shaded: the 95 % band." if has_errors(fit) else ""
+    return Section(
+        "Frequency response",
+        drawings=[
+            drawn(
+                lambda: bode_figure({"model": fit}),
+                "response",
+                "Gain and phase of every output by every input over the frequency.",
+                f"Up to the Nyquist frequency, half the sampling rate.{band} A band is widest where the inputs did not "
+                "move the vehicle.",
+            )
+        ],
+    )
+
+
+def _order_sections(done: Identified) -> list[Section]:
+    sections = []
+    if done.search is not None:
+        sections.append(_search_section(done.search))
+    if np.size(getattr(done.fit, "singular_values", ())) > 0:
+        picture = drawn(
+            lambda: singular_value_figure(done.fit),
+            "singular-values",
+            "Singular values of the subspace fit, those that were kept marked.",
+            "States above the level of the others carry what the past tells of the future; the rest is noise.",
+        )
+        sections.append(Section("Order", drawings=[picture]))
+    return sections
+
+
+def _search_section(search: OrderSearch) -> Section:
+    picture = drawn(
+        lambda: order_figure(search),
+        "orders",
+        "One-step error over the orders, and criteria over the number of parameters, with the choices.",
+        "Left the error of the best model of each n_a and n_b, whatever its n_c and delay. Beside it the criteria as "
+        "errors: the root of AIC and MDL, and for BIC the error that it charges as much.",
+    )
+    return Section("Orders", tables=[order_table(search)], drawings=[picture])
 
 
 def _residual_section(tests: Mapping[str, Mapping[str, Any]]) -> Section:

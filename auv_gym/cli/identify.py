@@ -66,7 +66,16 @@ def identify(
         from identification.drawing import require_render
         from identification.estimator import make_estimator, parse_settings
         from identification.identify import identify as identify_records
-        from identification.model_page import identified_page, parameter_table, residual_table, score_table
+        from identification.linear.fit import is_linear
+        from identification.linear.uncertainty import pole_intervals
+        from identification.linear_tables import pole_table
+        from identification.model_page import (
+            horizon_table,
+            identified_page,
+            parameter_table,
+            residual_table,
+            score_table,
+        )
         from identification.order_search import order_table
 
         if report is not None:
@@ -112,6 +121,8 @@ def identify(
         progress(1.0, "done")
     output.print()
     output.print(_words(method, done.fitted, records), markup=False, soft_wrap=True)
+    for doubt in done.doubts:
+        output.print(f"Check the data: {doubt}", markup=False, soft_wrap=True)
     output.print()
     if found is not None:
         shown = order_table(found)
@@ -119,9 +130,13 @@ def identify(
         output.print(shown.caption, markup=False, soft_wrap=True)
         output.print()
     output.print(printed("Parameters", parameter_table(done.fit.estimates)))
+    if is_linear(done.fit):
+        output.print(printed("Poles, in discrete time", pole_table(pole_intervals(done.fit))))
     if done.open_loop is not None and done.open_loop.runs:
         settle = f"starts fitted to the first {done.open_loop.settle:g} s"
         output.print(printed(f"Free runs over {done.told}, {settle}", score_table(done.open_loop)))
+    if done.sweep:
+        output.print(printed("Predictions: root mean square error so far ahead", horizon_table({"model": done.sweep})))
     if done.tests:
         output.print(printed("Residual tests (follows most: in 95 % bounds of noise)", residual_table(done.tests)))
     if done.problem:
