@@ -40,7 +40,8 @@ ERRORS = {
 }
 _QUANTITIES = {"ms": "ms", "fit_percent": "fit, %"}
 _FORMS = {"ms": "{:.1f}", "fit_percent": "{:.2f}"}
-_WIDTH = 110  # columns, where no terminal says how many there are
+_TIE = 0.01  # of a median, by which another package must be better to count as ahead
+_WIDTH = 120  # columns, where no terminal says how many there are
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--samples", type=int, nargs="+", default=[1000, 10_000], help="lengths of records (default: 1000 10000)"
     )
     parser.add_argument(
-        "--budget", type=float, default=30.0, help="s, after which a method gets no more seeds (default: %(default)g)"
+        "--budget", type=float, default=120.0, help="s, after which a method gets no more seeds (default: %(default)g)"
     )
     parser.add_argument("--threads", type=int, default=1, help="of linear algebra, in all processes (default: 1)")
 
@@ -104,9 +105,10 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def leads(system: str, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Each quantity in which a peer's method is ahead of the best of ours of the same kind.
+    """Each quantity in which a peer's method is ahead of the best of ours of the same kind, over the same records.
 
-    Accuracy is compared over all kinds together too, as "any kind"; time is not, as the least accurate are the fastest.
+    ahead_on: on how many of them.  Accuracy is compared over all kinds together too, as "any kind"; time is not, as the
+    least accurate methods are the fastest.
     """
     found = []
     for kind in ("any kind", *dict.fromkeys(row["kind"] for row in rows)):
@@ -115,22 +117,29 @@ def leads(system: str, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
             if kind == "any kind" and column[0] == "ms":
                 continue
             ours, others = (
-                [row for row in among if row["ours"] is side and value(row, column) is not None]
-                for side in (True, False)
+                [row for row in among if row["ours"] is side and values(row, column).size] for side in (True, False)
             )
-            if not ours or not others:
-                continue
-            mine, theirs = (min(side, key=lambda row: rank(row, column)) for side in (ours, others))
-            if rank(theirs, column) < rank(mine, column):
+            ahead = []
+            for row in others if ours else ():
+                theirs = values(row, column)
+                mine = min((values(one, column)[: theirs.size] for one in ours), key=lambda of: loss(of, column))
+                theirs = theirs[: mine.size]
+                if loss(theirs, column) < (1.0 - _TIE) * loss(mine, column):
+                    won = np.count_nonzero(theirs > mine if column[0] == "fit_percent" else theirs < mine)
+                    ahead.append((loss(theirs, column), row, theirs, mine, int(won)))
+            if ahead:
+                _, row, theirs, mine, won = min(ahead, key=lambda lead: lead[0])
                 found.append(
                     {
                         "system": system,
                         "kind": kind,
                         "quantity": column[0],
                         "samples": column[1],
-                        "peer": f"{theirs['peer']} {theirs['method']}",
-                        "theirs": value(theirs, column),
-                        "ours": value(mine, column),
+                        "peer": f"{row['peer']} {row['method']}",
+                        "theirs": float(np.median(theirs)),
+                        "ours": float(np.median(mine)),
+                        "records": theirs.size,
+                        "ahead_on": won,
                     }
                 )
     return found
@@ -138,19 +147,18 @@ def leads(system: str, rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
 
 def columns(system: str, rows: Sequence[Mapping[str, Any]]) -> list[tuple[str, int]]:
     """Quantity and length of record of each column of a system's table."""
-    lengths = dict.fromkeys(int(samples) for row in rows for samples in row["by_samples"])
-    return [(quantity, n) for quantity in ("ms", "fit_percent", *ERRORS[system]) for n in sorted(lengths)]
+    lengths = {int(samples) for row in rows for samples in row["by_samples"]}
+    return [(quantity, n) for quantity in (*_QUANTITIES, *ERRORS[system]) for n in sorted(lengths)]
 
 
-def value(row: Mapping[str, Any], column: tuple[str, int]) -> float | None:
-    """What a row has in a column, if anything."""
-    return row["by_samples"].get(str(column[1]), {}).get(column[0])
+def values(row: Mapping[str, Any], column: tuple[str, int]) -> np.ndarray:
+    """What a row has in a column, of every record from the first on."""
+    return np.array(row["by_samples"].get(str(column[1]), {}).get(column[0], []))
 
 
-def rank(row: Mapping[str, Any], column: tuple[str, int]) -> float:
-    """A number that is the smaller the better the row is in a column where it has a value."""
-    found = row["by_samples"][str(column[1])][column[0]]
-    return -found if column[0] == "fit_percent" else found
+def loss(found: np.ndarray, column: tuple[str, int]) -> float:
+    """The median of what a column holds, as a number that is the smaller the better; a fit as what it lacks to 100."""
+    return float(np.median(100.0 - found if column[0] == "fit_percent" else found))
 
 
 def show(numbers: Mapping[str, Any]) -> None:
@@ -174,7 +182,8 @@ def show(numbers: Mapping[str, Any]) -> None:
         quantity = (_QUANTITIES | ERRORS[lead["system"]])[lead["quantity"]]
         console.print(
             f"Not first: {lead['system'].replace('_', ' ')}, {lead['kind']}, {quantity}, N {lead['samples']}: "
-            f"{lead['peer']} {lead['theirs']:.4g}, ours {lead['ours']:.4g}."
+            f"{lead['peer']} {lead['theirs']:.4g}, ours {lead['ours']:.4g}; ahead on {lead['ahead_on']} of "
+            f"{lead['records']} records."
         )
     if numbers["compared"] and not numbers["ahead_of_ours"]:
         console.print("Ours is first wherever another package is measured.")
@@ -196,23 +205,25 @@ def _done(line: Mapping[str, Any]) -> int:
 
 
 def _rows(peer: Peer, system: str, lines: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """A row for each method: medians over its seeds, by length of record."""
+    """A row for each method: by length of record, each quantity of every record."""
     rows: dict[str, dict[str, Any]] = {}
     for line in lines:
-        row = rows.setdefault(
-            line["method"], {"peer": peer.name, "ours": peer.ours, "method": line["method"], "kind": line["kind"]}
-        )
-        scores = row.setdefault("by_samples", {}).setdefault(str(line["samples"]), [])
         if "model" in line:
+            row = rows.setdefault(
+                line["method"],
+                {
+                    "peer": peer.name,
+                    "ours": peer.ours,
+                    "method": line["method"],
+                    "kind": line["kind"],
+                    "by_samples": {},
+                },
+            )
+            of_length = row["by_samples"].setdefault(str(line["samples"]), {})
             times = {"ms": 1e3 * line["seconds"], "cpu_ms": 1e3 * line["cpu_s"]}
-            scores.append(times | score(system, line["model"], line["seed"]))
-    for row in rows.values():
-        row["by_samples"] = {samples: _medians(scores) for samples, scores in row["by_samples"].items() if scores}
-    return [row for row in rows.values() if row["by_samples"]]
-
-
-def _medians(scores: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    return {"seeds": len(scores)} | {key: float(np.median([one[key] for one in scores])) for key in scores[0]}
+            for quantity, found in (times | score(system, line["model"], line["seed"])).items():
+                of_length.setdefault(quantity, []).append(found)
+    return list(rows.values())
 
 
 def score(system: str, model: Mapping[str, Any], seed: int) -> dict[str, float]:
@@ -244,28 +255,29 @@ def _table(system: str, rows: Sequence[Mapping[str, Any]]) -> Table:
     quantities = _QUANTITIES | ERRORS[system]
     for name in quantities.values():
         table.add_column(name, justify="right", no_wrap=True)
-    most = max(scores["seeds"] for row in rows for scores in row["by_samples"].values())
     for kind in dict.fromkeys(row["kind"] for row in rows):
         table.add_section()
         table.add_row(f"[italic]{kind}[/italic]")
         among = [row for row in rows if row["kind"] == kind]
-        best = {c: min((rank(row, c) for row in among if value(row, c) is not None), default=None) for c in shown}
         for row in among:
             name = escape(f"{row['peer']} {row['method']}")
             cells = [
-                " / ".join(_cell(row, column, best[column], most) for column in shown if column[0] == quantity)
+                " / ".join(_cell(row, among, column) for column in shown if column[0] == quantity)
                 for quantity in quantities
             ]
             table.add_row(f"  [bold]{name}[/bold]" if row["ours"] else f"  {name}", *cells)
     return table
 
 
-def _cell(row: Mapping[str, Any], column: tuple[str, int], best: float | None, most: int) -> str:
-    found = value(row, column)
-    if found is None:
+def _cell(row: Mapping[str, Any], among: Sequence[Mapping[str, Any]], column: tuple[str, int]) -> str:
+    """A row's median, marked where it is the best of those over as many records."""
+    found = values(row, column)
+    if not found.size:
         return "-"
-    text = _FORMS.get(column[0], "{:.4f}").format(found)
-    seeds = row["by_samples"][str(column[1])]["seeds"]
-    if column[0] == "ms" and seeds < most:
-        text += f" ({seeds})"
-    return f"[bold]*{text}[/bold]" if rank(row, column) == best else text
+    every = [values(other, column) for other in among]
+    most = max(of.size for of in every)
+    text = _FORMS.get(column[0], "{:.4f}").format(np.median(found))
+    if found.size < most:
+        return f"{text} ({found.size})" if column[0] == "ms" else text
+    best = min(loss(of, column) for of in every if of.size == most)
+    return f"[bold]*{text}[/bold]" if loss(found, column) == best else text

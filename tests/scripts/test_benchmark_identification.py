@@ -93,25 +93,47 @@ def test_a_model_that_runs_away_scores_last():
 
 
 def _row(ours, kind, method, **by_quantity):
-    return {
-        "peer": "x",
-        "ours": ours,
-        "method": method,
-        "kind": kind,
-        "by_samples": {"100": {"seeds": 1, **by_quantity}},
-    }
+    return {"peer": "x", "ours": ours, "method": method, "kind": kind, "by_samples": {"100": by_quantity}}
 
 
 def test_who_is_ahead_of_ours_is_found():
     rows = [
-        _row(True, "subspace", "mine", ms=2.0, fit_percent=99.0, pole_error=0.1),
-        _row(True, "prediction error", "my best", ms=9.0, fit_percent=99.9, pole_error=0.01),
-        _row(False, "subspace", "theirs", ms=1.0, fit_percent=99.5, pole_error=0.2),
+        _row(True, "subspace", "mine", ms=[2.0] * 3, fit_percent=[99.0, 99.2, 90.0], pole_error=[0.1] * 3),
+        _row(True, "prediction error", "my best", ms=[9.0] * 3, fit_percent=[99.9] * 3, pole_error=[0.01] * 3),
+        # over fewer records, which then count for ours too; a difference of the third digit is a tie
+        _row(False, "subspace", "theirs", ms=[1.0] * 2, fit_percent=[99.5, 99.1], pole_error=[0.0999] * 2),
+        _row(False, "subspace", "slower", ms=[1.5] * 3, fit_percent=[0.0] * 3, pole_error=[9.0] * 3),
     ]
     found = benchmark_identification.leads("state_space", rows)
-    assert [(lead["kind"], lead["quantity"]) for lead in found] == [("subspace", "ms"), ("subspace", "fit_percent")]
-    assert found[1] | {"peer": "x theirs", "theirs": 99.5, "ours": 99.0, "samples": 100} == found[1]
+    assert [(lead["kind"], lead["quantity"], lead["peer"]) for lead in found] == [
+        ("subspace", "ms", "x theirs"),
+        ("subspace", "fit_percent", "x theirs"),
+    ]
+    fit = {"theirs": 99.3, "ours": 99.1, "records": 2, "ahead_on": 1, "samples": 100}
+    assert {key: found[1][key] for key in fit} == pytest.approx(fit)
     assert benchmark_identification.leads("state_space", rows[:2]) == []
+
+
+def test_the_best_of_a_kind_over_all_records_is_marked(capsys):
+    rows = [
+        _row(True, "subspace", "mine", ms=[2.0] * 3, fit_percent=[99.0] * 3, pole_error=[0.1] * 3),
+        _row(False, "subspace", "theirs", ms=[4.0] * 3, fit_percent=[99.5] * 3, pole_error=[0.2] * 3),
+        _row(False, "subspace", "slow", ms=[1.0], fit_percent=[99.9], pole_error=[0.05]),
+    ]
+    numbers = {"systems": {"state_space": rows}, "seeds": 3, "threads": 1, "measured": ["x 1"], "not_installed": []}
+    leads = benchmark_identification.leads("state_space", rows)
+    benchmark_identification.show({**numbers, "failed": [], "compared": True, "ahead_of_ours": leads})
+    shown = capsys.readouterr().out
+    mine, theirs, slow = (
+        next(line for line in shown.splitlines() if f"x {name}" in line) for name in ("mine", "theirs", "slow")
+    )
+    assert "*2.0" in mine
+    assert "*99.50" in theirs
+    assert "1.0 (1)" in slow
+    assert "*" not in slow
+    assert "Not first: state space, subspace, fit, %, N 100: x slow 99.9, ours 99; ahead on 1 of 1 records." in shown
+    benchmark_identification.show({**numbers, "failed": [], "compared": True, "ahead_of_ours": []})
+    assert "Ours is first wherever another package is measured." in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -132,8 +154,8 @@ def test_our_rows_are_measured_and_the_others_are_told(broken_peer, capsys):
     numbers = json.loads(capsys.readouterr().out)
     rows = [row for found in numbers["systems"].values() for row in found]
     assert [row["method"] for row in rows] == [method.name for method in run_ours.METHODS]
-    assert all(row["ours"] and row["by_samples"]["300"]["ms"] > 0.0 for row in rows)
-    assert min(row["by_samples"]["300"]["fit_percent"] for row in rows) > 80.0
+    assert all(row["ours"] and row["by_samples"]["300"]["ms"][0] > 0.0 for row in rows)
+    assert min(row["by_samples"]["300"]["fit_percent"][0] for row in rows) > 80.0
     assert numbers["not_installed"] == ["sippy_unipi 1.0.1", "nfoursid 1.0.2", "sysidentpy 0.9.0", "control 0.10.2"]
     told = {"peer": "llsi 0.5.0", "method": "all", "error": "its runner ended with code 3: no module named llsi"}
     assert numbers["failed"] == [told]
