@@ -128,22 +128,19 @@ def local_directions(found: Realisation, offset: bool) -> np.ndarray:
 
     offset: whether drift and level are free, and the states' origin with them.
     """
-    a, b, c, k, drift, _ = found.parts
-    n, size = len(a), found.vector.size
-    along = []
-    for i in range(n):
-        for j in range(n):
-            turn = np.zeros((n, n))
-            turn[i, j] = 1.0
-            parts = (turn @ a - a @ turn, turn @ b, -c @ turn, turn @ k, turn @ drift, np.zeros(len(c)))
-            along.append(np.concatenate([part.ravel() for part in parts]))
+    a, b, c, k, drift, level = found.parts
+    n = len(a)
+    one, ends = np.eye(n), drift.size + level.size
+    # of the states by 1 + turn: turn a - a turn, turn b, -c turn, turn k, turn drift
+    turned = [np.kron(one, a.T) - np.kron(a, one), np.kron(one, b.T), -np.kron(c, one), np.kron(one, k.T)]
+    turned += [np.kron(one, drift), np.zeros((level.size, n * n))]
+    along = np.concatenate(turned)
     if offset:
-        still = np.zeros(a.size + b.size + c.size + k.size)
-        along += [np.concatenate([still, one - a @ one, -c @ one]) for one in np.eye(n)]
+        beyond = np.concatenate([np.zeros((len(along) - ends, n)), one - a, -c])
     else:
-        along += list(np.eye(size)[a.size + b.size + c.size + k.size :])
-    q, _ = np.linalg.qr(np.transpose(along), mode="complete")
-    return q[:, len(along) :]
+        beyond = np.eye(len(along))[:, len(along) - ends :]
+    across, _ = np.linalg.qr(np.concatenate([along, beyond], axis=1), mode="complete")
+    return across[:, n * n + beyond.shape[1] :]
 
 
 def started(found: Realisation, scaled: Scaled) -> Candidate:
@@ -206,11 +203,14 @@ def _forces(found: Realisation, directions: np.ndarray, root: np.ndarray) -> tup
     n, m = found.b.shape
     p, count = len(found.c), directions.shape[1]
     driving, entering = np.zeros((n + m + p + 1, n, count + n)), np.zeros((n + m + p + 1, p, count + n))
-    for j, direction in enumerate(directions.T):
-        a, b, c, k, drift, level = found.at(direction).parts
-        driving[:, :, j] = np.concatenate([a - found.k @ c, b, k, (drift - found.k @ level)[:, None]], axis=1).T
-        entering[:n, :, j] = -(root @ c).T
-        entering[-1, :, j] = -root @ level
+    ends = np.cumsum([part.size for part in found.parts])[:-1]
+    a, b, c, k, drift, level = (
+        moves.T.reshape(count, *part.shape) for moves, part in zip(np.split(directions, ends), found.parts)
+    )
+    kept = drift - level @ found.k.T
+    driving[:, :, :count] = np.concatenate([a - found.k @ c, b, k, kept[:, :, None]], axis=2).transpose(2, 1, 0)
+    entering[:n, :, :count] = -(root @ c).transpose(2, 1, 0)
+    entering[-1, :, :count] = -(level @ root.T).T
     return driving.reshape(len(driving), -1), entering.reshape(len(entering), -1)
 
 
