@@ -9,9 +9,10 @@ import numpy as np
 from scipy.linalg import solve_triangular
 
 from auv_gym.record import Record
+from identification.linear.filtering import largest_root
 from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
-from identification.linear.prediction import Prediction, largest_root
-from identification.linear.regressors import regression, spans, triangle_of
+from identification.linear.prediction import Prediction
+from identification.linear.regressors import spans, triangle_of
 from identification.linear.structure import Orders, Row, Structure
 
 PASSES = 50
@@ -98,7 +99,7 @@ class _Part:
 
     @classmethod
     def of(cls, prediction: Prediction, row: Row) -> _Part:
-        problem = regression(prediction.series, row, prediction.first)
+        problem = prediction.regressions[prediction.rows.index(row)]
         ones = np.ones((problem.target.size, int(prediction.intercept)))
         matrix = np.concatenate([problem.matrix, ones], axis=1) if prediction.intercept else problem.matrix
         triangle = triangle_of(
@@ -136,7 +137,7 @@ class _Part:
 
 def _with_stable_c(prediction: Prediction, free: np.ndarray) -> np.ndarray:
     """The same with all roots of C brought inside the circle, by one factor."""
-    root = largest_root(prediction.c(prediction.terms(free)))
+    root = largest_root(prediction.c(free))
     if root < 1.0:
         return free
     factor, free, at = _INSIDE / root, free.copy(), 0

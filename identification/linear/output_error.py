@@ -10,10 +10,10 @@ from scipy.signal import lfilter
 
 from auv_gym.record import Record
 from identification.linear.armax import least_errors
+from identification.linear.filtering import half_squares, largest_root
 from identification.linear.levenberg_marquardt import Stopping
 from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
-from identification.linear.prediction import Prediction, largest_root
-from identification.linear.regressors import regression
+from identification.linear.prediction import Prediction
 from identification.linear.structure import Orders, Structure
 
 _PASSES = 10
@@ -70,15 +70,15 @@ class OutputError:
 
 def filtered(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
     """The parameters with the smallest errors among passes of least squares on signals filtered with 1/A."""
-    row, best, least = prediction.rows[0], arx, np.inf
+    best, least = arx, np.inf
     free, one = arx, np.eye(1)
     for _ in range(_PASSES):
-        value = prediction.value(free, prediction.starts(), one)
+        value = half_squares(np.concatenate(prediction.errors(free, prediction.starts())), one)
         if value < least:
             best, least = free, value
-        a = prediction.c(prediction.terms(free))[:, 0, 0]
+        a = prediction.c(free)[:, 0, 0]
         a = a * min(1.0, _INSIDE / max(largest_root(a[:, None, None]), 1e-12)) ** np.arange(a.size)
-        problem = regression(prediction.series, row, prediction.first)
+        problem = prediction.regressions[0]
         ones = np.ones((problem.target.size, int(prediction.intercept)))
         columns = np.column_stack([problem.matrix, ones, problem.target])
         ends = np.cumsum([len(y) - prediction.first for y in prediction.series.y])[:-1]

@@ -12,8 +12,9 @@ from auv_gym.channels import channel
 from auv_gym.linear import Polynomial
 from auv_gym.record import Record
 from identification.estimate import Estimate
-from identification.linear.prediction import Prediction, largest_root
-from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series, regression, solve
+from identification.linear.filtering import largest_root
+from identification.linear.prediction import Prediction
+from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series, solve
 from identification.linear.structure import Structure, blocks
 
 _AT_CIRCLE = 0.999  # size of a root of C beyond which errors of long ago still count, and intervals do not hold
@@ -95,7 +96,7 @@ def fit_blocks(
         for i, number in enumerate(numbers):
             errors[number] = [tall[i] * e[lags:, i] for e in parts]
         samples += prediction.samples * len(numbers)
-        if lags and not structure.tied and largest_root(prediction.c(prediction.terms(free))) > _AT_CIRCLE:
+        if lags and not structure.tied and largest_root(prediction.c(free)) > _AT_CIRCLE:
             problems |= dict.fromkeys(
                 (structure.outputs[n] for n in numbers),
                 "a root of C is at the unit circle: the intervals of this output do not hold; lower n_c, or use "
@@ -123,7 +124,7 @@ def fit_blocks(
 def _least_squares(name: str, prediction: Prediction, k: int) -> np.ndarray:
     """The parameters of an output without C; raises where the data do not determine them."""
     row = prediction.rows[k]
-    problem = regression(prediction.series, row, prediction.first)
+    problem = prediction.regressions[k]
     count = row.free + prediction.intercept
     if problem.target.size < SAMPLES_PER_COEFFICIENT * count:
         raise ValueError(

@@ -8,47 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from auv_gym.compiled import compiled
-from identification.linear.regressors import SPAN, Series, spans, triangle_of
+from identification.linear.filtering import INTERCEPT, Problem, fill_c, fill_errors, fill_slopes
+from identification.linear.regressors import Regression, Series, regression, spans, triangle_of
 from identification.linear.structure import KINDS, Row, Structure, Term, blocks
-
-_GONE = 1e-40  # below which an effect of a start is nothing; numbers near the smallest are slow to compute with
-_INTERCEPT = 3  # its kind, after those of terms
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """Least squares about a point: the normal equations of the errors, with a block of starts for each segment.
-
-    value: half the sum of squares.  gradient: (P,), of the free parameters.  matrix: (P, P).  start_gradient: (S, q).
-    across: (S, P, q).  start_matrix: (S, q, q).
-    """
-
-    value: float
-    gradient: np.ndarray
-    matrix: np.ndarray
-    start_gradient: np.ndarray
-    across: np.ndarray
-    start_matrix: np.ndarray
-
-    def reduced(self, damping: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Normal matrix and gradient of the parameters with the starts solved for, and what solves for the starts."""
-        q = self.start_matrix.shape[1]
-        if q == 0:
-            return self.matrix + damping * np.eye(len(self.gradient)), self.gradient, np.empty(0)
-        right = np.concatenate([np.swapaxes(self.across, 1, 2), self.start_gradient[:, :, None]], axis=2)
-        solved = np.linalg.solve(self.start_matrix + damping * np.eye(q), right)
-        less = np.einsum("spq,sqr->pr", self.across, solved)
-        matrix = self.matrix + damping * np.eye(len(self.gradient)) - less[:, :-1]
-        return matrix, self.gradient - less[:, -1], solved
-
-    def step(self, damping: float) -> tuple[np.ndarray, np.ndarray]:
-        """The damped Gauss-Newton step of parameters and starts."""
-        matrix, gradient, solved = self.reduced(damping)
-        change = -np.linalg.solve(matrix, gradient)
-        if not solved.size:
-            return change, np.zeros_like(self.start_gradient)
-        return change, -(solved[:, :, :-1] @ change) - solved[:, :, -1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,120 +79,79 @@ class Prediction:
         """The values of all terms, row by row, with the intercepts."""
         return self._base + self._mix @ free
 
-    def c(self, values: np.ndarray) -> np.ndarray:
-        """C of the values of the terms, (powers, r, r) with the unit matrix first."""
-        r = len(self.rows)
-        c = np.zeros((self.lags + 1, r, r))
-        c[0] = np.eye(r)
-        lag, row, error, place = self._of_c
-        c[lag, row, error] = values[place]
+    def c(self, free: np.ndarray) -> np.ndarray:
+        """C of the parameters, (powers, r, r) with the unit matrix first."""
+        c = np.zeros((self.lags + 1, len(self.rows), len(self.rows)))
+        fill_c(self.terms(free), self.problem.late, c)
         return c
 
     def errors(self, free: np.ndarray, starts: np.ndarray) -> list[np.ndarray]:
         """One-step errors of each segment, (order of C + predictions, r); the first are the starts."""
-        return [e.copy() for e in self._errors(free, starts)]
-
-    def value(self, free: np.ndarray, starts: np.ndarray, weight: np.ndarray) -> float:
-        """Half the sum of squares of the errors times weight (r, r); infinite where C is not stable."""
-        if not self.structure.tied and not is_stable(self.c(self.terms(free))):
-            return np.inf
-        product = weight @ weight.T
-        with np.errstate(over="ignore", invalid="ignore"):
-            total = 0.5 * sum(float(np.sum(product * (e.T @ e))) for e in self._errors(free, starts))
-        return total if np.isfinite(total) else np.inf
-
-    def linearised(self, free: np.ndarray, starts: np.ndarray, weight: np.ndarray, basis: np.ndarray) -> Linearised:
-        """The normal equations of parameters z, free = basis z, about a point."""
-        size, q = basis.shape[1], starts.shape[1]
-        chain, c = self._mix @ basis, self.c(self.terms(free))
-        n = len(chain)
-        value, gradient, matrix = 0.0, np.zeros(size), np.zeros((size, size))
-        start_gradient = np.zeros((len(starts), q))
-        across, start_matrix = np.zeros((len(starts), size, q)), np.zeros((len(starts), q, q))
-        for s, e in enumerate(self._errors(free, starts)):
-            products, along = np.zeros((n + q, n + q)), np.zeros(n + q)
-            errors = (e if len(weight) == 1 else e @ weight).reshape(-1)
-            at = 0
-            for slopes in self._slopes(s, e, c, q, weight):
-                products += slopes.T @ slopes
-                along += errors[at : at + len(slopes)] @ slopes
-                at += len(slopes)
-            value += 0.5 * float(errors @ errors)
-            gradient += chain.T @ along[:n]
-            matrix += chain.T @ products[:n, :n] @ chain
-            start_gradient[s], across[s], start_matrix[s] = along[n:], chain.T @ products[:n, n:], products[n:, n:]
-        scale = float(weight[0, 0] ** 2) if len(weight) == 1 else 1.0  # of one output, sums are scaled, not columns
-        return Linearised(
-            scale * value,
-            scale * gradient,
-            scale * matrix,
-            scale * start_gradient,
-            scale * across,
-            scale * start_matrix,
-        )
+        problem, c = self.problem, self.c(free)
+        joined = np.empty((problem.rows, len(self.rows)))
+        fill_errors(problem, self.terms(free), c, starts, joined)
+        return np.split(joined, problem.at[1:-1])
 
     def triangle(self, free: np.ndarray, starts: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """R, (P, P), with R' R the normal matrix of the parameters, the starts solved for; without squaring.
 
-        weight: as in `value`.
+        weight: (r, r), applied to the errors of a sample.
         """
-        q, n, c = starts.shape[1], len(self._mix), self.c(self.terms(free))
+        n, c = len(self.problem.mix), self.c(free)
+        return triangle_of(self._segment_triangle(s, e, c, n, weight) for s, e in enumerate(self.errors(free, starts)))
 
-        def own(s: int, e: np.ndarray) -> np.ndarray:
-            parts = (
-                np.concatenate([slopes[:, n:], slopes[:, :n] @ self._mix], axis=1)
-                for slopes in self._slopes(s, e, c, q, weight)
-            )
-            scale = abs(float(weight[0, 0])) if len(weight) == 1 else 1.0
-            return scale * triangle_of(parts)[q:, q:]
+    def _segment_triangle(self, s: int, e: np.ndarray, c: np.ndarray, n: int, weight: np.ndarray) -> np.ndarray:
+        problem, r, q = self.problem, len(self.rows), self.lags * len(self.rows)
 
-        return triangle_of(own(s, e) for s, e in enumerate(self._errors(free, starts)))
+        def parts() -> Iterator[np.ndarray]:
+            last = np.zeros((self.lags, r, n + q))
+            last[:, :, n:] = np.eye(q).reshape(self.lags, r, q)
+            if self.lags:
+                yield mixed(last)
+            for span in spans(len(e) - self.lags):
+                slopes = np.concatenate([last, np.zeros((span.stop - span.start, r, n + q))])
+                fill_slopes(problem, s, c, e, span.start, slopes)
+                yield mixed(slopes[self.lags :])
+                last = slopes[len(slopes) - self.lags :]
 
-    def _slopes(self, s: int, e: np.ndarray, c: np.ndarray, q: int, weight: np.ndarray) -> Iterator[np.ndarray]:
-        """Derivatives of a segment's errors by terms and then by starts, some rows at a time; of several, weighted.
+        def mixed(slopes: np.ndarray) -> np.ndarray:
+            flat = slopes if r == 1 else np.einsum("tiq,ij->tjq", slopes, weight)
+            flat = flat.reshape(-1, n + q)
+            return np.concatenate([flat[:, n:], flat[:, :n] @ problem.mix], axis=1)
 
-        The next ones overwrite them.
-        """
-        lags, r, width = self.lags, len(self.rows), self._mix.shape[0] + q
-        u, y = self.series.u[s], self.series.y[s]
-        first = np.zeros((lags, r, width))
-        first[:, :, width - q :] = np.eye(q).reshape(lags, r, q)
-        if lags:
-            yield self._weighted(first, weight)
-        buffer = self._buffer
-        buffer[:lags] = first
-        for span in spans(len(e) - lags):
-            slopes = buffer[: lags + span.stop - span.start]
-            _slopes(y, u, c, e, self._described, self._late, self.first, span.start, slopes)
-            yield self._weighted(slopes[lags:], weight)
-            buffer[:lags] = slopes[len(slopes) - lags :].copy()
-
-    def _weighted(self, slopes: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        flat = slopes if len(weight) == 1 else np.einsum("tiq,ij->tjq", slopes, weight)
-        return flat.reshape(-1, slopes.shape[2])
+        scale = abs(float(weight[0, 0])) if r == 1 else 1.0
+        return scale * triangle_of(parts())[q:, q:]
 
     @cached_property
-    def _buffer(self) -> np.ndarray:
-        """Room for slopes; made once, as memory is dear to ask for."""
-        r = len(self.rows)
-        return np.empty((self.lags + SPAN, r, len(self._mix) + self.lags * r))
-
-    def _errors(self, free: np.ndarray, starts: np.ndarray) -> list[np.ndarray]:
-        """As `errors`, in arrays that the next call overwrites."""
-        values = self.terms(free)
-        c = self.c(values)
-        for u, y, start, e in zip(self.series.u, self.series.y, starts, self._scratch):
-            e[: self.lags] = start.reshape(self.lags, len(self.rows))
-            _one_step_errors(y, u, c, values, self._described, self._numbers, self.first, e)
-        return self._scratch
+    def regressions(self) -> tuple[Regression, ...]:
+        """Each row's regression on what is measured, see `regression`."""
+        return tuple(regression(self.series, row, self.first) for row in self.rows)
 
     @cached_property
-    def _scratch(self) -> list[np.ndarray]:
-        return [np.empty((self.lags + len(y) - self.first, len(self.rows))) for y in self.series.y]
-
-    @cached_property
-    def _numbers(self) -> np.ndarray:
-        return np.array([row.number for row in self.rows])
+    def problem(self) -> Problem:
+        """The same for compiled code."""
+        local = {row.number: i for i, row in enumerate(self.rows)}
+        listed, late = [], []
+        kind = "a" if self.structure.tied else "c"
+        for i, row in enumerate(self.rows):
+            for term in row.terms:
+                if term.kind == kind:
+                    late.append((term.lag, i, local[term.number], len(listed)))
+                listed.append((KINDS.index(term.kind), i, term.number, term.lag))
+            listed += [(INTERCEPT, i, 0, 0)] * self.intercept
+        counts = [len(y) for y in self.series.y]
+        return Problem(
+            np.concatenate(self.series.y),
+            np.concatenate(self.series.u),
+            np.concatenate([[0], np.cumsum(counts)]),
+            np.concatenate([[0], np.cumsum([count - self.first + self.lags for count in counts])]),
+            self.first,
+            np.array(listed, dtype=np.int64).reshape(-1, 4).T.copy(),
+            np.array(late, dtype=np.int64).reshape(-1, 4),
+            np.array([row.number for row in self.rows]),
+            self._base,
+            self._mix,
+        )
 
     @cached_property
     def _mix(self) -> np.ndarray:
@@ -241,43 +162,6 @@ class Prediction:
     @cached_property
     def _base(self) -> np.ndarray:
         return np.concatenate([np.r_[row.base, np.zeros(int(self.intercept))] for row in self.rows])
-
-    @cached_property
-    def _listed(self) -> list[tuple[int, Term | None]]:
-        """Row in the block and term, in the order of `terms`; None: an intercept."""
-        ones = [None] * self.intercept
-        return [(i, term) for i, row in enumerate(self.rows) for term in (*row.terms, *ones)]
-
-    @cached_property
-    def _errors_of(self) -> list[tuple[int, int, int, int]]:
-        """Lag, row, number of the error, and place among the terms, of each that an error's lag is multiplied by."""
-        local = {row.number: i for i, row in enumerate(self.rows)}
-        kind = "a" if self.structure.tied else "c"
-        return [
-            (term.lag, i, local[term.number], place)
-            for place, (i, term) in enumerate(self._listed)
-            if term is not None and term.kind == kind
-        ]
-
-    @cached_property
-    def _of_c(self) -> tuple[np.ndarray, ...]:
-        return tuple(np.array(self._errors_of, dtype=np.int64).reshape(-1, 4).T)
-
-    @cached_property
-    def _late(self) -> np.ndarray:
-        """The same as an array for compiled code."""
-        return np.array(self._errors_of, dtype=np.int64).reshape(-1, 4)
-
-    @cached_property
-    def _described(self) -> np.ndarray:
-        """Kind (0 a, 1 b, 2 c, 3 an intercept), row in the block, number of the channel and lag of each term."""
-        return np.array(
-            [
-                (_INTERCEPT, i, 0, 0) if term is None else (KINDS.index(term.kind), i, term.number, term.lag)
-                for i, term in self._listed
-            ],
-            dtype=np.int64,
-        ).T.copy()
 
     def in_units(self) -> tuple[np.ndarray, np.ndarray]:
         """Matrix and vector that take the parameters to those of the channels as they are, intercepts included."""
@@ -302,84 +186,3 @@ class Prediction:
     def _scale(self, row: Row, term: Term) -> float:
         under = self.inputs_scale if term.kind == "b" else self.outputs_scale
         return float(self.outputs_scale[row.number] / under[term.number])
-
-
-def is_stable(c: np.ndarray) -> bool:
-    """Whether all roots of a polynomial matrix, (powers, r, r) with a leading unit matrix, lie inside the circle."""
-    return largest_root(c) < 1.0
-
-
-def largest_root(c: np.ndarray) -> float:
-    """The size of the largest root of z^n + c_1 z^(n-1) + ..., 0 where there is none."""
-    powers, r = len(c) - 1, c.shape[1]
-    if powers == 0:
-        return 0.0
-    companion = np.zeros((powers * r, powers * r))
-    companion[:r] = -np.concatenate(list(c[1:]), axis=1)
-    companion[r:, :-r] = np.eye((powers - 1) * r)
-    return float(np.abs(np.linalg.eigvals(companion)).max())
-
-
-@compiled
-def _one_step_errors(y, u, c, values, described, numbers, first, e):
-    """One-step errors into e, (nc + n - first, r), whose first nc rows are given."""
-    n, r, nc = y.shape[0], e.shape[1], c.shape[0] - 1
-    for i in range(r):
-        for t in range(first, n):
-            e[nc + t - first, i] = y[t, numbers[i]]
-    for q in range(values.size):
-        kind, i, column, lag, value = described[0, q], described[1, q], described[2, q], described[3, q], values[q]
-        if kind == 0:
-            for t in range(first, n):
-                e[nc + t - first, i] += value * y[t - lag, column]
-        elif kind == 1:
-            for t in range(first, n):
-                e[nc + t - first, i] -= value * u[t - lag, column]
-        elif kind == 3:
-            for t in range(first, n):
-                e[nc + t - first, i] -= value
-    for row in range(nc, e.shape[0]):
-        for k in range(1, nc + 1):
-            for i in range(r):
-                for j in range(r):
-                    e[row, i] -= c[k, i, j] * e[row - k, j]
-
-
-@compiled
-def _slopes(y, u, c, e, described, late, first, begin, slopes):
-    """Derivatives of the errors from row `begin` of the predictions on, into slopes, (nc + rows, r, terms + starts).
-
-    The first nc rows of slopes are given, those before.  late: (terms of errors, 4), lag, row, number of the error and
-    place of each.
-    """
-    nc, r, width, terms = c.shape[0] - 1, c.shape[1], slopes.shape[2], described.shape[1]
-    rows = slopes.shape[0] - nc
-    slopes[nc:] = 0.0
-    for q in range(terms):
-        kind, i, column, lag = described[0, q], described[1, q], described[2, q], described[3, q]
-        at = first + begin - lag
-        if kind == 0:
-            for t in range(rows):
-                slopes[nc + t, i, q] = y[at + t, column]
-        elif kind == 1:
-            for t in range(rows):
-                slopes[nc + t, i, q] = -u[at + t, column]
-        elif kind == 3:
-            for t in range(rows):
-                slopes[nc + t, i, q] = -1.0
-    for k in range(late.shape[0]):
-        at = nc + begin - late[k, 0]
-        for t in range(rows):
-            slopes[nc + t, late[k, 1], late[k, 3]] -= e[at + t, late[k, 2]]
-    for line in range(nc, nc + rows):
-        for k in range(1, nc + 1):
-            for i in range(r):
-                for j in range(r):
-                    factor = c[k, i, j]
-                    if factor != 0.0:
-                        for q in range(width):
-                            slopes[line, i, q] -= factor * slopes[line - k, j, q]
-        for i in range(r):
-            for q in range(terms, width):
-                if abs(slopes[line, i, q]) < _GONE:
-                    slopes[line, i, q] = 0.0

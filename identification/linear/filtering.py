@@ -1,0 +1,259 @@
+"""Prediction errors of polynomial models, their slopes and normal equations, compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_gym.compiled import compiled, outlined
+
+SPAN = 512  # rows of slopes at a time: they stay in a processor's cache
+INTERCEPT = 3  # its kind, after those of terms
+_SQUARINGS = 24  # of a matrix; a root of 1 - 1e-6 has gone by then
+_GONE = 1e-40  # below which an effect of a start is nothing; numbers near the smallest are slow to compute with
+
+
+class Problem(NamedTuple):
+    """The errors of some outputs' equations over segments, laid out for compiled code.
+
+    y, u: all segments below one another.  begins, at: (S + 1,), where each begins, in y and among the errors, each with
+    nc rows of starts first.  first: rows that serve as lags only.  described: (4, terms), kind (0 a, 1 b, 2 c, 3 an
+    intercept), row in the block, number of the channel, lag.  late: (k, 4), lag, row, number of the error and place
+    among the terms, of what multiplies lags of errors.  numbers: of the outputs.  terms = base + mix @ parameters.
+    """
+
+    y: np.ndarray
+    u: np.ndarray
+    begins: np.ndarray
+    at: np.ndarray
+    first: int
+    described: np.ndarray
+    late: np.ndarray
+    numbers: np.ndarray
+    base: np.ndarray
+    mix: np.ndarray
+
+    @property
+    def rows(self) -> int:
+        """Errors of each output, with the starts."""
+        return int(self.at[-1])
+
+
+@outlined
+def fill_c(values, late, c):
+    """C of the values of the terms, (powers, r, r) with the unit matrix first."""
+    c[:] = 0.0
+    for i in range(c.shape[1]):
+        c[0, i, i] = 1.0
+    for k in range(late.shape[0]):
+        c[late[k, 0], late[k, 1], late[k, 2]] = values[late[k, 3]]
+
+
+def largest_root(c: np.ndarray) -> float:
+    """The size of the largest root of det(z^n + c_1 z^(n-1) + ...), 0 where there is none; c: (n + 1, r, r)."""
+    powers, r = len(c) - 1, c.shape[1]
+    if powers == 0:
+        return 0.0
+    companion = np.eye(powers * r, k=-r)
+    companion[:r] = -np.concatenate(list(c[1:]), axis=1)
+    return float(np.abs(np.linalg.eigvals(companion)).max())
+
+
+@outlined
+def is_stable(c):
+    """Whether all roots of a polynomial matrix with a leading unit matrix lie inside the unit circle."""
+    powers, r = c.shape[0] - 1, c.shape[1]
+    if r > 1:
+        return _decays(c)
+    # of one polynomial by the reflection coefficients of Schur and Cohn
+    now, before = np.empty(powers + 1), np.empty(powers + 1)
+    for k in range(powers + 1):
+        now[k] = c[k, 0, 0]
+    for n in range(powers, 0, -1):
+        reflection = now[n]
+        if not abs(reflection) < 1.0:
+            return False
+        for k in range(n + 1):
+            before[k] = now[k]
+        for k in range(n):
+            now[k] = (before[k] - reflection * before[n - k]) / (1.0 - reflection * reflection)
+    return True
+
+
+@outlined
+def _decays(c):
+    """Whether powers of the companion matrix go to zero, as found by squaring it."""
+    r, size = c.shape[1], (c.shape[0] - 1) * c.shape[1]
+    now, squared = np.zeros((size, size)), np.zeros((size, size))
+    for i in range(size):
+        for j in range(size):
+            now[i, j] = -c[1 + j // r, i, j % r] if i < r else (1.0 if j == i - r else 0.0)
+    for _ in range(_SQUARINGS):
+        largest = 0.0
+        for i in range(size):
+            for j in range(size):
+                squared[i, j] = 0.0
+                for k in range(size):
+                    squared[i, j] += now[i, k] * now[k, j]
+                largest = max(largest, abs(squared[i, j]))
+        if not largest < 1e100:
+            return False
+        if largest < 1e-3:
+            return True
+        for i in range(size):
+            for j in range(size):
+                now[i, j] = squared[i, j]
+    return False
+
+
+@outlined
+def fill_errors(problem, values, c, starts, e):
+    """One-step errors into e, (rows, r), of the values of the terms; starts: (S, nc r)."""
+    y, u, first, described, numbers = problem.y, problem.u, problem.first, problem.described, problem.numbers
+    r, nc = e.shape[1], c.shape[0] - 1
+    for s in range(problem.begins.size - 1):
+        begin, stop, at = problem.begins[s] + first, problem.begins[s + 1], problem.at[s] + nc
+        for row in range(nc):
+            for i in range(r):
+                e[at - nc + row, i] = starts[s, row * r + i]
+        for i in range(r):
+            for t in range(begin, stop):
+                e[at + t - begin, i] = y[t, numbers[i]]
+        for q in range(values.size):
+            kind, i, column, lag, value = described[0, q], described[1, q], described[2, q], described[3, q], values[q]
+            if kind == 0:
+                for t in range(begin, stop):
+                    e[at + t - begin, i] += value * y[t - lag, column]
+            elif kind == 1:
+                for t in range(begin, stop):
+                    e[at + t - begin, i] -= value * u[t - lag, column]
+            elif kind == 3:
+                for t in range(begin, stop):
+                    e[at + t - begin, i] -= value
+        for row in range(at, problem.at[s + 1]):
+            for k in range(1, nc + 1):
+                for i in range(r):
+                    for j in range(r):
+                        e[row, i] -= c[k, i, j] * e[row - k, j]
+
+
+@outlined
+def fill_slopes(problem, s, c, e, begin, slopes):
+    """Derivatives of the errors of segment s, (rows, r), from prediction `begin` on by terms and then by starts.
+
+    slopes: (nc + count, r, terms + nc r), whose first nc rows are given, those before.
+    """
+    y, u, described, late = problem.y, problem.u, problem.described, problem.late
+    nc, r, width, terms = c.shape[0] - 1, c.shape[1], slopes.shape[2], described.shape[1]
+    count = slopes.shape[0] - nc
+    slopes[nc:] = 0.0
+    for q in range(terms):
+        kind, i, column = described[0, q], described[1, q], described[2, q]
+        at = problem.begins[s] + problem.first + begin - described[3, q]
+        if kind == 0:
+            for t in range(count):
+                slopes[nc + t, i, q] = y[at + t, column]
+        elif kind == 1:
+            for t in range(count):
+                slopes[nc + t, i, q] = -u[at + t, column]
+        elif kind == 3:
+            for t in range(count):
+                slopes[nc + t, i, q] = -1.0
+    for k in range(late.shape[0]):
+        at = nc + begin - late[k, 0]
+        for t in range(count):
+            slopes[nc + t, late[k, 1], late[k, 3]] -= e[at + t, late[k, 2]]
+    for line in range(nc, nc + count):
+        for k in range(1, nc + 1):
+            for i in range(r):
+                for j in range(r):
+                    factor = c[k, i, j]
+                    if factor != 0.0:
+                        for q in range(width):
+                            slopes[line, i, q] -= factor * slopes[line - k, j, q]
+        for i in range(r):
+            for q in range(terms, width):
+                if abs(slopes[line, i, q]) < _GONE:
+                    slopes[line, i, q] = 0.0
+
+
+@outlined
+def half_squares(e, weight):
+    """Half the sum of squares of the errors times weight, (r, r)."""
+    total = 0.0
+    for row in range(e.shape[0]):
+        for i in range(e.shape[1]):
+            part = 0.0
+            for j in range(e.shape[1]):
+                part += e[row, j] * weight[j, i]
+            total += part * part
+    return 0.5 * total if np.isfinite(total) else np.inf
+
+
+@outlined
+def normal_equations(problem, c, e, weight, chain, gradient, matrix, start_gradient, across, start_matrix):
+    """Normal equations of the weighted errors, of parameters z by which terms change as chain z, and of the starts.
+
+    gradient: (P,).  matrix: (P, P).  start_gradient: (S, q).  across: (S, P, q).  start_matrix: (S, q, q).
+    """
+    nc, r, terms, size = c.shape[0] - 1, c.shape[1], chain.shape[0], chain.shape[1]
+    q = nc * r
+    width = terms + q
+    buffer, part = np.zeros((nc + SPAN, r, width)), np.empty(width)
+    products, along, halfway = np.empty((width, width)), np.empty(width), np.empty((size, width))
+    gradient[:] = 0.0
+    matrix[:] = 0.0
+    for s in range(problem.begins.size - 1):
+        begins, stops = problem.at[s], problem.at[s + 1]
+        products[:] = 0.0
+        along[:] = 0.0
+        buffer[:nc] = 0.0
+        for row in range(nc):  # the starts are errors that depend on themselves alone
+            for i in range(r):
+                buffer[row, i, terms + row * r + i] = 1.0
+            for i in range(r):
+                _add(buffer, row, e, begins + row, weight, i, part, products, along)
+        for begin in range(0, stops - begins - nc, SPAN):
+            count = min(SPAN, stops - begins - nc - begin)
+            fill_slopes(problem, s, c, e[begins:stops], begin, buffer[: nc + count])
+            for line in range(count):
+                for i in range(r):
+                    _add(buffer, nc + line, e, begins + nc + begin + line, weight, i, part, products, along)
+            for row in range(nc):
+                for i in range(r):
+                    for k in range(width):
+                        buffer[row, i, k] = buffer[count + row, i, k]
+        for z in range(size):
+            for k in range(width):
+                halfway[z, k] = 0.0
+                for j in range(terms):
+                    halfway[z, k] += chain[j, z] * products[j, k]
+            for k in range(terms):
+                gradient[z] += chain[k, z] * along[k]
+                for other in range(size):
+                    matrix[z, other] += halfway[z, k] * chain[k, other]
+            for k in range(q):
+                across[s, z, k] = halfway[z, terms + k]
+        for k in range(q):
+            start_gradient[s, k] = along[terms + k]
+            for j in range(q):
+                start_matrix[s, k, j] = products[terms + k, terms + j]
+
+
+@compiled
+def _add(slopes, line, e, row, weight, i, part, products, along):
+    """Adds weighted error i of a row, and its slopes, to S' S and to S' e."""
+    error = 0.0
+    for k in range(part.size):
+        part[k] = 0.0
+    for j in range(weight.shape[0]):
+        factor = weight[j, i]
+        error += factor * e[row, j]
+        for k in range(part.size):
+            part[k] += factor * slopes[line, j, k]
+    for k in range(part.size):
+        factor = part[k]
+        along[k] += factor * error
+        for j in range(part.size):  # all of it: an even number of equal rows is quicker than half of them
+            products[k, j] += factor * part[j]
