@@ -44,9 +44,10 @@ METHODS = (
     _method("Els", "extended least squares", "armax", Els, **_ARMAX, offset=False),
     _method("Armax", "prediction error", "armax", Armax, **_ARMAX, offset=False),
     _method("Armax, offset too", "prediction error", "armax", Armax, **_ARMAX),
-    _method("N4sid", "subspace", "state_space", N4sid, order=3),
-    _method("Pbsid", "subspace", "state_space", Pbsid, order=3),
-    _method("N4sid, refined", "prediction error", "state_space", N4sid, order=3, refine=True),
+    _method("N4sid", "subspace", "state_space", N4sid, order=3, offset=False),
+    _method("Pbsid", "subspace", "state_space", Pbsid, order=3, offset=False),
+    _method("N4sid, refined", "prediction error", "state_space", N4sid, order=3, offset=False, refine=True),
+    _method("N4sid, refined, offset too", "prediction error", "state_space", N4sid, order=3, refine=True),
     _method(
         "Armax, full", "prediction error", "state_space", Armax, n_a=2, n_b=2, n_c=2, structure="full", offset=False
     ),
