@@ -1,0 +1,196 @@
+"""The pool logs of a glider: what they hold, what N4SID and the others make of them, and what is printed and drawn."""
+
+import json
+from math import inf, radians
+
+import numpy as np
+import pytest
+
+from auv_gym.linear import linearise
+from auv_gym.model import simulate
+from auv_gym.plant import load_vehicle
+from identification.linear.n4sid import N4sid
+from scripts.reproduce_glider_heading import ANALYTIC, CORRECTED, steady_turn
+from scripts.reproduce_glider_n4sid import (
+    ALL,
+    ANGLES_DEG,
+    BARE,
+    CROSS_DEG,
+    DT,
+    HEADING,
+    LEAD,
+    METHODS,
+    N4SID,
+    NOISE_DEG,
+    PLAIN,
+    PUBLISHED,
+    RATE,
+    REFINED,
+    RUDDER,
+    SCALED,
+    TRUTH,
+    TURN,
+    Trial,
+    differences,
+    failures,
+    fits_table,
+    free_runs,
+    from_rest,
+    heading_of,
+    main,
+    pool_log,
+    read,
+    study,
+    turn_per_rudder,
+)
+
+CROSS = ANGLES_DEG.index(CROSS_DEG)
+NOISE = radians(NOISE_DEG)
+
+
+@pytest.fixture(scope="module")
+def trials():
+    return study(range(2), NOISE)
+
+
+@pytest.mark.parametrize("angle", ANGLES_DEG)
+def test_a_log_lies_still_then_turns_through_south(angle):
+    log = pool_log(angle, NOISE, np.random.default_rng(0))
+    time, heading, rudder = log.record.time, log.record["heading_rad"], log.record["rudder_rad"]
+    assert time[-1] == LEAD + TURN
+    np.testing.assert_array_equal(rudder, np.where(time < LEAD, 0.0, radians(angle)))
+    # equation (15): what turns the vehicle is the rudder in the heading's own rate
+    np.testing.assert_allclose(log.turn, -0.02086 * radians(angle) * np.clip(time - LEAD, 0.0, None), atol=1e-5)
+    assert np.abs(np.diff(heading)).max() < radians(5.0)
+    assert abs(heading[0]) < np.pi < abs(heading[-1])
+    noise = heading - log.turn - (heading - log.turn)[:30].mean()
+    assert np.std(noise) == pytest.approx(NOISE, rel=0.2)  # 151 samples: 6 %
+
+
+def test_a_compass_reads_in_steps_within_half_a_turn():
+    headings = np.radians(np.linspace(150.0, 210.0, 400))
+    reading = read(headings, 0.0, np.random.default_rng(0))
+    assert reading.min() >= -np.pi
+    assert reading.max() < np.pi
+    tenths = np.degrees(reading) / 0.1
+    np.testing.assert_allclose(tenths, np.round(tenths), atol=1e-6)
+    np.testing.assert_allclose(np.unwrap(reading), headings, atol=radians(0.051))
+
+
+def test_heading_starts_at_rest():
+    log = pool_log(15, NOISE, np.random.default_rng(1))
+    rest = from_rest(log.record)
+    assert rest["heading_rad"][log.record.time < LEAD].mean() == pytest.approx(0.0, abs=1e-12)
+    np.testing.assert_allclose(np.diff(rest["heading_rad"]), np.diff(log.record["heading_rad"]), atol=1e-12)
+
+
+def test_a_model_of_rate_becomes_one_of_heading():
+    record = differences(pool_log(15, NOISE, np.random.default_rng(2)).record)
+    rate = N4sid(RUDDER, RATE, order=2, horizon=8, offset=False).fit(record).model
+    heading = heading_of(rate)
+    assert np.abs(heading.poles() - 1.0).min() < 1e-9
+    zeros = record.with_channels({HEADING[0]: np.zeros(len(record)), RATE[0]: np.zeros(len(record))})
+    turned = heading.run(zeros, zeros.segments, np.zeros((1, len(heading.states))))[:, 0]
+    rates = rate.run(zeros, zeros.segments, np.zeros((1, len(rate.states))))[:, 0]
+    np.testing.assert_allclose(np.diff(turned) / DT, rates[1:], atol=1e-12)
+
+
+def test_turns_are_those_of_the_vehicles():
+    analytic, corrected = (load_vehicle(name, dt=DT) for name in (ANALYTIC, CORRECTED))
+    assert turn_per_rudder(linearise(corrected)) == pytest.approx(steady_turn(corrected), rel=1e-5)
+    # of 120 s the lag of 1 / 2.732 s costs 0.3 %
+    assert turn_per_rudder(linearise(analytic)) == pytest.approx(steady_turn(analytic), rel=4e-3)
+
+
+def test_a_free_run_of_the_vehicle_leaves_the_noise():
+    log = pool_log(-30, NOISE, np.random.default_rng(3))
+    run = free_runs({TRUTH: linearise(load_vehicle(CORRECTED, dt=DT))}, log.record)
+    assert run.settle == LEAD
+    assert run.scores[TRUTH]["heading_rad"].rmse == pytest.approx(NOISE, rel=0.25)
+
+
+def test_the_published_cross_check_is_reached_on_the_raw_ramp(trials):
+    for trial in trials:
+        assert not trial.problems
+        for name in (TRUTH, SCALED, *METHODS):
+            assert trial.fits[name][CROSS] >= PUBLISHED, name
+        for name in (N4SID, REFINED):
+            assert min(trial.true[name]) > 97.0, name  # of the turn itself, the noise apart
+            # its noise leaves the vehicle itself no more; two logs differ in theirs
+            assert all(fit < bound + 0.5 for fit, bound in zip(trial.fits[name], trial.fits[TRUTH]))
+        assert trial.training[N4SID] > 94.0
+
+
+def test_the_analytic_model_turns_too_fast_and_defaults_fail_on_the_other_side(trials):
+    for trial in trials:
+        assert max(trial.fits[BARE]) < -900.0
+    starboard = ANGLES_DEG.index(15)
+    assert min(trial.fits[PLAIN][starboard] for trial in trials) < 50.0
+    assert min(trial.fits[N4SID][starboard] for trial in trials) > 90.0
+
+
+def test_a_model_without_a_run_is_told_and_not_counted():
+    none = dict.fromkeys(ALL, (-inf,) * 4)
+    fine = dict.fromkeys(ALL, (95.0, 96.0, 97.0, 98.0))
+    training = dict.fromkeys(ALL, 95.0)
+    rows = [Trial(fine, fine, training, {}), Trial(none, none, training, {N4SID: "too short"})]
+    assert failures(rows) == [(N4SID, 1, "too short")]
+    shown = fits_table("fits", rows, (N4SID,))
+    cells = [next(iter(column.cells)) for column in shown.columns]
+    assert cells[0] == N4SID
+    assert cells[1] in ("none", "95.0 (-inf, 95.0)")
+    assert cells[-1] == "1 of 2"
+
+
+def test_the_program_prints_and_draws(trials, monkeypatch, tmp_path, capsys):
+    image = pytest.importorskip("matplotlib.image", reason="the extra `render` is not installed")
+    monkeypatch.setattr("scripts.reproduce_glider_n4sid.study", lambda seeds, noise, jobs: trials)
+    assert main(["--out", str(tmp_path / "new")]) == 0
+    told = capsys.readouterr()
+    for words in ("2 seeds", "0.5 deg", *ALL, "2 of 2"):
+        assert words in told.out
+    assert "…" not in told.out
+    assert max(len(line.rstrip()) for line in told.out.splitlines()) < 150
+    path = tmp_path / "new" / "glider_n4sid.png"
+    assert f"Written to {path}" in told.err
+    pixels = image.imread(path)[..., :3]
+    assert 0.01 < np.mean(pixels.min(axis=2) < 0.9) < 0.5  # lines and words on white, neither blank nor black
+
+
+def test_the_program_gives_json(trials, monkeypatch, capsys):
+    monkeypatch.setattr("scripts.reproduce_glider_n4sid.study", lambda seeds, noise, jobs: trials)
+    assert main(["--noise", "0.5", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["compass_noise_rad"] == pytest.approx(NOISE)
+    assert found["rudders_rad"][CROSS] == pytest.approx(radians(-30.0))
+    assert found["models"][N4SID]["cross_check_reached"] == 2
+    assert np.shape(found["models"][N4SID]["fit_percent"]) == (2, 4)
+    assert found["failures"] == []
+
+
+@pytest.mark.parametrize(
+    "arguments", [["--seeds", "0"], ["--noise", "-1"], ["--noise", "nan"], ["--jobs", "0"]], ids=" ".join
+)
+def test_the_program_says_what_is_wrong(arguments, capsys):
+    assert main(arguments) == 1
+    told = capsys.readouterr().err
+    assert told.startswith("Error: Needed --seeds and --jobs of at least 1 and --noise of at least 0 deg")
+
+
+def test_a_pool_run_does_not_depend_on_its_first_heading():
+    """Logs begin at another heading than `pool_run`; K_y1 of (15) alone makes a difference, below 1e-5 rad."""
+    plant = load_vehicle(CORRECTED, dt=DT)
+    log = pool_log(-30, 0.0, np.random.default_rng(0))
+    truth = simulate(plant, log.record.without(HEADING).with_channels({HEADING[0]: np.full(len(log.turn), 2.88)}))
+    np.testing.assert_allclose(truth["heading_rad"] - 2.88, log.turn, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_fifty_seeds_reach_the_published_cross_check():
+    trials = study(range(50), NOISE, 2)
+    reached = {name: sum(trial.fits[name][CROSS] >= PUBLISHED for trial in trials) for name in ALL}
+    assert min(reached[name] for name in (TRUTH, SCALED, REFINED, *list(METHODS)[3:])) == 50
+    assert reached[N4SID] >= 48
+    assert reached[BARE] == 0
+    assert reached[PLAIN] < reached[N4SID]
+    assert np.median([trial.fits[N4SID][CROSS] for trial in trials]) > 97.0
