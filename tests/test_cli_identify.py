@@ -40,6 +40,8 @@ def test_a_model_is_fitted_judged_and_written(folder, tmp_path, capsys):
     assert "b2[pitch_rad, stern_plane_rad]" in said
     assert "Free runs over 1 record to validate on" in said
     assert "white" in said
+    assert "Poles, in discrete time" in said
+    assert "Predictions: root mean square error so far ahead" in said
     model = load_model(out)
     assert isinstance(model, Polynomial)
     np.testing.assert_allclose(model.a, TRUTH.a, atol=0.05)

@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from auv_gym.model import Model
     from auv_gym.record import Record
 
-_HORIZONS = (1, 3, 10, 30, 100)  # samples
-
 
 @app.command()
 def compare(
@@ -48,9 +46,10 @@ def compare(
         progress(0.0, "starting")
         from auv_gym.model import Diverged
         from auv_gym.model_files import load_model
-        from identification.comparison import compare_open, horizon_sweep
+        from identification.comparison import compare_open
         from identification.drawing import require_render
         from identification.identify import joined
+        from identification.judging import sweep_horizons
         from identification.model_page import compared_page, horizon_table, score_table
 
         if out is not None:
@@ -62,17 +61,15 @@ def compare(
         progress(0.1, "free runs")
         open_loop = compare_open(loaded, data, window=window, settle=settle)
         sweeps: dict[str, dict[str, dict[float, float]]] = {}
-        shortest = min(s.stop - s.start for s in data.segments)
-        wanted = list(horizon or (k for k in _HORIZONS if 2 * k <= shortest))
         for number, (name, model) in enumerate(loaded.items()):
             progress(0.4 + 0.4 * number / len(loaded), f"predictions of {name}")
-            if name in open_loop.runs and wanted:
+            if name in open_loop.runs:
                 try:
-                    swept = horizon_sweep(model, data, wanted, open_loop.settle)
+                    swept = sweep_horizons(model, data, open_loop.settle, horizon or ())
                 except Diverged as error:
                     open_loop.failed[name] = str(error)
                     continue
-                sweeps[name] = {c: {k * data.sample_interval: v for k, v in of.items()} for c, of in swept.items()}
+                sweeps |= {name: swept} if swept else {}
         written: list[Path] = []
         files = ", ".join(Path(name).name for name in record)
         words = (

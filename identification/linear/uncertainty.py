@@ -7,6 +7,7 @@ another, along which the model is moved; squares of what follows from each add u
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, pi
 from typing import Any
@@ -275,17 +276,18 @@ def simulated_band(
     if draws and rng is not None:
         drawn, diverged = _drawn(fit, run, draws, rng)
         low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
-        variance = ((high - low) / (2.0 * width)) ** 2
+        half = 0.5 * (high - low)
     else:
         variance = np.zeros_like(centre)
         for up, down in _moved(fit):
             variance += ((run(up) - run(down)) / (2.0 * _STEP)) ** 2
+        half = width * np.sqrt(variance)
     if noise:
         left = np.where(np.isfinite(runs.residual), runs.residual, 0.0)
         unit = np.sqrt(np.mean(left[~runs.scored] ** 2, axis=0)) if starts is None else None
         lengths = [(w.stop - w.start, h.stop - h.start) for w, h in zip(windows, heads, strict=True)]
-        variance += np.concatenate([_noise_variance(fit, columns, n, head, unit) for n, head in lengths])
-    half = width * np.sqrt(variance)
+        added = np.concatenate([_noise_variance(fit, columns, n, head, unit) for n, head in lengths])
+        half = np.hypot(half, width * np.sqrt(added))
     return SimulatedBand(runs.channels, runs.rows, runs.window, centre, half, diverged)
 
 
@@ -365,21 +367,21 @@ def _poles_of(fit: LinearFit, matrix: np.ndarray, moves: np.ndarray, outputs: tu
         slopes = np.einsum("ki,rkl,li->ri", left.conj(), moves, right) / across
         most = np.einsum("ki,rkl,li->ri", np.abs(left), np.abs(moves), np.abs(right)) / np.abs(across)
     spread, largest = (np.sqrt(np.sum(np.abs(part) ** 2, axis=0)) for part in (slopes, most))
-    fixed = (spread <= _FIXED * largest) & has_errors(fit)
+    fixed = (spread <= _FIXED * largest) & np.isfinite(spread) & has_errors(fit)
     distance = np.abs(values[:, None] - values)
     np.fill_diagonal(distance, inf)
     free = np.where(fixed[:, None] | fixed, inf, distance).min(axis=1, initial=inf)  # a fixed factor divides out
     found = []
     for i in np.flatnonzero(values.imag >= 0.0):
         parts = np.array([slopes[:, i].real, slopes[:, i].imag])
-        problem = ""
+        known, problem = bool(np.isfinite(parts).all()), ""
         if not has_errors(fit):
             problem = NO_ERRORS
-        elif distance[i].min(initial=inf) < _APART and not fixed[i]:
+        elif not known or (distance[i].min(initial=inf) < _APART and not fixed[i]):
             problem = "a repeated pole has no linear interval"
         elif not spread[i] <= free[i]:
             problem = "no farther from another pole than its error: no linear interval"
-        covariance = np.zeros((2, 2)) if fixed[i] else parts @ parts.T
+        covariance = parts @ parts.T * (not fixed[i]) if known else np.full((2, 2), np.nan)
         snapped = fixed[i] and abs(values[i] - 1.0) < _APART
         value = 1.0 + 0.0j if snapped else complex(values[i])
         found.append(PoleInterval(value, covariance, fit.model.dt, outputs, fit.freedom, bool(fixed[i]), problem))
@@ -392,10 +394,10 @@ def _drawn(
     """Free runs of models drawn from the fit's errors, (draws, rows, C), and how many diverged."""
     directions, found = _directions(fit), []
     for _ in range(draws):
-        try:
-            found.append(run(fit.at(fit.vector + rng.standard_normal(len(directions)) @ directions)))
-        except Diverged:
-            continue
+        model = fit.at(fit.vector + rng.standard_normal(len(directions)) @ directions)
+        # squares of a run may leave the finite numbers, and its start then fail, before the run itself does
+        with suppress(Diverged, np.linalg.LinAlgError), np.errstate(over="ignore", invalid="ignore"):
+            found.append(run(model))
     if len(found) < 0.5 * draws:
         raise ValueError(
             f"simulated_band drew {draws} models and {draws - len(found)} of them diverged: the fit is too unsure of "

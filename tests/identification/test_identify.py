@@ -1,12 +1,21 @@
 """A fit with its judgement: what is held out, what is told, and what the pages show."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from auv_gym.linear import Polynomial
 from auv_gym.record import Record
 from identification.estimator import make_estimator
 from identification.figures_models import horizon_figure
 from identification.identify import identify, joined, split
+from identification.linear.fit import Known
+from identification.linear.n4sid import N4sid
+from identification.linear.orders import search_orders
+from identification.linear.uncertainty import pole_intervals
+from identification.linear_tables import complex_words, full_pole_table, pole_table, zero_table
 from identification.model_page import (
     Table,
     compared_page,
@@ -28,6 +37,10 @@ def records() -> list[Record]:
 @pytest.fixture(scope="module")
 def done(records):
     return identify(make_estimator("arx", {"n_a": [3, 2]}, inputs=INPUTS, outputs=OUTPUTS), records[:1], records[1:])
+
+
+def headings(text: str) -> list[str]:
+    return re.findall("<h2>(.*?)</h2>", text)
 
 
 def test_the_last_third_is_held_out(records):
@@ -59,7 +72,7 @@ def test_a_true_structure_fits_data_that_it_has_not_seen(done, records):
     default = identify(make_estimator("arx", {"n_a": [3, 2]}, inputs=INPUTS, outputs=OUTPUTS), records[:1])
     assert default.told == "the last third"
     assert len(default.fitted) == 200
-    assert default.fit.samples["depth_m"] == 197
+    assert default.fit.samples == 197 + 198
 
 
 def test_a_model_that_cannot_be_judged_is_returned_with_the_reason(records):
@@ -103,16 +116,63 @@ def test_tables_hold_the_numbers_that_they_name(done):
 
 def test_pages_are_whole_and_tell_what_was_found(done):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
-    text = identified_page("steering <1>", done, "arx, fitted to 300 samples.")
+    text = identified_page("steering <1>", replace(done, doubts=("clocks differ",)), "arx, fitted to 300 samples.")
     assert text.startswith("<!doctype html>")
     assert "steering &lt;1&gt;" in text
-    assert text.count("<svg") == 3
+    assert text.count("<svg") == 6
+    assert headings(text) == [
+        "Free runs over 1 record to validate on",
+        "Predictions over the horizon",
+        "Parameters",
+        "Poles and zeros",
+        "Frequency response",
+        "Residual tests: white in 2 of 2 outputs",
+    ]
+    assert "Check the data: clocks differ" in text
     assert "a1[depth_m]" in text
     assert "http://" not in text.replace("http://www.w3.org", "")
     sweeps = {"model": {"depth_m": {4.0: 0.1, 40.0: 0.4}}}
     page = compared_page("Models", done.open_loop, sweeps, "words")
     assert page.count("<svg") == 2
     assert "Depth: model is nearest" in page
+
+
+def test_a_linear_fit_is_judged_over_the_horizon_and_with_its_band(done, records):
+    assert list(done.sweep["depth_m"]) == [4.0, 12.0, 40.0, 120.0, 400.0]
+    assert done.sweep["pitch_rad"][4.0] == pytest.approx(0.02, rel=0.15)
+    assert done.band.half.shape == done.open_loop.runs["model"].model.shape
+    assert done.doubts == ()
+    late = records[0].with_channels({name: np.roll(records[0][name], 5) for name in INPUTS})
+    found = identify(make_estimator("arx", {"n_a": [3, 2]}, inputs=INPUTS, outputs=OUTPUTS), [late])
+    assert any("stern_plane_rad" in doubt for doubt in found.doubts)
+
+
+def test_the_page_shows_where_orders_are_from(records):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    search = search_orders("arx", records[:1], INPUTS, OUTPUTS[1:], n_a=[2, 3], n_b=[1, 2])
+    text = identified_page("arx", identify(search.estimator(), records[:1], records[1:], search=search), "words")
+    assert headings(text)[-1] == "Orders"
+    assert "MDL, chosen" in text
+    text = identified_page("n4sid", identify(N4sid(INPUTS, OUTPUTS[1:], order=2), records[:1], records[1:]), "words")
+    assert headings(text)[-1] == "Order"
+    assert "no interval" in text
+
+
+def test_pole_tables_say_what_a_pole_means(done):
+    brief, full = pole_table(pole_intervals(done.fit)), full_pole_table(pole_intervals(done.fit))
+    assert [row[0] for row in brief.rows] == ["depth", "pitch", "depth", "depth"]
+    assert brief.rows[1][1].startswith("0.7")
+    assert "j" in brief.rows[1][1]
+    assert "rad/s" in brief.rows[1][4]
+    assert brief.rows[2][4] == ""
+    assert full.rows[1][1][1].endswith("j")
+    fixed = make_estimator("arx", {"n_a": [3, 2], "integrating": ["depth_m"]}, inputs=INPUTS, outputs=OUTPUTS)
+    row = pole_table(pole_intervals(fixed.fit(done.fitted))).rows[0]
+    assert row[1:4] == ("1.000", "integrates", "by construction")
+    assert [row[:2] for row in zero_table(done.fit.model).rows][1] == ("depth", "stern plane")
+    assert complex_words(0.5 - 0.0j) == "0.5000"
+    grows = Known(Polynomial(np.reshape([1.0, -1.1], (2, 1, 1)), np.zeros((1, 1, 1)), INPUTS[:1], OUTPUTS[:1], 4.0))
+    assert pole_table(pole_intervals(grows)).rows[0][2] == "grows in 42.0 s"
 
 
 def test_the_horizon_figure_leaves_rounding_out():
