@@ -38,7 +38,7 @@ SETTINGS = {
 
 
 def record(seed, n=400, noise=0.002, start=0.0):
-    """A record of the truth from a state of size `start`, with PRBS at the inputs and a white error in its equations."""
+    """A record of the truth from a state of size `start`, with PRBS inputs and a white error in its equations."""
     rng = np.random.default_rng(seed)
     state = TRUTH.state_space
     u = np.stack([prbs(n, 3, 0.15, rng) for _ in INPUTS], axis=1)
