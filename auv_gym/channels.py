@@ -307,3 +307,12 @@ def _channel(name: str) -> Channel:
         target, _ = _to_si(stem, suffix)
         raise ValueError(f"Channel {name!r} is not in SI: convert it, then call it {f'{stem}_{target}'!r}.")
     raise unknown_suffix(name)
+
+
+def unit_per(over: str, under: str) -> str:
+    """The unit of one channel per unit of another, "1" where they have the same."""
+    above, below = channel(over).unit, channel(under).unit
+    if above == below:
+        return "1"
+    above, below = (f"({unit})" if "/" in unit or " " in unit else unit for unit in (above, below))
+    return f"{above}/{below}" if below else above

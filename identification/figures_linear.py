@@ -12,12 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auv_gym.channels import channel
+from auv_gym.channels import channel, unit_per
 from auv_gym.linear import Polynomial, StateSpace
 from identification.drawing import INK, QUIET, grid, new_figure
 from identification.figures_models import LOOKS, legend
 from identification.linear.fit import Known, LinearFit, has_errors
-from identification.linear.structure import Term
 from identification.linear.uncertainty import PoleInterval, ResponseBand, pole_intervals, response_band, zeros
 
 if TYPE_CHECKING:
@@ -100,7 +99,7 @@ def bode_figure(models: Models, omega: np.ndarray | Sequence[float] | None = Non
         output, given = pairs[number]
         drawn.append(top)
         _draw_response(top, bottom, bands, output, given)
-        unit = Term("b", output, given, 0, 1).unit
+        unit = unit_per(output, given)
         top.set_title(
             f"{_pair_words(output, given, columns)}\ngain, dB" + (f" re 1 {unit}" if unit != "1" else ""), loc="left"
         )

@@ -105,7 +105,7 @@ class _Part:
         triangle = triangle_of(
             np.column_stack([matrix[span], problem.target[span]]) for span in spans(problem.target.size)
         )
-        ends = np.cumsum([len(y) - prediction.first for y in prediction.series.y])[:-1]
+        ends = np.cumsum([len(y) - prediction.first for y in prediction.scaled.y])[:-1]
         late = [term.kind == "c" for term in row.free_terms] + [False] * ones.shape[1]
         local = {of.number: i for i, of in enumerate(prediction.rows)}
         errors = [(term.lag, local[term.number]) for term in row.free_terms if term.kind == "c"]

@@ -13,10 +13,10 @@ from identification.linear.hankel import rows_of, triangle
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit
+from identification.linear.structure import check_channels
 from identification.linear.subspace import (
     ROWS_PER_COLUMN,
     States,
-    check_channels,
     check_excitation,
     check_settings,
     finished,

@@ -15,6 +15,7 @@ from identification.estimate import Estimate
 from identification.linear.filtering import largest_root
 from identification.linear.prediction import Prediction
 from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series, solve
+from identification.linear.scaled import Scaled
 from identification.linear.structure import Structure, blocks
 
 _AT_CIRCLE = 0.999  # size of a root of C beyond which errors of long ago still count, and intervals do not hold
@@ -41,9 +42,7 @@ class PolynomialFit:
     samples: int
     loss: np.ndarray
     structure: Structure
-    offset: bool
-    middles: tuple[np.ndarray, np.ndarray]
-    spreads: tuple[np.ndarray, np.ndarray]
+    scaled: Scaled
 
     @property
     def parameters(self) -> int:
@@ -52,7 +51,7 @@ class PolynomialFit:
 
     def at(self, vector: np.ndarray) -> Polynomial:
         """The model of other parameters, in the order of `vector`."""
-        return _model(self.structure, self.offset, self.model.dt, vector, self.middles, self.spreads)
+        return _model(self.structure, self.scaled, self.model.dt, vector)
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of this name; raises KeyError where there is none."""
@@ -72,12 +71,13 @@ def fit_blocks(
     if isinstance(skip, bool) or not isinstance(skip, int) or skip < 0:
         raise ValueError(f"{name} needs skip >= 0 as a whole number of samples, got {skip!r}.")
     series = Series.of(records, structure.inputs, structure.outputs, name)
+    scaled = Scaled.of(series, offset, name)
     p = len(structure.outputs)
     vectors: dict[int, np.ndarray] = {}
     covariances, problems, errors = [], {}, {}
     freedom, samples, loss = [], 0, np.zeros(p)
     for numbers in structure.coupled():
-        prediction = Prediction.of(series, structure, numbers, offset, skip)
+        prediction = Prediction.of(scaled, structure, numbers, skip)
         arx = np.concatenate([_least_squares(name, prediction, k) for k in range(len(numbers))])
         free, starts = method(prediction, arx)
         starts = prediction.starts() if starts is None else starts
@@ -86,7 +86,7 @@ def fit_blocks(
         counts = np.array([row.free + offset for row in prediction.rows])
         left = prediction.samples - counts
         together = sum(e.T @ e for e in parts) / np.sqrt(np.outer(left, left))
-        tall = prediction.outputs_scale[numbers]
+        tall = scaled.output_spread[numbers]
         loss[numbers] = tall**2 * np.concatenate([e[lags:] for e in parts]).var(axis=0, mean=0.0)
         matrix, shift = prediction.in_units()
         covariances.append(matrix @ _covariance(prediction, free, starts, together) @ matrix.T)
@@ -104,9 +104,8 @@ def fit_blocks(
             )
     # coupled() lists outputs in order, so that the parts join as they come
     vector, covariance = np.concatenate([vectors[i] for i in range(p)]), blocks(covariances)
-    middles, spreads = _points(series)
     return PolynomialFit(
-        _model(structure, offset, series.dt, vector, middles, spreads),
+        _model(structure, scaled, series.dt, vector),
         _estimates(structure, offset, vector, covariance, freedom, problems),
         vector,
         covariance,
@@ -115,9 +114,7 @@ def fit_blocks(
         samples,
         loss,
         structure,
-        offset,
-        middles,
-        spreads,
+        scaled,
     )
 
 
@@ -134,7 +131,7 @@ def _least_squares(name: str, prediction: Prediction, k: int) -> np.ndarray:
     found = solve(problem, name, row.output, prediction.intercept)
     free = np.zeros(count)
     known = [i for i, term in enumerate(row.free_terms) if term.kind != "c"]
-    free[known + [row.free] * prediction.intercept] = found.coefficients
+    free[known + [row.free] * prediction.intercept] = found
     return free
 
 
@@ -161,46 +158,30 @@ def _noise(errors: dict[int, list[np.ndarray]], loss: np.ndarray, freedom: Seque
     return noise
 
 
-def _model(
-    structure: Structure,
-    offset: bool,
-    dt: float,
-    vector: np.ndarray,
-    middles: tuple[np.ndarray, np.ndarray],
-    spreads: tuple[np.ndarray, np.ndarray],
-) -> Polynomial:
+def _model(structure: Structure, scaled: Scaled, dt: float, vector: np.ndarray) -> Polynomial:
     values, intercepts, at = [], [], 0
     for row in structure.rows:
         values.append(row.base + row.mix @ vector[at : at + row.free])
         at += row.free
-        intercepts.append(vector[at] if offset else 0.0)
-        at += offset
+        intercepts.append(vector[at] if scaled.offset else 0.0)
+        at += scaled.offset
     a, b, c = structure.arrays(values)
     offsets = {}
-    if offset:
-        u0, y0 = _operating_point(a, b, np.array(intercepts), middles, spreads)
+    if scaled.offset:
+        u0, y0 = _operating_point(a, b, np.array(intercepts), scaled)
         offsets = {"input_offset": u0, "output_offset": y0}
     return Polynomial(a, b, structure.inputs, structure.outputs, dt, c=c, **offsets)
 
 
-def _points(series: Series) -> tuple[tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
-    """Means and spreads of inputs and outputs."""
-    u, y = np.concatenate(series.u), np.concatenate(series.y)
-    return (u.mean(axis=0), y.mean(axis=0)), (u.std(axis=0), y.std(axis=0))
-
-
 def _operating_point(
-    a: np.ndarray,
-    b: np.ndarray,
-    intercepts: np.ndarray,
-    middles: tuple[np.ndarray, np.ndarray],
-    spreads: tuple[np.ndarray, np.ndarray],
+    a: np.ndarray, b: np.ndarray, intercepts: np.ndarray, scaled: Scaled
 ) -> tuple[np.ndarray, np.ndarray]:
     """Offsets of inputs and outputs with A(1) y - B(1) u = intercepts, as near to the means of the data as can be.
 
     Near in units of the signals' spread: an integrating output, whose A(1) is zero, leaves its part to the inputs.
     """
-    means, spread = np.r_[middles[1], middles[0]], np.r_[spreads[1], spreads[0]]
+    means = np.r_[scaled.output_middle, scaled.input_middle]
+    spread = np.r_[scaled.output_spread, scaled.input_spread]
     gains = np.concatenate([a.sum(axis=0), -b.sum(axis=0)], axis=1)
     moved = np.linalg.lstsq(gains * spread, intercepts - gains @ means, rcond=None)[0]
     offsets = means + spread * moved

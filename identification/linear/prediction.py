@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from identification.linear.filtering import INTERCEPT, Problem, fill_c, fill_errors, fill_slopes
-from identification.linear.regressors import Regression, Series, regression, spans, triangle_of
+from identification.linear.regressors import Regression, regression, spans, triangle_of
+from identification.linear.scaled import Scaled
 from identification.linear.structure import KINDS, Row, Structure, Term, blocks
 
 
@@ -18,42 +19,31 @@ class Prediction:
     """The errors of some outputs' equations over all segments, as functions of their free parameters.
 
     Predictions begin where all lags of inputs and outputs are in the segment. The errors before that, on which the
-    first ones depend by C, are unknown: they are estimated as starts and count as errors.  Channels come centred
-    (middle) and in units of their spread, so that coefficients are of order one; `free` is of such coefficients, row
-    by row, with an intercept at the end of each where there is one.
+    first ones depend by C, are unknown: they are estimated as starts and count as errors.  Channels come scaled, so
+    that coefficients are of order one; `free` is of such, row by row, with an intercept at the end of each.
     """
 
     structure: Structure
     rows: tuple[Row, ...]
-    series: Series
+    scaled: Scaled
     first: int
-    intercept: bool
-    outputs_scale: np.ndarray
-    inputs_scale: np.ndarray
-    outputs_middle: np.ndarray
-    inputs_middle: np.ndarray
 
     @classmethod
-    def of(cls, series: Series, structure: Structure, block: Sequence[int], intercept: bool, skip: int) -> Prediction:
+    def of(cls, scaled: Scaled, structure: Structure, block: Sequence[int], skip: int) -> Prediction:
         """The errors of a block of outputs; segments too short for one prediction are left out."""
         rows = tuple(structure.rows[i] for i in block)
         first = max(skip, *(row.first for row in rows))
-        kept = [k for k, y in enumerate(series.y) if len(y) > first]
-        u_all, y_all = np.concatenate(series.u), np.concatenate(series.y)
-        middles = [x.mean(axis=0) if intercept else np.zeros(x.shape[1]) for x in (u_all, y_all)]
-        scales = [np.sqrt(np.mean((x - middle) ** 2, axis=0)) for x, middle in zip((u_all, y_all), middles)]
-        scales = [np.where(scale > 0.0, scale, 1.0) for scale in scales]
-        u, y = (
-            tuple(np.ascontiguousarray((parts[k] - middle) / scale) for k in kept)
-            for parts, middle, scale in zip((series.u, series.y), middles, scales)
-        )
-        plain = replace(series, u=u, y=y)
-        return cls(structure, rows, plain, first, intercept, scales[1], scales[0], middles[1], middles[0])
+        return cls(structure, rows, scaled.longer_than(first), first)
+
+    @property
+    def intercept(self) -> bool:
+        """Whether each equation has one: where middles were taken off."""
+        return self.scaled.offset
 
     @property
     def samples(self) -> int:
         """Predictions of each output."""
-        return sum(len(y) - self.first for y in self.series.y)
+        return sum(len(y) - self.first for y in self.scaled.y)
 
     @cached_property
     def free(self) -> int:
@@ -68,7 +58,7 @@ class Prediction:
 
     def starts(self) -> np.ndarray:
         """Starts of zero, shape (segments, order of C times outputs)."""
-        return np.zeros((len(self.series.y), self.lags * len(self.rows)))
+        return np.zeros((len(self.scaled.y), self.lags * len(self.rows)))
 
     def split(self, free: np.ndarray) -> list[np.ndarray]:
         """The parameters of each row, with its intercept."""
@@ -125,7 +115,7 @@ class Prediction:
     @cached_property
     def regressions(self) -> tuple[Regression, ...]:
         """Each row's regression on what is measured, see `regression`."""
-        return tuple(regression(self.series, row, self.first) for row in self.rows)
+        return tuple(regression(self.scaled, row, self.first) for row in self.rows)
 
     @cached_property
     def problem(self) -> Problem:
@@ -139,10 +129,10 @@ class Prediction:
                     late.append((term.lag, i, local[term.number], len(listed)))
                 listed.append((KINDS.index(term.kind), i, term.number, term.lag))
             listed += [(INTERCEPT, i, 0, 0)] * self.intercept
-        counts = [len(y) for y in self.series.y]
+        counts = [len(y) for y in self.scaled.y]
         return Problem(
-            np.concatenate(self.series.y),
-            np.concatenate(self.series.u),
+            np.concatenate(self.scaled.y),
+            np.concatenate(self.scaled.u),
             np.concatenate([[0], np.cumsum(counts)]),
             np.concatenate([[0], np.cumsum([count - self.first + self.lags for count in counts])]),
             self.first,
@@ -174,15 +164,16 @@ class Prediction:
             at += row.free
             if self.intercept:
                 # A(1) middle_y - B(1) middle_u joins the intercept, C(1) times nothing does not
-                middle = {"a": self.outputs_middle, "b": -self.inputs_middle, "c": np.zeros(len(self.outputs_middle))}
+                outputs, inputs = self.scaled.output_middle, self.scaled.input_middle
+                middle = {"a": outputs, "b": -inputs, "c": np.zeros(outputs.size)}
                 middles = np.array([middle[term.kind][term.number] for term in row.terms])
                 units = np.array([self._scale(row, term) for term in row.terms])
                 matrix[at, inside] = (middles * units) @ row.mix
-                matrix[at, at] = self.outputs_scale[row.number]
-                shift[at] = self.outputs_middle[row.number] + (middles * units) @ row.base
+                matrix[at, at] = self.scaled.output_spread[row.number]
+                shift[at] = self.scaled.output_middle[row.number] + (middles * units) @ row.base
                 at += 1
         return matrix, shift
 
     def _scale(self, row: Row, term: Term) -> float:
-        under = self.inputs_scale if term.kind == "b" else self.outputs_scale
-        return float(self.outputs_scale[row.number] / under[term.number])
+        under = self.scaled.input_spread if term.kind == "b" else self.scaled.output_spread
+        return float(self.scaled.output_spread[row.number] / under[term.number])

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.record import Record
 from identification.linear.structure import Row, Term
+
+if TYPE_CHECKING:
+    from identification.linear.scaled import Scaled
 
 SAMPLES_PER_COEFFICIENT = 4
 SPAN = 1024  # rows that are decomposed at a time
@@ -69,22 +73,7 @@ class Regression:
     terms: tuple[Term, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class Solution:
-    """A least-squares solution.
-
-    coefficients: (n,), and the intercept last where one was asked for.  covariance: of all these, for a white error of
-    standard deviation `error`, with so many degrees of freedom.  residual: (N,).
-    """
-
-    coefficients: np.ndarray
-    covariance: np.ndarray
-    error: float
-    freedom: int
-    residual: np.ndarray
-
-
-def regression(series: Series, row: Row, start: int = 0) -> Regression:
+def regression(series: Series | Scaled, row: Row, start: int = 0) -> Regression:
     """The regression of an output on -1 times lags of outputs and on lags of inputs, as its equation has them.
 
     start: samples at the beginning of each segment that serve as lags only, at least; errors' lags are left out.
@@ -107,8 +96,11 @@ def regression(series: Series, row: Row, start: int = 0) -> Regression:
     return Regression(np.concatenate(targets), np.concatenate(matrices), tuple(row.free_terms[k] for k in free))
 
 
-def solve(problem: Regression, name: str, output: str, intercept: bool = True) -> Solution:
-    """The least-squares solution; raises, on behalf of the estimator `name`, where the data do not determine it."""
+def solve(problem: Regression, name: str, output: str, intercept: bool = True) -> np.ndarray:
+    """The least-squares coefficients, with an intercept last where it is asked for.
+
+    Raises, on behalf of the estimator `name`, where the data do not determine them.
+    """
     count = len(problem.terms) + intercept
     samples = problem.target.size
     if samples < SAMPLES_PER_COEFFICIENT * count:
@@ -137,18 +129,7 @@ def solve(problem: Regression, name: str, output: str, intercept: bool = True) -
     if values[-1] <= tolerance * values[0]:
         raise ValueError(_not_told_apart(name, output, problem.terms, right[values <= tolerance * values[0]]))
     coefficients = (right.T @ ((left.T @ triangle[: size.size, -1]) / values)) / size
-    residual = problem.target - (level - middle @ coefficients) - problem.matrix @ coefficients
-    freedom = samples - count
-    error = float(np.sqrt(residual @ residual / freedom))
-    root = right.T / values / size[:, None]
-    covariance = error**2 * root @ root.T
-    if intercept:
-        # the intercept is level - middle @ coefficients, and the level is independent of the centred columns
-        across = -covariance @ middle
-        own = error**2 / samples + middle @ covariance @ middle
-        covariance = np.block([[covariance, across[:, None]], [across[None, :], np.array([[own]])]])
-        coefficients = np.append(coefficients, level - middle @ coefficients)
-    return Solution(coefficients, covariance, error, freedom, residual)
+    return np.append(coefficients, level - middle @ coefficients) if intercept else coefficients
 
 
 def triangle_of(parts: Iterable[np.ndarray]) -> np.ndarray:

@@ -50,6 +50,11 @@ class Scaled:
         """Inputs and outputs beside each other, (n, m + p), of each segment."""
         return tuple(np.concatenate([u, y], axis=1) for u, y in zip(self.u, self.y))
 
+    def longer_than(self, count: int) -> Scaled:
+        """The same without segments of no more than so many samples."""
+        longer = [(u, y) for u, y in zip(self.u, self.y) if len(y) > count]
+        return replace(self, u=tuple(u for u, _ in longer), y=tuple(y for _, y in longer))
+
     def after(self, count: int) -> Scaled:
         """The same without the first samples of each segment, and without segments of no more than those."""
         longer = [(u[count:], y[count:]) for u, y in zip(self.u, self.y) if len(y) > count]

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from scipy import stats
 
-from auv_gym.channels import channel
+from auv_gym.channels import unit_per
 from auv_gym.linear import StateSpace
 from identification.estimate import Estimate
 from identification.linear.realisation import Realisation
@@ -95,7 +95,7 @@ class StateSpaceFit:
             for j, given in enumerate(band.inputs):
                 value = float(band.response[0, i, j].real)
                 error = float(np.sqrt(band.covariance[0, i, j, 0, 0]))
-                unit = _per(channel(output).unit, channel(given).unit)
+                unit = unit_per(output, given)
                 known = np.isfinite(error)
                 ends = (value - width * error, value + width * error) if known else (-np.inf, np.inf)
                 found.append(Estimate(f"gain[{output}, {given}]", unit, value, error if known else np.inf, ends))
@@ -143,10 +143,3 @@ def fit_of(
         singular_values=np.empty(0) if singular_values is None else singular_values,
         iterations=iterations,
     )
-
-
-def _per(unit: str, other: str) -> str:
-    if unit == other:
-        return "1"
-    over, under = (f"({u})" if "/" in u or " " in u else u for u in (unit, other))
-    return f"{over}/{under}" if other else unit

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auv_gym.channels import channel
+from auv_gym.channels import channel, unit_per
 
 Orders = int | Sequence[int] | Sequence[Sequence[int]]
 KINDS = ("a", "b", "c")
@@ -33,11 +33,7 @@ class Term:
 
     @property
     def unit(self) -> str:
-        over, under = channel(self.output).unit, channel(self.channel).unit
-        if over == under:
-            return "1"
-        over, under = (f"({unit})" if "/" in unit or " " in unit else unit for unit in (over, under))
-        return f"{over}/{under}" if under else over
+        return unit_per(self.output, self.channel)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,14 +96,7 @@ class Structure:
         tied: bool = False,
     ) -> Structure:
         """The structure of an estimator's settings; raises, on behalf of the estimator `name`, where they cannot be."""
-        for what, names in (("inputs", inputs), ("outputs", outputs)):
-            if isinstance(names, str) or not names or len(set(names)) != len(names):
-                raise ValueError(f"{name} needs {what} as a list of different channel names, got {names!r}.")
-            for channel_name in names:
-                channel(channel_name)  # raises on an unknown one
-        both = set(inputs) & set(outputs)
-        if both:
-            raise ValueError(f"{name} got {', '.join(sorted(both))} as input and as output: choose one.")
+        check_channels(name, inputs, outputs)
         if form not in FORMS:
             raise ValueError(f"{name} needs structure to be one of {', '.join(FORMS)}, got {form!r}.")
         unknown = set(integrating) - set(outputs)
@@ -192,6 +181,18 @@ class Structure:
                 parts.append(np.eye(count))
                 base += [0.0] * count
         return Row(output, i, tuple(terms), np.array(base), blocks(parts))
+
+
+def check_channels(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    """Raises, on behalf of the estimator `name`, if the channels cannot be those of a model."""
+    for what, names in (("inputs", inputs), ("outputs", outputs)):
+        if isinstance(names, str) or not names or len(set(names)) != len(names):
+            raise ValueError(f"{name} needs {what} as a list of different channel names, got {names!r}.")
+        for channel_name in names:
+            channel(channel_name)  # raises on an unknown one
+    both = set(inputs) & set(outputs)
+    if both:
+        raise ValueError(f"{name} got {', '.join(sorted(both))} as input and as output: choose one.")
 
 
 def blocks(parts: Sequence[np.ndarray]) -> np.ndarray:

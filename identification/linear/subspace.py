@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
 
 import numpy as np
 from scipy import linalg
 
-from auv_gym.channels import channel
 from identification.linear.hankel import triangle_tall
 from identification.linear.realisation import Realisation
 from identification.linear.refinement import Candidate, candidate, refined
@@ -43,18 +41,6 @@ class States:
         for j in range(self.past):
             states += z[j : j + rows] @ self.weights[:count, j * q : (j + 1) * q].T
         return states
-
-
-def check_channels(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
-    """Raises, on behalf of the estimator `name`, if the channels cannot be those of a model."""
-    for what, names in (("inputs", inputs), ("outputs", outputs)):
-        if isinstance(names, str) or not names or len(set(names)) != len(names):
-            raise ValueError(f"{name} needs {what} as a list of different channel names, got {names!r}.")
-        for one in names:
-            channel(one)
-    both = set(inputs) & set(outputs)
-    if both:
-        raise ValueError(f"{name} got {', '.join(sorted(both))} as input and as output: choose one.")
 
 
 def check_settings(name: str, order: int | str, horizon: int | None) -> None:

@@ -15,6 +15,7 @@ from identification.linear.levenberg_marquardt import Stopping, linearised, mini
 from identification.linear.output_error import OutputError
 from identification.linear.prediction import Prediction
 from identification.linear.regressors import Series
+from identification.linear.scaled import Scaled
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
 # two complex pairs, coloured noise: the channels are neither angles nor poses, so that nothing is unwrapped
@@ -35,7 +36,7 @@ def coloured(n, seed, a=A, b=B, c=C, noise=0.1, dt=1.0):
 def errors_of(record, method, *orders, block=(0,), offset=True, skip=0):
     estimator = method(*orders[:2], **orders[2])
     series = Series.of([record], *orders[:2], "test")
-    return Prediction.of(series, estimator.orders, list(block), offset, skip)
+    return Prediction.of(Scaled.of(series, offset, "test"), estimator.orders, list(block), skip)
 
 
 def coupled(n, seed):
