@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,9 @@ from rich.console import Console
 from auv_gym.cli import main as auv_gym
 from auv_gym.record import Record
 from auv_gym.writing import replacing
+from identification.campaign.conduct import conduct
 from identification.campaign.index import Row, read_index, run_file
+from identification.campaign.reading import read_campaign
 
 FILE = Path(__file__).parent / "campaigns" / "vertical_plane.toml"
 LENGTH = "experiment.duration_s"
@@ -36,6 +38,27 @@ PANELS = (
     ("9", VERIFY, "bow_plane_rad", "bow plane, deg"),
     ("10", VERIFY, "stern_plane_rad", "stern plane, deg"),
 )
+
+
+def records_of(
+    folder: Path, seed: int = 0, jobs: int = 1, progress: Callable[[float, str], object] = lambda share, text: None
+) -> dict[tuple[int, float], Record]:
+    """The campaign's records by seed and length, s; runs that the folder lacks are performed.
+
+    seed: added to the seeds of the campaign.  Raises ValueError if a run did not go as planned.
+    """
+
+    def told(done: int, total: int, failed: int, text: str) -> None:
+        progress(done / max(total, 1), text)
+
+    rows = conduct(read_campaign(FILE, seed), folder, jobs=jobs, progress=told).rows
+    failed = [row for row in rows if not row.usable]
+    if failed:
+        raise ValueError(
+            f"Needed all runs of {FILE.name}, got {len(failed)} that did not go as planned, the first {failed[0].id}: "
+            f"{failed[0].status}, {failed[0].reason}. Delete its file in {folder} and run again."
+        )
+    return {(row.seed, row.cell[LENGTH]): Record.load(row.path(folder)) for row in rows}
 
 
 def shown(record: Record, name: str) -> np.ndarray:

@@ -1,0 +1,73 @@
+"""Pictures of the models of the vertical plane: their orders, their free runs, and control with them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from auv_gym.channels import set_point_of
+from auv_gym.linear.differences import rate_of, with_differences
+from auv_gym.model import Model
+from auv_gym.record import Record
+from auv_gym.writing import replacing
+from identification.drawing import COMMAND, INK, STYLE, downwards, new_figure, quantity_label, shown_values
+from identification.figures_models import legend, looks, rollout_figure
+from identification.figures_orders import order_figure
+from identification.linear.orders import OrderSearch
+from scripts.armax.control import END, LEGS, PITCH_LIMIT, SHALLOW
+from scripts.armax.models import DEPTH, PITCH, free_run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_MARKED = {DEPTH: " (dotted: target)", PITCH: " (dashed: limits)"}
+_FLOWN = (DEPTH, PITCH, "stern_plane_rad", "bow_plane_rad")
+
+
+def draw_orders(search: OrderSearch, path: Path) -> Path:
+    """Figures 2 and 3: error and criteria over the orders."""
+    return _saved(lambda: order_figure(search), path)
+
+
+def draw_verification(models: Mapping[str, Model], record: Record, path: Path) -> Path:
+    """Figures 11 and 12: pitch and depth differences of free runs over data that no fit has seen."""
+    runs = {name: with_differences(free_run(model, record)[0], DEPTH) for name, model in models.items()}
+    # the pitch that the depth loop asked for is of no concern here
+    measured = with_differences(record.without([set_point_of(PITCH)]), DEPTH)
+    return _saved(lambda: rollout_figure(measured, runs, (PITCH, rate_of(DEPTH)), "measured"), path)
+
+
+def draw_control(runs: Mapping[str, Record], path: Path) -> Path:
+    """True motion and planes under each controller."""
+    return _saved(lambda: _control(runs), path)
+
+
+def _control(runs: Mapping[str, Record]) -> Figure:
+    figure = new_figure(8.0)
+    panels = figure.subplots(len(_FLOWN), 1, sharex=True, height_ratios=[1.6, 1.0, 0.8, 0.8])
+    for axes, name in zip(panels, _FLOWN, strict=True):
+        for (label, run), look in zip(runs.items(), looks(len(runs)), strict=True):
+            steps = "steps-post" if name.endswith("plane_rad") else "default"
+            axes.plot(run.time, shown_values(name, run[name]), linewidth=1.2, drawstyle=steps, label=label, **look)
+        axes.set_title(quantity_label(name) + _MARKED.get(name, ""), loc="left")
+        axes.margins(x=0.0)
+        downwards(axes, name)
+    times = np.array([0.0, *(begin for begin, _ in LEGS), END])
+    wanted = [SHALLOW, *(target for _, target in LEGS), LEGS[-1][1]]
+    panels[0].plot(times, wanted, color=COMMAND, linestyle=":", drawstyle="steps-post")
+    for side in (-PITCH_LIMIT, PITCH_LIMIT):
+        panels[1].axhline(float(np.degrees(side)), color=INK, linewidth=0.7, linestyle="--")
+    panels[-1].set_xlabel("time, s")
+    legend(figure, panels[:1])
+    return figure
+
+
+def _saved(figure: Callable[[], Figure], path: Path) -> Path:
+    from matplotlib import rc_context
+
+    with rc_context(STYLE), replacing(path) as new:
+        figure().savefig(new, format="png", dpi=110, facecolor="white")
+    return path
