@@ -98,17 +98,18 @@ def simulate(model: Model, record: Record) -> Record:
     return _with_outputs(model, record, result)
 
 
-def predict(model: Model, record: Record, horizon: int = 1) -> Record:
+def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray | None = None) -> Record:
     """Predictions `horizon` samples ahead: each runs free from the state corrected with all earlier measurements.
 
-    The first `horizon` samples of a segment run free from its start. Raises as `simulate` does.
+    The first `horizon` samples of a segment run free from its start: starts, (segments, n_states), by default those of
+    `initial`, which corrections may take long to mend. Raises as `simulate` does.
     """
     if horizon < 1:
         raise ValueError(f"predict needs a horizon of at least 1 sample, got {horizon}: 1 is one step ahead.")
     inputs, measured = inputs_of(model, record), outputs_of(model, record)
     result = np.empty_like(measured)
     step_over = getattr(model, "step_over", None)
-    for segment in record.segments:
+    for number, segment in enumerate(record.segments):
         times = record.time[segment]
         if step_over is None:
             check_interval(model, times)
@@ -117,7 +118,7 @@ def predict(model: Model, record: Record, horizon: int = 1) -> Record:
             u = inputs[start + k]
             return step_over(x, u, times[k + 1] - times[k]) if step_over else model.step(x, u)
 
-        corrected = [model.initial(measured[segment.start])]
+        corrected = [model.initial(measured[segment.start]) if starts is None else starts[number]]
         for k in range(times.size - 1):
             corrected.append(model.correct(advance(corrected[k], k), measured[segment.start + k + 1]))
         for k in range(times.size):

@@ -116,9 +116,9 @@ def compare_open(
     for name, model in models.items():
         check_usable(name, model, record)
     windows = _windows(models, record, window)
-    shortest = min(float(record.time[w.stop - 1] - record.time[w.start]) for w in windows)
+    shortest = _shortest(record, windows)
     if settle is None:
-        settle = max(SETTLE_SHARE * shortest, *(_needed(model, record) for model in models.values()))
+        settle = settle_of(list(models.values()), record, windows)
     if not 0.0 < settle < 0.5 * shortest:
         raise ValueError(
             f"Starts are fitted to the first {settle:g} s of windows, and the shortest window has {shortest:g} s: "
@@ -131,6 +131,15 @@ def compare_open(
         except Diverged as error:
             failed[name] = str(error)
     return OpenLoop(record, tuple(windows), float(settle), runs, failed)
+
+
+def settle_of(models: Sequence[Model], record: Record, windows: Sequence[slice]) -> float:
+    """The first seconds, of each window, to fit starts to: what the slowest model needs, and a share of a window."""
+    return max(SETTLE_SHARE * _shortest(record, windows), *(_needed(model, record) for model in models))
+
+
+def _shortest(record: Record, windows: Sequence[slice]) -> float:
+    return min(float(record.time[w.stop - 1] - record.time[w.start]) for w in windows)
 
 
 def free_runs_of(model: Model, record: Record, windows: Sequence[slice], settle: float) -> FreeRuns:
@@ -193,8 +202,8 @@ def horizon_sweep(
 ) -> dict[str, dict[int, float]]:
     """Root mean square error of predictions so many samples ahead, by channel and horizon.
 
-    Each prediction runs free from the state corrected with all measurements of its segment up to its origin; origins
-    are spread evenly, at most 200, past the first `settle` seconds of each segment.  Raises Diverged.
+    Each prediction runs free from the state corrected with all measurements of its segment up to its origin, first a
+    state that suits its first `settle` seconds; origins are spread evenly, at most 200, past those.  Raises Diverged.
     """
     if not horizons or any(k < 1 for k in horizons):
         raise ValueError(f"horizon_sweep needs horizons of at least 1 sample, got {list(horizons)}.")
@@ -215,8 +224,7 @@ def horizon_sweep(
     origins = [possible[k] for k in picked]
     states, wanted = [], set(origins)
     step_over = getattr(model, "step_over", None)
-    for s in record.segments:
-        x = model.initial(measured[s.start])
+    for s, x in zip(record.segments, prediction_starts(model, record, settle)):
         for k in range(s.start, min(s.stop, origins[-1] + 1)):
             if k > s.start:
                 x = step_over(x, inputs[k - 1], time[k] - time[k - 1]) if step_over else model.step(x, inputs[k - 1])
@@ -232,6 +240,18 @@ def horizon_sweep(
         model.outputs[c]: {k: float(_root_mean_square(residual[:, k])[c]) for k in horizons}
         for c in _measured_columns(model, record)
     }
+
+
+def prediction_starts(model: Model, record: Record, settle: float) -> np.ndarray:
+    """States at the segments' first rows for predictions, (segments, n_states), fitted to the first `settle` seconds.
+
+    What a model gives for one row of outputs is no good start where it learns slowly from measurements.
+    """
+    measured = outputs_of(model, record)
+    short = min(s.stop - s.start for s in record.segments) <= 2 * len(model.states)
+    if isinstance(model, Plant) or not settle > 0.0 or short:
+        return np.array([model.initial(measured[s.start]) for s in record.segments])
+    return fitted_starts(model, record, head_windows(record, record.segments, settle))
 
 
 def compare_closed(

@@ -12,7 +12,7 @@ from auv_gym.linear import Polynomial, StateSpace, linearise
 from auv_gym.model import Model, predict
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from identification.comparison import OpenLoop, compare_open, horizon_sweep
+from identification.comparison import OpenLoop, compare_open, horizon_sweep, prediction_starts, settle_of
 from identification.validation import input_correlation, whiteness
 
 BINS = 60  # of an error over time
@@ -43,7 +43,8 @@ def residuals(model: Model, record: Record) -> tuple[dict[str, np.ndarray], np.n
     less the samples to which their starts are fitted.
     """
     if predicts(model):
-        ahead = predict(model, record)
+        settle = settle_of([model], record, record.segments)
+        ahead = predict(model, record, starts=prediction_starts(model, record, settle))
         skip = len(model.states)
         parts = [np.arange(s.start + skip, s.stop) for s in record.segments if s.stop - s.start > skip + 2]
         rows = np.concatenate(parts)

@@ -21,12 +21,15 @@ _POLES = (
 
 def pole_table(poles: Sequence[PoleInterval]) -> Table:
     """Poles as people think of them, with 95 % intervals, in one line each, for the command line."""
+    shown = _shown(poles)
     rows = []
-    for pole in _shown(poles):
-        swing = [_known(pole.natural_frequency, " rad/s"), _known(pole.damping)] if pole.pair else ["", ""]
-        limits = _limits(pole.time_constant, pole)
-        rows.append((_owner(pole), complex_words(pole.value), _decay(pole), limits, *swing))
-    return Table(("of", "pole", "time constant", "95 %", "natural frequency", "damping"), tuple(rows))
+    for pole in shown:
+        swing = [f"{number(pole.natural_frequency.value)} rad/s", number(pole.damping.value)] if pole.pair else ["", ""]
+        rows.append([_owner(pole), complex_words(pole.value), _decay(pole), _limits(pole.time_constant, pole), *swing])
+    heads = ["of", "pole", "time constant", "95 %", "frequency", "damping"]
+    owned = len({_owner(pole) for pole in shown}) > 1
+    kept = [0] * owned + [1, 2, 3] + [4, 5] * any(pole.pair for pole in shown)
+    return Table(tuple(heads[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), words=int(owned))
 
 
 def full_pole_table(poles: Sequence[PoleInterval]) -> Table:
@@ -86,6 +89,8 @@ def _decay(pole: PoleInterval) -> str:
     constant = pole.time_constant.value
     if not isfinite(constant):
         return "integrates"
+    if not pole.pair and not pole.fixed and pole.real.ci95[0] <= 1.0 <= pole.real.ci95[1] and not pole.problem:
+        return "integrates, it may be"
     words = f"{number(abs(constant))} s" if constant > 0.0 else f"grows in {number(-constant)} s"
     return f"{words}, alternating" if pole.value.real < 0.0 and not pole.pair else words
 
@@ -105,8 +110,3 @@ def _limits(estimate: Estimate, pole: PoleInterval) -> str:
     if not isfinite(low):
         return "any"
     return f"[{number(low)}, {number(high)}]" if isfinite(high) else f"[{number(low)}, ∞]"
-
-
-def _known(estimate: Estimate, unit: str = "") -> str:
-    half = 0.5 * (estimate.ci95[1] - estimate.ci95[0])
-    return f"{number(estimate.value)}{unit}" + (f" (±{number(half, 2)})" if isfinite(half) and half > 0.0 else "")

@@ -54,9 +54,11 @@ class Section:
 
 
 def parameter_table(estimates: Sequence[Estimate]) -> Table:
-    """Each parameter with its value and 95 % interval, or why it has none."""
-    rows = [(e.path, amount(e.value, e.unit), _interval(e)) for e in estimates]
-    return Table(("parameter", "value", "95 % interval"), tuple(rows))
+    """Each parameter with its value and 95 % interval; why some have none is said below."""
+    problems = list(dict.fromkeys(e.problem for e in estimates if e.problem))
+    rows = [(e.path, amount(e.value, e.unit), _interval(e, problems)) for e in estimates]
+    caption = " ".join(f"({number}) {problem[0].upper()}{problem[1:]}." for number, problem in enumerate(problems, 1))
+    return Table(("parameter", "value", "95 % interval"), tuple(rows), caption=caption)
 
 
 def score_table(open_loop: OpenLoop) -> Table:
@@ -247,7 +249,7 @@ def _residual_section(tests: Mapping[str, Mapping[str, Any]]) -> Section:
     return Section(title, tables=[residual_table(tests)], drawings=residual_drawings({"model": tests}))
 
 
-def _interval(estimate: Estimate) -> str:
-    if estimate.problem or not all(map(isfinite, estimate.ci95)):
-        return estimate.problem or "none"
-    return span(estimate.ci95, estimate.unit)
+def _interval(estimate: Estimate, problems: Sequence[str]) -> str:
+    if estimate.problem:
+        return f"none ({problems.index(estimate.problem) + 1})"
+    return span(estimate.ci95, estimate.unit) if all(map(isfinite, estimate.ci95)) else "none"

@@ -129,7 +129,10 @@ def identify(
         output.print(printed("Orders", shown))
         output.print(shown.caption, markup=False, soft_wrap=True)
         output.print()
-    output.print(printed("Parameters", parameter_table(done.fit.estimates)))
+    parameters = parameter_table(done.fit.estimates)
+    output.print(printed("Parameters", parameters))
+    if parameters.caption:
+        output.print(f"{parameters.caption}\n", markup=False, soft_wrap=True)
     if is_linear(done.fit):
         output.print(printed("Poles, in discrete time", pole_table(pole_intervals(done.fit))))
     if done.open_loop is not None and done.open_loop.runs:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,8 +15,9 @@ from identification.estimate import Estimate
 from identification.linear.realisation import Realisation
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
-from identification.linear.uncertainty import pole_intervals, response_band
+from identification.linear.uncertainty import PoleInterval, pole_intervals, response_band
 
+_INTEGRATES = 1e-3  # distance of a pole from 1 below which a steady gain means nothing
 NO_INTERVAL = "subspace estimates have no interval: refine=True gives one"
 
 
@@ -61,20 +63,20 @@ class StateSpaceFit:
     def estimates(self) -> tuple[Estimate, ...]:
         """Poles, `pole 1` or of a pair `pole 1 (real)` and `pole 1 (imaginary)`, and `gain[output, input]` at rest.
 
-        No gains where a pole is at 1.
+        No gains where a pole is, or may be, at 1.
         """
         return self._estimates
 
     @cached_property
     def _estimates(self) -> tuple[Estimate, ...]:
-        found = []
-        for number, pole in enumerate(pole_intervals(self), start=1):
+        found, poles = [], pole_intervals(self)
+        for number, pole in enumerate(poles, start=1):
             if pole.pair:
                 found.append(replace(pole.real, path=f"pole {number} (real)"))
                 found.append(replace(pole.imaginary, path=f"pole {number} (imaginary)"))
             else:
                 found.append(replace(pole.real, path=f"pole {number}"))
-        found += self._gains()
+        found += self._gains(poles)
         if np.isfinite(self.covariance).all():
             return tuple(found)
         return tuple(replace(estimate, problem=NO_INTERVAL) for estimate in found)
@@ -86,8 +88,13 @@ class StateSpaceFit:
                 return estimate
         raise KeyError(f"There is no estimate {name!r}; there are {', '.join(e.path for e in self.estimates)}")
 
-    def _gains(self) -> list[Estimate]:
-        if np.abs(self.model.poles() - 1.0).min(initial=1.0) < 1e-6:
+    @staticmethod
+    def _integrates(pole: PoleInterval) -> bool:
+        low, high = pole.real.ci95
+        return not pole.pair and (abs(pole.value - 1.0) < _INTEGRATES or low <= 1.0 <= high < np.inf)
+
+    def _gains(self, poles: Sequence[PoleInterval]) -> list[Estimate]:
+        if any(self._integrates(pole) for pole in poles):
             return []
         band = response_band(self, np.zeros(1))
         width, found = float(stats.t.ppf(0.975, self.freedom)), []
