@@ -60,6 +60,7 @@ LOOPS = ("closed", "open")
 CHANCE = 0.01  # that a method without bias is called biased, over all quantities together
 MATTERS = 0.01  # of a pole, and of a response relative to it: a mean error that is surely larger is a bias
 _GAINS_AT = 0.1  # s, for which the vehicle's gains were tuned
+_LOST = 10.0  # rad, of a pitch that nothing holds
 _SPREAD = (5.0, 95.0)  # percentiles of the figure
 _COLUMNS = 4  # of it
 
@@ -180,7 +181,10 @@ def methods() -> dict[str, Estimator]:
 
 
 def simulated(seed: int, samples: int, loop: str = "closed", vehicle: str = VEHICLE) -> Record:
-    """A record of pitch and plane; the same seed has the same PRBS and disturbance in either loop."""
+    """A record of pitch and plane; the same seed has the same PRBS and disturbance in either loop.
+
+    Raises if the controller does not hold the pitch.
+    """
     system, rng, pid = truth(vehicle).state_space, np.random.default_rng(seed), pitch_pid(vehicle)
     added = prbs(samples + RUN_IN, HOLD, EXCITATION, rng)
     noise = NOISE * rng.standard_normal(samples + RUN_IN)
@@ -189,6 +193,11 @@ def simulated(seed: int, samples: int, loop: str = "closed", vehicle: str = VEHI
     b, c, k = system.b[:, 0], system.c[0], system.k[:, 0]
     for at, e in enumerate(noise):
         pitch[at] = c @ x + e
+        if not abs(pitch[at]) < _LOST:
+            raise ValueError(
+                f"The gains of {vehicle!r}, tuned for {_GAINS_AT:g} s, do not hold its pitch at samples of {DT:g} s: "
+                "choose another vehicle."
+            )
         if loop == "closed":
             command, memory = pid.act(memory, {PITCH: float(pitch[at]), "dt_s": DT}, {PITCH: 0.0})
             plane[at] += command[PLANE]

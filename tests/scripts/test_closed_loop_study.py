@@ -62,9 +62,11 @@ def test_n4sid_has_no_bias_in_open_loop():
     assert not study(range(8), [1000], loops=("open",), chosen=("n4sid",))["open", 1000]["n4sid"].biased
 
 
-def test_a_vehicle_that_is_unstable_has_no_open_loop():
+def test_a_vehicle_that_is_unstable_is_refused():
     with pytest.raises(ValueError, match="remus100' is unstable by itself"):
         study(range(2), [500], vehicle="remus100", loops=("open",))
+    with pytest.raises(ValueError, match=r"tuned for 0.1 s, do not hold its pitch at samples of 0.5 s"):
+        study(range(2), [500], vehicle="remus100")
 
 
 def test_errors_are_those_of_the_truth():
