@@ -140,7 +140,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for (loop, samples), by_method in found.items():
         console.print(_table(loop, samples, by_method, quantities(truth(given.vehicle))))
     for line in verdicts(found, given.vehicle):
-        console.print(line)
+        console.print(line, markup=False, soft_wrap=True)
     for path in written:
         console.print(f"Written to {path}", markup=False, soft_wrap=True)
     return 0

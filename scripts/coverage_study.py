@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from joblib import Parallel, delayed
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
@@ -101,7 +102,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         console.print(_table(found, given.samples))
         for case, coverage in found.items():
             for name, share in coverage.outside.items():
-                console.print(f"{case}: the interval of {name} holds the truth in {share:.1f} % of records")
+                words = f"{case}: the interval of {name} holds the truth in {share:.1f} % of records"
+                console.print(words, markup=False, soft_wrap=True)
     return int(any(coverage.outside for coverage in found.values()))
 
 
@@ -285,7 +287,7 @@ def _table(found: Mapping[str, Coverage], samples: int) -> Table:
         least = min(of.shares, key=of.shares.__getitem__)
         shares = list(of.shares.values())
         numbers = (f"{v:.1f}" for v in (np.mean(shares), max(shares)))
-        row = (case, str(of.seeds), str(of.refused), str(len(shares)), f"{min(shares):.1f}", least)
+        row = (case, str(of.seeds), str(of.refused), str(len(shares)), f"{min(shares):.1f}", escape(least))
         shown.add_row(*row, *numbers, str(len(of.outside)))
     return shown
 

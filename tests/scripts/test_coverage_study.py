@@ -65,13 +65,15 @@ def test_shares_outside_are_named():
 
 def test_the_program_prints_a_table_or_json(monkeypatch, capsys):
     monkeypatch.setattr(
-        "scripts.coverage_study.attempt", lambda case, seed, samples: {"a1": seed % 20 != 0, "a2": seed % 2 == 0}
+        "scripts.coverage_study.attempt",
+        lambda case, seed, samples: {"a1": seed % 20 != 0, "a2[q_radps]": seed % 2 == 0},
     )
     assert main(["--seeds", "40", "--case", "arx"]) == 1
     printed = capsys.readouterr().out
-    assert "arx: the interval of a2 holds the truth in 50.0 % of records" in printed
+    assert printed.count("a2[q_radps]") == 2
+    assert "arx: the interval of a2[q_radps] holds the truth in 50.0 % of records" in printed
     assert main(["--seeds", "40", "--case", "arx", "--json"]) == 1
-    assert json.loads(capsys.readouterr().out)["cases"]["arx"]["percent"] == {"a1": 95.0, "a2": 50.0}
+    assert json.loads(capsys.readouterr().out)["cases"]["arx"]["percent"] == {"a1": 95.0, "a2[q_radps]": 50.0}
     assert main(["--seeds", "0"]) == 1
     assert "at least 1, got 0" in capsys.readouterr().err
 
