@@ -73,7 +73,8 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
     Where there is feedback, inputs follow the noise of outputs, and that an output goes with later inputs says nothing.
     What feedback does not make is the excitation at an input, where the record has it, or else jumps of the input far
     beyond its usual moves: of a PRBS, or of a set point.  What the past does not tell of an output may not go with
-    jumps still to come.  So nothing is seen without either, nor where a response drowns in noise within the shift.
+    jumps still to come.  So nothing is seen without either, nor where a response drowns in noise within the shift; a
+    lead of no sample, and any of a coarse reading, is seen with the excitation only, or in open loop.
     """
     series = Series.of(records, inputs, outputs, "check_causality")
     signals = len(series.inputs) + len(series.outputs)
@@ -95,23 +96,24 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
         if moves is None:
             continue
         for j, output in enumerate(series.outputs):
-            # noise of an output acts on the input at once, the steps of a coarse reading once more as they are over
             coarse = float(np.mean([np.mean(np.diff(part[:, j]) == 0.0) for part in y])) > _REPEATED
-            chances = _chances(surprises[:, j], moves, first, 2 if coarse else 1)
+            if moves.picked and coarse:
+                continue  # steps of the reading make the input jump as well
+            chances = _chances(surprises[:, j], moves, first)
             if chances.min() < CHANCE:
                 found.append(Lead(name, output, int(np.argmin(chances)), float(chances.min())))
     return tuple(found)
 
 
-def _chances(surprise: np.ndarray, moves: _Moves, first: np.ndarray, blind: int) -> np.ndarray:
+def _chances(surprise: np.ndarray, moves: _Moves, first: np.ndarray) -> np.ndarray:
     """For shifts of 1 to `LONGEST` samples, the chance that surprises just before moves go with them so well.
 
-    first: row where the segment of each begins.  blind: last surprises that may have picked the moves.
-    Student's test on products with a sum of surprises, of moves that come a while after others.
+    first: row where the segment of each begins.  Student's test on products with a sum of surprises, of moves that come
+    a while after others.
     """
     totals = np.concatenate([np.zeros(1), np.cumsum(surprise)])
     shifts, row = np.arange(1, LONGEST + 1), moves.row[:, None]
-    end = row + 1 - (blind if moves.picked else 0)
+    end = row + 1 - moves.picked  # noise of the same sample may have picked them
     begin = np.minimum(np.maximum(row + 1 - shifts, first[row]), end)
     size = np.where(moves.rest[:, None] > 3 * shifts, moves.size[:, None], 0.0)
     score = _score(size * (totals[end] - totals[begin]))
