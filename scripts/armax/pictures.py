@@ -14,7 +14,7 @@ from auv_gym.model import Model
 from auv_gym.record import Record
 from auv_gym.writing import replacing
 from identification.drawing import COMMAND, INK, STYLE, downwards, new_figure, quantity_label, shown_values
-from identification.figures_models import legend, looks, rollout_figure
+from identification.figures_models import looks, rollout_figure
 from identification.figures_orders import order_figure
 from identification.linear.orders import OrderSearch
 from scripts.armax.control import END, LEGS, PITCH_LIMIT, SHALLOW
@@ -61,7 +61,7 @@ def _control(runs: Mapping[str, Record]) -> Figure:
     for side in (-PITCH_LIMIT, PITCH_LIMIT):
         panels[1].axhline(float(np.degrees(side)), color=INK, linewidth=0.7, linestyle="--")
     panels[-1].set_xlabel("time, s")
-    legend(figure, panels[:1])
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
     return figure
 
 
