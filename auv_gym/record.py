@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, final
@@ -121,12 +122,12 @@ class Record:
     @property
     def sample_interval(self) -> float:
         """Median time between samples of a segment, s."""
-        return float(np.median(self._intervals()))
+        return self._typical[0]
 
     def is_uniform(self, tol: float = 1e-3) -> bool:
         """Whether all intervals within segments equal the median, to `tol` times the median."""
-        intervals = self._intervals()
-        return bool(np.max(np.abs(intervals - np.median(intervals))) <= tol * np.median(intervals))
+        median, farthest = self._typical
+        return farthest <= tol * median
 
     def has(self, name: str) -> bool:
         """Whether a channel is there."""
@@ -263,6 +264,13 @@ class Record:
         if _LABELS not in dataset.attrs or "time_s" not in dataset:
             raise ValueError(f"{path} was not written by Record.save: read it with read_record.")
         return cls(dataset)
+
+    @cached_property
+    def _typical(self) -> tuple[float, float]:
+        """The median of the intervals, and how far another is from it at most, s."""
+        intervals = self._intervals()
+        median = np.median(intervals)
+        return float(median), float(np.max(np.abs(intervals - median)))
 
     def _intervals(self) -> np.ndarray:
         time = self.time

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from scipy.special import stdtrit
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -22,3 +24,8 @@ class Estimate:
     @property
     def identifiable(self) -> bool:
         return not self.problem
+
+
+def half_width(freedom: float) -> float:
+    """How many standard errors an interval of 95 % reaches to either side, by Student's t."""
+    return float(stdtrit(freedom, 0.975))

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record, concat
 from identification.checks import check_ranges
-from identification.estimate import Estimate
+from identification.estimate import Estimate, half_width
 from identification.shooting import Shooting, colour, covariance
 from identification.windows import free_run_windows
 
@@ -129,7 +128,7 @@ class GreyBox:
         matrix, freedom = covariance(problem, point, linear, tint)
         scales = np.array([problem.scale(p) for p in paths])
         problems = _problems(linear.information, linear.raw, paths)
-        width = float(stats.t.ppf(0.975, freedom))
+        width = half_width(freedom)
         fitted = problem.plant_at(point, paths)
         estimates = []
         for i, path in enumerate(paths):

@@ -12,6 +12,7 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.diagnosis.candidates import SEEN, Candidate, Screening, screen
+from identification.estimate import half_width
 from identification.shooting import Point, Shooting, colour, covariance, evidence, window_costs
 from identification.validation import head_windows
 
@@ -111,7 +112,7 @@ class Workbench:
         linear = self.train.linearise(state.train, state.paths, self.train.sigma(state.train))
         matrix, freedom = covariance(self.train, state.train, linear, state.colour)
         errors = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-        width = float(stats.t.ppf(0.975, freedom))
+        width = half_width(freedom)
         result = {}
         for path, error in zip(state.paths, errors, strict=True):
             size = float(error * self.train.scale(path))

@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from auv_gym.record import Record
 from identification.linear.filtering import largest_root
 from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
 from identification.linear.prediction import Prediction
-from identification.linear.regressors import spans, triangle_of
 from identification.linear.structure import Orders, Row, Structure
+from identification.linear.triangles import triangle_tall
 
 PASSES = 50
 _SETTLED = 1e-9  # change of the sum of squares in a pass, relative
+_SEEN = 1e-10  # power of what the regression leaves of errors, relative, below which it tells nothing of C
 _INSIDE = 0.98  # size of the largest root of C to which an unstable one is brought
 
 
@@ -91,8 +91,7 @@ class _Part:
     late: which parameters are the errors'.  errors: their lags and numbers.
     """
 
-    matrices: list[np.ndarray]
-    targets: list[np.ndarray]
+    joints: list[np.ndarray]
     triangle: np.ndarray
     late: np.ndarray
     errors: list[tuple[int, int]]
@@ -100,27 +99,20 @@ class _Part:
     @classmethod
     def of(cls, prediction: Prediction, row: Row) -> _Part:
         problem = prediction.regressions[prediction.rows.index(row)]
-        ones = np.ones((problem.target.size, int(prediction.intercept)))
-        matrix = np.concatenate([problem.matrix, ones], axis=1) if prediction.intercept else problem.matrix
-        triangle = triangle_of(
-            np.column_stack([matrix[span], problem.target[span]]) for span in spans(problem.target.size)
-        )
         ends = np.cumsum([len(y) - prediction.first for y in prediction.scaled.y])[:-1]
-        late = [term.kind == "c" for term in row.free_terms] + [False] * ones.shape[1]
+        late = [term.kind == "c" for term in row.free_terms] + [False] * prediction.intercept
         local = {of.number: i for i, of in enumerate(prediction.rows)}
         errors = [(term.lag, local[term.number]) for term in row.free_terms if term.kind == "c"]
-        return cls(np.split(matrix, ends), np.split(problem.target, ends), triangle, np.array(late), errors)
+        return cls(np.split(problem.joint, ends), triangle_tall(problem.joint), np.array(late), errors)
 
     def solve(self, errors: Sequence[np.ndarray]) -> np.ndarray:
         """The parameters of the regression on these errors too, its own part eliminated."""
         count = len(self.errors)
-        across = np.zeros((self.triangle.shape[1] - 1, count))
-        among, along = np.zeros((count, count)), np.zeros(count)
-        for matrix, target, e in zip(self.matrices, self.targets, errors):
+        across, among = np.zeros((self.triangle.shape[1], count)), np.zeros((count, count))
+        for joint, e in zip(self.joints, errors):
             columns = [(lag, e[: max(len(e) - lag, 0), i]) for lag, i in self.errors]
             for k, (lag, column) in enumerate(columns):
-                across[:, k] += matrix[lag:].T @ column
-                along[k] += target[lag:] @ column
+                across[:, k] += joint[lag:].T @ column
                 for other, (late, with_column) in enumerate(columns[: k + 1]):
                     # both from the row on at which the later of the two begins
                     size = len(e) - max(lag, late)
@@ -128,10 +120,12 @@ class _Part:
                         among[k, other] += column[column.size - size :] @ with_column[with_column.size - size :]
         among = np.tril(among) + np.tril(among, -1).T
         r, known = self.triangle[:-1, :-1], self.triangle[:-1, -1]
-        onto = solve_triangular(r, across, trans=1)
+        onto, along = np.linalg.solve(r.T, across[:-1]), across[-1]
         free = np.empty(self.late.size)
-        free[self.late] = np.linalg.pinv(among - onto.T @ onto, rcond=1e-12, hermitian=True) @ (along - onto.T @ known)
-        free[~self.late] = solve_triangular(r, known - onto @ free[self.late])
+        left = among - onto.T @ onto
+        floor = (_SEEN * np.trace(among) + np.finfo(float).tiny) * np.eye(count)
+        free[self.late] = np.linalg.solve(left + floor, along - onto.T @ known)
+        free[~self.late] = np.linalg.solve(r, known - onto @ free[self.late])
         return free
 
 

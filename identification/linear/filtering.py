@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from auv_gym.compiled import compiled, outlined
+from auv_gym.compiled import outlined
 
-SPAN = 512  # rows of slopes at a time: they stay in a processor's cache
+SPAN = 512  # rows of slopes at a time: they stay in a processor's first cache
 INTERCEPT = 3  # its kind, after those of terms
 _SQUARINGS = 24  # of a matrix; a root of 1 - 1e-6 has gone by then
 _GONE = 1e-40  # below which an effect of a start is nothing; numbers near the smallest are slow to compute with
@@ -142,11 +142,11 @@ def fill_errors(problem, values, c, starts, e):
 def fill_slopes(problem, s, c, e, begin, slopes):
     """Derivatives of the errors of segment s, (rows, r), from prediction `begin` on by terms and then by starts.
 
-    slopes: (nc + count, r, terms + nc r), whose first nc rows are given, those before.
+    slopes: (nc + count, r, terms + nc r + 1), whose first nc rows are given, those before; the errors come last.
     """
     y, u, described, late = problem.y, problem.u, problem.described, problem.late
-    nc, r, width, terms = c.shape[0] - 1, c.shape[1], slopes.shape[2], described.shape[1]
-    count = slopes.shape[0] - nc
+    nc, r, terms = c.shape[0] - 1, c.shape[1], described.shape[1]
+    width, count = terms + nc * r, slopes.shape[0] - nc
     slopes[nc:] = 0.0
     for q in range(terms):
         kind, i, column = described[0, q], described[1, q], described[2, q]
@@ -173,6 +173,7 @@ def fill_slopes(problem, s, c, e, begin, slopes):
                         for q in range(width):
                             slopes[line, i, q] -= factor * slopes[line - k, j, q]
         for i in range(r):
+            slopes[line, i, width] = e[begin + line, i]
             for q in range(terms, width):
                 if abs(slopes[line, i, q]) < _GONE:
                     slopes[line, i, q] = 0.0
@@ -200,60 +201,64 @@ def normal_equations(problem, c, e, weight, chain, gradient, matrix, start_gradi
     nc, r, terms, size = c.shape[0] - 1, c.shape[1], chain.shape[0], chain.shape[1]
     q = nc * r
     width = terms + q
-    buffer, part = np.zeros((nc + SPAN, r, width)), np.empty(width)
-    products, along, halfway = np.empty((width, width)), np.empty(width), np.empty((size, width))
+    buffer, weighted = np.zeros((nc + SPAN, r, width + 1)), np.empty((SPAN * r if r > 1 else 0, width + 1))
+    flat = buffer.reshape(-1, width + 1)
+    products, halfway = np.empty((width + 1, width + 1)), np.empty((size, width))
     gradient[:] = 0.0
     matrix[:] = 0.0
     for s in range(problem.begins.size - 1):
         begins, stops = problem.at[s], problem.at[s + 1]
         products[:] = 0.0
-        along[:] = 0.0
         buffer[:nc] = 0.0
         for row in range(nc):  # the starts are errors that depend on themselves alone
             for i in range(r):
                 buffer[row, i, terms + row * r + i] = 1.0
-            for i in range(r):
-                _add(buffer, row, e, begins + row, weight, i, part, products, along)
-        for begin in range(0, stops - begins - nc, SPAN):
-            count = min(SPAN, stops - begins - nc - begin)
-            fill_slopes(problem, s, c, e[begins:stops], begin, buffer[: nc + count])
-            for line in range(count):
-                for i in range(r):
-                    _add(buffer, nc + line, e, begins + nc + begin + line, weight, i, part, products, along)
-            for row in range(nc):
-                for i in range(r):
-                    for k in range(width):
-                        buffer[row, i, k] = buffer[count + row, i, k]
+                buffer[row, i, width] = e[begins + row, i]
+        begin, count, line = 0, nc, 0  # which rows of the buffer, first those of the starts
+        while True:
+            if r == 1:
+                part = flat[line : line + count]
+            else:
+                _weigh(buffer[line : line + count], weight, weighted)
+                part = weighted[: count * r]
+            products += np.dot(part.T, part)
+            if line:
+                for row in range(nc):
+                    for i in range(r):
+                        for k in range(width):
+                            buffer[row, i, k] = buffer[count + row, i, k]
+            begin, line = begin + count, nc
+            count = min(SPAN, stops - begins - begin)
+            if count <= 0:
+                break
+            fill_slopes(problem, s, c, e[begins:stops], begin - nc, buffer[: nc + count])
+        if r == 1:  # of one output, sums are scaled instead of columns
+            products *= weight[0, 0] * weight[0, 0]
         for z in range(size):
             for k in range(width):
                 halfway[z, k] = 0.0
                 for j in range(terms):
                     halfway[z, k] += chain[j, z] * products[j, k]
             for k in range(terms):
-                gradient[z] += chain[k, z] * along[k]
+                gradient[z] += chain[k, z] * products[k, width]
                 for other in range(size):
                     matrix[z, other] += halfway[z, k] * chain[k, other]
             for k in range(q):
                 across[s, z, k] = halfway[z, terms + k]
         for k in range(q):
-            start_gradient[s, k] = along[terms + k]
+            start_gradient[s, k] = products[terms + k, width]
             for j in range(q):
                 start_matrix[s, k, j] = products[terms + k, terms + j]
 
 
-@compiled
-def _add(slopes, line, e, row, weight, i, part, products, along):
-    """Adds weighted error i of a row, and its slopes, to S' S and to S' e."""
-    error = 0.0
-    for k in range(part.size):
-        part[k] = 0.0
-    for j in range(weight.shape[0]):
-        factor = weight[j, i]
-        error += factor * e[row, j]
-        for k in range(part.size):
-            part[k] += factor * slopes[line, j, k]
-    for k in range(part.size):
-        factor = part[k]
-        along[k] += factor * error
-        for j in range(part.size):  # all of it: an even number of equal rows is quicker than half of them
-            products[k, j] += factor * part[j]
+@outlined
+def _weigh(slopes, weight, weighted):
+    """The slopes of errors times weight, row by row below one another."""
+    r = weight.shape[0]
+    for row in range(slopes.shape[0]):
+        for i in range(r):
+            for k in range(slopes.shape[2]):
+                weighted[row * r + i, k] = 0.0
+            for j in range(r):
+                for k in range(slopes.shape[2]):
+                    weighted[row * r + i, k] += weight[j, i] * slopes[row, j, k]

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from identification.linear.regressors import spans, triangle_of
-
-# Smallest eigenvalue of the scaled normal matrix for which its Cholesky factor keeps six digits more than noise has;
-# below, as without noise or beside an integrator, the factor is that of the windows themselves.
-_WELL_CONDITIONED = 1e-8
+from identification.linear.triangles import spans, triangle_from
 
 
 def rows_of(parts: Sequence[np.ndarray], length: int) -> int:
@@ -25,21 +21,7 @@ def triangle(parts: Sequence[np.ndarray], length: int, columns: np.ndarray) -> n
     """
     used = [part for part in parts if len(part) >= length]
     order = np.concatenate([[0], 1 + columns])
-    return _factor(_normal_matrix(used, length)[np.ix_(order, order)], lambda: _rows(used, length, columns))
-
-
-def triangle_tall(matrix: np.ndarray) -> np.ndarray:
-    """R of the QR decomposition of a matrix with many rows."""
-    return _factor(matrix.T @ matrix, lambda: (matrix[span] for span in spans(len(matrix))))
-
-
-def _factor(normal: np.ndarray, rows: Callable[[], Iterable[np.ndarray]]) -> np.ndarray:
-    """R of a matrix from its normal matrix, or from its rows where that has lost digits."""
-    size = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    scaled = normal / np.outer(size, size)
-    if np.linalg.eigvalsh(scaled)[0] > _WELL_CONDITIONED:
-        return np.linalg.cholesky(scaled).T * size
-    return triangle_of(rows())
+    return triangle_from(_normal_matrix(used, length)[np.ix_(order, order)], lambda: _rows(used, length, columns))
 
 
 def _normal_matrix(parts: Sequence[np.ndarray], length: int) -> np.ndarray:

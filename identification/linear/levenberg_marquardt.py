@@ -13,7 +13,7 @@ from identification.linear.prediction import Prediction
 # Relative size below which a direction of the parameters is as good as not seen at the start; its square has to be
 # above rounding, since normal matrices are formed.
 _WHITE = 1e-7
-_ROUNDING = 4.0 * float(np.finfo(float).eps)
+_ROUNDING = 1e-13  # gain of a step, relative to the loss, below which only rounding would change
 REASONS = ("iterations", "gradient", "step", "error", "rounding")
 
 
@@ -55,6 +55,14 @@ class Linearised:
     across: np.ndarray
     start_matrix: np.ndarray
 
+    @property
+    def reduced(self) -> np.ndarray:
+        """The normal matrix of the parameters with the starts solved for."""
+        if not self.start_matrix.size:
+            return self.matrix
+        solved = np.linalg.solve(self.start_matrix, np.swapaxes(self.across, 1, 2))
+        return self.matrix - np.einsum("spq,sqr->pr", self.across, solved)
+
 
 def minimise(
     prediction: Prediction, free: np.ndarray, starts: np.ndarray, weight: np.ndarray, stopping: Stopping
@@ -73,8 +81,16 @@ def minimise(
     basis = _orthonormal(about)
     z, begin = np.linalg.solve(basis, free), starts.copy()
     chain = prediction.problem.mix @ basis
+    square = 2.0 * about.value  # the loss begins at a half
+    here = (
+        basis.T @ about.gradient / square,
+        basis.T @ about.matrix @ basis / square,
+        about.start_gradient / square,
+        np.ascontiguousarray(basis.T @ about.across / square),
+        about.start_matrix / square,
+    )
     loss, count, reason = _descend(
-        prediction.problem, z, begin, weight / size, chain, prediction.structure.tied, *astuple(stopping)[:-1]
+        prediction.problem, z, begin, weight / size, chain, prediction.structure.tied, *here, *astuple(stopping)[:-1]
     )
     return Minimum(basis @ z, begin, 2.0 * about.value * loss, count, REASONS[reason])
 
@@ -92,10 +108,7 @@ def linearised(prediction: Prediction, free: np.ndarray, starts: np.ndarray, wei
 
 def _orthonormal(about: Linearised) -> np.ndarray:
     """Directions of the parameters, as columns, in which the normal matrix less what the starts explain is one."""
-    matrix = about.matrix
-    if about.start_matrix.size:
-        solved = np.linalg.solve(about.start_matrix, np.swapaxes(about.across, 1, 2))
-        matrix = matrix - np.einsum("spq,sqr->pr", about.across, solved)
+    matrix = about.reduced
     size = np.sqrt(np.maximum(np.diag(matrix), np.finfo(float).tiny))
     squares, directions = np.linalg.eigh(matrix / np.outer(size, size))
     return (
@@ -104,21 +117,33 @@ def _orthonormal(about: Linearised) -> np.ndarray:
 
 
 @outlined
-def _descend(problem, z, starts, weight, chain, tied, tau, most, least_gradient, least_step):
+def _descend(
+    problem,
+    z,
+    starts,
+    weight,
+    chain,
+    tied,
+    gradient,
+    matrix,
+    start_gradient,
+    across,
+    start_matrix,
+    tau,
+    most,
+    least_gradient,
+    least_step,
+):
     """Brings z and starts to the minimum in place; the loss there, how many iterations, number of the reason.
 
-    Terms are base + chain z.
+    Terms are base + chain z.  The normal equations come as they are at the beginning, where the loss is a half.
     """
     r, (segments, q), p = problem.numbers.size, starts.shape, z.size
     c, e = np.zeros((q // r + 1, r, r)), np.empty((problem.at[-1], r))
-    gradient, matrix = np.zeros(p), np.zeros((p, p))
-    start_gradient, start_matrix = np.zeros((segments, q)), np.zeros((segments, q, q))
-    across, solved = np.zeros((segments, p, q)), np.zeros((segments, p, q))
+    solved = np.zeros((segments, p, q))
     change, start_change = np.zeros(p), np.zeros((segments, q))
     tried, tried_starts = np.zeros(p), np.zeros((segments, q))
-    value = _value(problem, z, starts, weight, chain, tied, c, e)
-    normal_equations(problem, c, e, weight, chain, gradient, matrix, start_gradient, across, start_matrix)
-    damping = 0.0
+    value, damping = 0.5, 0.0
     for i in range(p):
         damping = max(damping, tau * matrix[i, i])
     for s in range(segments):

@@ -79,9 +79,7 @@ def filtered(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
         a = prediction.c(free)[:, 0, 0]
         a = a * min(1.0, _INSIDE / max(largest_root(a[:, None, None]), 1e-12)) ** np.arange(a.size)
         problem = prediction.regressions[0]
-        ones = np.ones((problem.target.size, int(prediction.intercept)))
-        columns = np.column_stack([problem.matrix, ones, problem.target])
         ends = np.cumsum([len(y) - prediction.first for y in prediction.scaled.y])[:-1]
-        columns = np.concatenate([lfilter([1.0], a, part, axis=0) for part in np.split(columns, ends)])
+        columns = np.concatenate([lfilter([1.0], a, part, axis=0) for part in np.split(problem.joint, ends)])
         free = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=1e-14)[0]
     return best

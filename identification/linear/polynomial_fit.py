@@ -6,17 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from auv_gym.channels import channel
 from auv_gym.linear import Polynomial
 from auv_gym.record import Record
-from identification.estimate import Estimate
+from identification.estimate import Estimate, half_width
 from identification.linear.filtering import largest_root
+from identification.linear.levenberg_marquardt import linearised
 from identification.linear.prediction import Prediction
 from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series, solve
 from identification.linear.scaled import Scaled
 from identification.linear.structure import Structure, blocks
+from identification.linear.triangles import triangle_from
 
 _AT_CIRCLE = 0.999  # size of a root of C beyond which errors of long ago still count, and intervals do not hold
 # what a method does: from the errors and the least-squares parameters to its parameters and starts (none: zeros)
@@ -128,7 +129,7 @@ def _least_squares(name: str, prediction: Prediction, k: int) -> np.ndarray:
             f"{name} needs at least {SAMPLES_PER_COEFFICIENT} samples per coefficient ({count} coefficients of "
             f"{row.output}), got {problem.target.size} that have all their lags: record longer or ask for fewer lags."
         )
-    found = solve(problem, name, row.output, prediction.intercept)
+    found = solve(problem, name, row.output)
     free = np.zeros(count)
     known = [i for i, term in enumerate(row.free_terms) if term.kind != "c"]
     free[known + [row.free] * prediction.intercept] = found
@@ -139,7 +140,8 @@ def _covariance(prediction: Prediction, free: np.ndarray, starts: np.ndarray, no
     """Of the parameters, for white errors of this covariance: the inverse of the information, starts estimated too."""
     floor = np.finfo(float).eps ** 2 * np.eye(len(noise))
     weight = np.linalg.cholesky(np.linalg.inv(noise + floor))
-    triangle = prediction.triangle(free, starts, weight)
+    about = linearised(prediction, free, starts, weight)
+    triangle = triangle_from(about.reduced, lambda: [prediction.triangle(free, starts, weight)])
     size = np.maximum(np.sqrt(np.sum(triangle**2, axis=0)), np.finfo(float).tiny)
     inverse = np.linalg.pinv(triangle / size, rcond=1e-14) / size[:, None]
     return inverse @ inverse.T
@@ -205,7 +207,7 @@ def _estimates(
         errors = np.sqrt(np.maximum(np.diag(mix @ covariance[inside, inside] @ mix.T), 0.0))
         heads = [(term.name, term.unit) for term in row.terms]
         heads += [(f"intercept[{row.output}]", channel(row.output).unit)] * offset
-        width, problem = float(stats.t.ppf(0.975, left)), problems.get(row.output, "")
+        width, problem = half_width(left), problems.get(row.output, "")
         found += [
             Estimate(head, unit, float(v), float(e), (float(v - width * e), float(v + width * e)), problem)
             for (head, unit), v, e in zip(heads, values, errors)

@@ -9,9 +9,10 @@ from functools import cached_property
 import numpy as np
 
 from identification.linear.filtering import INTERCEPT, Problem, fill_c, fill_errors, fill_slopes
-from identification.linear.regressors import Regression, regression, spans, triangle_of
+from identification.linear.regressors import Regression, regression
 from identification.linear.scaled import Scaled
 from identification.linear.structure import KINDS, Row, Structure, Term, blocks
+from identification.linear.triangles import spans, triangle_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,20 +95,20 @@ class Prediction:
         problem, r, q = self.problem, len(self.rows), self.lags * len(self.rows)
 
         def parts() -> Iterator[np.ndarray]:
-            last = np.zeros((self.lags, r, n + q))
-            last[:, :, n:] = np.eye(q).reshape(self.lags, r, q)
+            last = np.zeros((self.lags, r, n + q + 1))
+            last[:, :, n:-1] = np.eye(q).reshape(self.lags, r, q)
             if self.lags:
                 yield mixed(last)
             for span in spans(len(e) - self.lags):
-                slopes = np.concatenate([last, np.zeros((span.stop - span.start, r, n + q))])
+                slopes = np.concatenate([last, np.zeros((span.stop - span.start, r, n + q + 1))])
                 fill_slopes(problem, s, c, e, span.start, slopes)
                 yield mixed(slopes[self.lags :])
                 last = slopes[len(slopes) - self.lags :]
 
         def mixed(slopes: np.ndarray) -> np.ndarray:
             flat = slopes if r == 1 else np.einsum("tiq,ij->tjq", slopes, weight)
-            flat = flat.reshape(-1, n + q)
-            return np.concatenate([flat[:, n:], flat[:, :n] @ problem.mix], axis=1)
+            flat = flat.reshape(-1, n + q + 1)
+            return np.concatenate([flat[:, n:-1], flat[:, :n] @ problem.mix], axis=1)
 
         scale = abs(float(weight[0, 0])) if r == 1 else 1.0
         return scale * triangle_of(parts())[q:, q:]
@@ -115,7 +116,7 @@ class Prediction:
     @cached_property
     def regressions(self) -> tuple[Regression, ...]:
         """Each row's regression on what is measured, see `regression`."""
-        return tuple(regression(self.scaled, row, self.first) for row in self.rows)
+        return tuple(regression(self.scaled, row, self.first, self.intercept) for row in self.rows)
 
     @cached_property
     def problem(self) -> Problem:

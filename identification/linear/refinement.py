@@ -10,9 +10,10 @@ import numpy as np
 from auv_gym.compiled import compiled
 from auv_gym.linear import StateSpace
 from identification.linear.realisation import Realisation
-from identification.linear.regressors import Series, spans
+from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit, fit_of
+from identification.linear.triangles import spans
 
 _ITERATIONS = 60
 _FLAT = 1e-9  # expected fall of the loss per sample at which a descent ends

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -11,12 +11,12 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.record import Record
 from identification.linear.structure import Row, Term
+from identification.linear.triangles import triangle_tall
 
 if TYPE_CHECKING:
     from identification.linear.scaled import Scaled
 
 SAMPLES_PER_COEFFICIENT = 4
-SPAN = 1024  # rows that are decomposed at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +40,14 @@ class Series:
             raise ValueError(f"{name}.fit needs at least one record, got none.")
         names = (*inputs, *outputs)
         dt = _plain(records[0].sample_interval)
+        parts = []
         for record in records:
-            for channel_name in names:
-                _check_finite(record, channel_name, name)
+            values = record.matrix(names)
+            if not np.isfinite(values).all():
+                for channel_name in names:
+                    _check_finite(record, channel_name, name)
             _check_even(record, dt, name)
-        parts = [np.array(record.matrix(names)[part]) for record in records for part in record.segments]
+            parts += [values[part] for part in record.segments]
         for column, channel_name in enumerate(names):
             if channel(channel_name).angle:
                 for part in parts:
@@ -65,15 +68,22 @@ class Series:
 class Regression:
     """target = matrix @ coefficients + error, over all rows that have all their lags in their own segment.
 
-    target: (N,).  matrix: (N, n).  terms: of each column.
+    joint: (N, n + 1), the columns and then the target.  terms: of the columns; an intercept's ones come after them.
     """
 
-    target: np.ndarray
-    matrix: np.ndarray
+    joint: np.ndarray
     terms: tuple[Term, ...]
 
+    @property
+    def matrix(self) -> np.ndarray:
+        return self.joint[:, :-1]
 
-def regression(series: Series | Scaled, row: Row, start: int = 0) -> Regression:
+    @property
+    def target(self) -> np.ndarray:
+        return self.joint[:, -1]
+
+
+def regression(series: Series | Scaled, row: Row, start: int = 0, intercept: bool = False) -> Regression:
     """The regression of an output on -1 times lags of outputs and on lags of inputs, as its equation has them.
 
     start: samples at the beginning of each segment that serve as lags only, at least; errors' lags are left out.
@@ -81,68 +91,42 @@ def regression(series: Series | Scaled, row: Row, start: int = 0) -> Regression:
     known = [k for k, term in enumerate(row.terms) if term.kind != "c"]
     free = [k for k, term in enumerate(row.free_terms) if term.kind != "c"]
     base, mix = row.base[known], row.mix[np.ix_(known, free)]
-    start = max(start, row.first)
-    targets, matrices = [np.empty(0)], [np.empty((0, len(free)))]
+    start, width = max(start, row.first), len(known) + intercept
+    fixed = base.any() or len(free) < len(known)
+    joint = np.ones((sum(max(len(y) - start, 0) for y in series.y), width + 1), order="F")
+    at = 0
     for u, y in zip(series.u, series.y, strict=True):
-        if len(y) > start:
-            columns = np.empty((len(y) - start, len(known)), order="F")
-            for place, k in enumerate(known):
-                term = row.terms[k]
-                signal, sign = (y, -1.0) if term.kind == "a" else (u, 1.0)
-                np.multiply(signal[start - term.lag : len(y) - term.lag, term.number], sign, out=columns[:, place])
-            fixed = base.any()
-            targets.append(y[start:, row.number] - columns @ base if fixed else y[start:, row.number])
-            matrices.append(columns @ mix if fixed or len(free) < len(known) else columns)
-    return Regression(np.concatenate(targets), np.concatenate(matrices), tuple(row.free_terms[k] for k in free))
+        count = max(len(y) - start, 0)
+        for place, k in enumerate(known if count else ()):
+            term = row.terms[k]
+            signal, sign = (y, -1.0) if term.kind == "a" else (u, 1.0)
+            lagged = signal[start - term.lag : len(y) - term.lag, term.number]
+            np.multiply(lagged, sign, out=joint[at : at + count, place])
+        joint[at : at + count, -1] = y[start:, row.number]
+        at += count
+    if fixed:
+        columns = joint[:, : len(known)]
+        joint = np.column_stack([columns @ mix, joint[:, len(known) : width], joint[:, -1] - columns @ base])
+    return Regression(joint, tuple(row.free_terms[k] for k in free))
 
 
-def solve(problem: Regression, name: str, output: str, intercept: bool = True) -> np.ndarray:
-    """The least-squares coefficients, with an intercept last where it is asked for.
-
-    Raises, on behalf of the estimator `name`, where the data do not determine them.
-    """
-    count = len(problem.terms) + intercept
-    samples = problem.target.size
+def solve(problem: Regression, name: str, output: str) -> np.ndarray:
+    """The least-squares coefficients; raises, on behalf of the estimator `name`, where the data do not tell them."""
+    samples, count = len(problem.joint), problem.joint.shape[1] - 1
     if samples < SAMPLES_PER_COEFFICIENT * count:
         raise ValueError(
             f"{name} needs at least {SAMPLES_PER_COEFFICIENT} samples per coefficient ({count} coefficients of "
             f"{output}), got {samples} that have all their lags: record longer or ask for fewer lags."
         )
-    # centred columns have the intercept solved for, and keep the digits that a large mean would take
-    middle = problem.matrix.mean(axis=0) if intercept else np.zeros(len(problem.terms))
-    level = float(problem.target.mean()) if intercept else 0.0
-    full = np.sqrt(np.einsum("ij,ij->j", problem.matrix, problem.matrix))
-    triangle = triangle_of(
-        np.column_stack([problem.matrix[rows] - middle, problem.target[rows] - level]) for rows in spans(samples)
-    )
-    size = np.sqrt(np.sum(triangle[:, : full.size] ** 2, axis=0))
-    still = size <= 1e-12 * full
-    if still.any():
-        idle = dict.fromkeys(term.channel for term, quiet in zip(problem.terms, still) if quiet)
-        raise ValueError(
-            f"{name} cannot fit {output}: {_and(list(idle))} {'is' if len(idle) == 1 else 'are'} constant throughout. "
-            "Use a record in which it moves, or leave it out of the inputs."
-        )
     # all that the data tell is in the triangle, whose singular values are those of the columns
-    left, values, right = np.linalg.svd(triangle[: size.size, : size.size] / size)
-    tolerance = 10.0 * np.finfo(float).eps * max(problem.matrix.shape)
+    triangle = triangle_tall(problem.joint)
+    size = np.sqrt(np.sum(triangle[:, :count] ** 2, axis=0))
+    size[size == 0.0] = 1.0
+    left, values, right = np.linalg.svd(triangle[:count, :count] / size)
+    tolerance = 10.0 * np.finfo(float).eps * samples
     if values[-1] <= tolerance * values[0]:
         raise ValueError(_not_told_apart(name, output, problem.terms, right[values <= tolerance * values[0]]))
-    coefficients = (right.T @ ((left.T @ triangle[: size.size, -1]) / values)) / size
-    return np.append(coefficients, level - middle @ coefficients) if intercept else coefficients
-
-
-def triangle_of(parts: Iterable[np.ndarray]) -> np.ndarray:
-    """R of the QR decomposition of parts below one another, square and with zero rows where they have too few."""
-    r = np.empty((0, 0))
-    for part in parts:
-        r = np.asarray(np.linalg.qr(np.concatenate([r.reshape(-1, part.shape[1]), part]), mode="r"))
-    return np.concatenate([r, np.zeros((r.shape[1] - r.shape[0], r.shape[1]))])
-
-
-def spans(count: int) -> list[slice]:
-    """Rows in parts small enough to stay in a processor's cache."""
-    return [slice(at, min(at + SPAN, count)) for at in range(0, max(count, 1), SPAN)]
+    return (right.T @ ((left.T @ triangle[:count, -1]) / values)) / size
 
 
 def _plain(dt: float) -> float:
@@ -154,7 +138,7 @@ def _plain(dt: float) -> float:
 def _not_told_apart(name: str, output: str, terms: Sequence[Term], directions: np.ndarray) -> str:
     involved = np.max(np.abs(directions), axis=0) > 0.1
     lags: dict[str, list[str]] = {}
-    for term, part in zip(terms, involved, strict=True):
+    for term, part in zip(terms, involved):  # an intercept has no term
         if part:
             lags.setdefault(term.channel, []).append(str(term.lag))
     which = _and([f"{c} at lag{'s' * (len(found) > 1)} {_and(found)}" for c, found in lags.items()])

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import stats
 
 from auv_gym.channels import unit_per
 from auv_gym.linear import StateSpace
-from identification.estimate import Estimate
+from identification.estimate import Estimate, half_width
 from identification.linear.realisation import Realisation
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
@@ -97,7 +96,7 @@ class StateSpaceFit:
         if any(self._integrates(pole) for pole in poles):
             return []
         band = response_band(self, np.zeros(1))
-        width, found = float(stats.t.ppf(0.975, self.freedom)), []
+        width, found = half_width(self.freedom), []
         for i, output in enumerate(band.outputs):
             for j, given in enumerate(band.inputs):
                 value = float(band.response[0, i, j].real)

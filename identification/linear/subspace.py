@@ -8,12 +8,12 @@ from math import log
 import numpy as np
 from scipy import linalg
 
-from identification.linear.hankel import triangle_tall
 from identification.linear.realisation import Realisation
 from identification.linear.refinement import Candidate, candidate, refined
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit, fit_of
+from identification.linear.triangles import triangle_tall
 
 _DEPENDENT = 1e-9  # singular value over the largest, of columns of unit size, below which they are one too many
 _NOISELESS = 1e-9  # one-step error over the spread of an output below which it is rounding

@@ -19,7 +19,7 @@ from auv_gym.linear import Polynomial, StateSpace
 from auv_gym.model import Diverged
 from auv_gym.record import Record
 from identification.comparison import OpenLoop, compare_open, fitted_starts, free_runs_of
-from identification.estimate import Estimate
+from identification.estimate import Estimate, half_width
 from identification.linear.fit import LinearFit, has_errors
 from identification.validation import head_windows
 
@@ -122,7 +122,7 @@ class PoleInterval:
         if self.problem:
             return Estimate(path, unit, value, inf, (-inf, inf), self.problem)
         error = float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
-        width = _width(self.freedom) * error
+        width = half_width(self.freedom) * error
         return Estimate(path, unit, value, error, (value - width, value + width))
 
 
@@ -165,13 +165,13 @@ class ResponseBand:
     def gain_bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """95 % bounds of the gain, each (n, p, m): even in its logarithm, so that both are positive."""
         with np.errstate(over="ignore", invalid="ignore"):
-            apart = np.exp(_width(self.freedom) * self.gain_error)
+            apart = np.exp(half_width(self.freedom) * self.gain_error)
             return self.gain / apart, self.gain * apart
 
     @property
     def phase_bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """95 % bounds of the phase, rad, each (n, p, m)."""
-        half = _width(self.freedom) * self.phase_error
+        half = half_width(self.freedom) * self.phase_error
         return self.phase - half, self.phase + half
 
     def _along(self, direction: np.ndarray) -> np.ndarray:
@@ -272,7 +272,7 @@ def simulated_band(
         return model.run(record, windows, begun)[:, columns]
 
     centre = runs.model if starts is None else run(fit.model)
-    diverged, width = 0, _width(fit.freedom)
+    diverged, width = 0, half_width(fit.freedom)
     if draws and rng is not None:
         drawn, diverged = _drawn(fit, run, draws, rng)
         low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
@@ -305,11 +305,6 @@ def zeros(model: Polynomial | StateSpace, output: str, given: str) -> np.ndarray
     found = found[np.isfinite(found)]
     found = found[np.abs(found) < _INFINITE]
     return found[np.all(np.abs(found[:, None] - space.poles()) > _APART, axis=1)]
-
-
-def _width(freedom: int) -> float:
-    """Half a 95 % interval in standard errors."""
-    return float(stats.t.ppf(0.975, freedom))
 
 
 def _directions(fit: LinearFit) -> np.ndarray:

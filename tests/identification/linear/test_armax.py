@@ -115,6 +115,7 @@ def test_the_gradient_and_normal_matrix_are_those_of_differences(orders, block):
     np.testing.assert_allclose(found.start_gradient[0], begin @ e, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(found.across[0], slopes @ begin.T, rtol=1e-6, atol=1e-6)
     rest = slopes.T - begin.T @ np.linalg.lstsq(begin.T, slopes.T, rcond=None)[0]
+    np.testing.assert_allclose(found.reduced, rest.T @ rest, rtol=1e-5, atol=1e-5)
     triangle = errors.triangle(free, starts, weight)
     np.testing.assert_allclose(triangle.T @ triangle, rest.T @ rest, rtol=1e-6, atol=1e-6)
 
@@ -132,7 +133,7 @@ def test_the_compiled_filters_are_those_of_plain_python():
     def all_of(of):
         e, arrays = np.empty((problem.rows, 2)), [np.zeros(shape) for shape in shapes]
         of(filtering.fill_errors)(problem, errors.terms(free), c, starts, e)
-        slopes = np.zeros((2 + 30, 2, problem.described.shape[1] + q))
+        slopes = np.zeros((2 + 30, 2, problem.described.shape[1] + q + 1))
         of(filtering.fill_slopes)(problem, 0, c, e, 3, slopes)
         of(filtering.normal_equations)(problem, c, e, weight, problem.mix, *arrays)
         return [e, slopes, *arrays]
