@@ -16,9 +16,9 @@ from identification.shown import excitation_of
 
 LONGEST = 20  # samples looked ahead
 CHANCE = 1e-6  # of a finding at one shift where nothing is shifted; tens of shifts and pairs are tried
+_BY_JUMPS = 1e-10  # the same, where what earlier moves leave can repeat before each
 _LAGS = ((1, 2, 3, 4, 6, 8, 12, 16, 24, 32), (1, 2, 3, 4, 6, 8), (1, 2, 3))  # of the predictors, longest first
 _ROWS_PER_LAG = 3.0
-_FAST = 10  # samples between levels drawn by a clock, below which jumps are not far enough apart
 _REPEATED = 0.05  # of the readings, from which on they are coarse
 _LONG = 4 * LONGEST  # samples after which nothing is left of a move
 _FEWEST = 8.0  # moves of an input; fewer tell nothing
@@ -42,13 +42,14 @@ class Lead:
 class _Moves:
     """Moves of an input that feedback has not made.
 
-    row: where, rising.  size: sizes or signs.  rest: rows without another before each; all, where none follow from
-    those before, as jumps between two levels do.
+    row: where, rising.  size: sizes, levels or signs.  rest: rows since the one before.  drawn: whether nothing before
+    can tell them; else they are jumps, whose signs alternate.  picked: whether noise fed back may tell which are large.
     """
 
     row: np.ndarray
     size: np.ndarray
     rest: np.ndarray
+    drawn: bool = False
     picked: bool = False
 
 
@@ -73,8 +74,8 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
     Where there is feedback, inputs follow the noise of outputs, and that an output goes with later inputs says nothing.
     What feedback does not make is the excitation at an input, where the record has it, or else jumps of the input far
     beyond its usual moves: of a PRBS, or of a set point.  What the past does not tell of an output may not go with
-    jumps still to come.  So nothing is seen without either, nor where a response drowns in noise within the shift; a
-    lead of no sample, and any of a coarse reading, is seen with the excitation only, or in open loop.
+    jumps still to come.  So nothing is seen without either, nor where a response drowns in noise within the shift;
+    leads of less than two samples, and of coarse readings, are seen with the excitation only, or in open loop.
     """
     series = Series.of(records, inputs, outputs, "check_causality")
     signals = len(series.inputs) + len(series.outputs)
@@ -89,6 +90,8 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
     surprises = _surprises(y, [np.concatenate(pair, axis=1) for pair in zip(u, y, strict=True)], lags)
     begins = np.cumsum([0] + [len(part) - lags[-1] for part in u])
     first = np.repeat(begins[:-1], np.diff(begins))
+    before = np.concatenate([part[lags[-1] - 1 : -1] for part in u])
+    before = (before - before.mean(axis=0)) / np.where(np.ptp(before, axis=0) > 0.0, before.std(axis=0), 1.0)
     found = []
     for i, name in enumerate(series.inputs):
         own = [part[:, [i]] for part in u]
@@ -99,24 +102,32 @@ def leads(records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[st
             coarse = float(np.mean([np.mean(np.diff(part[:, j]) == 0.0) for part in y])) > _REPEATED
             if moves.picked and coarse:
                 continue  # steps of the reading make the input jump as well
-            chances = _chances(surprises[:, j], moves, first)
-            if chances.min() < CHANCE:
+            chances = _chances(surprises[:, j], moves, first, before)
+            if chances.min() < (CHANCE if moves.drawn else _BY_JUMPS):
                 found.append(Lead(name, output, int(np.argmin(chances)), float(chances.min())))
     return tuple(found)
 
 
-def _chances(surprise: np.ndarray, moves: _Moves, first: np.ndarray) -> np.ndarray:
+def _chances(surprise: np.ndarray, moves: _Moves, first: np.ndarray, before: np.ndarray) -> np.ndarray:
     """For shifts of 1 to `LONGEST` samples, the chance that surprises just before moves go with them so well.
 
-    first: row where the segment of each begins.  Student's test on products with a sum of surprises, of moves that come
-    a while after others.
+    first: row where the segment of each begins.  before: the inputs a sample before each row.
+    Student's test on products with a sum of surprises; of drawn moves less what goes with the inputs before, of jumps
+    those that come a while after others.
     """
     totals = np.concatenate([np.zeros(1), np.cumsum(surprise)])
     shifts, row = np.arange(1, LONGEST + 1), moves.row[:, None]
-    end = row + 1 - moves.picked  # noise of the same sample may have picked them
+    # noise of this sample may have picked a jump, and by differences that of the one before
+    end = row + 1 - 2 * moves.picked
     begin = np.minimum(np.maximum(row + 1 - shifts, first[row]), end)
-    size = np.where(moves.rest[:, None] > 3 * shifts, moves.size[:, None], 0.0)
-    score = _score(size * (totals[end] - totals[begin]))
+    sums = totals[end] - totals[begin]
+    if moves.drawn:
+        known = before[moves.row]
+        sums -= known @ np.linalg.lstsq(known, sums, rcond=1e-9)[0]
+        size = np.repeat(moves.size[:, None], LONGEST, axis=1)
+    else:
+        size = np.where(moves.rest[:, None] > 3 * shifts, moves.size[:, None], 0.0)
+    score = _score(size * sums)
     count = np.array([_count(column) for column in size.T])
     enough = count >= _FEWEST
     count = np.where(enough, count, _FEWEST)
@@ -135,10 +146,10 @@ def _moves(own: Sequence[np.ndarray], excitation: Sequence[np.ndarray] | None, l
     surprise = _surprises(own, own, lags)[:, 0]
     if excitation is not None:
         added = _surprises(excitation, excitation, lags)[:, 0]
-        moves = _sudden(excitation, added, lags[-1]) or _Moves(np.arange(added.size), added, np.full(added.size, _LONG))
+        moves = _sudden(excitation, added, lags[-1]) or _drawn(np.arange(added.size), added)
         after = _delay(added, surprise)
         inside = (moves.row + after >= 0) & (moves.row + after < added.size)
-        moves = _Moves(moves.row[inside] + after, moves.size[inside], moves.rest[inside])
+        moves = _Moves(moves.row[inside] + after, moves.size[inside], moves.rest[inside], moves.drawn)
         answer = surprise[moves.row]
         # what is logged as an excitation may be of another input, or may never have come to it
         if _count(moves.size) >= _FEWEST and abs(moves.size @ answer) > 0.2 * norm(moves.size) * norm(answer):
@@ -153,18 +164,23 @@ def _sudden(signal: Sequence[np.ndarray], surprise: np.ndarray, start: int) -> _
     """
     size = np.abs(surprise)
     if float(np.median(size)) > _JUMP * _deviation(size):  # a level for each sample
-        return _Moves(np.arange(size.size), np.sign(surprise), np.full(size.size, _LONG))
+        return _drawn(np.arange(size.size), np.sign(surprise))
     change = np.concatenate([np.diff(part[start - 1 :, 0]) for part in signal])
     row = np.flatnonzero(np.abs(change) > max(_JUMP * _deviation(change), 1e-6 * float(np.abs(change).max())))
     if row.size < _FEWEST:
         return None
     clock = int(np.gcd.reduce(np.diff(row)))
     picked = clock == 1 or int(np.count_nonzero(change)) > row.size  # feedback does not let it rest between
-    if not picked and clock < _FAST:
+    if not picked:
         level = np.concatenate([part[start:, 0] for part in signal])
         row = np.arange(row[0] % clock, change.size, clock)
-        return _Moves(row, level[row] - level[row].mean(), np.full(row.size, _LONG))
-    return _Moves(row, np.sign(change[row]), np.diff(row, prepend=-_LONG), picked)
+        return _drawn(row, level[row] - level[row].mean())
+    return _Moves(row, np.sign(change[row]), np.diff(row, prepend=-_LONG), picked=picked)
+
+
+def _drawn(row: np.ndarray, size: np.ndarray) -> _Moves:
+    """Moves that nothing before can tell."""
+    return _Moves(row, size, np.full(row.size, _LONG), drawn=True)
 
 
 def _delay(signal: np.ndarray, response: np.ndarray) -> int:
