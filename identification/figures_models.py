@@ -108,6 +108,8 @@ def horizon_figure(sweeps: Mapping[str, Mapping[str, Mapping[float, float]]]) ->
 
     sweeps: model -> channel -> horizon in s -> error in SI.
     """
+    from matplotlib.ticker import NullFormatter
+
     names = list(dict.fromkeys(name for of in sweeps.values() for name in of))
     figure = new_figure(2.6 * ((len(names) + 1) // 2) + 0.3)
     panels = grid(figure, len(names), 2)
@@ -123,6 +125,9 @@ def horizon_figure(sweeps: Mapping[str, Mapping[str, Mapping[float, float]]]) ->
             axes.set_ylim(bottom=max(axes.get_ylim()[0], _SHOWN * largest))
         axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (root mean square)", loc="left")
         axes.set_xlabel("seconds ahead")
+        for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter("{x:g}" if high < 10.0 * low else NullFormatter())
     legend(figure, panels)
     return figure
 
