@@ -16,7 +16,7 @@ from identification.linear.structure import Orders, Structure
 
 _ROUNDS = 4  # of the weights of coupled outputs
 _SAME = 1e-6  # relative change of the errors' covariance that ends them
-_START_PASSES = 3
+_START_PASSES = 4
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from identification.linear.triangles import triangle_tall
 
 PASSES = 50
 _SETTLED = 1e-9  # change of the sum of squares in a pass, relative
+_SHARE = 0.7  # of a pass that is taken after the first
 _SEEN = 1e-10  # power of what the regression leaves of errors, relative, below which it tells nothing of C
 _INSIDE = 0.98  # size of the largest root of C to which an unstable one is brought
 
@@ -66,13 +67,14 @@ class Els:
 def extended(prediction: Prediction, arx: np.ndarray, passes: int = PASSES) -> np.ndarray:
     """The parameters of the pass with the smallest errors; arx: those of least squares, with zeros for C.
 
-    Each pass takes the errors of the one before; where its C is not stable, it is made so.
+    Each pass takes the errors of the one before, and goes a part of the way that they ask for, since whole steps
+    swing; where its C is not stable, it is made so.
     """
     lags, rows = prediction.lags, prediction.rows
     parts = [_Part.of(prediction, row) for row in rows] if lags else []
     free, best, least = arx, arx, np.inf
     previous = np.inf
-    for _ in range(passes if lags else 0):
+    for count in range(passes if lags else 0):
         errors = [e[lags:] for e in prediction.errors(free, prediction.starts())]
         loss = sum(float(np.vdot(e, e)) for e in errors)
         if loss < least:
@@ -80,7 +82,9 @@ def extended(prediction: Prediction, arx: np.ndarray, passes: int = PASSES) -> n
         if abs(loss - previous) <= _SETTLED * loss:
             break
         previous = loss
-        free = _with_stable_c(prediction, np.concatenate([part.solve(errors) for part in parts]))
+        passed = _with_stable_c(prediction, np.concatenate([part.solve(errors) for part in parts]))
+        mixed = passed if count == 0 else (1.0 - _SHARE) * free + _SHARE * passed
+        free = _with_stable_c(prediction, mixed)
     return best
 
 
