@@ -16,7 +16,7 @@ from identification.linear.structure import Orders, Structure
 
 _ROUNDS = 4  # of the weights of coupled outputs
 _SAME = 1e-6  # relative change of the errors' covariance that ends them
-_START_PASSES = 4
+_START_PASSES = 3
 
 
 @dataclass(frozen=True)
@@ -48,30 +48,23 @@ class Armax:
     @property
     def orders(self) -> Structure:
         """The equations that these settings make."""
-        return Structure.of(
-            "Armax",
-            self.inputs,
-            self.outputs,
-            self.n_a,
-            self.n_b,
-            self.n_c,
-            self.delay,
-            self.structure,
-            self.integrating,
-        )
+        return Structure.asked_by(self)
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
         return fit_blocks("Armax", records, self.orders, self.offset, self.skip, self._minimised)
 
-    def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
         return least_errors(prediction, extended(prediction, arx, _START_PASSES), self.stopping)
 
 
-def least_errors(prediction: Prediction, free: np.ndarray, stopping: Stopping) -> tuple[np.ndarray, np.ndarray]:
-    """The parameters and starts with the least errors, of several outputs the least determinant of their covariance."""
+def least_errors(prediction: Prediction, free: np.ndarray, stopping: Stopping) -> tuple[np.ndarray, np.ndarray, str]:
+    """The parameters and starts with the least errors, of several outputs the least determinant of their covariance.
+
+    And what is wrong with them, if they are not at rest.
+    """
     starts, r = prediction.starts(), len(prediction.rows)
-    weight = np.eye(r)
+    weight, reason = np.eye(r), ""
     for _ in range(_ROUNDS if r > 1 else 1):
         if r > 1:
             errors = np.concatenate(prediction.errors(free, starts))
@@ -80,5 +73,7 @@ def least_errors(prediction: Prediction, free: np.ndarray, stopping: Stopping) -
             if np.abs(weight - before).max() <= _SAME * np.abs(weight).max():
                 break
         found = minimise(prediction, free, starts, weight, stopping)
-        free, starts = found.free, found.starts
-    return free, starts
+        free, starts, reason = found.free, found.starts, found.reason
+    if reason != "iterations":
+        return free, starts, ""
+    return free, starts, f"not at rest after {stopping.iterations} iterations: lower the orders, or record longer"

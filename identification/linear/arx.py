@@ -39,17 +39,8 @@ class Arx:
     @property
     def orders(self) -> Structure:
         """The equations that these settings make."""
-        return Structure.of(
-            "Arx",
-            self.inputs,
-            self.outputs,
-            self.n_a,
-            self.n_b,
-            delay=self.delay,
-            form=self.structure,
-            integrating=self.integrating,
-        )
+        return Structure.asked_by(self)
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records, each with its own lags; raises if the data cannot tell all of them."""
-        return fit_blocks("Arx", records, self.orders, self.offset, self.skip, lambda errors, arx: (arx, None))
+        return fit_blocks("Arx", records, self.orders, self.offset, self.skip, lambda errors, arx: (arx, None, ""))

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.record import Record
-from identification.linear.filtering import largest_root
+from identification.linear.filtering import is_stable, largest_root
 from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
 from identification.linear.prediction import Prediction
 from identification.linear.structure import Orders, Row, Structure
-from identification.linear.triangles import triangle_tall
 
 PASSES = 50
 _SETTLED = 1e-9  # change of the sum of squares in a pass, relative
@@ -45,22 +44,13 @@ class Els:
 
     @property
     def orders(self) -> Structure:
-        return Structure.of(
-            "Els",
-            self.inputs,
-            self.outputs,
-            self.n_a,
-            self.n_b,
-            self.n_c,
-            self.delay,
-            self.structure,
-            self.integrating,
-        )
+        """The equations that these settings make."""
+        return Structure.asked_by(self)
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
         return fit_blocks(
-            "Els", records, self.orders, self.offset, self.skip, lambda errors, arx: (extended(errors, arx), None)
+            "Els", records, self.orders, self.offset, self.skip, lambda errors, arx: (extended(errors, arx), None, "")
         )
 
 
@@ -107,7 +97,7 @@ class _Part:
         late = [term.kind == "c" for term in row.free_terms] + [False] * prediction.intercept
         local = {of.number: i for i, of in enumerate(prediction.rows)}
         errors = [(term.lag, local[term.number]) for term in row.free_terms if term.kind == "c"]
-        return cls(np.split(problem.joint, ends), triangle_tall(problem.joint), np.array(late), errors)
+        return cls(np.split(problem.joint, ends), problem.triangle, np.array(late), errors)
 
     def solve(self, errors: Sequence[np.ndarray]) -> np.ndarray:
         """The parameters of the regression on these errors too, its own part eliminated."""
@@ -135,10 +125,10 @@ class _Part:
 
 def _with_stable_c(prediction: Prediction, free: np.ndarray) -> np.ndarray:
     """The same with all roots of C brought inside the circle, by one factor."""
-    root = largest_root(prediction.c(free))
-    if root < 1.0:
+    c = prediction.c(free)
+    if is_stable(c):
         return free
-    factor, free, at = _INSIDE / root, free.copy(), 0
+    factor, free, at = _INSIDE / largest_root(c), free.copy(), 0
     for row in prediction.rows:
         for k, term in enumerate(row.free_terms):
             if term.kind == "c":

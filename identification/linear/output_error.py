@@ -47,23 +47,13 @@ class OutputError:
     @property
     def orders(self) -> Structure:
         """The equations that these settings make."""
-        return Structure.of(
-            "OutputError",
-            self.inputs,
-            self.outputs,
-            self.n_a,
-            self.n_b,
-            delay=self.delay,
-            form=self.structure,
-            integrating=self.integrating,
-            tied=True,
-        )
+        return Structure.asked_by(self, tied=True)
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
         return fit_blocks("OutputError", records, self.orders, self.offset, self.skip, self._minimised)
 
-    def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
         start = filtered(prediction, arx) if len(prediction.rows) == 1 else arx
         return least_errors(prediction, start, self.stopping)
 

@@ -20,8 +20,9 @@ from identification.linear.structure import Structure, blocks
 from identification.linear.triangles import triangle_from
 
 _AT_CIRCLE = 0.999  # size of a root of C beyond which errors of long ago still count, and intervals do not hold
-# what a method does: from the errors and the least-squares parameters to its parameters and starts (none: zeros)
-Method = Callable[[Prediction, np.ndarray], tuple[np.ndarray, np.ndarray | None]]
+# what a method does: from the errors and the least-squares parameters to its parameters, the starts (none: zeros), and
+# what is wrong with them, if anything is
+Method = Callable[[Prediction, np.ndarray], tuple[np.ndarray, np.ndarray | None, str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,7 @@ def fit_blocks(
     for numbers in structure.coupled():
         prediction = Prediction.of(scaled, structure, numbers, skip)
         arx = np.concatenate([_least_squares(name, prediction, k) for k in range(len(numbers))])
-        free, starts = method(prediction, arx)
+        free, starts, problem = method(prediction, arx)
         starts = prediction.starts() if starts is None else starts
         lags = prediction.lags
         parts = prediction.errors(free, starts)
@@ -98,11 +99,11 @@ def fit_blocks(
             errors[number] = [tall[i] * e[lags:, i] for e in parts]
         samples += prediction.samples * len(numbers)
         if lags and not structure.tied and largest_root(prediction.c(free)) > _AT_CIRCLE:
-            problems |= dict.fromkeys(
-                (structure.outputs[n] for n in numbers),
+            problem = (
                 "a root of C is at the unit circle: the intervals of this output do not hold; lower n_c, or use "
-                "output_error if the noise is on the measurement",
+                "output_error if the noise is on the measurement"
             )
+        problems |= {structure.outputs[n]: problem for n in numbers}
     # coupled() lists outputs in order, so that the parts join as they come
     vector, covariance = np.concatenate([vectors[i] for i in range(p)]), blocks(covariances)
     return PolynomialFit(

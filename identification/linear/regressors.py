@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -82,6 +83,11 @@ class Regression:
     def target(self) -> np.ndarray:
         return self.joint[:, -1]
 
+    @cached_property
+    def triangle(self) -> np.ndarray:
+        """R of the QR decomposition of `joint`: all that it tells."""
+        return triangle_tall(self.joint)
+
 
 def regression(series: Series | Scaled, row: Row, start: int = 0, intercept: bool = False) -> Regression:
     """The regression of an output on -1 times lags of outputs and on lags of inputs, as its equation has them.
@@ -113,13 +119,7 @@ def regression(series: Series | Scaled, row: Row, start: int = 0, intercept: boo
 def solve(problem: Regression, name: str, output: str) -> np.ndarray:
     """The least-squares coefficients; raises, on behalf of the estimator `name`, where the data do not tell them."""
     samples, count = len(problem.joint), problem.joint.shape[1] - 1
-    if samples < SAMPLES_PER_COEFFICIENT * count:
-        raise ValueError(
-            f"{name} needs at least {SAMPLES_PER_COEFFICIENT} samples per coefficient ({count} coefficients of "
-            f"{output}), got {samples} that have all their lags: record longer or ask for fewer lags."
-        )
-    # all that the data tell is in the triangle, whose singular values are those of the columns
-    triangle = triangle_tall(problem.joint)
+    triangle = problem.triangle  # its singular values are those of the columns
     size = np.sqrt(np.sum(triangle[:, :count] ** 2, axis=0))
     size[size == 0.0] = 1.0
     left, values, right = np.linalg.svd(triangle[:count, :count] / size)

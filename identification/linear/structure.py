@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -124,6 +125,22 @@ class Structure:
             if structure.integrating[i] and structure.n_a[i, i] < 1:
                 raise ValueError(f"{name} needs n_a of at least 1 for {output}, which integrates, got 0.")
         return structure
+
+    @classmethod
+    def asked_by(cls, estimator: Any, tied: bool = False) -> Structure:
+        """The structure of an estimator's settings, which are fields of the names that `of` has; see there."""
+        return cls.of(
+            type(estimator).__name__,
+            estimator.inputs,
+            estimator.outputs,
+            estimator.n_a,
+            estimator.n_b,
+            getattr(estimator, "n_c", 0),
+            estimator.delay,
+            estimator.structure,
+            estimator.integrating,
+            tied,
+        )
 
     @cached_property
     def rows(self) -> tuple[Row, ...]:

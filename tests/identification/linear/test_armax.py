@@ -206,6 +206,12 @@ def test_each_threshold_ends_the_iteration():
     assert reason()[0] in ("gradient", "step", "rounding")
 
 
+def test_a_fit_that_has_not_come_to_rest_says_so():
+    fit = Armax(*ONE, n_a=4, n_b=3, n_c=2, stopping=Stopping(iterations=1)).fit(coloured(400, 3))
+    assert all("not at rest after 1 iterations" in estimate.problem for estimate in fit.estimates)
+    assert not any(estimate.problem for estimate in Armax(*ONE, n_a=4, n_b=3, n_c=2).fit(coloured(400, 3)).estimates)
+
+
 def test_output_error_is_right_where_the_measurement_is_noisy():
     rng = np.random.default_rng(5)
     clean = coloured(2000, 5, noise=0.0)
