@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.signal import lfilter
 
 from auv_gym.record import Record
 from identification.linear.armax import least_errors
+from identification.linear.els import extended
 from identification.linear.filtering import half_squares, largest_root
 from identification.linear.levenberg_marquardt import Stopping
 from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
@@ -17,6 +18,7 @@ from identification.linear.prediction import Prediction
 from identification.linear.structure import Orders, Structure
 
 _PASSES = 10
+_NEAR = 1e-3  # gradient at which a model is good enough to begin from
 _INSIDE = 0.999  # size of the largest root of A with which signals are filtered
 
 
@@ -26,7 +28,8 @@ class OutputError:
 
     Settings as in Arx.  Each segment's initial state is estimated.  Right where the noise is on the measurement alone;
     under feedback only if e is white.  An integrating plant can be fitted, an unstable one cannot: use Armax.
-    From filtered least squares (Steiglitz and McBride 1965) on by Levenberg and Marquardt's method.
+    By Levenberg and Marquardt's method from filtered least squares (Steiglitz and McBride 1965) and from ARMAX; the
+    better counts.
     Source: Ljung 1999, secs. 4.2 and 7.2.
     """
 
@@ -54,8 +57,30 @@ class OutputError:
         return fit_blocks("OutputError", records, self.orders, self.offset, self.skip, self._minimised)
 
     def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
-        start = filtered(prediction, arx) if len(prediction.rows) == 1 else arx
-        return least_errors(prediction, start, self.stopping)
+        begun = [filtered(prediction, arx) if len(prediction.rows) == 1 else arx, loosened(prediction, arx)]
+        return min(
+            (least_errors(prediction, start, self.stopping) for start in begun), key=lambda f: _loss(prediction, *f)
+        )
+
+
+def _loss(prediction: Prediction, free: np.ndarray, starts: np.ndarray, _: str) -> float:
+    """Log determinant of the errors' covariance."""
+    errors = np.concatenate(prediction.errors(free, starts))
+    return float(np.linalg.slogdet(errors.T @ errors)[1])
+
+
+def loosened(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
+    """The parameters of A and B of an ARMAX model with a C of its own, of the order of A."""
+    loose = replace(prediction, structure=replace(prediction.structure, tied=False))
+    loose = replace(loose, rows=tuple(loose.structure.rows[row.number] for row in prediction.rows))
+    ours = [
+        known
+        for row in loose.rows
+        for known in [*(term.kind != "c" for term in row.free_terms), *[True] * loose.intercept]
+    ]
+    start = np.zeros(loose.free)
+    start[ours] = arx
+    return least_errors(loose, extended(loose, start, _PASSES), Stopping(gradient=_NEAR))[0][ours]
 
 
 def filtered(prediction: Prediction, arx: np.ndarray) -> np.ndarray:

@@ -1,5 +1,7 @@
 """ARMAX, extended least squares and output error: truth found again, gradients, starts, integrators, full matrices."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -223,6 +225,13 @@ def test_output_error_is_right_where_the_measurement_is_noisy():
     assert np.sqrt(fit.noise[0, 0]) == pytest.approx(0.1 * clean["u_mps"].std(), rel=0.06)
     assert not any(e.path.startswith("c") for e in fit.estimates)
     assert np.abs(Arx(*ONE, n_a=4, n_b=3).fit(noisy).model.a[:, 0, 0] - A).max() > 0.3
+
+
+def test_a_larger_output_error_model_is_no_worse():
+    """Of orders that do not hold the truth, where one start alone comes to rest in other minima."""
+    record = coloured(1000, 2, noise=0.2)
+    losses = [OutputError(*ONE, n_a=a, n_b=b, skip=8).fit(record).loss[0] for a, b in ((2, 3), (3, 3), (3, 4), (4, 4))]
+    assert all(larger <= smaller * (1.0 + 1e-6) for smaller, larger in pairwise(losses))
 
 
 def test_segments_begin_where_they_are():
