@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class Armax:
     def __post_init__(self) -> None:
         _ = self.orders
 
-    @property
+    @cached_property
     def orders(self) -> Structure:
         """The equations that these settings make."""
         return Structure.asked_by(self)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from auv_gym.record import Record
 from identification.linear.polynomial_fit import PolynomialFit, fit_blocks
@@ -36,7 +37,7 @@ class Arx:
     def __post_init__(self) -> None:
         _ = self.orders
 
-    @property
+    @cached_property
     def orders(self) -> Structure:
         """The equations that these settings make."""
         return Structure.asked_by(self)

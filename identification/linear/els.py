@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -42,7 +43,7 @@ class Els:
     def __post_init__(self) -> None:
         _ = self.orders
 
-    @property
+    @cached_property
     def orders(self) -> Structure:
         """The equations that these settings make."""
         return Structure.asked_by(self)
@@ -99,6 +100,11 @@ class _Part:
         errors = [(term.lag, local[term.number]) for term in row.free_terms if term.kind == "c"]
         return cls(np.split(problem.joint, ends), problem.triangle, np.array(late), errors)
 
+    @cached_property
+    def back(self) -> np.ndarray:
+        """The inverse of the regression's own triangle."""
+        return np.linalg.inv(self.triangle[:-1, :-1])
+
     def solve(self, errors: Sequence[np.ndarray]) -> np.ndarray:
         """The parameters of the regression on these errors too, its own part eliminated."""
         count = len(self.errors)
@@ -113,13 +119,12 @@ class _Part:
                     if size > 0:
                         among[k, other] += column[column.size - size :] @ with_column[with_column.size - size :]
         among = np.tril(among) + np.tril(among, -1).T
-        r, known = self.triangle[:-1, :-1], self.triangle[:-1, -1]
-        onto, along = np.linalg.solve(r.T, across[:-1]), across[-1]
+        known, onto, along = self.triangle[:-1, -1], self.back.T @ across[:-1], across[-1]
         free = np.empty(self.late.size)
         left = among - onto.T @ onto
         floor = (_SEEN * np.trace(among) + np.finfo(float).tiny) * np.eye(count)
         free[self.late] = np.linalg.solve(left + floor, along - onto.T @ known)
-        free[~self.late] = np.linalg.solve(r, known - onto @ free[self.late])
+        free[~self.late] = self.back @ (known - onto @ free[self.late])
         return free
 
 

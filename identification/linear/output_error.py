@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.signal import lfilter
@@ -47,7 +48,7 @@ class OutputError:
     def __post_init__(self) -> None:
         _ = self.orders
 
-    @property
+    @cached_property
     def orders(self) -> Structure:
         """The equations that these settings make."""
         return Structure.asked_by(self, tied=True)
