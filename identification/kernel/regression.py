@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -85,7 +86,7 @@ class Training:
         square = squared_distances(scaled) if radial else scaled @ scaled.T
         return cls(rows, targets, shares, middle, scale, square, radial, flat)
 
-    @property
+    @cached_property
     def reach(self) -> tuple[float, float]:
         """The sigmas between which the kernel matrix is neither the unit matrix nor constant, to rounding."""
         apart = self.square[self.square > 0.0]
@@ -106,6 +107,15 @@ class Training:
                 f"{np.sqrt(np.median(self.square)):.3g}."
             )
         return np.exp(self.square / -(sigma * sigma))
+
+    def part(self, most: int) -> Training:
+        """At most this many of the samples, spread evenly over the record."""
+        if len(self.x) <= most:
+            return self
+        rows = np.linspace(0, len(self.x) - 1, most).round().astype(int)
+        return replace(
+            self, x=self.x[rows], y=self.y[rows], weights=self.weights[rows], square=self.square[np.ix_(rows, rows)]
+        )
 
     def spectrum(self, sigma: float) -> Spectrum:
         """What the solutions of all C at one sigma share."""

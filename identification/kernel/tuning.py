@@ -24,6 +24,8 @@ DIGITS_KEPT = (
 WIDTHS = 0.1, 100.0  # sigmas searched, in median distances between samples
 LEAST_PENALTY = 1e-2
 SCAN_SAMPLES, SCAN_WIDTHS, SCAN_PENALTIES = 300, 12, 24
+FEW_SAMPLES = 600
+SETTLED, SETTLED_ON_FEW = 1e-4, 1e-6
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,7 @@ def anneal(
     """Settings with C and sigma found by simulated annealing, which takes as many evaluations as it is given."""
     if evaluations < 1:
         raise ValueError(f"anneal needs at least one evaluation, got {evaluations}: some 400 settle C and sigma.")
-    search = _Search.of(settings, x, y, weights, evaluations, progress)
+    search = _Search.of(settings, Training.of(x, y, weights, settings), evaluations, progress)
     named: Any = {"seed": rng}  # scipy's own name for it changes from version to version; this one all of them take
     optimize.dual_annealing(
         lambda at: search(at)[0],
@@ -72,25 +74,26 @@ def descend(
     y: np.ndarray,
     *,
     weights: np.ndarray | None = None,
-    starts: int = 2,
-    evaluations: int = 100,
+    starts: int = 3,
+    evaluations: int = 60,
     progress: Progress = lambda fraction, text: None,
 ) -> Tuned:
-    """Settings with C and sigma found by L-BFGS-B with the gradient in closed form, from the best of a coarse scan.
+    """Settings with C and sigma found by L-BFGS-B, with the gradient in closed form.
 
-    starts: local minima of the scan, best first, that are followed on all samples, until `evaluations` are spent; the
-    scan takes one spectrum for each sigma, of at most 300 samples spread evenly over the record.
+    A grid over C and sigma for 300 samples, one spectrum for each sigma, gives the starts; its best `starts` local
+    minima are followed on 600 samples, spread evenly over the record, and the best of them on all, to 1e-4 of the loss.
+    evaluations: on all samples, counted between line searches: the last one is finished.
     """
     if starts < 1 or evaluations < 1:
         raise ValueError(f"descend needs starts and evaluations from 1, got {starts} and {evaluations}.")
-    search = _Search.of(settings, x, y, weights, evaluations, progress)
-    for start in _scanned(search)[:starts]:
-        left = evaluations - search.count
-        if left > 0:
-            options = {"maxfun": left, "ftol": 1e-7, "gtol": 1e-5}
-            optimize.minimize(
-                search.with_gradient, start, jac=True, method="L-BFGS-B", bounds=search.bounds, options=options
-            )
+    training = Training.of(x, y, weights, settings)
+    search = _Search.of(settings, training, evaluations, progress)
+    part = training.part(FEW_SAMPLES)
+    few = search if part is training else _Search.of(settings, part, evaluations, lambda fraction, text: None)
+    for start in _scanned(settings, training.part(SCAN_SAMPLES))[:starts]:
+        few.follow(start, SETTLED_ON_FEW)
+    if few is not search:
+        search.follow(few.at if few.at.size else few.middle, SETTLED)
     return search.tuned()
 
 
@@ -109,16 +112,7 @@ class _Search:
     at: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
-    def of(
-        cls,
-        settings: LsSvmRegression,
-        x: np.ndarray,
-        y: np.ndarray,
-        weights: np.ndarray | None,
-        allowed: int,
-        progress: Progress,
-    ) -> _Search:
-        training = Training.of(x, y, weights, settings)
+    def of(cls, settings: LsSvmRegression, training: Training, allowed: int, progress: Progress) -> _Search:
         varies = np.ptp(training.y, axis=0) > 0.0
         if not varies.any():
             raise ValueError("Tuning needs an output that varies, got constants alone: fit without tuning.")
@@ -172,8 +166,22 @@ class _Search:
                 slope[1] = np.vdot(change, half @ half.T) - np.sum(pushed * (change @ coefficients))
         return loss, slope
 
-    def with_gradient(self, at: np.ndarray) -> tuple[float, np.ndarray]:
-        return self(at, gradient=True)
+    @property
+    def middle(self) -> np.ndarray:
+        return np.array([sum(pair) / 2.0 for pair in self.bounds])
+
+    def follow(self, start: np.ndarray, settled: float) -> None:
+        """Go down to the local minimum below a start, as far as evaluations are left."""
+        if self.count >= self.allowed:
+            return
+        optimize.minimize(
+            lambda at: self(at, gradient=True),
+            np.clip(start, *np.transpose(self.bounds)),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=self.bounds,
+            options={"maxfun": self.allowed - self.count, "ftol": settled, "gtol": settled},
+        )
 
     def tuned(self) -> Tuned:
         """The best point visited."""
@@ -187,28 +195,21 @@ class _Search:
         return Tuned(best, tuple(errors.tolist()), self.best, self.count)
 
 
-def _scanned(search: _Search) -> list[np.ndarray]:
-    """Local minima of the loss of a part of the samples over a grid, best first."""
-    training, (low, high) = search.training, search.bounds[0]
-    count = len(training.x)
-    part = np.unique(np.linspace(0, count - 1, min(count, SCAN_SAMPLES)).round().astype(int))
-    penalties = np.linspace(low, high, SCAN_PENALTIES)
+def _scanned(settings: LsSvmRegression, training: Training) -> list[np.ndarray]:
+    """Local minima of the loss over a grid, best first."""
+    search = _Search.of(settings, training, 0, lambda fraction, text: None)
+    penalties = np.linspace(*search.bounds[0], SCAN_PENALTIES)
     widths = np.linspace(*search.bounds[1], SCAN_WIDTHS) if training.radial else np.zeros(1)
-    few = replace(training, square=training.square[np.ix_(part, part)], weights=training.weights[part])
     losses = np.full((len(widths) + 2, len(penalties) + 2), np.inf)
     for row, width in enumerate(widths):
-        least, most = few.reach
-        if training.radial and not least < np.exp(width) < most:
-            continue
-        errors = few.spectrum(float(np.exp(width))).leave_one_out(np.exp(penalties), search.y[part])
-        squares = np.einsum("i,cio->co", few.weights / few.weights.sum(), errors**2)
+        errors = training.spectrum(float(np.exp(width))).leave_one_out(np.exp(penalties), search.y)
+        squares = np.einsum("i,cio->co", training.weights / training.weights.sum(), errors**2)
         losses[row + 1, 1:-1] = np.mean(np.log(np.maximum(squares, np.finfo(float).tiny)), axis=1)
     inner = losses[1:-1, 1:-1]
     around = [losses[1 + i : losses.shape[0] - 1 + i, 1 + j : losses.shape[1] - 1 + j] for i, j in _NEIGHBOURS]
     lowest = np.isfinite(inner) & np.all([inner <= other for other in around], axis=0)
     found = sorted(zip(*np.nonzero(lowest)), key=lambda place: inner[place])
-    points = [np.array([penalties[c], widths[w]])[: len(search.bounds)] for w, c in found]
-    return points or [np.array([sum(pair) / 2.0 for pair in search.bounds])]
+    return [np.array([penalties[c], widths[w]])[: len(search.bounds)] for w, c in found]
 
 
 _NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
