@@ -21,13 +21,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 from scipy import stats
 from scipy.optimize import linear_sum_assignment
 
-from auv_gym.cli.console import steps_bar, table
+from auv_gym.cli.console import table
 from auv_gym.linear import Polynomial, StateSpace, linearise
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at
@@ -43,6 +42,7 @@ from identification.linear.arx import Arx
 from identification.linear.n4sid import N4sid
 from identification.linear.output_error import OutputError
 from identification.linear.pbsid import Pbsid
+from scripts.over_seeds import all_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -226,13 +226,8 @@ def study(
     if not stable and "open" in loops:
         raise ValueError(f"The pitch of {vehicle!r} is unstable by itself: study it in closed loop alone.")
     tasks = [(loop, seed) for loop in loops for seed in seeds]
-    found = []
-    with steps_bar(len(tasks)) as advance, Parallel(jobs, return_as="generator") as pool:
-        advance("fitting")
-        for by_length in pool(delayed(attempt)(seed, sorted(samples), loop, vehicle, chosen) for loop, seed in tasks):
-            found.append(by_length)
-            if len(found) < len(tasks):
-                advance(f"fitting: {len(found)} of {len(tasks)} records")
+    asked = [(seed, sorted(samples), loop, vehicle, chosen) for loop, seed in tasks]
+    found = all_of(attempt, asked, jobs, "fitting", "records")
     return {
         (loop, length): _gathered([of[length] for (mine, _), of in zip(tasks, found) if mine == loop])
         for loop in loops

@@ -16,14 +16,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
-from auv_gym.cli.console import steps_bar, table
+from auv_gym.cli.console import table
 from auv_gym.linear import Polynomial, StateSpace
 from auv_gym.model import Diverged
 from auv_gym.record import Record
@@ -36,6 +35,7 @@ from identification.linear.output_error import OutputError
 from identification.linear.polynomial_fit import PolynomialFit
 from identification.linear.uncertainty import pole_intervals, response_band
 from scripts.identification_systems import ARMAX, DT, STATE_SPACE, measured
+from scripts.over_seeds import all_of
 
 LOW, HIGH = 90.0, 99.0  # %, between which the coverage of 95 % intervals is to lie
 OMEGA = (0.1, 0.5, 1.5)  # rad/s, at which responses are judged
@@ -114,13 +114,9 @@ def study(seeds: Sequence[int], samples: int, cases: Sequence[str] = (), *, jobs
     cases = cases or list(CASES)
     tasks = [(case, seed) for case in cases for seed in seeds]
     held: dict[str, list[dict[str, bool] | None]] = {case: [] for case in cases}
-    with steps_bar(len(tasks)) as advance, Parallel(jobs, return_as="generator") as pool:
-        advance("fitting")
-        done = pool(delayed(attempt)(case, seed, samples) for case, seed in tasks)
-        for number, ((case, _), found) in enumerate(zip(tasks, done), start=1):
-            held[case].append(found)
-            if number < len(tasks):
-                advance(f"fitting: {number} of {len(tasks)} records")
+    done = all_of(attempt, [(case, seed, samples) for case, seed in tasks], jobs, "fitting", "records")
+    for (case, _), found in zip(tasks, done, strict=True):
+        held[case].append(found)
     return {case: _coverage(of) for case, of in held.items()}
 
 

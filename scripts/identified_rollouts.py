@@ -21,13 +21,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
 import auv_gym.envs  # noqa: F401  # registers the environments
 from auv_gym.channels import channel
-from auv_gym.cli.console import steps_bar, table
+from auv_gym.cli.console import table
 from auv_gym.model import Diverged, Model
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
@@ -42,6 +41,7 @@ from identification.greybox import GreyBox
 from identification.linear.armax import Armax
 from identification.linear.n4sid import N4sid
 from identification.torpedo_experiment import NOISE
+from scripts.over_seeds import all_of
 
 UNKNOWN = "not identified"
 METHODS = ("armax", "n4sid", "grey_box")
@@ -199,13 +199,8 @@ def study(vehicles: Sequence[str], seeds: Sequence[int], *, jobs: int = 1) -> di
         raise ValueError(f"Needed --seeds and --jobs of at least 1, got {len(seeds)} and {jobs}.")
     tasks = [(vehicle, seed) for vehicle in vehicles for seed in seeds]
     found: dict[str, list[Outcome]] = {vehicle: [] for vehicle in vehicles}
-    with steps_bar(len(tasks)) as advance, Parallel(jobs, return_as="generator") as pool:
-        advance(f"{tasks[0][0]}, seed {tasks[0][1]}")
-        done: Any = pool(delayed(attempt)(*task) for task in tasks)
-        for number, outcome in enumerate(done, start=1):
-            found[tasks[number - 1][0]].append(outcome)
-            if number < len(tasks):
-                advance("{}, seed {}".format(*tasks[number]))
+    for (vehicle, _), outcome in zip(tasks, all_of(attempt, tasks, jobs, "identifying", "runs"), strict=True):
+        found[vehicle].append(outcome)
     return found
 
 

@@ -17,14 +17,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
-from auv_gym.cli.console import steps_bar, table
+from auv_gym.cli.console import table
 from auv_gym.model import Diverged
 from identification.linear.orders import OrderSearch, search_orders
 from scripts.identification_systems import clean, fit_percent, measured, truth
+from scripts.over_seeds import all_of
 
 RIGHT = (4, 4, 2)
 OWN, INPUT, NOISE = range(3, 7), range(2, 7), range(4)  # n_a, n_b, n_c
@@ -66,14 +66,7 @@ def study(seeds: Sequence[int], samples: int, jobs: int = 1) -> list[dict[str, P
     """What each criterion chooses, one a seed."""
     if not seeds or samples < 1 or jobs < 1:
         raise ValueError(f"Needed --seeds, --samples and --jobs of at least 1, got {len(seeds)}, {samples} and {jobs}.")
-    found = []
-    with steps_bar(len(seeds)) as advance, Parallel(jobs, return_as="generator") as pool:
-        advance("searching orders")
-        for picks in pool(delayed(attempt)(seed, samples) for seed in seeds):
-            found.append(picks)
-            if len(found) < len(seeds):
-                advance(f"searching orders: {len(found)} of {len(seeds)} records")
-    return found
+    return all_of(attempt, [(seed, samples) for seed in seeds], jobs, "searching orders", "records")
 
 
 def attempt(seed: int, samples: int) -> dict[str, Pick]:

@@ -23,12 +23,11 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
 from auv_gym.channels import wrap
-from auv_gym.cli.console import steps_bar, table
+from auv_gym.cli.console import table
 from auv_gym.linear import StateSpace, linearise
 from auv_gym.model import Model
 from auv_gym.plant import load_vehicle
@@ -40,6 +39,7 @@ from identification.linear.n4sid import N4sid
 from identification.linear.output_error import OutputError
 from identification.linear.pbsid import Pbsid
 from identification.validation import score
+from scripts.over_seeds import all_of
 from scripts.reproduce_glider_heading import ANALYTIC, CORRECTED, pool_run
 
 RUDDER, HEADING, RATE = ("rudder_rad",), ("heading_rad",), ("r_radps",)
@@ -172,14 +172,7 @@ def study(seeds: Sequence[int], noise: float, jobs: int = 1) -> list[Trial]:
             f"Needed --seeds and --jobs of at least 1 and --noise of at least 0 deg, got {len(seeds)}, {jobs} and "
             f"{np.degrees(noise):g}."
         )
-    trials = []
-    with steps_bar(len(seeds)) as advance, Parallel(jobs, return_as="generator") as pool:
-        advance("fitting pool logs")
-        for trial in pool(delayed(attempt)(seed, noise) for seed in seeds):
-            trials.append(trial)
-            if len(trials) < len(seeds):
-                advance(f"fitting pool logs: {len(trials)} of {len(seeds)} seeds")
-    return trials
+    return all_of(attempt, [(seed, noise) for seed in seeds], jobs, "fitting pool logs", "seeds")
 
 
 # One seed
