@@ -83,16 +83,50 @@ def for_vector(program: Any) -> Callable[[np.ndarray], Any]:
 
 
 def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
-    """A compiled function from a flat float64 vector to its record: `view(p).hull.mass`, no copy.
+    """A compiled function from a flat float64 vector to the record at its start: `view(p).hull.mass`, no copy.
 
     writable: what is assigned to the record's fields reaches the vector in plain Python too.
     """
+    size = dtype.itemsize // 8
     if not JIT and writable:
-        return lambda vector: vector.view(dtype)[0]
+        return lambda vector: vector[:size].view(dtype)[0]
     if not JIT:  # attribute access on a numpy record costs a microsecond, on a namespace a tenth of it
-        return lambda vector: _namespace(dtype, iter(vector.tolist()))
+        return lambda vector: _with_tail(_namespace(dtype, iter(vector[:size].tolist())), vector[size:])
     layout = hashlib.sha256(repr(dtype).encode()).hexdigest()[:8]  # two layouts of one name are two functions
-    return bind(_view, f"{name}_{layout}", RECORD=dtype)
+    return bind(_view, f"{name}_{layout}", RECORD=dtype, SIZE=size)
+
+
+def _tail_of() -> Any:
+    if not JIT:
+        return lambda record, count: record.tail[:count]
+    numba: Any = import_module("numba")
+    types_: Any = import_module("numba.core.types")
+    intrinsic: Any = import_module("numba.extending").intrinsic
+
+    @intrinsic
+    def after(context, record):
+        def generate(target, builder, signature, arguments):
+            size = target.get_constant(types_.intp, record.size)
+            number = target.get_value_type(types_.float64).as_pointer()
+            start = builder.bitcast(arguments[0], target.get_value_type(types_.int8).as_pointer())
+            return builder.bitcast(builder.gep(start, [size]), number)
+
+        return types_.CPointer(types_.float64)(record), generate
+
+    def tail_of(record, count):
+        return numba.carray(after(record), (count,))
+
+    return numba.njit(forceinline=True, no_cfunc_wrapper=True)(tail_of)
+
+
+# tail_of(record, count): the `count` numbers that follow the record of a vector longer than it, (count,), no copy, and
+# no references counted: the vector must be kept elsewhere.
+tail_of = _tail_of()
+
+
+def _with_tail(record: Any, tail: np.ndarray) -> Any:
+    record.tail = tail
+    return record
 
 
 def _namespace(dtype: np.dtype, values: Iterator[float]) -> Any:
@@ -103,11 +137,11 @@ def _namespace(dtype: np.dtype, values: Iterator[float]) -> Any:
     return types.SimpleNamespace(**{name: _namespace(dtype[name], values) for name in dtype.names or ()})
 
 
-RECORD = np.dtype(np.float64)
+RECORD, SIZE = np.dtype(np.float64), 1
 
 
 def _view(vector):
-    return vector.view(RECORD)[0]
+    return vector[:SIZE].view(RECORD)[0]
 
 
 def _package_folder(function: Callable[..., Any]) -> Path:

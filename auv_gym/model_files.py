@@ -7,7 +7,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -19,7 +19,8 @@ from auv_gym import __version__
 from auv_gym.channels import channel
 from auv_gym.model import Model
 from auv_gym.param import did_you_mean
-from auv_gym.plant import Plant, load_vehicle, save_vehicle
+from auv_gym.plant import Plant, load_vehicle, save_vehicle, vehicle_of_text, vehicle_text
+from auv_gym.vehicles.learned_hull import LearnedHull
 from auv_gym.writing import replacing
 
 FORMAT, VERSION = "auv-gym model", 1
@@ -28,28 +29,31 @@ _HEADER = "header"
 
 
 def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] | None = None) -> None:
-    """Write a model that `load_model` reads back bit for bit: a plant as .toml, others as .npz; aside, then renamed.
+    """Write a model that `load_model` reads back bit for bit; aside, then renamed.
+
+    A plant goes to .toml, one with a learned hull and all other models to .npz.
 
     attrs: what is known of it besides (method, records, ...), as JSON has it.  Raises on a model of no known form.
     """
     suffix = Path(path).suffix.lower()
-    wanted = ".toml" if isinstance(model, Plant) else ".npz"
+    wanted = ".toml" if isinstance(model, Plant) and model.learned is None else ".npz"
     if suffix != wanted:
         raise ValueError(
             f"A {type(model).__name__} is written to a file that ends in {wanted}, got {Path(path).name!r}: rename it."
         )
-    if isinstance(model, Plant):
-        save_vehicle(model, path)
+    if wanted == ".toml":
+        save_vehicle(model, path)  # type: ignore[arg-type]
         return
-    form = next((name for name, made in forms().items() if type(model) is made), None)
+    kept = LearnedVehicle.of(model) if isinstance(model, Plant) else model
+    form = next((name for name, made in forms().items() if type(kept) is made), None)
     if form is None:
         raise ValueError(
             f"A {type(model).__name__} has no form that a model file can hold; forms are {', '.join(forms())}. "
             f"Register the class, a dataclass of arrays, numbers and names, under the entry point group {GROUP!r}."
         )
     arrays, values = {}, {}
-    for field in fields(model):  # type: ignore[arg-type]
-        value = getattr(model, field.name)
+    for field in fields(kept):  # type: ignore[arg-type]
+        value = getattr(kept, field.name)
         if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
             arrays[field.name] = value
         else:
@@ -98,9 +102,35 @@ def load_model(path: str | os.PathLike, dt: float | None = None) -> Model:
             f"{path} does not hold the fields of a {made.__name__} ({odd} lacking or unknown): fit and save it again."
         )
     try:
-        return made(**values)
+        model = made(**values)
+        return model.plant(dt) if isinstance(model, LearnedVehicle) else model
     except (TypeError, ValueError) as error:
         raise ValueError(f"{path} holds no valid {made.__name__}: {error}") from error
+
+
+@dataclass(frozen=True, eq=False)
+class LearnedVehicle:
+    """What a file holds of a plant with a learned hull: the text of its vehicle file, and the fields of the hull."""
+
+    vehicle: str
+    support: np.ndarray
+    spread: np.ndarray
+    sigma: np.ndarray
+    coefficients: np.ndarray
+    bias: np.ndarray
+    reach: float
+
+    @classmethod
+    def of(cls, plant: Plant) -> LearnedVehicle:
+        """The content of a plant that has a learned hull."""
+        hull = plant.learned
+        return cls(vehicle_text(plant), **{f.name: getattr(hull, f.name) for f in fields(LearnedHull)})
+
+    def plant(self, dt: float | None = None) -> Plant:
+        """The plant, at a sample time in s or at its own."""
+        plant = vehicle_of_text(self.vehicle, "of a learned hull")
+        hull = LearnedHull(**{f.name: getattr(self, f.name) for f in fields(LearnedHull)})
+        return replace(plant, learned=hull, dt=plant.dt if dt is None else dt)
 
 
 def model_header(path: str | os.PathLike) -> dict[str, Any]:
@@ -116,7 +146,7 @@ def forms() -> dict[str, type]:
     """
     from auv_gym.linear import Polynomial, StateSpace
 
-    found: dict[str, type] = {"state_space": StateSpace, "polynomial": Polynomial}
+    found: dict[str, type] = {"state_space": StateSpace, "polynomial": Polynomial, "learned_vehicle": LearnedVehicle}
     for entry in entry_points(group=GROUP):
         try:
             made = entry.load()

@@ -21,6 +21,7 @@ from auv_gym.param import check_value, did_you_mean, list_paths, pack, replace_a
 from auv_gym.record import Record
 from auv_gym.rollout import Programs, bind_family, scratch_for
 from auv_gym.vehicles import FAMILIES, Family
+from auv_gym.vehicles.learned_hull import LearnedHull
 from auv_gym.writing import replacing
 
 _FILE_KEYS = (
@@ -36,7 +37,7 @@ class Plant:
 
     dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
     window: s, over which free runs of such a vehicle are judged.  settle: s, their first part, which fits their starts.
-    notes: where each number comes from, by path.
+    notes: where each number comes from, by path.  learned: in place of the hull's forces, see `LearnedHull`.
     """
 
     name: str
@@ -49,8 +50,14 @@ class Plant:
     title: str = ""
     description: str = ""
     notes: Mapping[str, str] = field(default_factory=dict, compare=False)
+    learned: LearnedHull | None = None
 
     def __post_init__(self):
+        if self.learned is not None and not self.family.learns:
+            raise ValueError(
+                f"A learned hull belongs to a vehicle in six degrees of freedom, got {self.name!r} of family "
+                f"{self.family.name!r}."
+            )
         for label, value in (("dt", self.dt), ("longest_step", self.longest_step), ("window", self.window)):
             if not value > 0.0 or not np.isfinite(value):
                 raise ValueError(f"A plant needs {label} > 0 s, got {value!r}: give a time such as 1.0.")
@@ -98,13 +105,13 @@ class Plant:
 
     @cached_property
     def vector(self) -> np.ndarray:
-        """The parameters as the compiled functions take them, in the order of `list_paths`."""
-        return pack(self)
+        """The parameters as the compiled functions take them, in the order of `list_paths`; then the learned table."""
+        return pack(self) if self.learned is None else np.concatenate([pack(self), self.learned.table])
 
     @cached_property
     def derived(self) -> np.ndarray:
         """What the compiled programs take in place of the parameters: these, and what follows from them alone."""
-        derived = np.zeros(self.family.derived)
+        derived = np.zeros(self.family.derived + (0 if self.learned is None else self.learned.table.size))
         self.programs.derive(self.vector, derived)
         return derived
 
@@ -291,7 +298,18 @@ def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
 
 
 def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str] | None = None) -> None:
-    """Write a vehicle file that `load_vehicle` reads back bit for bit; written aside, then renamed."""
+    """Write a vehicle file that `load_vehicle` reads back bit for bit; written aside, then renamed.
+
+    Raises on a learned hull, which `save_model` writes.
+    """
+    if plant.learned is not None:
+        raise ValueError(f"A vehicle file has no room for the learned hull of {plant.name}: use save_model, to .npz.")
+    with replacing(path) as new:
+        new.write_text(vehicle_text(plant, notes), encoding="utf-8")
+
+
+def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
+    """A vehicle file's text; of a learned hull it says nothing."""
     notes = {**plant.notes, **(notes or {})}
     lines = [
         f'family = "{plant.family.name}"',
@@ -315,8 +333,12 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
             lines += ["", f"[{table}]"]
         source = f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
         lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{source} }}')
-    with replacing(path) as new:
-        new.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
+
+
+def vehicle_of_text(text: str, origin: str) -> Plant:
+    """The plant of a vehicle file's text; raises with what is wrong in it, by key."""
+    return _parse(text, origin)
 
 
 def _presets() -> list[Path]:

@@ -18,11 +18,12 @@ from typing import Any
 import numpy as np
 
 from auv_gym.compiled import bind, view_as
+from auv_gym.param import list_paths
 from auv_gym.physics.actuators import decay_of, travel
 from auv_gym.vehicles.family import Family
 
 # Open names of the templates, bound per family.
-STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = DERIVED = WORK = BLOCK = 0
+STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = PARAMETERS = DERIVED = WORK = BLOCK = 0
 derivative: Any
 stable_step: Any
 shape: Any
@@ -179,13 +180,13 @@ def _drive(times, inputs, first, shaped, positions, p, work):
 def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y):
     """Outputs of free runs over windows of a record, for several parameter vectors, into y.
 
-    vectors: (S, n_parameters).  starts: (S, W, STATES), the states at the windows' first rows.  begin, stop: (W,) rows.
+    vectors: (S, n_parameters), or longer by a table.  starts: (S, W, STATES), the states at the windows' first rows.  begin, stop: (W,) rows.
     times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
     y: (S, sum of window lengths, OUTPUTS), the windows one after the other.
     """
     n = times.shape[0]
     work = np.empty(WORK)
-    derived = np.empty(DERIVED)
+    derived = np.empty(DERIVED + vectors.shape[1] - PARAMETERS)
     shaped = np.empty((n, ACTUATORS))
     positions = np.empty((n, ACTUATORS))
     x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
@@ -252,6 +253,7 @@ def bind_family(family: Family) -> Programs:
         "SENSORS": len(family.sensors),
         "OUTPUTS": len(family.outputs),
         "INPUTS": len(family.inputs),
+        "PARAMETERS": len(list_paths(family.parameters())),
         "DERIVED": family.derived,
         "WORK": scratch_for(family).size,
         "BLOCK": family.block,

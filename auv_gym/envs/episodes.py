@@ -189,6 +189,8 @@ class InfoIndex:
             "reward_terms": (offset(record, "term"), tuple(episodes.task.weights)),
         }
         single = {"time_s": "time"} | ({"dt_s": "coming_dt"} if family.kind == "float" else {})
+        if isinstance(episodes.driver, Plant) and episodes.driver.learned is not None:
+            single["support_distance"] = "support_distance"
         return cls(
             first=first,
             last=state_at + len(episodes.state_names),

@@ -118,4 +118,8 @@ def _set_out(plan, x, t, e, row):
     first_target(x, t, e, row)
 
 
-TEMPLATES = (_command, _beyond, _score, _aim, _look, _pass_time, _steps_left, _ages, _place, _set_out)
+def _doubt(x, derived, e, work):
+    """Nothing: a float's forces are not learned."""
+
+
+TEMPLATES = (_command, _beyond, _score, _aim, _look, _pass_time, _steps_left, _ages, _place, _set_out, _doubt)

@@ -42,7 +42,7 @@ _LARGEST = 1e9  # a state beyond it counts as diverged: positions and angles no 
 _EFFECTS = len(SAMPLING)
 
 # Open names of the templates, bound per kind of vehicle.
-STATES = ACTUATORS = INPUTS = OUTPUTS = DERIVED = WORK = SENSED = 0
+STATES = ACTUATORS = INPUTS = OUTPUTS = WORK = SENSED = 0
 PLAN_FIXED = ROW_FIXED = OBSERVATION_AT = COMMAND_AT = RAW_AT = 0
 view: Any
 view_plan: Any
@@ -65,6 +65,7 @@ steps_left: Any
 ages: Any
 place: Any
 set_out: Any
+doubt: Any
 draw_target: Any
 outcome: Any
 advance: Any
@@ -200,6 +201,7 @@ def _advance(plan, derived, row, t, e, work):
     # a slice, since a field of the row has a type of its own, for which the step would be compiled once more
     inputs = row[COMMAND_AT : COMMAND_AT + INPUTS]
     vehicle_step(x, inputs, ages(plan, t, row), t.longest_step, derived, work)
+    doubt(x, derived, e, work)
     return outcome(plan, derived, row, t, e)
 
 
@@ -252,6 +254,7 @@ def _begin(vector, plan, derived, row):
         for k in range(int(t.history)):
             past[k, j] = past[0, j]
     settle(x, derived)
+    doubt(x, derived, e, np.empty(WORK))
     for i in range(count):
         row[previous_at + i] = x[i]
     set_out(plan, x, t, e, row)
@@ -264,7 +267,7 @@ def _begin(vector, plan, derived, row):
 def _begin_one(vector, buffer):
     """The start of an episode in the buffer of a single environment."""
     plan_size = int(buffer[0])
-    row_at = plan_size + DERIVED
+    row_at = plan_size + int(buffer[2])
     row = buffer[row_at : row_at + int(buffer[1])]
     begin(vector, buffer[:plan_size], buffer[plan_size:row_at], row)
 
@@ -272,7 +275,7 @@ def _begin_one(vector, buffer):
 def _step_one(buffer):
     """One step of a single environment; the status: REFUSED where the action is not finite, OVER after the end."""
     plan_size = int(buffer[0])
-    row_at = plan_size + DERIVED
+    row_at = plan_size + int(buffer[2])
     work_at = row_at + int(buffer[1])
     row = buffer[row_at:work_at]
     t, e = view_plan(buffer[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
@@ -287,7 +290,8 @@ def _step_one(buffer):
 def _command_one(buffer):
     """The commands for a model that drives a single environment; its status as that of `step_one`."""
     plan_size = int(buffer[0])
-    row = buffer[plan_size + DERIVED : plan_size + DERIVED + int(buffer[1])]
+    row_at = plan_size + int(buffer[2])
+    row = buffer[row_at : row_at + int(buffer[1])]
     t, e = view_plan(buffer[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
     if e.over != 0.0:
         return OVER
@@ -303,7 +307,8 @@ def _command_one(buffer):
 def _look_one(buffer):
     """The first observation of a single environment whose state and outputs are a model's."""
     plan_size = int(buffer[0])
-    row = buffer[plan_size + DERIVED : plan_size + DERIVED + int(buffer[1])]
+    row_at = plan_size + int(buffer[2])
+    row = buffer[row_at : row_at + int(buffer[1])]
     plan = buffer[:plan_size]
     t, e = view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
     sample(t, e, row, True)
@@ -313,7 +318,7 @@ def _look_one(buffer):
 def _outcome_one(buffer):
     """What follows from a model's state and outputs in the buffer of a single environment; the status."""
     plan_size = int(buffer[0])
-    row_at = plan_size + DERIVED
+    row_at = plan_size + int(buffer[2])
     plan, row = buffer[:plan_size], buffer[row_at : row_at + int(buffer[1])]
     return outcome(plan, buffer[plan_size:row_at], row, view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED]))
 
@@ -321,7 +326,7 @@ def _outcome_one(buffer):
 def _step_many(vector, plan, derived, rows, begins, observations, rewards, terminated, truncated):
     """One step of every row, on all cores; rows in `begins` start an episode instead, with reward 0.
 
-    derived: (n, DERIVED), or (1, DERIVED) for all rows.  observations: (n, ...) float32.  rewards: (n,).
+    derived: (n, ...), or (1, ...) for all rows.  observations: (n, ...) float32.  rewards: (n,).
     terminated, truncated: (n,) bool.
     """
     own = 1 if derived.shape[0] > 1 else 0
@@ -384,7 +389,6 @@ def bind_kernel(family: Family) -> Kernel:
         "INPUTS": len(family.inputs),
         "OUTPUTS": len(family.outputs),
         "SENSED": len(layout.sensors),
-        "DERIVED": family.derived,
         "WORK": scratch_for(family).size,
         "START_DRAWS": START_DRAWS,
         "CHANGE_DRAWS": CHANGE_DRAWS,

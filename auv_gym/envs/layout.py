@@ -73,7 +73,7 @@ LAYOUTS = {
             # the leg of a path: where it starts, the waypoint after its end, and directions
             "origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1,
         },
-        shown={"reached": 1},
+        shown={"reached": 1, "support_distance": 1},
     ),
     "float": Layout(
         geometry=("error", "position"),
@@ -95,7 +95,7 @@ def plan_type(family: Family) -> np.dtype:
     return _record(
         family,
         {
-            "plan_size": 1, "row_size": 1, "actions": 1, "observations": 1, "dt": 1, "longest_step": 1,
+            "plan_size": 1, "row_size": 1, "derived_size": 1, "actions": 1, "observations": 1, "dt": 1, "longest_step": 1,
             "by_model": 1, "sampled": 1,
             # tables of the plan
             "ages_at": 1, "history": 1, "observed_at": 1, "randomised_at": 1, "randomised": 1, "sampling_from": 1,

@@ -99,6 +99,7 @@ def make_episodes(
     longest = {p: limits[1] for p, limits in ranges.items() if p.endswith(".dead_time")}
     sized = replace(replace_at(owner, longest) if longest else owner, dt=setting.least_dt)
     state_names = sized.states
+    plan["derived_size"] = owner.derived.size
     plan["dt"], plan["longest_step"] = plant.dt, owner.longest_step
     plan["by_model"] = not compiled
     plan["actions"], plan["observations"] = len(setting.actions), len(observed)

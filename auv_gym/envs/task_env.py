@@ -88,7 +88,8 @@ class TaskEnv(gymnasium.Env):
         index = InfoIndex.of(episodes)
         self._show = row.data[index.first : index.last].tobytes
         first = row_at + index.first
-        self._time_at, self._dt_at = first + index.single["time_s"], first + index.single.get("dt_s", -first)
+        self._singles = tuple((name, first + at) for name, at in index.single.items() if name != "time_s")
+        self._time_at = first + index.single["time_s"]
         places = {group: {n: at + i for i, n in enumerate(names)} for group, (at, names) in index.groups.items()}
         self._places = tuple(places[group] for group in ("target", "reading", "command", "state", "reward_terms"))
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
@@ -181,8 +182,8 @@ class TaskEnv(gymnasium.Env):
             "reward_terms": terms,
             "reason": reason,
         }
-        if self._dt_at:
-            info["dt_s"] = self._numbers[self._dt_at]
+        for name, at in self._singles:
+            info[name] = self._numbers[at]
         return info
 
     def _advance_otherwise(self, buffer: np.ndarray) -> int:

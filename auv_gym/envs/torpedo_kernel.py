@@ -20,11 +20,13 @@ from auv_gym.envs.layout import (
 )
 from auv_gym.envs.path import leg_axes, leg_between, point_ahead
 from auv_gym.physics.frames import wrapped
+from auv_gym.vehicles.learned_hull import ROOM, support_distance
 
 # Open names of the templates, bound by `kernel`.
 STATES = INPUTS = OUTPUTS = SHARES = START_DRAWS = CHANGE_DRAWS = 0
 U = V = W = P = Q = R = NORTH = EAST = DEPTH = ROLL = PITCH = HEADING = WAVE_PHASE = 0
 READ_W = READ_Q = READ_R = READ_V = READ_NORTH = READ_EAST = READ_DEPTH = READ_PITCH = READ_HEADING = 0
+view: Any
 draw_target: Any
 first_target: Any
 target_error: Any
@@ -207,6 +209,12 @@ def _set_out(plan, x, t, e, row):
     lead_on(plan, t, e, row)
 
 
+def _doubt(x, derived, e, work):
+    """How far the vehicle's velocity is from those that a learned hull was trained with, over their reach."""
+    p = view(derived)
+    e.support_distance = support_distance(p, x, work[:ROOM]) if p.computed.learned != 0.0 else 0.0
+
+
 TEMPLATES = (
-    _command, _beyond, _score, _lead_on, _aim, _look, _pass_time, _steps_left, _ages, _place, _set_out,
+    _command, _beyond, _score, _lead_on, _aim, _look, _pass_time, _steps_left, _ages, _place, _set_out, _doubt,
 )  # fmt: skip

@@ -85,8 +85,13 @@ def radial_sums(x, blocks, room, out):
             for j in range(n):
                 total[j] += coefficient[j] * bell[j]
     for o in range(m):
-        total, value = room[2 + o], 0.0
-        for j in range(n):
+        total, half = room[2 + o], n // 2
+        while half > 4:  # halves on each other: one long sum would be a chain of waits
+            for j in range(half):
+                total[j] += total[half + j]
+            half //= 2
+        value = 0.0
+        for j in range(2 * half):
             value += total[j]
         out[o] = value
 
@@ -101,7 +106,10 @@ def radial_distance(x, blocks, room):
         fill_powers(x, blocks[b], power)
         for j in range(most.shape[0]):
             most[j] = power[j] if power[j] > most[j] else most[j]
+    half = most.shape[0] // 2
+    while half > 0:
+        for j in range(half):
+            most[j] = most[half + j] if most[half + j] > most[j] else most[j]
+        half //= 2
     nearest = most[0]
-    for j in range(most.shape[0]):
-        nearest = max(nearest, most[j])
     return sqrt(max(-nearest, 0.0)) / BITS

@@ -36,10 +36,11 @@ class Family:
     sensors: tuple[str, ...]
     outputs: tuple[str, ...]
     coefficients: tuple[str, ...]  # paths that a first fit frees
-    derived: int  # length of what `derive` makes
+    derived: int  # length of what `derive` makes, without a table
     view: Callable[..., Any]
     hooks: Mapping[str, Callable[..., Any]]
     scratch: int = 0  # length of the last argument of `derivative`
+    learns: bool = False  # whether a table of learned forces may follow the parameters
     block: int = 1_000_000  # steps after which `stable_step` is asked again
     problem: Callable[[Any], str] = _no_problem  # words about impossible parameters, or nothing
     # steps of difference quotients, of a parameter's scale: larger than the rounding of kinks, smaller than a probe; a

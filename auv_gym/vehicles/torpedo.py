@@ -29,6 +29,7 @@ from auv_gym.physics.propulsion import (
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.physics.water import orbital_velocity
 from auv_gym.vehicles.family import Family
+from auv_gym.vehicles.learned_hull import ROOM, learned_forces
 from auv_gym.vehicles.torpedo_derived import N_DERIVED, N_TERMS, derive, mass_problem, view
 from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 from auv_gym.vehicles.torpedo_sensors import SENSORS, output, sense, settle_sensors
@@ -167,7 +168,7 @@ def slipstream(shaft_speed, u, w, p, q, angle, deflected, slip):
 def derivative(z, actuators, inputs, p, dz, terms):
     """State derivative of [u v w p q r | north east depth | quaternion | wave phase] into dz.
 
-    actuators: [rudder, stern plane, bow plane rad, propulsion command].  terms: scratch, shape (N_TERMS + 5,).
+    actuators: [rudder, stern plane, bow plane rad, propulsion command].  terms: scratch, shape (N_TERMS + 5 + ROOM,).
     """
     u, v, w, roll_rate, q, r = z[0], z[1], z[2], z[3], z[4], z[5]
     hull, effects, computed = p.hull, p.effects, p.computed
@@ -181,6 +182,14 @@ def derivative(z, actuators, inputs, p, dz, terms):
     k_hull = polynomial(computed, int(computed.ends[2]), int(computed.ends[3]), terms)
     m_hull = polynomial(computed, int(computed.ends[3]), int(computed.ends[4]), terms)
     n_hull = polynomial(computed, int(computed.ends[4]), int(computed.ends[5]), terms)
+    if computed.learned != 0.0:
+        l1, l2, l3, l4, l5, l6 = learned_forces(p, z, terms[N_TERMS + 5 :])
+        x_hull += l1
+        y_hull += l2
+        z_hull += l3
+        k_hull += l4
+        m_hull += l5
+        n_hull += l6
     if computed.has_environment != 0.0:
         heading = sqrt(max(r11 * r11 + r21 * r21, 1e-12))
         values = (z[8], r21 / heading, r11 / heading)
@@ -389,7 +398,8 @@ def _family(name: str, propulsion: str, title: str) -> Family:
             *("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad", "wave_phase_rad"),
         ),
         integrated=14,
-        scratch=N_TERMS + 5,
+        scratch=N_TERMS + 5 + ROOM,
+        learns=True,
         actuators=commands,
         sensors=SENSORS,
         outputs=(

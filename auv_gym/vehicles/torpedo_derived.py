@@ -51,6 +51,7 @@ _COMPUTED = np.dtype(
             ("has_moving_water", np.float64),
             ("has_waves", np.float64),
             ("has_tether", np.float64),
+            ("learned", np.float64),  # length of the table of a learned hull, which follows in the vector, or 0
         ],
     )
 )
@@ -160,8 +161,24 @@ def fill_mass(p, matrix, rigid, momentum):
 
 
 @outlined
+def without_given_momentum(hull, momentum):
+    """Takes from momentum, in place, what it is without effects."""
+    added, rigid = np.empty((6, 6)), np.empty((6, 6))
+    fill_rigid_body_mass(hull.mass, hull.x_g, hull.y_g, hull.z_g, hull, rigid)
+    fill_added_mass(hull.added_mass, added)
+    half = 0.5 * hull.coriolis_of_added_mass
+    for i in range(6):
+        for j in range(6):
+            momentum[i, j] -= rigid[i, j] + half * (added[i, j] + added[j, i])
+
+
+@outlined
 def derive(vector, derived):
-    """The parameters and what follows from them alone into derived, shape (N_DERIVED,): masses, active terms, flags."""
+    """The parameters and what follows from them alone into derived, shape (N_DERIVED,): masses, active terms, flags.
+
+    What vector is longer than the parameters is a learned hull's table, and derived is longer by the same. Effects then
+    change it by what they change in the forces of the given hull, Coriolis forces included.
+    """
     for i in range(N_PARAMETERS):
         derived[i] = vector[i]
     p = writable_view(derived)
@@ -169,6 +186,12 @@ def derive(vector, derived):
     load = effects.load
     density = 1.0 + effects.water.density
     fill_mass(p, computed.mass, computed.rigid_mass, computed.momentum)
+    computed.learned = vector.shape[0] - N_PARAMETERS
+    kept = 0.0 if computed.learned == 0.0 else 1.0
+    for i in range(N_PARAMETERS, vector.shape[0]):
+        derived[N_DERIVED + i - N_PARAMETERS] = vector[i]
+    if kept != 0.0:
+        without_given_momentum(hull, computed.momentum)
     invert(computed.mass.copy(), computed.inverse_mass)
     count = 0
     for i in range(6):
@@ -178,9 +201,11 @@ def derive(vector, derived):
         for k in range(N_TERMS):
             factor = 1.0 + _DAMPING[k] * damping_error(effects.hull, i)
             factor *= 1.0 + _DRAG[k] * effects.hull.fouling
-            value = density * factor * hull_coefficient(hull, i, k) + hull_coefficient(effects.discovered, i, k)
-            if value != 0.0:
-                computed.coefficients[count] = value
+            given = hull_coefficient(hull, i, k)
+            value = density * factor * given + hull_coefficient(effects.discovered, i, k)
+            acting = value - kept * given
+            if acting != 0.0:
+                computed.coefficients[count] = acting
                 # published for u > 0: damping of the axis's own velocity goes with |u|, or it would drive it astern
                 computed.terms[count] = N_TERMS + i - 1 if i > 0 and k == 16 + i else k
                 count += 1
@@ -202,8 +227,8 @@ def derive(vector, derived):
     computed.density = density
     fouling = 1.0 + effects.hull.fouling
     flow = hull.cross_flow
-    computed.cross_y = fouling * (1.0 + effects.hull.damping_sway) * flow.drag_y * flow.height
-    computed.cross_z = fouling * (1.0 + effects.hull.damping_heave) * flow.drag_z * flow.breadth
+    computed.cross_y = (fouling * (1.0 + effects.hull.damping_sway) - kept / density) * flow.drag_y * flow.height
+    computed.cross_z = (fouling * (1.0 + effects.hull.damping_heave) - kept / density) * flow.drag_z * flow.breadth
     computed.has_cross_flow = 1.0 if computed.cross_y != 0.0 or computed.cross_z != 0.0 else 0.0
     strip = hull.density * density * hull.length  # the slope of a v|v| law in both its speeds
     computed.damping[1, 2] += strip * computed.cross_y * computed.inverse_mass[1, 1]
