@@ -8,31 +8,28 @@ from functools import cached_property
 import numpy as np
 
 from auv_gym.compiled import compiled
+from auv_gym.physics.radial import BITS, radial_blocks, radial_distance, radial_sums
 
 
 @compiled
-def radial_row(x, support, rate, coefficients, bias, out):
-    """Writes sum_j coefficients[j] exp(-r_j^2) + bias into out (m,); returns the smallest r_j^2.
+def sums_of_rows(x, blocks, out):
+    """`radial_sums` at every row of x (n, d), into out (n, m)."""
+    room = np.empty((2 + out.shape[1], blocks.shape[2]))
+    for i in range(x.shape[0]):
+        radial_sums(x[i], blocks, room, out[i])
 
-    r_j^2 = sum_k ((x[k] - support[j, k]) rate[k])^2.  support: (n, d); coefficients: (n, m).  Allocates nothing.
-    """
-    nearest = np.inf
-    out[:] = bias
-    for j in range(support.shape[0]):
-        square = 0.0
-        for k in range(support.shape[1]):
-            part = (x[k] - support[j, k]) * rate[k]
-            square += part * part
-        nearest = min(nearest, square)
-        kernel = np.exp(-square)
-        for o in range(out.shape[0]):
-            out[o] += coefficients[j, o] * kernel
-    return nearest
+
+@compiled
+def distances_of_rows(x, blocks, out):
+    """`radial_distance` of every row of x (n, d), into out (n,)."""
+    room = np.empty((2, blocks.shape[2]))
+    for i in range(x.shape[0]):
+        out[i] = radial_distance(x[i], blocks, room)
 
 
 @compiled
 def radial_slopes(x, support, rate, coefficients, out):
-    """Writes the derivative of output o of `radial_row` by x[k] into out[o, k]."""
+    """Writes the derivative by x[k] of sum_j coefficients[j, o] exp(-|(x - support[j]) rate|^2) into out[o, k]."""
     out[:, :] = 0.0
     for j in range(support.shape[0]):
         square = 0.0
@@ -44,13 +41,6 @@ def radial_slopes(x, support, rate, coefficients, out):
             slope = kernel * (x[k] - support[j, k]) * rate[k] * rate[k]
             for o in range(out.shape[0]):
                 out[o, k] += coefficients[j, o] * slope
-
-
-@compiled
-def radial_rows(x, support, rate, coefficients, bias, out, nearest):
-    """`radial_row` of every row of x (n, d), into out (n, m) and nearest (n,)."""
-    for i in range(x.shape[0]):
-        nearest[i] = radial_row(x[i], support, rate, coefficients, bias, out[i])
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +65,7 @@ class KernelMachine:
 
     @property
     def rate(self) -> np.ndarray:
-        """1 / (scale sigma), (d,): what `radial_row` multiplies differences by; 1 / scale for the linear kernel."""
+        """1 / (scale sigma), (d,): what differences are multiplied by; 1 / scale for the linear kernel."""
         return 1.0 / (self.scale * (1.0 if self.sigma is None else self.sigma))
 
     @cached_property
@@ -90,7 +80,8 @@ class KernelMachine:
             out = (rows - self.middle) @ self.weights + self.bias
         else:
             out = np.empty((len(rows), self.bias.size))
-            radial_rows(rows, self.support, self.rate, self.coefficients, self.bias, out, np.empty(len(rows)))
+            sums_of_rows((rows - self.middle) * (self.rate * BITS), self._blocks, out)
+            out += self.bias
         return out[:, 0] if self.flat else out
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
@@ -104,18 +95,25 @@ class KernelMachine:
         return out
 
     def distance(self, x: np.ndarray) -> np.ndarray:
-        """How far each row of x is from the nearest training sample, in scaled units, (n,)."""
+        """How far each row of x is from the nearest one of the support, in scaled units, (n,), to some 1e-8."""
         rows = self._rows(x)
-        nearest, out = np.empty(len(rows)), np.empty((len(rows), 0))
-        no_outputs = self.coefficients[:, :0].copy(), self.bias[:0]
-        radial_rows(rows, self.support, 1.0 / self.scale, *no_outputs, out, nearest)
-        return np.sqrt(nearest)
+        out = np.empty(len(rows))
+        distances_of_rows((rows - self.middle) * (BITS / self.scale), self._centres, out)
+        return out
 
     def closeness(self, x: np.ndarray) -> np.ndarray:
-        """The largest kernel value between each row of x and the training samples: 1 at one of them, 0 far outside."""
+        """The largest kernel value between each row of x and the support: 1 at one of them, 0 far outside."""
         if self.sigma is None:
             raise ValueError("closeness needs a radial kernel, got a linear one: use distance(x).")
         return np.exp(-((self.distance(x) / self.sigma) ** 2))
+
+    @cached_property
+    def _blocks(self) -> np.ndarray:
+        return radial_blocks(self.support - self.middle, self.rate, self.coefficients)
+
+    @cached_property
+    def _centres(self) -> np.ndarray:
+        return radial_blocks(self.support - self.middle, 1.0 / self.scale, np.empty((len(self.support), 0)))
 
     def _rows(self, x: np.ndarray) -> np.ndarray:
         rows = np.ascontiguousarray(x, dtype=float)
