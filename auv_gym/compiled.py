@@ -120,7 +120,8 @@ def _tail_of() -> Any:
 
 
 # tail_of(record, count): the `count` numbers that follow the record of a vector longer than it, (count,), no copy, and
-# no references counted: the vector must be kept elsewhere.
+# no references counted: the vector must be kept elsewhere, and the record be one that compiled code made by its view. A
+# record that has been through Python is a copy, with nothing behind it.
 tail_of = _tail_of()
 
 

@@ -408,7 +408,7 @@ def _parse(text: str, origin: str) -> Plant:
             values[path] = check_value(path, values[path] * scale, spec)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
-    times = {field: content.get(f"{field}_s") for field in ("dt", "longest_step", "window", "settle")}
+    times: dict[str, Any] = {field: content.get(f"{field}_s") for field in ("dt", "longest_step", "window", "settle")}
     plant = Plant(
         name=content.get("name", Path(origin).stem),
         family=family,

@@ -180,8 +180,8 @@ def _drive(times, inputs, first, shaped, positions, p, work):
 def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y):
     """Outputs of free runs over windows of a record, for several parameter vectors, into y.
 
-    vectors: (S, n_parameters), or longer by a table.  starts: (S, W, STATES), the states at the windows' first rows.  begin, stop: (W,) rows.
-    times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
+    vectors: (S, n_parameters), or longer by a table.  starts: (S, W, STATES), the states at the windows' first rows.
+    begin, stop: (W,) rows.  times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
     y: (S, sum of window lengths, OUTPUTS), the windows one after the other.
     """
     n = times.shape[0]

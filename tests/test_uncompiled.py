@@ -12,6 +12,7 @@ import pytest
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
+from auv_gym.vehicles.learned_hull import LearnedHull
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = {"glider": 60, "torpedo": 12, "float": 25}  # one of a torpedo takes plain Python some milliseconds
@@ -37,6 +38,10 @@ def plants() -> dict[str, Plant]:
     found = {name: load_vehicle(name) for name in list_vehicles()}
     for name in ("slocum", "ganeshblue_corrected", "heu_torpedo", "npsauv", "qiandao_float", "mermaid"):
         found[f"{name}, all effects"] = replace_at(found[name], probed(found[name]))
+    centres = np.linspace(-0.5, 1.5, 4)[:, None] * np.array([1.0, 0.1, 0.1, 0.2, 0.2, 0.2])
+    forces = np.array([[-4.0, 2.0, 1.0, 0.2, 0.4, -0.3]]) * np.arange(1.0, 5.0)[:, None]
+    learned = LearnedHull(centres, np.ones(6), np.array([1.0, 0.5]), np.stack([forces, -forces]), np.ones(6), 1.0)
+    found["heu_torpedo, learned"] = replace(found["heu_torpedo"], learned=learned)
     slocum = found["slocum"]
     found |= {f"slocum, {path}": replace_at(slocum, path, value) for path, value in probed(slocum).items()}
     for name in ("heu_torpedo", "qiandao_float", "mermaid"):

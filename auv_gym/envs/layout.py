@@ -95,8 +95,8 @@ def plan_type(family: Family) -> np.dtype:
     return _record(
         family,
         {
-            "plan_size": 1, "row_size": 1, "derived_size": 1, "actions": 1, "observations": 1, "dt": 1, "longest_step": 1,
-            "by_model": 1, "sampled": 1,
+            "plan_size": 1, "row_size": 1, "derived_size": 1, "actions": 1, "observations": 1,
+            "dt": 1, "longest_step": 1, "by_model": 1, "sampled": 1,
             # tables of the plan
             "ages_at": 1, "history": 1, "observed_at": 1, "randomised_at": 1, "randomised": 1, "sampling_from": 1,
             # parts of the row

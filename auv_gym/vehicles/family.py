@@ -63,6 +63,16 @@ class Family:
     # lowest and highest that a record's channel can be, as numbers or paths of parameters
     ranges: Mapping[str, tuple[float | str, float | str]] = field(default_factory=dict)
 
+    def __reduce__(self):
+        return _named, (self.name,)
+
+
+def _named(name: str) -> Family:
+    """The one family of this name: a copy or pickle of a plant has the same as the plant."""
+    from auv_gym.vehicles import FAMILIES
+
+    return FAMILIES[name]
+
 
 @compiled
 def copied(source, target):

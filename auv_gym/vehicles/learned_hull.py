@@ -60,11 +60,11 @@ def support_distance(p, velocity, room):
 
 @dataclass(frozen=True, eq=False)
 class LearnedHull:
-    """C(v)v + D(v)v, N and N m, as bias + sum over kernels k and centres j of coefficients[k, j] exp(-d_j^2 / sigma_k^2).
+    """C(v)v + D(v)v, N and N m: bias + sum over kernels k and centres j of coefficients[k, j] exp(-(d_j / sigma_k)^2).
 
-    d_j = |(v - support[j]) / spread|.  support: (n, 6), u v w p q r, m/s and rad/s.  spread: (6,).  sigma: (kernels,), in
-    spreads.  coefficients: (kernels, n, 6).  bias: (6,).  reach: the d to the nearest centre up to which a velocity is
-    like those of the training data.  Raises on shapes that do not match and on numbers that are not finite.
+    d_j = |(v - support[j]) / spread|.  support: (n, 6), u v w p q r, m/s and rad/s.  spread: (6,).  sigma: (kernels,),
+    in spreads.  coefficients: (kernels, n, 6).  bias: (6,).  reach: the d to the nearest centre up to which a velocity
+    is like those of the training data.  Raises on shapes that do not match and on numbers that are not finite.
     """
 
     support: np.ndarray

@@ -106,9 +106,11 @@ def _thrust_row(voltage: float) -> type:
     return make_dataclass(f"ThrustAt{voltage:g}V", fields, frozen=True, namespace=namespace)
 
 
+_THRUST_ROWS = {voltage: _thrust_row(voltage) for voltage in VOLTAGES}
+globals().update({row.__name__: row for row in _THRUST_ROWS.values()})  # where pickle looks for them
 ThrustTable = make_dataclass(
     "ThrustTable",
-    [(f"v{v:g}", row, part(row)) for v in VOLTAGES for row in [_thrust_row(v)]],
+    [(f"v{voltage:g}", row, part(row)) for voltage, row in _THRUST_ROWS.items()],
     frozen=True,
     namespace={
         "__module__": __name__,
