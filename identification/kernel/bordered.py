@@ -46,19 +46,21 @@ def solved(kernel: np.ndarray, ridge: np.ndarray, y: np.ndarray) -> Solution:
 
 def eliminated(kernel: np.ndarray, ridge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """G (n, n) and inv(H) 1 (n,); raises LinAlgError where H is singular to rounding."""
-    full = kernel + np.diag(ridge)
+    full = kernel.copy().T  # symmetric: in the order that LAPACK works on in place
+    np.einsum("ii->i", full)[:] += ridge
     factorise, condition, invert = linalg.get_lapack_funcs(("potrf", "pocon", "potri"), (full,))
     norm = np.abs(full).sum(axis=0).max()
-    factor, failed = factorise(full, lower=1, clean=1)
+    factor, failed = factorise(full, lower=1, clean=1, overwrite_a=1)
     if failed:
         raise linalg.LinAlgError("the kernel matrix is not positive definite")
     reciprocal_condition, _ = condition(factor, norm, uplo="L")
     if reciprocal_condition < 10.0 * np.finfo(float).eps:
         raise linalg.LinAlgError("the kernel matrix is singular to rounding")
-    lower, _ = invert(factor, lower=1, overwrite_c=1)
-    inverse = lower + np.tril(lower, -1).T
+    inverse, _ = invert(factor, lower=1, overwrite_c=1)
+    inverse += np.tril(inverse, -1).T
     ones = inverse.sum(axis=1)
-    return inverse - np.outer(ones, ones / ones.sum()), ones
+    inverse -= np.outer(ones, ones / ones.sum())
+    return inverse, ones
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,26 +14,26 @@ import numpy as np
 from scipy import linalg, optimize
 
 from identification.kernel.bordered import eliminated
-from identification.kernel.regression import EPS, LsSvmRegression, Training
+from identification.kernel.regression import LsSvmRegression, Training
+from identification.kernel.samples import EPS, Samples
 
 Progress = Callable[[float, str], Any]
 FAILED = 50.0  # loss of a system that rounding makes singular: far above any, and finite for the searches
-DIGITS_KEPT = (
-    1e3  # C is at most 1 / (this n EPS): the inverse then keeps three digits, and its condition is below 1 / EPS
-)
+DIGITS_KEPT = 1e3  # C is at most 1 / (this n EPS): three digits of the inverse are kept, its condition is below 1 / EPS
 WIDTHS = 0.1, 100.0  # sigmas searched, in median distances between samples
 LEAST_PENALTY = 1e-2
 SCAN_SAMPLES, SCAN_WIDTHS, SCAN_PENALTIES = 300, 12, 24
 FEW_SAMPLES = 600
-SETTLED, SETTLED_ON_FEW = 1e-4, 1e-6
+SETTLED, SETTLED_ON_FEW = 1e-3, 1e-6
+CURVATURE_STEP, LEAST_CURVATURE, BACK = 0.05, 1e-2, 0.3
 
 
 @dataclass(frozen=True)
 class Tuned:
     """The settings of least leave-one-out error.
 
-    errors: mean square leave-one-out error of each output, in its units squared.  loss: what was minimised.
-    evaluations: times that a system of all samples was solved.
+    errors: mean square leave-one-out error of each output, in its units squared.  loss: what was minimised, 0 for a
+    constant output, which has nothing to tune.  evaluations: times that a system of all samples was solved.
     """
 
     settings: LsSvmRegression
@@ -81,19 +81,65 @@ def descend(
     """Settings with C and sigma found by L-BFGS-B, with the gradient in closed form.
 
     A grid over C and sigma for 300 samples, one spectrum for each sigma, gives the starts; its best `starts` local
-    minima are followed on 600 samples, spread evenly over the record, and the best of them on all, to 1e-4 of the loss.
-    evaluations: on all samples, counted between line searches: the last one is finished.
+    minima are followed on 600 samples, spread evenly over the record, and the best of them is finished on all, by
+    quasi-Newton steps that start from the curvature on the part, until less than 1e-3 of the loss is to be gained.
+    evaluations: on all samples; where all are followed, counted between line searches: the last one is finished.
     """
+    training = _asked(settings, x, y, weights, starts, evaluations)
+    part = training.part(SCAN_SAMPLES)
+    return _descended(settings, training, _Grid.of(part).minima()[:starts], evaluations, progress)
+
+
+def descend_each(
+    settings: LsSvmRegression,
+    x: np.ndarray,
+    y: np.ndarray,
+    *,
+    weights: np.ndarray | None = None,
+    starts: int = 3,
+    evaluations: int = 60,
+    progress: Progress = lambda fraction, text: None,
+) -> tuple[Tuned, ...]:
+    """As `descend`, for each output of y (n, m) by itself: m settings, for `fit_each`.
+
+    Distances and spectra are worked out once for all.  evaluations: for each output.
+    """
+    training = _asked(settings, x, y, weights, starts, evaluations)
+    grid, found = _Grid.of(training.part(SCAN_SAMPLES)), []
+    for output, column in enumerate(training.columns()):
+        if not column.samples.varies.any():
+            found.append(Tuned(settings, (0.0,), 0.0, 0))
+            continue
+        minima = grid.minima(output)[:starts]
+        found.append(_descended(settings, column, minima, evaluations, _of_output(progress, output, len(grid.varies))))
+    return tuple(found)
+
+
+def _of_output(progress: Progress, output: int, outputs: int) -> Progress:
+    return lambda fraction, text: progress((output + fraction) / outputs, f"output {output}: {text}")
+
+
+def _asked(
+    settings: LsSvmRegression, x: np.ndarray, y: np.ndarray, weights: np.ndarray | None, starts: int, evaluations: int
+) -> Training:
     if starts < 1 or evaluations < 1:
         raise ValueError(f"descend needs starts and evaluations from 1, got {starts} and {evaluations}.")
-    training = Training.of(x, y, weights, settings)
+    return Training.of(x, y, weights, settings)
+
+
+def _descended(
+    settings: LsSvmRegression, training: Training, starts: list[np.ndarray], evaluations: int, progress: Progress
+) -> Tuned:
+    """The best of the minima below the starts, followed on a part where there are many samples, finished on all."""
     search = _Search.of(settings, training, evaluations, progress)
     part = training.part(FEW_SAMPLES)
     few = search if part is training else _Search.of(settings, part, evaluations, lambda fraction, text: None)
-    for start in _scanned(settings, training.part(SCAN_SAMPLES))[:starts]:
-        few.follow(start, SETTLED_ON_FEW)
+    for start in starts:
+        few.follow(start)
     if few is not search:
-        search.follow(few.at if few.at.size else few.middle, SETTLED)
+        start = few.at if few.at.size else few.middle
+        search.settle(start, few.curvature(start))
+    progress(1.0, "tuned")
     return search.tuned()
 
 
@@ -110,28 +156,14 @@ class _Search:
     count: int = 0
     best: float = np.inf
     at: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    squares: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     @classmethod
     def of(cls, settings: LsSvmRegression, training: Training, allowed: int, progress: Progress) -> _Search:
-        varies = np.ptp(training.y, axis=0) > 0.0
-        if not varies.any():
-            raise ValueError("Tuning needs an output that varies, got constants alone: fit without tuning.")
-        centred = training.y[:, varies] - np.average(training.y[:, varies], axis=0, weights=training.weights)
-        spread = np.sqrt(np.average(centred**2, axis=0, weights=training.weights))
-        most = 1.0 / (DIGITS_KEPT * EPS * len(centred) * training.weights.max())
-        bounds = [(np.log(LEAST_PENALTY), np.log(most))]
-        if training.radial:
-            middle = np.sqrt(np.median(training.square[training.square > 0.0]))
-            least, largest = training.reach
-            narrow, wide = max(WIDTHS[0] * middle, 1.001 * least), min(WIDTHS[1] * middle, 0.999 * largest)
-            bounds.append((np.log(narrow), np.log(wide)))
-        else:  # its values are not at most 1, as the radial ones are
-            size = np.trace(training.square) / len(centred)
-            bounds = [(low - np.log(size), high - np.log(size)) for low, high in bounds]
-        return cls(settings, training, centred / spread, bounds, allowed, progress)
+        return cls(settings, training, training.samples.standard, _bounds(training), allowed, progress)
 
     def settings_at(self, at: np.ndarray) -> LsSvmRegression:
-        sigma = float(np.exp(at[1])) if self.training.radial else self.settings.sigma
+        sigma = float(np.exp(at[1])) if self.training.distances.radial else self.settings.sigma
         return replace(self.settings, penalty=float(np.exp(at[0])), sigma=sigma)
 
     def __call__(self, at: np.ndarray, gradient: bool = False) -> tuple[float, np.ndarray]:
@@ -139,7 +171,8 @@ class _Search:
         tried = self.settings_at(at)
         self.count += 1
         kernel = self.training.kernel(tried.sigma)
-        ridge = 1.0 / (tried.penalty * self.training.weights)
+        weights = self.training.samples.weights
+        ridge = 1.0 / (tried.penalty * weights)
         slope = np.zeros(len(at))
         try:
             projected, _ = eliminated(kernel, ridge)
@@ -148,11 +181,11 @@ class _Search:
         coefficients = projected @ self.y
         diagonal = np.diag(projected).copy()
         errors = coefficients / diagonal[:, None]
-        shares = self.training.weights / self.training.weights.sum()
+        shares = weights / weights.sum()
         squares = np.maximum(shares @ errors**2, np.finfo(float).tiny)
         loss = float(np.mean(np.log(squares)))
         if loss < self.best:
-            self.best, self.at = loss, np.array(at)
+            self.best, self.at, self.squares = loss, np.array(at), squares
         self.progress(min(self.count / self.allowed, 1.0), f"C {tried.penalty:.3g}, sigma {tried.sigma:.3g}")
         if gradient:
             # d G = -G dH G, so each slope is the inner product of dH with G diag(pull) G - (G push) coefficients'
@@ -161,8 +194,8 @@ class _Search:
             pushed = projected @ push
             half = projected * np.sqrt(pull)
             slope[0] = -ridge @ (np.sum(half**2, axis=1) - np.sum(pushed * coefficients, axis=1))
-            if self.training.radial:
-                change = kernel * self.training.square * (2.0 / tried.sigma**2)
+            if self.training.distances.radial:
+                change = kernel * self.training.distances.square * (2.0 / tried.sigma**2)
                 slope[1] = np.vdot(change, half @ half.T) - np.sum(pushed * (change @ coefficients))
         return loss, slope
 
@@ -170,7 +203,7 @@ class _Search:
     def middle(self) -> np.ndarray:
         return np.array([sum(pair) / 2.0 for pair in self.bounds])
 
-    def follow(self, start: np.ndarray, settled: float) -> None:
+    def follow(self, start: np.ndarray) -> None:
         """Go down to the local minimum below a start, as far as evaluations are left."""
         if self.count >= self.allowed:
             return
@@ -180,8 +213,40 @@ class _Search:
             jac=True,
             method="L-BFGS-B",
             bounds=self.bounds,
-            options={"maxfun": self.allowed - self.count, "ftol": settled, "gtol": settled},
+            options={"maxfun": self.allowed - self.count, "ftol": SETTLED_ON_FEW, "gtol": SETTLED_ON_FEW},
         )
+
+    def curvature(self, at: np.ndarray) -> np.ndarray:
+        """The second derivatives of the loss, by differences of its gradient; positive definite."""
+        columns = [
+            (self(at + move, gradient=True)[1] - self(at - move, gradient=True)[1]) / (2.0 * CURVATURE_STEP)
+            for move in CURVATURE_STEP * np.eye(at.size)
+        ]
+        values, vectors = np.linalg.eigh(0.5 * (np.array(columns) + np.transpose(columns)))
+        return vectors @ np.diag(np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
+
+    def settle(self, start: np.ndarray, curvature: np.ndarray) -> None:
+        """Quasi-Newton steps from near a minimum: few evaluations, as the curvature of a part is nearly that of all."""
+        low, high = np.transpose(self.bounds)
+        at = np.clip(start, low, high)
+        loss, slope = self(at, gradient=True)
+        while self.count < self.allowed:
+            free = ~(((at <= low) & (slope > 0.0)) | ((at >= high) & (slope < 0.0)))
+            step = np.zeros(at.size)
+            step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], slope[free])
+            step = np.clip(at + step, low, high) - at
+            if -slope @ step < 2.0 * SETTLED:  # the gain that is still expected is half of it
+                return
+            after, slope_after = self(at + step, gradient=True)
+            while after >= loss and self.count < self.allowed and -slope @ step > SETTLED:
+                step *= BACK
+                after, slope_after = self(at + step, gradient=True)
+            if after >= loss:
+                return
+            turn, bent = slope_after - slope, curvature @ step
+            if turn @ step > 0.0:
+                curvature = curvature + np.outer(turn, turn) / (turn @ step) - np.outer(bent, bent) / (bent @ step)
+            at, loss, slope = at + step, after, slope_after
 
     def tuned(self) -> Tuned:
         """The best point visited."""
@@ -189,27 +254,67 @@ class _Search:
             raise ValueError(
                 "Tuning found no C and sigma at which the system can be solved: leave out repeated samples."
             )
-        best = self.settings_at(self.at)
-        machine = best.fit(self.training.x, self.training.y, self.training.weights)
-        errors = np.average(machine.leave_one_out**2, axis=0, weights=self.training.weights)
-        return Tuned(best, tuple(errors.tolist()), self.best, self.count)
+        errors = np.zeros(self.training.samples.varies.size)
+        errors[self.training.samples.varies] = self.squares * self.training.samples.variance
+        return Tuned(self.settings_at(self.at), tuple(errors.tolist()), self.best, self.count)
 
 
-def _scanned(settings: LsSvmRegression, training: Training) -> list[np.ndarray]:
-    """Local minima of the loss over a grid, best first."""
-    search = _Search.of(settings, training, 0, lambda fraction, text: None)
-    penalties = np.linspace(*search.bounds[0], SCAN_PENALTIES)
-    widths = np.linspace(*search.bounds[1], SCAN_WIDTHS) if training.radial else np.zeros(1)
-    losses = np.full((len(widths) + 2, len(penalties) + 2), np.inf)
-    for row, width in enumerate(widths):
-        errors = training.spectrum(float(np.exp(width))).leave_one_out(np.exp(penalties), search.y)
-        squares = np.einsum("i,cio->co", training.weights / training.weights.sum(), errors**2)
-        losses[row + 1, 1:-1] = np.mean(np.log(np.maximum(squares, np.finfo(float).tiny)), axis=1)
-    inner = losses[1:-1, 1:-1]
-    around = [losses[1 + i : losses.shape[0] - 1 + i, 1 + j : losses.shape[1] - 1 + j] for i, j in _NEIGHBOURS]
-    lowest = np.isfinite(inner) & np.all([inner <= other for other in around], axis=0)
-    found = sorted(zip(*np.nonzero(lowest)), key=lambda place: inner[place])
-    return [np.array([penalties[c], widths[w]])[: len(search.bounds)] for w, c in found]
+def _bounds(training: Training) -> list[tuple[float, float]]:
+    """Between which log C and log sigma, or log C alone, are searched."""
+    samples, distances = training.samples, training.distances
+    bounds = [(np.log(LEAST_PENALTY), np.log(largest_penalty(samples)))]
+    if distances.radial:
+        return [*bounds, widths(distances.median, distances.reach)]
+    size = np.trace(distances.square) / len(samples.x)  # its values are not at most 1, as the radial ones are
+    return [(low - np.log(size), high - np.log(size)) for low, high in bounds]
+
+
+def largest_penalty(samples: Samples) -> float:
+    """The C up to which a system of radial kernels keeps some digits."""
+    return 1.0 / (DIGITS_KEPT * EPS * len(samples.x) * samples.weights.max())
+
+
+def widths(median: float, reach: tuple[float, float]) -> tuple[float, float]:
+    """Between which log sigma is searched, for samples of this median distance and within this reach."""
+    return np.log(max(WIDTHS[0] * median, 1.001 * reach[0])), np.log(min(WIDTHS[1] * median, 0.999 * reach[1]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Loss of each output at each pair of log sigma (w,) and log C (c,): losses (outputs that vary, w, c)."""
+
+    widths: np.ndarray
+    penalties: np.ndarray
+    losses: np.ndarray
+    varies: np.ndarray
+    radial: bool
+
+    @classmethod
+    def of(cls, training: Training) -> _Grid:
+        samples, bounds, radial = training.samples, _bounds(training), training.distances.radial
+        penalties = np.linspace(*bounds[0], SCAN_PENALTIES)
+        widths = np.linspace(*bounds[1], SCAN_WIDTHS) if radial else np.zeros(1)
+        shares, losses = samples.weights / samples.weights.sum(), []
+        for width in widths:
+            errors = training.spectrum(float(np.exp(width))).leave_one_out(np.exp(penalties), samples.standard)
+            losses.append(log_mean_square(shares, errors))
+        return cls(widths, penalties, np.moveaxis(np.array(losses), 2, 0), samples.varies, radial)
+
+    def minima(self, output: int | None = None) -> list[np.ndarray]:
+        """Local minima over the grid, best first, for one output or for all together."""
+        place = None if output is None else int(np.count_nonzero(self.varies[:output]))
+        losses = self.losses.mean(axis=0) if place is None else self.losses[place]
+        around = np.pad(losses, 1, constant_values=np.inf)
+        rows, columns = losses.shape
+        others = [around[1 + i : 1 + i + rows, 1 + j : 1 + j + columns] for i, j in _NEIGHBOURS]
+        lowest = np.isfinite(losses) & np.all([losses <= other for other in others], axis=0)
+        found = sorted(zip(*np.nonzero(lowest)), key=lambda place: losses[place])
+        return [np.array([self.penalties[c], self.widths[w]] if self.radial else [self.penalties[c]]) for w, c in found]
+
+
+def log_mean_square(shares: np.ndarray, errors: np.ndarray) -> np.ndarray:
+    """log sum_i shares[i] errors[..., i, m]^2, shape (..., m)."""
+    return np.log(np.maximum(np.einsum("i,...im->...m", shares, errors**2), np.finfo(float).tiny))
 
 
 _NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]

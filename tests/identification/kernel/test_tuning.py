@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from identification.kernel import tuning
-from identification.kernel.regression import LsSvmRegression, Training
-from identification.kernel.tuning import _Search, anneal, descend
+from identification.kernel.regression import LsSvmRegression, Training, fit_each
+from identification.kernel.tuning import _Search, anneal, descend, descend_each
 
 RNG = np.random.default_rng(8)
 X = RNG.uniform(-1.0, 1.0, (90, 2))
@@ -106,6 +106,53 @@ def test_constant_outputs_leave_the_loss_to_the_others():
     assert beside.errors[1] == 0.0
     with pytest.raises(ValueError, match="constants alone"):
         descend(LsSvmRegression(), X, np.ones(90))
+
+
+def test_each_output_has_the_settings_that_it_has_alone():
+    outputs = np.column_stack([Y, np.ones(90)])
+    steps = []
+    each = descend_each(LsSvmRegression(), X, outputs, weights=WEIGHTS, progress=lambda f, t: steps.append(f))
+    for output in (0, 1):
+        assert each[output] == descend(LsSvmRegression(), X, Y[:, output], weights=WEIGHTS)
+    assert each[2].settings == LsSvmRegression()
+    assert (each[2].errors, each[2].evaluations) == ((0.0,), 0)
+    assert each[0].settings != each[1].settings
+    assert steps == sorted(steps)
+    machines = fit_each([tuned.settings for tuned in each], X, outputs, WEIGHTS)
+    for output, machine in enumerate(machines):
+        alone = each[output].settings.fit(X, outputs[:, output], WEIGHTS)
+        np.testing.assert_array_equal(machine(X), alone(X))
+    assert machines[2].notes
+
+
+def test_settings_for_each_output_must_be_as_many():
+    with pytest.raises(ValueError, match="for each of its outputs, alike in kernel"):
+        fit_each([LsSvmRegression()], X, Y)
+    with pytest.raises(ValueError, match="alike in kernel"):
+        fit_each([LsSvmRegression(), LsSvmRegression(kernel="linear")], X, Y)
+
+
+def test_output_that_rests_in_a_part_is_tuned_on_all():
+    burst = np.zeros(90)
+    burst[[1, 2]] = 1.0, -1.0  # between the rows of a part of 30
+    training = Training.of(X, burst, None, LsSvmRegression())
+    assert training.part(30) is training
+    assert len(Training.of(X, Y, None, LsSvmRegression()).part(30).samples.x) == 30
+
+
+def test_finish_comes_to_the_minimum_from_a_wrong_curvature_and_at_a_bound():
+    search = search_of(LsSvmRegression(), Y[:, 0])
+    search.follow(np.array([3.0, 0.0]))
+    least, at = search.best, search.at
+    for curvature in (np.diag([1e-2, 1e-2]), np.diag([50.0, 50.0])):
+        again = search_of(LsSvmRegression(), Y[:, 0])
+        again.settle(at + [0.7, -0.3], curvature)
+        assert again.best == pytest.approx(least, abs=3e-3)
+    again = search_of(LsSvmRegression(), Y[:, 0])
+    again.bounds = [again.bounds[0], (again.bounds[1][0], at[1] - 0.2)]
+    again.settle(at - [0.0, 0.25], search.curvature(at))
+    assert again.at[1] == at[1] - 0.2
+    assert again(again.at, gradient=True)[1][0] == pytest.approx(0.0, abs=0.02)
 
 
 def test_searches_need_something_to_spend():
