@@ -145,8 +145,14 @@ def forms() -> dict[str, type]:
     A form whose package cannot be imported is left out.
     """
     from auv_gym.linear import Polynomial, StateSpace
+    from auv_gym.narx import Narx
 
-    found: dict[str, type] = {"state_space": StateSpace, "polynomial": Polynomial, "learned_vehicle": LearnedVehicle}
+    found: dict[str, type] = {
+        "state_space": StateSpace,
+        "polynomial": Polynomial,
+        "narx": Narx,
+        "learned_vehicle": LearnedVehicle,
+    }
     for entry in entry_points(group=GROUP):
         try:
             made = entry.load()

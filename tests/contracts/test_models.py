@@ -6,6 +6,7 @@ import pytest
 from auv_gym.channels import CHANNELS
 from auv_gym.linear import Polynomial, linearise
 from auv_gym.model import Model, predict, simulate
+from auv_gym.narx import Narx
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
@@ -169,10 +170,17 @@ NOISY = Polynomial.from_coefficients(
     2.0,
     c={"depth_m": [0.4], "pitch_rad": [-0.3, 0.1, 0.2, 0.1]},
 )
+BELLS = Narx(
+    ("stern_plane_rad",), ("depth_m", "pitch_rad"), 2.0, 2, 2, 1, ("depth_m",),
+    support=np.linspace(-0.5, 0.5, 20).reshape(4, 5), middle=np.zeros(5), spread=np.ones(5), sigma=np.array([0.7]),
+    coefficients=np.array([[[0.1, 0.2], [-0.3, 0.1], [0.2, -0.1], [0.1, 0.1]]]), reach=1.0,
+    slopes=0.2 * np.ones((5, 2)), bias=np.array([0.01, 0.0]), rest=np.array([5.0, 0.0, 0.0]),
+)  # fmt: skip
 LINEAR = {
     **{f"{name} linearised": linearise(plant) for name, plant in PRESETS.items()},
     "polynomial": NOISY,
     "state space": NOISY.to_state_space(),
+    "bells": BELLS,  # not linear, but it shares what is tested of these
 }
 
 
