@@ -24,8 +24,9 @@ WIDTHS = 0.1, 100.0  # sigmas searched, in median distances between samples
 LEAST_PENALTY = 1e-2
 SCAN_SAMPLES, SCAN_WIDTHS, SCAN_PENALTIES = 300, 12, 24
 FEW_SAMPLES = 600
-SETTLED, SETTLED_ON_FEW = 1e-3, 1e-6
-CURVATURE_STEP, LEAST_CURVATURE, BACK = 0.05, 1e-2, 0.3
+SETTLED, SETTLED_CLOSELY = 1e-3, 1e-6  # of the loss: a thousandth is far inside what chance does to it
+CURVATURE_STEP, LEAST_CURVATURE = 0.05, 1e-2
+LONGEST_STEP, BACK = 1.0, 0.3  # of the last steps on all samples; in log C and log sigma
 
 
 @dataclass(frozen=True)
@@ -81,8 +82,8 @@ def descend(
     """Settings with C and sigma found by L-BFGS-B, with the gradient in closed form.
 
     A grid over C and sigma for 300 samples, one spectrum for each sigma, gives the starts; its best `starts` local
-    minima are followed on 600 samples, spread evenly over the record, and the best of them is finished on all, by
-    quasi-Newton steps that start from the curvature on the part, until less than 1e-3 of the loss is to be gained.
+    minima are followed on 600 samples, spread evenly over the record, and the best of them on twice as many, and so on,
+    by quasi-Newton steps that start from the curvature found before, until less than 1e-3 of the loss is to be gained.
     evaluations: on all samples; where all are followed, counted between line searches: the last one is finished.
     """
     training = _asked(settings, x, y, weights, starts, evaluations)
@@ -132,15 +133,24 @@ def _descended(
 ) -> Tuned:
     """The best of the minima below the starts, followed on a part where there are many samples, finished on all."""
     search = _Search.of(settings, training, evaluations, progress)
-    part = training.part(FEW_SAMPLES)
-    few = search if part is training else _Search.of(settings, part, evaluations, lambda fraction, text: None)
-    for start in starts:
-        few.follow(start)
-    if few is not search:
-        start = few.at if few.at.size else few.middle
-        search.settle(start, few.curvature(start))
+    if len(training.samples.x) <= FEW_SAMPLES:
+        for start in starts:
+            search.follow(start, SETTLED_CLOSELY)
+        progress(1.0, "tuned")
+        return search.tuned()
+    few, curvature = _Search.of(settings, training.part(FEW_SAMPLES), evaluations, _silent), None
+    ends = [few.follow(start, 0.1 * SETTLED) for start in starts]
+    size = 2 * FEW_SAMPLES
+    while 1.5 * size < len(training.samples.x):
+        ends, curvature = _Search.of(settings, training.part(size), evaluations, _silent).settle(ends, curvature, few)
+        size *= 2
+    search.settle(ends, curvature, few)
     progress(1.0, "tuned")
     return search.tuned()
+
+
+def _silent(fraction: float, text: str) -> None:
+    pass
 
 
 @dataclass(eq=False)
@@ -203,18 +213,18 @@ class _Search:
     def middle(self) -> np.ndarray:
         return np.array([sum(pair) / 2.0 for pair in self.bounds])
 
-    def follow(self, start: np.ndarray) -> None:
-        """Go down to the local minimum below a start, as far as evaluations are left."""
+    def follow(self, start: np.ndarray, settled: float) -> np.ndarray:
+        """The local minimum below a start, as far as evaluations are left."""
         if self.count >= self.allowed:
-            return
-        optimize.minimize(
+            return start
+        return optimize.minimize(
             lambda at: self(at, gradient=True),
             np.clip(start, *np.transpose(self.bounds)),
             jac=True,
             method="L-BFGS-B",
             bounds=self.bounds,
-            options={"maxfun": self.allowed - self.count, "ftol": SETTLED_ON_FEW, "gtol": SETTLED_ON_FEW},
-        )
+            options={"maxfun": self.allowed - self.count, "ftol": settled, "gtol": settled},
+        ).x
 
     def curvature(self, at: np.ndarray) -> np.ndarray:
         """The second derivatives of the loss, by differences of its gradient; positive definite."""
@@ -225,28 +235,37 @@ class _Search:
         values, vectors = np.linalg.eigh(0.5 * (np.array(columns) + np.transpose(columns)))
         return vectors @ np.diag(np.maximum(np.abs(values), LEAST_CURVATURE)) @ vectors.T
 
-    def settle(self, start: np.ndarray, curvature: np.ndarray) -> None:
-        """Quasi-Newton steps from near a minimum: few evaluations, as the curvature of a part is nearly that of all."""
+    def settle(
+        self, starts: list[np.ndarray], curvature: np.ndarray | None, part: _Search
+    ) -> tuple[list[np.ndarray], np.ndarray]:
+        """Quasi-Newton steps from the best start, near a minimum: where they come to, and the curvature there.
+
+        They begin with a curvature given, or that of a part of the samples, which is nearly that of all.
+        """
         low, high = np.transpose(self.bounds)
-        at = np.clip(start, low, high)
+        starts = [np.clip(start, low, high) for start in starts]
+        at = min(starts, key=lambda start: self(start)[0]) if len(starts) > 1 else starts[0]
+        curvature = part.curvature(at) if curvature is None else curvature
         loss, slope = self(at, gradient=True)
         while self.count < self.allowed:
             free = ~(((at <= low) & (slope > 0.0)) | ((at >= high) & (slope < 0.0)))
             step = np.zeros(at.size)
             step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], slope[free])
+            step *= min(1.0, LONGEST_STEP / np.abs(step).max(initial=LONGEST_STEP))
             step = np.clip(at + step, low, high) - at
             if -slope @ step < 2.0 * SETTLED:  # the gain that is still expected is half of it
-                return
+                break
             after, slope_after = self(at + step, gradient=True)
             while after >= loss and self.count < self.allowed and -slope @ step > SETTLED:
                 step *= BACK
                 after, slope_after = self(at + step, gradient=True)
             if after >= loss:
-                return
+                break
             turn, bent = slope_after - slope, curvature @ step
             if turn @ step > 0.0:
                 curvature = curvature + np.outer(turn, turn) / (turn @ step) - np.outer(bent, bent) / (bent @ step)
             at, loss, slope = at + step, after, slope_after
+        return [at], curvature
 
     def tuned(self) -> Tuned:
         """The best point visited."""
@@ -301,20 +320,19 @@ class _Grid:
         return cls(widths, penalties, np.moveaxis(np.array(losses), 2, 0), samples.varies, radial)
 
     def minima(self, output: int | None = None) -> list[np.ndarray]:
-        """Local minima over the grid, best first, for one output or for all together."""
+        """Local minima over sigma, each at its best C, best first, for one output or for all together.
+
+        Not over both: the valley of good pairs runs aslant through the grid and looks like many minima.
+        """
         place = None if output is None else int(np.count_nonzero(self.varies[:output]))
         losses = self.losses.mean(axis=0) if place is None else self.losses[place]
-        around = np.pad(losses, 1, constant_values=np.inf)
-        rows, columns = losses.shape
-        others = [around[1 + i : 1 + i + rows, 1 + j : 1 + j + columns] for i, j in _NEIGHBOURS]
-        lowest = np.isfinite(losses) & np.all([losses <= other for other in others], axis=0)
-        found = sorted(zip(*np.nonzero(lowest)), key=lambda place: losses[place])
-        return [np.array([self.penalties[c], self.widths[w]] if self.radial else [self.penalties[c]]) for w, c in found]
+        profile = np.pad(losses.min(axis=1), 1, constant_values=np.inf)
+        lowest = (profile[1:-1] <= profile[:-2]) & (profile[1:-1] <= profile[2:])
+        found = sorted(np.flatnonzero(lowest), key=lambda w: profile[w + 1])
+        starts = [np.array([self.penalties[losses[w].argmin()], self.widths[w]]) for w in found]
+        return starts if self.radial else [start[:1] for start in starts]
 
 
 def log_mean_square(shares: np.ndarray, errors: np.ndarray) -> np.ndarray:
     """log sum_i shares[i] errors[..., i, m]^2, shape (..., m)."""
     return np.log(np.maximum(np.einsum("i,...im->...m", shares, errors**2), np.finfo(float).tiny))
-
-
-_NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]

@@ -142,16 +142,16 @@ def test_output_that_rests_in_a_part_is_tuned_on_all():
 
 def test_finish_comes_to_the_minimum_from_a_wrong_curvature_and_at_a_bound():
     search = search_of(LsSvmRegression(), Y[:, 0])
-    search.follow(np.array([3.0, 0.0]))
+    search.follow(np.array([3.0, 0.0]), 1e-6)
     least, at = search.best, search.at
     for curvature in (np.diag([1e-2, 1e-2]), np.diag([50.0, 50.0])):
         again = search_of(LsSvmRegression(), Y[:, 0])
-        again.settle(at + [0.7, -0.3], curvature)
+        again.settle([at + [0.7, -0.3], at + [0.8, -0.3]], curvature, search)
         assert again.best == pytest.approx(least, abs=3e-3)
     again = search_of(LsSvmRegression(), Y[:, 0])
     again.bounds = [again.bounds[0], (again.bounds[1][0], at[1] - 0.2)]
-    again.settle(at - [0.0, 0.25], search.curvature(at))
-    assert again.at[1] == at[1] - 0.2
+    again.settle([at - [0.4, 0.3]], None, search)
+    assert again.at[1] == pytest.approx(at[1] - 0.2, abs=1e-12)
     assert again(again.at, gradient=True)[1][0] == pytest.approx(0.0, abs=0.02)
 
 
