@@ -1,0 +1,82 @@
+"""Series freed of their noise as far as they show it: a random walk, summed up, that is read with white noise.
+
+The estimate minimises |y - s|^2 + ratio |D s|^2, D the differences of ORDER; the ratio is that of the two variances,
+and of largest restricted likelihood. Without noise it is so small that the series stays what it is.
+Source: Eilers 2003, Analytical Chemistry 75(14), 3631-3636; Wahba 1985, Annals of Statistics 13(4), 1378-1402.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg, optimize
+
+ORDER = 2
+_LOG_RATIOS = np.arange(-12.0, 10.0, 2.0)  # powers of ten; above, a ratio's system has lost its digits
+_SETTLED = 0.05  # of a power of ten
+
+
+@dataclass(frozen=True)
+class Smoothness:
+    """How much a series is smoothed.
+
+    ratio: variance of the noise over that of the walk's steps.  noise: standard deviation.
+    """
+
+    ratio: float
+    noise: float
+
+    @property
+    def width(self) -> float:
+        """Samples to either side that have a say in an estimate."""
+        return self.ratio ** (0.5 / ORDER)
+
+
+def smoothness_of(parts: Sequence[np.ndarray]) -> Smoothness:
+    """The smoothness of largest likelihood of series, (n,) each, that have it in common; n > ORDER."""
+    penalties, steps = [_penalty(len(part)) for part in parts], [np.diff(part, ORDER) for part in parts]
+    freedom = sum(step.size for step in steps)
+    size = max(float(np.abs(part).max()) for part in parts)
+    if max(float(np.abs(step).max()) for step in steps) <= 1e-14 * size:  # a straight line, to rounding
+        return Smoothness(0.0, 0.0)
+
+    def misfit(log_ratio: float) -> tuple[float, float]:
+        """What the likelihood falls with, and the variance of the noise."""
+        ratio, square, determinant = 10.0**log_ratio, 0.0, 0.0
+        for part, penalty, step in zip(parts, penalties, steps, strict=True):
+            factor = linalg.cholesky_banded(_system(penalty, ratio))
+            smooth = linalg.cho_solve_banded((factor, False), part)
+            square += ratio * float(step @ np.diff(smooth, ORDER))  # y (y - s), without its cancellation
+            determinant += 2.0 * float(np.log(factor[ORDER]).sum())
+        variance = max(square / freedom, 1e-300)
+        return freedom * (np.log(variance) - np.log(ratio)) + determinant, variance
+
+    best = int(np.argmin([misfit(at)[0] for at in _LOG_RATIOS]))
+    around = _LOG_RATIOS[max(best - 1, 0)], _LOG_RATIOS[min(best + 1, _LOG_RATIOS.size - 1)]
+    found = optimize.minimize_scalar(
+        lambda at: misfit(at)[0], bounds=around, method="bounded", options={"xatol": _SETTLED}
+    )
+    return Smoothness(10.0 ** float(found.x), float(np.sqrt(misfit(float(found.x))[1])))
+
+
+def smoothed(part: np.ndarray, smoothness: Smoothness) -> np.ndarray:
+    """A series (n,) without its noise."""
+    return linalg.solveh_banded(_system(_penalty(len(part)), smoothness.ratio), part)
+
+
+def _penalty(n: int) -> np.ndarray:
+    """D'D of n samples as upper bands, (ORDER + 1, n)."""
+    row = np.diff(np.eye(2 * ORDER + 1), ORDER, axis=0)[0, : ORDER + 1]
+    bands = np.zeros((ORDER + 1, n))
+    for i, first in enumerate(row):
+        for j in range(i, ORDER + 1):
+            bands[ORDER - (j - i), j : n - ORDER + j] += first * row[j]
+    return bands
+
+
+def _system(penalty: np.ndarray, ratio: float) -> np.ndarray:
+    bands = ratio * penalty
+    bands[ORDER] += 1.0
+    return bands
