@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from scipy import linalg, optimize
@@ -29,15 +29,18 @@ CURVATURE_STEP, LEAST_CURVATURE = 0.05, 1e-2
 LONGEST_STEP, BACK = 1.0, 0.3  # of the last steps on all samples; in log C and log sigma
 
 
+Settings = TypeVar("Settings")
+
+
 @dataclass(frozen=True)
-class Tuned:
+class Tuned(Generic[Settings]):
     """The settings of least leave-one-out error.
 
     errors: mean square leave-one-out error of each output, in its units squared.  loss: what was minimised, 0 for a
     constant output, which has nothing to tune.  evaluations: times that a system of all samples was solved.
     """
 
-    settings: LsSvmRegression
+    settings: Settings
     errors: tuple[float, ...]
     loss: float
     evaluations: int
@@ -52,7 +55,7 @@ def anneal(
     weights: np.ndarray | None = None,
     evaluations: int = 400,
     progress: Progress = lambda fraction, text: None,
-) -> Tuned:
+) -> Tuned[LsSvmRegression]:
     """Settings with C and sigma found by simulated annealing, which takes as many evaluations as it is given."""
     if evaluations < 1:
         raise ValueError(f"anneal needs at least one evaluation, got {evaluations}: some 400 settle C and sigma.")
@@ -78,7 +81,7 @@ def descend(
     starts: int = 3,
     evaluations: int = 60,
     progress: Progress = lambda fraction, text: None,
-) -> Tuned:
+) -> Tuned[LsSvmRegression]:
     """Settings with C and sigma found by L-BFGS-B, with the gradient in closed form.
 
     A grid over C and sigma for 300 samples, one spectrum for each sigma, gives the starts; its best `starts` local
@@ -100,7 +103,7 @@ def descend_each(
     starts: int = 3,
     evaluations: int = 60,
     progress: Progress = lambda fraction, text: None,
-) -> tuple[Tuned, ...]:
+) -> tuple[Tuned[LsSvmRegression], ...]:
     """As `descend`, for each output of y (n, m) by itself: m settings, for `fit_each`.
 
     Distances and spectra are worked out once for all.  evaluations: for each output.
@@ -112,11 +115,11 @@ def descend_each(
             found.append(Tuned(settings, (0.0,), 0.0, 0))
             continue
         minima = grid.minima(output)[:starts]
-        found.append(_descended(settings, column, minima, evaluations, _of_output(progress, output, len(grid.varies))))
+        found.append(_descended(settings, column, minima, evaluations, of_output(progress, output, len(grid.varies))))
     return tuple(found)
 
 
-def _of_output(progress: Progress, output: int, outputs: int) -> Progress:
+def of_output(progress: Progress, output: int, outputs: int) -> Progress:
     return lambda fraction, text: progress((output + fraction) / outputs, f"output {output}: {text}")
 
 
@@ -130,7 +133,7 @@ def _asked(
 
 def _descended(
     settings: LsSvmRegression, training: Training, starts: list[np.ndarray], evaluations: int, progress: Progress
-) -> Tuned:
+) -> Tuned[LsSvmRegression]:
     """The best of the minima below the starts, followed on a part where there are many samples, finished on all."""
     search = _Search.of(settings, training, evaluations, progress)
     if len(training.samples.x) <= FEW_SAMPLES:
@@ -138,18 +141,18 @@ def _descended(
             search.follow(start, SETTLED_CLOSELY)
         progress(1.0, "tuned")
         return search.tuned()
-    few, curvature = _Search.of(settings, training.part(FEW_SAMPLES), evaluations, _silent), None
+    few, curvature = _Search.of(settings, training.part(FEW_SAMPLES), evaluations, silent), None
     ends = [few.follow(start, 0.1 * SETTLED) for start in starts]
     size = 2 * FEW_SAMPLES
     while 1.5 * size < len(training.samples.x):
-        ends, curvature = _Search.of(settings, training.part(size), evaluations, _silent).settle(ends, curvature, few)
+        ends, curvature = _Search.of(settings, training.part(size), evaluations, silent).settle(ends, curvature, few)
         size *= 2
     search.settle(ends, curvature, few)
     progress(1.0, "tuned")
     return search.tuned()
 
 
-def _silent(fraction: float, text: str) -> None:
+def silent(fraction: float, text: str) -> None:
     pass
 
 
@@ -267,7 +270,7 @@ class _Search:
             at, loss, slope = at + step, after, slope_after
         return [at], curvature
 
-    def tuned(self) -> Tuned:
+    def tuned(self) -> Tuned[LsSvmRegression]:
         """The best point visited."""
         if not self.at.size:
             raise ValueError(

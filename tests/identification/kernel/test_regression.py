@@ -50,6 +50,22 @@ def test_machine_solves_the_bordered_system(settings, weights):
     np.testing.assert_allclose(machine.coefficients.sum(axis=0), 0.0, atol=1e-8)
 
 
+def test_machine_of_a_hundred_samples_solves_the_published_system():
+    """Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, equation (18), with its six outputs on six inputs."""
+    rng = np.random.default_rng(7)
+    x = rng.normal(size=(100, 6))
+    y = x * np.abs(np.roll(x, 1, axis=1)) * [1.0, 10.0, 10.0, 0.1, 5.0, 5.0]
+    machine = LsSvmRegression(100.0, 2.5, scaled=False).fit(x, y)
+    matrix = np.ones((101, 101))
+    matrix[0, 0] = 0.0
+    matrix[1:, 1:] = np.exp(-np.sum((x[:, None] - x[None]) ** 2, axis=2) / 2.5**2) + np.eye(100) / 100.0
+    solution = np.linalg.solve(matrix, np.vstack([np.zeros(6), y]))
+    size = np.abs(solution).max(axis=0)
+    # condition of some 1e4 times 1e-16
+    np.testing.assert_allclose(machine.coefficients / size, solution[1:] / size, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(machine.bias / size, solution[0] / size, rtol=0.0, atol=1e-12)
+
+
 @pytest.mark.parametrize("kernel", ["rbf", "linear"])
 def test_leave_one_out_is_what_leaving_out_gives(kernel):
     settings = LsSvmRegression(20.0, 8.0, kernel, scaled=False)  # a scale would change with the sample left out
