@@ -24,6 +24,7 @@ _SHAPES = {
     "slopes": "dp",
     "bias": "p",
     "rest": "r",
+    "sway": "r",
 }
 
 
@@ -35,8 +36,9 @@ class Narx:
 
     f is the next value of an output, or its next increment where it is integrating.
     support: (n, d).  middle, spread: (d,).  sigma: (g,), in spreads.  coefficients: (g, n, p).  slopes: (d, p).
-    bias: (p,).  rest: (p + m,), outputs and inputs where a start does not tell them.  reach: distance from the nearest
-    of support, in spreads, beyond which z is outside of what the model was trained on.
+    bias: (p,).  rest: (p + m,), outputs and inputs where a start does not tell them; sway: (p + m,), by
+    how much outputs change in a sample and inputs differ from rest.  reach: distance from the nearest of support, in
+    spreads, beyond which z is outside of what the model was trained on.
     """
 
     inputs: tuple[str, ...]
@@ -54,6 +56,7 @@ class Narx:
     slopes: np.ndarray
     bias: np.ndarray
     rest: np.ndarray
+    sway: np.ndarray
     reach: float
 
     def __post_init__(self) -> None:
@@ -71,8 +74,9 @@ class Narx:
             array, shape = getattr(self, name), tuple(sizes[letter] for letter in letters)
             if array.shape != shape or not np.isfinite(array).all():
                 raise ValueError(f"Narx with {d} regressors needs finite {name} of shape {shape}, got {array.shape}.")
-        if not (self.spread > 0.0).all() or not (self.sigma > 0.0).all():
-            raise ValueError("Narx needs spread and sigma > 0, got others: leave out regressors that are constant.")
+        for name in ("spread", "sigma", "sway"):
+            if not (getattr(self, name) > 0.0).all():
+                raise ValueError(f"Narx needs {name} > 0, got others: leave out what is constant.")
 
     @cached_property
     def lags(self) -> Lags:
@@ -95,6 +99,13 @@ class Narx:
         p, lags = len(self.outputs), self.lags
         y = np.where(np.isfinite(y0), np.asarray(y0, dtype=float), self.rest[:p])
         return np.concatenate([np.tile(y, lags.outputs_kept), np.tile(self.rest[p:], lags.inputs_kept - 1)])
+
+    @property
+    def start_spread(self) -> np.ndarray:
+        """How far the states of a moving system may be from `initial`, (n_states,)."""
+        p, lags = len(self.outputs), self.lags
+        outputs = np.outer(np.arange(1, lags.outputs_kept + 1), self.sway[:p]).ravel()
+        return np.concatenate([outputs, np.tile(self.sway[p:], lags.inputs_kept - 1)])
 
     def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The state one sample later, shape (n_states,)."""

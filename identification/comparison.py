@@ -27,6 +27,7 @@ from identification.windows import free_run_windows
 SETTLE_SHARE = 0.05  # of the shortest window, of which starts are at least fitted
 MOST_ORIGINS = 200  # of the runs of a horizon sweep
 _ITERATIONS = 10
+_LEAST_SHARE = 0.02  # of a step that is for the worse, to which it is cut before it is given up
 # Smallest singular value of the starts' sensitivity, relative, that counts: linear models are solved exactly; what the
 # others' outputs hardly show stays where `initial` puts it.
 _SEEN_LINEAR, _SEEN = 1e-9, 1e-3
@@ -160,20 +161,25 @@ def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.nd
     """States at the first rows of the heads that suit all samples of each best, shape (n_heads, n_states).
 
     Least squares, channels in units of what is left in them; a state that the outputs do not show stays as
-    `initial` has it.
+    `initial` has it, and one of a model with `start_spread` near that, within some of these.
     """
     if isinstance(model, Plant):
         return Shooting(model, record, heads).solve(model, ()).starts
     if isinstance(model, DivingModel):
         return settled_starts(model, record, heads, np.inf)
     measured = outputs_of(model, record)
-    x = np.array([model.initial(measured[h.start]) for h in heads])
+    x = first = np.array([model.initial(measured[h.start]) for h in heads])
     rows = np.concatenate([np.arange(h.start, h.stop) for h in heads])
     number = np.repeat(np.arange(len(heads)), [h.stop - h.start for h in heads])
     linear = isinstance(model, StateSpace | Polynomial)
+    tied = 1.0 / getattr(model, "start_spread", np.full(x.shape[1], np.inf))
+    seen = _SEEN_LINEAR if linear else _SEEN
 
     def left(states: np.ndarray) -> np.ndarray:
         return _residual(model, measured[rows] - _free(model, record, heads, states), number)
+
+    def cost(states: np.ndarray, residual: np.ndarray) -> float:
+        return float(np.nansum((residual / unit) ** 2) + np.sum((tied * (states - first)) ** 2))
 
     residual = left(x)
     for _ in range(2 if linear else _ITERATIONS):  # the second pass has the channels' final units
@@ -181,19 +187,25 @@ def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.nd
         unit = np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))
         slopes = np.empty((x.shape[1], *residual.shape))
         for j in range(x.shape[1]):
-            moved, step = x.copy(), 1e-3 if linear else 1e-5 * (1.0 + np.abs(x[:, j]).max())
-            moved[:, j] += step
-            slopes[j] = (residual - left(moved)) / step
-        best = x.copy()
+            moved, probe = x.copy(), 1e-3 if linear else 1e-5 * (1.0 + np.abs(x[:, j]).max())
+            moved[:, j] += probe
+            slopes[j] = (residual - left(moved)) / probe
+        step = np.zeros_like(x)
         for w in range(len(heads)):
             mine = number == w
             target = np.where(np.isfinite(residual[mine]), residual[mine] / unit, 0.0).ravel()
             columns = np.where(np.isfinite(slopes[:, mine]), slopes[:, mine] / unit, 0.0).reshape(x.shape[1], -1).T
-            best[w] += np.linalg.lstsq(columns, target, rcond=_SEEN_LINEAR if linear else _SEEN)[0]
-        tried = left(best)
-        if not linear and not np.nansum((tried / unit) ** 2) < np.nansum((residual / unit) ** 2):
+            if tied.any():
+                target = np.concatenate([target, tied * (first[w] - x[w])])
+                columns = np.concatenate([columns, np.diag(tied)])
+            step[w] = np.linalg.lstsq(columns, target, rcond=seen)[0]
+        tried, share = left(x + step), 1.0
+        while not linear and not cost(x + share * step, tried) < cost(x, residual) and share > _LEAST_SHARE:
+            share *= 0.5
+            tried = left(x + share * step)
+        if share <= _LEAST_SHARE:
             break
-        x, residual = best, tried
+        x, residual = x + share * step, tried
     return x
 
 

@@ -154,6 +154,11 @@ _BUILT_IN = (
         "The diving model by a support vector machine with a linear kernel; biased by depth noise.",
         "identification.kernel.ls_svm:LsSvm",
     ),
+    Method(
+        "narx_ls_svm",
+        "Nonlinear difference equations by support vector machines, chosen by free runs; a black box.",
+        "identification.kernel.narx:NarxLsSvm",
+    ),
 )
 
 
@@ -229,7 +234,7 @@ def parse_settings(texts: Iterable[str]) -> dict[str, Any]:
 
 
 def summary(fit: Fit) -> str:
-    """The model's channels and the parameters with their 95 % intervals, one a line."""
+    """The model's channels, the parameters with their 95 % intervals, and notes of the fit, one a line."""
     model = fit.model
     lines = [f"{', '.join(model.inputs)} -> {', '.join(model.outputs)}, dt {model.dt:g} s"]
     width = max((len(e.path) for e in fit.estimates), default=0)
@@ -238,7 +243,12 @@ def summary(fit: Fit) -> str:
         span = f"[{low:.6g}, {high:.6g}]" if isfinite(low) and isfinite(high) else "no interval"
         unit = "" if e.unit == "1" else f" {e.unit}"
         lines.append(f"{e.path:<{width}}  {e.value:.6g}{unit}  {span}" + (f"  ({e.problem})" if e.problem else ""))
-    return "\n".join(lines)
+    return "\n".join([*lines, *notes_of(fit)])
+
+
+def notes_of(fit: Fit) -> tuple[str, ...]:
+    """What a fit says in words of itself; most say nothing."""
+    return tuple(getattr(fit, "notes", ()))
 
 
 def _worked_on(method: Method, given: Mapping[str, Any]) -> dict[str, Any]:

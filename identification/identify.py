@@ -15,7 +15,7 @@ from auv_gym.record import Record, concat
 from identification.causality import check_causality
 from identification.comparison import OpenLoop, compare_open
 from identification.estimator import Estimator, Fit
-from identification.judging import residual_tests, sweep_horizons
+from identification.judging import predicts, residual_tests, sweep_horizons
 from identification.linear.fit import has_errors, is_linear
 from identification.linear.orders import OrderSearch
 from identification.linear.uncertainty import SimulatedBand, simulated_band
@@ -85,14 +85,14 @@ def identify(
         except ValueError as error:
             problems.append(str(error))
     sweep, band, doubts = None, None, ()
-    if is_linear(fit):
+    if is_linear(fit) or predicts(fit.model):
         progress(0.9, "errors over the horizon")
         with suppress(ValueError):  # records that the method reads and the check does not
             doubts = check_causality(train, fit.model.inputs, fit.model.outputs)
         if open_loop is not None and open_loop.runs:
             try:
                 sweep = sweep_horizons(fit.model, apart, open_loop.settle) or None
-                if has_errors(fit):
+                if is_linear(fit) and has_errors(fit):
                     band = simulated_band(fit, apart, windows=open_loop.windows, settle=open_loop.settle)
             except (Diverged, ValueError) as error:
                 problems.append(str(error))

@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_gym.linear import Polynomial, StateSpace, linearise
 from auv_gym.model import Model, predict
+from auv_gym.narx import Narx
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.comparison import OpenLoop, compare_open, horizon_sweep, prediction_starts, settle_of
@@ -33,7 +34,7 @@ def open_loop(models: Mapping[str, Model], record: Record) -> OpenLoop:
 
 def predicts(model: Model) -> bool:
     """Whether a model has one of its noise, so that predictions with it differ from free runs."""
-    return isinstance(model, Polynomial) or (isinstance(model, StateSpace) and bool(model.k.any()))
+    return isinstance(model, Polynomial | Narx) or (isinstance(model, StateSpace) and bool(model.k.any()))
 
 
 def residuals(model: Model, record: Record) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from auv_gym.channels import channel
 from identification.comparison import OpenLoop
 from identification.drawing import shown_values, unit_label
 from identification.estimate import Estimate
+from identification.estimator import Fit, notes_of
 from identification.figures_linear import bode_figure, pole_zero_figure
 from identification.figures_models import horizon_figure, residual_drawings, rollout_figure
 from identification.figures_orders import order_figure, singular_value_figure
@@ -120,7 +121,7 @@ def identified_page(title: str, done: Identified, words: str) -> str:
         sections.append(_horizon_section({"model": done.sweep}))
     if done.problem:
         found.append(f"It could not be judged in full: {done.problem}")
-    sections.append(Section("Parameters", tables=[parameter_table(done.fit.estimates)]))
+    sections.append(_parameter_section(done.fit))
     if is_linear(done.fit):
         sections += [_pole_section(done.fit), _response_section(done.fit)]
     if done.tests:
@@ -148,6 +149,14 @@ def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -
 def _page(title: str, eyebrow: str, found: Sequence[str], sections: Sequence[Section]) -> str:
     content = {"title": title, "eyebrow": eyebrow, "found": found, "sections": sections, "version": __version__}
     return page("models.html", content)
+
+
+def _parameter_section(fit: Fit) -> Section:
+    """Parameters, where there are any, and what the fit says in words."""
+    texts = [f"{note[0].upper()}{note[1:]}." for note in notes_of(fit)]
+    if texts and not fit.estimates:
+        return Section("The fit", texts)
+    return Section("Parameters", texts, [parameter_table(fit.estimates)])
 
 
 def _free_run_section(open_loop: OpenLoop, title: str, band: SimulatedBand | None = None) -> Section:

@@ -29,6 +29,7 @@ def model(n_a=3, n_b=2, delay=2, integrating: tuple[str, ...] = ("heading_rad",)
         "slopes": 0.1 * rng.normal(size=(d, 2)),
         "bias": np.array([0.01, 0.2]),
         "rest": np.array([0.5, 0.1, 0.0, -0.2]),
+        "sway": np.ones(4),
         "reach": 1.5,
         **changed,
     }
@@ -78,7 +79,8 @@ def test_without_bells_it_is_the_linear_model_of_its_slopes():
     narx = Narx(
         ("stern_plane_rad",), ("pitch_rad",), DT, 2, 2, 2, (), support=np.zeros((1, 4)), middle=np.zeros(4),
         spread=np.ones(4), sigma=np.zeros(0), coefficients=np.zeros((0, 1, 1)),
-        slopes=np.array([[1.5], [-0.6], [0.1], [-0.03]]), bias=np.zeros(1), rest=np.zeros(2), reach=1.0,
+        slopes=np.array([[1.5], [-0.6], [0.1], [-0.03]]), bias=np.zeros(1), rest=np.zeros(2),
+        sway=np.ones(2), reach=1.0,
     )  # fmt: skip
     run, same = (simulate(m, record(200))["pitch_rad"] for m in (linear, narx))
     # their starts differ in what they take for the inputs before the record, and forget it

@@ -64,7 +64,7 @@ def identify(
         from auv_gym.model_files import save_model
         from auv_gym.plant import load_vehicle
         from identification.drawing import require_render
-        from identification.estimator import make_estimator, parse_settings
+        from identification.estimator import make_estimator, notes_of, parse_settings
         from identification.identify import identify as identify_records
         from identification.linear.fit import is_linear
         from identification.linear.uncertainty import pole_intervals
@@ -130,7 +130,10 @@ def identify(
         output.print(shown.caption, markup=False, soft_wrap=True)
         output.print()
     parameters = parameter_table(done.fit.estimates)
-    output.print(printed("Parameters", parameters))
+    for note in notes_of(done.fit):
+        output.print(f"{note[0].upper()}{note[1:]}.", markup=False, soft_wrap=True)
+    if parameters.rows:
+        output.print(printed("Parameters", parameters))
     if parameters.caption:
         output.print(f"{parameters.caption}\n", markup=False, soft_wrap=True)
     if is_linear(done.fit):

@@ -18,13 +18,13 @@ from identification.kernel.cells import Cells
 from identification.kernel.narx_rows import Rows, run_errors
 from identification.kernel.narx_tuning import Bells, Choice, best_in_free_runs, narx
 from identification.kernel.regression import LsSvmRegression
-from identification.kernel.tuning import descend
+from identification.kernel.tuning import descend_each
 from identification.linear.regressors import SAMPLES_PER_COEFFICIENT, Series
 from identification.linear.scaled import Scaled
 
 WITHOUT_LEVEL = ("heading_rad", "north_m", "east_m")  # the water is alike in all directions and places
 WITHIN = 0.99  # share of the training rows that are within reach of another
-OFTEN_OUTSIDE = 0.05  # share of a free run from which it is said
+LEAST_REACH = 0.1  # spreads, which are near however dense the samples of a vehicle at rest are
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class NarxLsSvm:
     penalty: float | None = None
     sigma: float | None = None
     tuning: Literal["free_run", "leave_one_out"] = "free_run"
-    samples: int = 2000
+    samples: int = 400
 
     def __post_init__(self) -> None:
         try:
@@ -105,10 +105,11 @@ class NarxLsSvm:
         if self.penalty is not None and self.sigma is not None:
             return [(self.penalty, self.sigma)] * len(self.outputs)
         if self.tuning == "free_run":
-            return best_in_free_runs(rows, self.trend, self.penalty, self.sigma)
+            return best_in_free_runs(rows, self.trend, self.samples, self.penalty, self.sigma)
         if self.penalty is not None or self.sigma is not None:
             raise ValueError("NarxLsSvm tunes penalty and sigma together by leave_one_out: give both, or none.")
-        return [_tuned(cells, output) for output in range(len(self.outputs))]
+        found = descend_each(LsSvmRegression(scaled=False), cells.x, cells.y, weights=cells.weights)
+        return [(one.settings.penalty, one.settings.sigma) for one in found]
 
 
 def _check(rows: Rows) -> None:
@@ -126,13 +127,6 @@ def _check(rows: Rows) -> None:
         )
 
 
-def _tuned(cells: Cells, output: int) -> Choice:
-    if not cells.y[:, output].any():
-        return None
-    found = descend(LsSvmRegression(scaled=False), cells.x, cells.y[:, output], weights=cells.weights).settings
-    return found.penalty, found.sigma
-
-
 def _trained(cells: Cells, choices: tuple[Choice, ...]) -> Bells:
     """Bells of each output around all cells; raises where a C or a sigma cannot be."""
     coefficients, bias = np.zeros(cells.y.shape), np.zeros(len(choices))
@@ -148,8 +142,7 @@ def _reach(rows: Rows, cells: Cells) -> float:
     square = squared_distances(cells.x)
     np.fill_diagonal(square, np.inf)
     apart = np.sqrt(square.min(axis=1))
-    reach = float(np.quantile(np.repeat(apart, cells.weights.astype(int)), WITHIN))
-    return reach or float(apart.max()) or 1.0
+    return max(float(np.quantile(np.repeat(apart, cells.weights.astype(int)), WITHIN)), LEAST_REACH)
 
 
 def _notes(model: Narx, choices: Sequence[Choice], asked: NarxLsSvm, rows: Rows, centres: int) -> tuple[str, ...]:

@@ -68,6 +68,12 @@ class Rows:
         """Means of the outputs and of the inputs, (p + m,)."""
         return np.concatenate([np.concatenate(s).mean(axis=0) for s in (self.series.y, self.series.u)])
 
+    @property
+    def sway(self) -> np.ndarray:
+        """Root mean square of the outputs' increments, and standard deviations of the inputs, (p + m,)."""
+        steps = np.concatenate([np.diff(y, axis=0) for y in self.series.y])
+        return np.concatenate([np.sqrt(np.mean(steps**2, axis=0)), np.concatenate(self.series.u).std(axis=0)])
+
     def linear(self, chosen: np.ndarray, trend: bool) -> tuple[np.ndarray, np.ndarray]:
         """Slopes (d, p) and bias (p,) that suit the chosen rows best; without a trend their means alone."""
         target = self.target[chosen]

@@ -21,10 +21,10 @@ from identification.kernel.narx_rows import Rows, Run, run_errors
 FOLDS = 5
 LEAST_ROWS = 10  # of a part, below which its free run tells nothing
 MOST_ROWS = 1000  # of a part that are run: a long record is judged by as many as a shorter one
-FEW = 400  # cells that a part's machines are trained on
 WIDTHS = 2.0 ** np.arange(-1, 7)  # sigmas, in median distances between samples
-PENALTIES = 10.0 ** np.arange(-1, 10)
+PENALTIES = 10.0 ** np.arange(-1, 8)  # beyond, coefficients of either sign cancel to what rounding leaves
 _AROUND = 2, 3  # steps of the grid by which an output's own sigma and C may differ from the shared ones
+_SURE = 3.0  # standard errors of a gain, above 2 as the best of some hundred choices is better by chance
 _FLOOR = 1e-12  # of the variance: an error below it is as good as none
 
 # C and sigma in spreads of the regressors; None: the linear part alone
@@ -64,6 +64,7 @@ def narx(rows: Rows, slopes: np.ndarray, bias: np.ndarray, bells: Bells, reach: 
         slopes=slopes,
         bias=bias + bells.bias,
         rest=rows.rest,
+        sway=rows.sway,
         reach=reach,
     )
 
@@ -84,11 +85,11 @@ class Fold:
     solutions: dict[tuple[float, float], Solution] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, rows: Rows, start: int, stop: int, trend: bool) -> Fold:
+    def of(cls, rows: Rows, start: int, stop: int, trend: bool, most: int) -> Fold:
         """The part of rows start..stop, of which a long one is run at its beginning only."""
         others = np.r_[0:start, stop : len(rows.z)]
         slopes, bias = rows.linear(others, trend)
-        cells = Cells.of(rows.scaled[others], rows.left(slopes, bias)[others], FEW)
+        cells = Cells.of(rows.scaled[others], rows.left(slopes, bias)[others], most)
         runs = rows.runs(start, min(stop, start + MOST_ROWS))
         return cls(runs, cells, squared_distances(cells.x), slopes, bias)
 
@@ -111,11 +112,12 @@ class Fold:
 
 
 def best_in_free_runs(
-    rows: Rows, trend: bool, penalty: float | None = None, sigma: float | None = None
+    rows: Rows, trend: bool, most: int, penalty: float | None = None, sigma: float | None = None
 ) -> tuple[Choice, ...]:
     """The C and sigma of each output with which free runs do best: one pair for all, then each output's own near it.
 
-    penalty, sigma: held, where given.  With a trend no bells at all is a choice too.
+    most: cells that machines are trained on.  penalty, sigma: held, where given.  With a trend, no bells at all is a
+    choice too.
     """
     edges = np.linspace(0, len(rows.z), FOLDS + 1).round().astype(int)
     if edges[1] < LEAST_ROWS:
@@ -123,29 +125,27 @@ def best_in_free_runs(
             f"NarxLsSvm needs at least {FOLDS * LEAST_ROWS} samples to choose by free runs, got {len(rows.z)} that "
             "have all their lags: record longer, or set tuning to leave_one_out."
         )
-    folds = [Fold.of(rows, a, b, trend) for a, b in pairwise(edges)]
+    folds = [Fold.of(rows, a, b, trend, most) for a, b in pairwise(edges)]
     variance = np.concatenate(rows.series.y).var(axis=0)
     middle = np.sqrt(np.median(folds[0].square))
     sigmas = WIDTHS * middle if sigma is None else np.array([sigma])
     penalties = PENALTIES if penalty is None else np.array([penalty])
 
-    def loss(choices: Sequence[Choice]) -> float:
+    def squares(choices: Sequence[Choice]) -> np.ndarray:
         errors = [run_errors(narx(rows, f.slopes, f.bias, f.bells(choices)), f.runs) for f in folds]
-        squares = np.mean(np.concatenate(errors) ** 2, axis=0)
-        return float(np.mean(np.log(np.maximum(squares / variance, _FLOOR))))
+        return np.array([np.mean(error**2, axis=0) for error in errors]) / variance
 
-    grid = [(float(c), float(s)) for s in sigmas for c in penalties]
-    p = variance.size
-    tried: dict[tuple[Choice, ...], float] = {(choice,) * p: 0.0 for choice in [*([None] if trend else []), *grid]}
-    tried = {choices: loss(choices) for choices in tried}
-    best = min(tried, key=lambda choices: tried[choices])
-    for output in range(p if p > 1 else 0):
-        for choice in _around(grid, best[output], sigmas, penalties) + ([None] if trend else []):
+    grid: list[Choice] = [(float(c), float(s)) for s in sigmas for c in penalties]
+    alone: list[Choice] = [None] if trend else []
+    tried = {(choice,) * variance.size: squares((choice,) * variance.size) for choice in [*alone, *grid]}
+    best = _least(tried)
+    for output in range(variance.size if variance.size > 1 else 0):
+        for choice in [*alone, *_around(grid, best[output], sigmas, penalties)]:
             choices = (*best[:output], choice, *best[output + 1 :])
             if choices not in tried:
-                tried[choices] = loss(choices)
-        best = min(tried, key=lambda choices: tried[choices])
-    if not np.isfinite(tried[best]):
+                tried[choices] = squares(choices)
+        best = _least(tried)
+    if not np.isfinite(tried[best]).all():
         raise ValueError(
             "NarxLsSvm found no C and sigma whose free runs stay finite over the parts that they were not trained on: "
             "name outputs that drift as integrating, or resample to a longer step."
@@ -153,16 +153,24 @@ def best_in_free_runs(
     return best
 
 
-def _around(
-    grid: Sequence[tuple[float, float]], middle: Choice, sigmas: np.ndarray, penalties: np.ndarray
-) -> list[Choice]:
+def _least(tried: dict[tuple[Choice, ...], np.ndarray]) -> tuple[Choice, ...]:
+    """The choices of least error over all parts; no bells where the parts do not agree on their gain.
+
+    tried: mean square errors over their variance, (parts, p).
+    """
+    best = min(tried, key=lambda choices: float(np.mean(np.log(tried[choices].mean(axis=0) + _FLOOR))))
+    alone = (None,) * len(best)
+    if alone not in tried or not np.isfinite(tried[alone]).all():
+        return best
+    gain = np.mean(np.log(tried[alone] + _FLOOR) - np.log(tried[best] + _FLOOR), axis=1)
+    return best if gain.mean() > _SURE * gain.std(ddof=1) / np.sqrt(FOLDS) else alone
+
+
+def _around(grid: Sequence[Choice], middle: Choice, sigmas: np.ndarray, penalties: np.ndarray) -> Sequence[Choice]:
     """The choices of the grid that are a few steps from one; all where it is none."""
     if middle is None:
-        return list(grid)
-    widths, sizes = list(sigmas), list(penalties)
-    row, column = widths.index(middle[1]), sizes.index(middle[0])
-    return [
-        (c, s)
-        for c, s in grid
-        if abs(widths.index(s) - row) <= _AROUND[0] and abs(sizes.index(c) - column) <= _AROUND[1]
-    ]
+        return grid
+    row, column = (list(of).index(value) for of, value in ((sigmas, middle[1]), (penalties, middle[0])))
+    near = np.zeros((sigmas.size, penalties.size), dtype=bool)
+    near[max(row - _AROUND[0], 0) : row + _AROUND[0] + 1, max(column - _AROUND[1], 0) : column + _AROUND[1] + 1] = True
+    return [choice for choice, close in zip(grid, near.ravel()) if close]

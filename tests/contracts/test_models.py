@@ -175,6 +175,7 @@ BELLS = Narx(
     support=np.linspace(-0.5, 0.5, 20).reshape(4, 5), middle=np.zeros(5), spread=np.ones(5), sigma=np.array([0.7]),
     coefficients=np.array([[[0.1, 0.2], [-0.3, 0.1], [0.2, -0.1], [0.1, 0.1]]]), reach=1.0,
     slopes=0.2 * np.ones((5, 2)), bias=np.array([0.01, 0.0]), rest=np.array([5.0, 0.0, 0.0]),
+    sway=np.ones(3),
 )  # fmt: skip
 LINEAR = {
     **{f"{name} linearised": linearise(plant) for name, plant in PRESETS.items()},
