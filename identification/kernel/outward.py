@@ -19,6 +19,7 @@ FEW_SAMPLES = 800
 WIDTHS = 0.5, 30.0  # sigmas searched, in median distances between samples
 MOST_PENALTY = 1e8  # beyond, coefficients of 1e8 times the misfit cancel to outputs of 1, and a long run shows it
 SCAN_WIDTHS, SCAN_PENALTIES = 15, 21
+TIED = 0.1  # of the loss, 5 % of the error: chance decides by more than that
 
 
 def tune_outward(
@@ -31,8 +32,10 @@ def tune_outward(
 ) -> Tuned[LsSvmRegression]:
     """Settings with the C and sigma whose machine of the inner samples has the least error at the outer ones.
 
-    Inner are 70 % of at most 800 samples, by their Mahalanobis distance from the mean. The best of a grid over C and
-    sigma is taken, by the mean over the outputs of log(mean square error / variance); errors are those mean squares.
+    Inner are 70 % of at most 800 samples, by their Mahalanobis distance from the mean. The loss is the mean over the
+    outputs of log(mean square error / variance), on a grid over C and sigma. Of the pairs within 5 % of the least
+    error that with the fewest effective parameters is taken: with noise many are as good here, and not all of them
+    farther out. errors: those mean squares.
     """
     return _tuned(settings, Training.of(x, y, weights, settings), progress)
 
@@ -68,7 +71,7 @@ def _tuned(settings: LsSvmRegression, training: Training, progress: Progress) ->
     sigmas = _widths(inside, training) if part.distances.radial else np.array([settings.sigma])
     if not part.distances.radial:  # its values are not at most 1, as the radial ones are
         penalties *= len(samples.x) / np.trace(square)
-    best, chosen, squares = np.inf, settings, np.zeros(samples.standard.shape[1])
+    tried: list[tuple[float, float, float, float, np.ndarray]] = []  # loss, effective parameters, sigma, C, errors
     for count, sigma in enumerate(sigmas):
         spectrum = inside.spectrum(float(sigma))
         kernel = np.exp(crossed / -(sigma * sigma)) if part.distances.radial else crossed
@@ -76,14 +79,14 @@ def _tuned(settings: LsSvmRegression, training: Training, progress: Progress) ->
             solution = spectrum.solution(float(penalty), samples.standard[inner])
             errors = kernel @ solution.coefficients + solution.bias - samples.standard[outer]
             found = np.maximum(shares @ errors**2, np.finfo(float).tiny)
-            loss = float(np.mean(np.log(found)))
-            if loss < best:
-                best, squares = loss, found
-                chosen = replace(settings, penalty=float(penalty), sigma=float(sigma))
-        progress((count + 1.0) / len(sigmas), f"C {chosen.penalty:.3g}, sigma {chosen.sigma:.3g}")
+            effective = float(np.sum(spectrum.values / (spectrum.values + 1.0 / penalty)))
+            tried.append((float(np.mean(np.log(found))), effective, float(sigma), float(penalty), found))
+        progress((count + 1.0) / len(sigmas), f"sigma {sigma:.3g}")
+    least = min(tried, key=lambda one: one[0])[0]
+    loss, _, sigma, penalty, found = min((one for one in tried if one[0] <= least + TIED), key=lambda one: one[1])
     errors = np.zeros(samples.y.shape[1])
-    errors[samples.varies] = squares * samples.variance
-    return Tuned(chosen, tuple(errors.tolist()), best, len(sigmas) * len(penalties))
+    errors[samples.varies] = found * samples.variance
+    return Tuned(replace(settings, penalty=penalty, sigma=sigma), tuple(errors.tolist()), loss, len(tried))
 
 
 def _split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
