@@ -155,6 +155,11 @@ _BUILT_IN = (
         "identification.kernel.ls_svm:LsSvm",
     ),
     Method(
+        "hull_ls_svm",
+        "A torpedo's hull forces by a support vector machine; mass, fins and propulsion stay the vehicle's.",
+        "identification.kernel.hull:HullLsSvm",
+    ),
+    Method(
         "narx_ls_svm",
         "Nonlinear difference equations by support vector machines, chosen by free runs; a black box.",
         "identification.kernel.narx:NarxLsSvm",

@@ -14,7 +14,7 @@ from identification.recursive.rwls import Rwls
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
 LINEAR = ["arx", "els", "armax", "output_error", "n4sid", "pbsid"]
-NAMES = ["grey_box", *LINEAR, "rwls", "ivls", "corrected_ivls", "refined_iv", "ls_svm", "narx_ls_svm"]
+NAMES = ["grey_box", *LINEAR, "rwls", "ivls", "corrected_ivls", "refined_iv", "ls_svm", "hull_ls_svm", "narx_ls_svm"]
 
 
 @pytest.mark.parametrize("name", NAMES)

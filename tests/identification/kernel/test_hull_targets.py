@@ -45,9 +45,10 @@ def hull_forces(plant: Plant, velocities: np.ndarray) -> np.ndarray:
     computed, terms = view(without_effects(plant).derived).computed, np.zeros(N_TERMS + 5)
     ends, forces = [0, *(int(end) for end in computed.ends)], np.empty((len(velocities), 6))
     for row, velocity in enumerate(velocities):
-        fill_terms(*velocity, terms)
+        u, v, w, p, q, r = velocity
+        fill_terms(u, v, w, p, q, r, terms)
         hull = np.array([polynomial(computed, a, b, terms) for a, b in pairwise(ends)])
-        forces[row] = -hull - np.array(coriolis_forces(computed.momentum, *velocity))
+        forces[row] = -hull - np.array(coriolis_forces(computed.momentum, u, v, w, p, q, r))
     return forces
 
 
