@@ -23,7 +23,7 @@ from auv_gym.compiled import JIT
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, Runs, load_vehicle
 from auv_gym.record import Record
-from scripts import benchmark_env, benchmark_identification, benchmark_recursion
+from scripts import benchmark_env, benchmark_identification, benchmark_kernel, benchmark_recursion
 
 PLAIN_SAMPLES = 100
 COMPILED_SAMPLES = 5000
@@ -49,6 +49,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     identification = commands.add_parser("identification", help="linear identification, beside other packages")
     benchmark_identification.add_arguments(identification)
     identification.set_defaults(measure=benchmark_identification.measure, show=benchmark_identification.show)
+    kernel = commands.add_parser("kernel", help="kernel regression, beside scikit-learn")
+    benchmark_kernel.add_arguments(kernel)
+    kernel.set_defaults(measure=benchmark_kernel.measure, show=benchmark_kernel.show)
     for command in commands.choices.values():
         command.add_argument("--json", action="store_true", help="print JSON")
     arguments = parser.parse_args(argv)

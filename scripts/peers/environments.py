@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import venv
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -51,12 +51,14 @@ PEERS = (
     Peer("sysidentpy", "0.9.0", "scripts.peers.run_sysidentpy"),
     Peer("control", "0.10.2", "scripts.peers.run_control"),
 )
+KERNEL_OURS = Peer("auv-gym", "", "scripts.peers.run_kernel")
+KERNEL_PEERS = (Peer("scikit-learn", "1.9.1", "scripts.peers.run_sklearn"),)
 
 
-def make(folder: Path) -> None:
+def make(folder: Path, peers: Sequence[Peer] = PEERS) -> None:
     """Give every peer its environment with its pinned version in it, with pip; raises if one cannot be made."""
     with Progress(transient=True, console=Console(stderr=True)) as progress:
-        for peer in progress.track(PEERS, description="environments"):
+        for peer in progress.track(peers, description="environments"):
             if not peer.python(folder).exists():
                 venv.create(folder / peer.name, with_pip=True)
             pin = f"{peer.name}=={peer.version}"
