@@ -37,18 +37,33 @@ def solved(kernel: np.ndarray, ridge: np.ndarray, y: np.ndarray) -> Solution:
 
     kernel: (n, n).  ridge: diagonal 1 / (C weights), (n,).  y: (n, m).
     """
-    projected, inverse_ones = eliminated(kernel, ridge)
+    factor = _factorised(kernel, ridge)
+    solve, invert = linalg.get_lapack_funcs(("potrs", "potri"), (factor,))
     level = y.mean(axis=0)  # G 1 = 0: the level goes to the bias with all its digits
-    coefficients = projected @ (y - level)
-    bias = level + inverse_ones @ (y - level) / inverse_ones.sum()
-    return Solution(coefficients, bias, coefficients / np.diag(projected)[:, None])
+    # by the factor: products with an inverse would lose as many digits as the system is ill-conditioned
+    inverse, _ = solve(factor, np.column_stack([np.ones(len(y)), y - level]), lower=1)
+    ones, bias = inverse[:, 0], inverse[:, 0] @ (y - level) / inverse[:, 0].sum()
+    coefficients = inverse[:, 1:] - np.outer(ones, bias)
+    diagonal = np.diag(invert(factor, lower=1, overwrite_c=1)[0]) - ones**2 / ones.sum()
+    return Solution(coefficients, level + bias, coefficients / diagonal[:, None])
 
 
 def eliminated(kernel: np.ndarray, ridge: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """G (n, n) and inv(H) 1 (n,); raises LinAlgError where H is singular to rounding."""
+    factor = _factorised(kernel, ridge)
+    (invert,) = linalg.get_lapack_funcs(("potri",), (factor,))
+    inverse, _ = invert(factor, lower=1, overwrite_c=1)
+    inverse += np.tril(inverse, -1).T
+    ones = inverse.sum(axis=1)
+    inverse -= np.outer(ones, ones / ones.sum())
+    return inverse, ones
+
+
+def _factorised(kernel: np.ndarray, ridge: np.ndarray) -> np.ndarray:
+    """The lower Cholesky factor of H; raises LinAlgError where H is singular to rounding."""
     full = kernel.copy().T  # symmetric: in the order that LAPACK works on in place
     np.einsum("ii->i", full)[:] += ridge
-    factorise, condition, invert = linalg.get_lapack_funcs(("potrf", "pocon", "potri"), (full,))
+    factorise, condition = linalg.get_lapack_funcs(("potrf", "pocon"), (full,))
     norm = np.abs(full).sum(axis=0).max()
     factor, failed = factorise(full, lower=1, clean=1, overwrite_a=1)
     if failed:
@@ -56,11 +71,7 @@ def eliminated(kernel: np.ndarray, ridge: np.ndarray) -> tuple[np.ndarray, np.nd
     reciprocal_condition, _ = condition(factor, norm, uplo="L")
     if reciprocal_condition < 10.0 * np.finfo(float).eps:
         raise linalg.LinAlgError("the kernel matrix is singular to rounding")
-    inverse, _ = invert(factor, lower=1, overwrite_c=1)
-    inverse += np.tril(inverse, -1).T
-    ones = inverse.sum(axis=1)
-    inverse -= np.outer(ones, ones / ones.sum())
-    return inverse, ones
+    return factor
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,6 +134,19 @@ def test_compiled_rows_equal_plain_ones():
     np.testing.assert_allclose(slopes, plain_slopes, rtol=1e-11, atol=1e-12)
 
 
+def test_wide_bells_with_a_large_penalty_keep_their_digits():
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(400, 3))
+    y = x[:, 0] * x[:, 1] + x[:, 2] + 0.05 * rng.normal(size=400)
+    settings = LsSvmRegression(1.0 / (1e3 * np.finfo(float).eps * 400), 150.0)  # the largest that tuning tries
+    machine = settings.fit(x, y)
+    # y - f = coefficients / C at every sample, whatever the condition, here 1e12: what is left is rounding at 1e-16 of
+    # coefficients of some 1e9, a few hundred of them
+    residuals = y - machine(x)
+    np.testing.assert_allclose(machine.coefficients[:, 0] / settings.penalty, residuals, rtol=0.0, atol=1e-4)
+    assert np.std(residuals) == pytest.approx(0.05, rel=0.2)  # less than the noise: some of it is followed
+
+
 def test_constant_output_is_its_bias_alone_and_said():
     machine = LsSvmRegression().fit(X, np.column_stack([Y[:, 0], np.full(40, 0.1)]))
     assert machine(X)[:, 1] == pytest.approx(0.1, abs=0.0)
