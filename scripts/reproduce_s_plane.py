@@ -29,6 +29,7 @@ from rich.table import Table
 from auv_gym.channels import channel
 from auv_gym.cruise import find_cruise
 from auv_gym.envs.task_env import TaskEnv
+from auv_gym.model import Model
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
@@ -81,8 +82,8 @@ def speed_at(voltage: float, plant: Plant) -> float:
     return find_cruise(replace_at(plant, "hull.propulsion.design", voltage)).speed
 
 
-def fly(case: Case, kind: str, seed: int | None) -> Run:
-    """The run of a case under a controller; seed None: without current and noise."""
+def fly(case: Case, kind: str, seed: int | None, model: Model | None = None) -> Run:
+    """The run of a case under a controller; seed None: without current and noise; model: in the vehicle's place."""
     plant = load_vehicle(VEHICLE)
     cruise = speed_at(VOLTAGE, plant)
     effects = {}
@@ -98,6 +99,7 @@ def fly(case: Case, kind: str, seed: int | None) -> Run:
         effects={name: float(value) for name, value in effects.items()},
         actions=("rudder_rad", "stern_plane_rad", "propeller_V"),
         duration=case.duration,
+        model=model,
     )
     steady = {"depth_m": 5.0, "heading_rad": 0.0, "u_mps": cruise}
     targets = {name: ((0.0, value),) for name, value in steady.items()} | {case.channel: case.steps}

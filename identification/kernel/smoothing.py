@@ -36,20 +36,22 @@ class Smoothness:
 
 def smoothness_of(parts: Sequence[np.ndarray]) -> Smoothness:
     """The smoothness of largest likelihood of series, (n,) each, that have it in common; n > ORDER."""
-    penalties, steps = [_penalty(len(part)) for part in parts], [np.diff(part, ORDER) for part in parts]
+    lengths = sorted({len(part) for part in parts})  # those of one length share their system
+    alike = [np.column_stack([part for part in parts if len(part) == n]) for n in lengths]
+    penalties, steps = [_penalty(n) for n in lengths], [np.diff(group, ORDER, axis=0) for group in alike]
     freedom = sum(step.size for step in steps)
-    size = max(float(np.abs(part).max()) for part in parts)
+    size = max(float(np.abs(group).max()) for group in alike)
     if max(float(np.abs(step).max()) for step in steps) <= 1e-14 * size:  # a straight line, to rounding
         return Smoothness(0.0, 0.0)
 
     def misfit(log_ratio: float) -> tuple[float, float]:
         """What the likelihood falls with, and the variance of the noise."""
         ratio, square, determinant = 10.0**log_ratio, 0.0, 0.0
-        for part, penalty, step in zip(parts, penalties, steps, strict=True):
+        for group, penalty, step in zip(alike, penalties, steps, strict=True):
             factor = linalg.cholesky_banded(_system(penalty, ratio))
-            smooth = linalg.cho_solve_banded((factor, False), part)
-            square += ratio * float(step @ np.diff(smooth, ORDER))  # y (y - s), without its cancellation
-            determinant += 2.0 * float(np.log(factor[ORDER]).sum())
+            smooth = linalg.cho_solve_banded((factor, False), group)
+            square += ratio * float(np.sum(step * np.diff(smooth, ORDER, axis=0)))  # y (y - s), without cancellation
+            determinant += 2.0 * group.shape[1] * float(np.log(factor[ORDER]).sum())
         variance = max(square / freedom, 1e-300)
         return freedom * (np.log(variance) - np.log(ratio)) + determinant, variance
 

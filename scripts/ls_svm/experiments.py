@@ -20,7 +20,7 @@ from identification.excitation import bang_bang
 VEHICLE = "heu_torpedo"
 START_DEPTH = 5.0  # m
 BANG = radians(8.0)
-RUDDER_HOLD, PLANE_HOLD = (4.0, 15.0), (2.0, 6.0)  # s between changes; the paper prints none
+RUDDER_HOLD, PLANE_HOLD = (4.0, 15.0), (2.0, 10.0)  # s between changes; the paper prints none
 RUNS, RUN = 20, 60.0  # from rest, s each: the paper's simulations start from zero, and so each covers all speeds
 NOISE = {  # standard deviations; DVL against the water, gyros, inclinometer
     "u_mps": 0.01,
@@ -31,6 +31,8 @@ NOISE = {  # standard deviations; DVL against the water, gyros, inclinometer
     "r_radps": radians(0.1),
     "roll_rad": radians(0.2),
     "pitch_rad": radians(0.2),
+    "heading_rad": radians(0.5),
+    "depth_m": 0.02,
 }
 TURNING_BACK = 1.0  # m before the end of the dive at which the planes are put over
 
@@ -46,7 +48,8 @@ def bang_bang_runs(
 ) -> list[Record]:
     """Runs from rest with both pairs of fins going from -8 to +8 deg and back at drawn times, shared by the voltages.
 
-    noise: standard deviations of white noise by channel, by default none.
+    noise: standard deviations of white noise by channel, by default none. With it, channels without an entry are left
+    out: there is no position under water.
     """
     plant, records = vehicle(), []
     n = round(RUN / plant.dt) + 1
@@ -58,8 +61,12 @@ def bang_bang_runs(
             "propeller_V": np.full(n, voltages[number % len(voltages)]),
         }
         record = flown(plant, commands)
-        noisy = {name: record[name] + size * rng.standard_normal(n) for name, size in (noise or {}).items()}
-        records.append(record.with_channels(noisy))
+        if noise is not None:
+            record = record.with_channels(
+                {name: record[name] + s * rng.standard_normal(n) for name, s in noise.items()}
+            )
+            record = record.without([name for name in plant.outputs if name not in noise])
+        records.append(record)
     return records
 
 
