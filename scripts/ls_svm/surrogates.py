@@ -20,7 +20,7 @@ from scripts.ls_svm.experiments import MANOEUVRES, NOISE, Judgement, bang_bang_r
 ONE_VOLTAGE, SEVERAL = (4.0,), (3.0, 3.5, 4.0, 4.5, 5.0)  # V
 DATA = {"4 V": ONE_VOLTAGE, "3 to 5 V": SEVERAL}
 STEP = 0.1  # s, of the models' integration, the sample time: the vehicle's own is 0.02 s, with the same result to 1e-5
-VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
+MOTION = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "roll_rad", "pitch_rad")  # north, heading, depth follow
 FREE = (  # that the bang-bang moves; of the true structure, which only a grey box is told
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.sway.v_v", "hull.heave.uw", "hull.heave.uq"),
     *("hull.heave.w_w", "hull.roll.up", "hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
@@ -37,13 +37,13 @@ def methods(voltages: Sequence[float]) -> dict[str, object]:
     fins = ("rudder_rad", "stern_plane_rad")
     # one lag of the voltage, which is constant in each run: more are not told apart; subspaces cannot take it at all
     several = len(voltages) > 1
-    commands, lags = ((*fins, "propeller_V"), [[2, 2, 1]] * len(VELOCITIES)) if several else (fins, 2)
+    commands, lags = ((*fins, "propeller_V"), [[2, 2, 1]] * len(MOTION)) if several else (fins, 2)
     return {
         "LS-SVM": HullLsSvm(coarse),
         "LS-SVM, 256 centres": HullLsSvm(coarse, size=256),
         "grey box": GreyBox(wrong, FREE, window=WINDOW),
-        "ARX": Arx(commands, VELOCITIES, n_a=2, n_b=lags, structure="full"),
-        "N4SID": N4sid(fins, VELOCITIES),
+        "ARX": Arx(commands, MOTION, n_a=2, n_b=lags, structure="full"),
+        "N4SID": N4sid(fins, MOTION),
     }
 
 
