@@ -117,6 +117,7 @@ def identified_page(title: str, done: Identified, words: str) -> str:
         told = [f"{s.fit_percent:.1f} % of {channel(name).label}" for name, s in scores.items()]
         found.append(f"Free runs over held-out data ({done.told}) fit {listed(told, 'and')}.")
         sections.append(_free_run_section(done.open_loop, f"Free runs over {done.told}", done.band))
+    found += outside_words(done)
     if done.sweep:
         sections.append(_horizon_section({"model": done.sweep}))
     if done.problem:
@@ -128,6 +129,15 @@ def identified_page(title: str, done: Identified, words: str) -> str:
         sections.append(_residual_section(done.tests))
     sections += _order_sections(done)
     return _page(title, "auv-gym identify", found, sections)
+
+
+def outside_words(done: Identified) -> list[str]:
+    """How much of the held-out data is unlike what the model was trained on, of models that know it."""
+    outside = getattr(done.fit.model, "outside", None)
+    if outside is None or done.open_loop is None:
+        return []
+    share = number(100.0 * outside(done.held), 2)
+    return [f"{share} % of the held-out samples are outside of what the model was trained on: there it is a guess."]
 
 
 def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -> str:

@@ -72,6 +72,7 @@ def identify(
         from identification.model_page import (
             horizon_table,
             identified_page,
+            outside_words,
             parameter_table,
             residual_table,
             score_table,
@@ -141,6 +142,8 @@ def identify(
     if done.open_loop is not None and done.open_loop.runs:
         settle = f"starts fitted to the first {done.open_loop.settle:g} s"
         output.print(printed(f"Free runs over {done.told}, {settle}", score_table(done.open_loop)))
+    for words in outside_words(done):
+        output.print(words, soft_wrap=True)
     if done.sweep:
         output.print(printed("Predictions: root mean square error so far ahead", horizon_table({"model": done.sweep})))
     if done.tests:

@@ -116,6 +116,7 @@ def test_it_is_judged_and_reported_as_other_methods_are():
     page = identified_page("yaw", done, "narx_ls_svm")
     assert "Yaw rate: C " in page
     assert "Poles" not in page
+    assert "% of the held-out samples are outside" in page
     assert "chosen by free run errors" in summary(done.fit)
 
 
