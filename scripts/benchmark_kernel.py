@@ -9,7 +9,7 @@ import argparse
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from auv_gym.physics.polynomials import TERMS
 from auv_gym.plant import load_vehicle
 from identification.kernel.fixed_size import FixedSize
 from identification.kernel.regression import LsSvmRegression
+from scripts.benchmark_hybrid import hybrid_rows
 from scripts.peers.environments import KERNEL_OURS, KERNEL_PEERS, Peer, make, run
 
 VEHICLE = "heu_torpedo"
@@ -30,6 +31,7 @@ MIDDLE = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0])
 NOISE = 0.05  # of each force's spread
 FRESH = 2000
 PENALTY, SIGMA = 1e3, 6.0  # near the best for 2000 samples with this noise
+FLYING_PENALTY, FLYING_SIGMA = 1e7, 20.0
 GRID = {"penalties": [1e1, 1e2, 1e3, 1e4, 1e5], "sigmas": [2.0, 4.0, 6.0, 9.0, 13.0]}
 SIZES = (50, 100, 256, 500, 1000)
 _WIDTH = 120  # columns, where no terminal says how many there are
@@ -175,6 +177,16 @@ def _sizes(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     ]
 
 
+def _hybrid(arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """Steps of environments with machines of the hull, learned without noise, so that they fly as the vehicle does."""
+    data = samples(arguments.samples, 0)
+    full = LsSvmRegression(FLYING_PENALTY, FLYING_SIGMA).fit(data["x"], forces(data["x"]))
+    small = FixedSize(FLYING_PENALTY, FLYING_SIGMA, arguments.size).fit(data["x"], forces(data["x"]))
+    # the machines learn the given hull's forces, which C(v)v + D(v)v has the other sign of
+    machines = [replace(one, coefficients=-one.coefficients, bias=-one.bias) for one in (full, small)]
+    return hybrid_rows(load_vehicle(VEHICLE), *machines)
+
+
 _MACHINE = {
     "method": ("method!", "{}"),
     "learn_s": ("s>", "{:.2f}"),
@@ -184,6 +196,11 @@ _MACHINE = {
 }
 _TUNED = {"solved": ("systems solved>", "{}"), "loss": ("loss>", "{:.4f}")}
 _MEMORY = {"peak_mb": ("peak memory, MB>", "{:.0f}")}
+_STEP = {
+    "hull": ("hull!", "{}"),
+    "step_us": ("a step, us>", "{:.1f}"),
+    "many_us": ("one of many on all cores, us>", "{:.2f}"),
+}
 _SIZE = {
     "size": ("centres>", "{}"),
     "error_percent": ("error, %>", "{:.3f}"),
@@ -196,4 +213,5 @@ SECTIONS: Sequence[Section] = (
     Section("tuning", "Tuning and fit", _beside_others("tuning", lambda a: a.samples), {**_MACHINE, **_TUNED}),
     Section("sizes", "Fixed size beside all samples", _sizes, _SIZE),
     Section("long", "A long record", _beside_others("long", lambda a: a.long), {**_MACHINE, **_TUNED, **_MEMORY}),
+    Section("hybrid", "A step of an environment", _hybrid, _STEP),
 )

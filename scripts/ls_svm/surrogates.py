@@ -20,7 +20,7 @@ from scripts.ls_svm.experiments import MANOEUVRES, NOISE, Judgement, bang_bang_r
 ONE_VOLTAGE, SEVERAL = (4.0,), (3.0, 3.5, 4.0, 4.5, 5.0)  # V
 DATA = {"4 V": ONE_VOLTAGE, "3 to 5 V": SEVERAL}
 STEP = 0.1  # s, of the models' integration, the sample time: the vehicle's own is 0.02 s, with the same result to 1e-5
-MOTION = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "roll_rad", "pitch_rad")  # north, heading, depth follow
+MOTION = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "roll_rad", "pitch_rad")
 FREE = (  # that the bang-bang moves; of the true structure, which only a grey box is told
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.sway.v_v", "hull.heave.uw", "hull.heave.uq"),
     *("hull.heave.w_w", "hull.roll.up", "hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),

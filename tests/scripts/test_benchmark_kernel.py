@@ -44,7 +44,7 @@ def test_all_sections_are_measured_in_processes_of_their_own(tmp_path, capsys):
     options = ["--samples", "60", "--long", "200", "--size", "12", "--peers", str(tmp_path)]
     assert benchmark.main(["kernel", "--json", *options]) == 0
     numbers = json.loads(capsys.readouterr().out)
-    assert list(numbers["sections"]) == ["machines", "tuning", "sizes", "long"]
+    assert list(numbers["sections"]) == ["machines", "tuning", "sizes", "long", "hybrid"]
     assert numbers["not_installed"] == ["scikit-learn 1.9.1"]
     for name in ("machines", "tuning", "long"):
         rows = numbers["sections"][name]
