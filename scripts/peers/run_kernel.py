@@ -60,7 +60,7 @@ def _annealed(x: np.ndarray, y: np.ndarray, jobs: Jobs) -> Learnt:
     count = max(1, round(allowed / (time.perf_counter() - begin)))
     begin = time.perf_counter()
     learnt, told = _tuned(anneal, _plain, rng=np.random.default_rng(0), evaluations=count)(x, y, jobs)
-    return learnt, {**told, "learn_s": time.perf_counter() - begin}
+    return learnt, {**told, "learn_s": time.perf_counter() - begin, "cpu_s": None}
 
 
 def _plain(jobs: Jobs) -> LsSvmRegression:
