@@ -2,7 +2,8 @@
 
     python -m scripts.narx_study --seeds 5 --json narx.json
 
-Each seed is a record to fit and another without noise to judge by; every model has the same inputs and outputs.
+Each seed is a record to fit and another without noise to judge by; every model has the same inputs and outputs. A
+method's number is that of its lags; "one step" is tuned by leave-one-out errors in place of free runs.
 """
 
 from __future__ import annotations
@@ -32,12 +33,12 @@ from identification.torpedo_experiment import steer
 from scripts.over_seeds import all_of
 
 METHODS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
-    "ARX, 2 lags": ("arx", {"n_a": 2, "n_b": 2}),
-    "ARX, 4 lags": ("arx", {"n_a": 4, "n_b": 3}),
-    "ARMAX, 3 lags": ("armax", {"n_a": 3, "n_b": 2, "n_c": 2}),
-    "NARX, 2 lags": ("narx_ls_svm", {"n_a": 2, "n_b": 2}),
-    "NARX, 4 lags": ("narx_ls_svm", {"n_a": 4, "n_b": 3}),
-    "NARX, 4 lags, leave one out": ("narx_ls_svm", {"n_a": 4, "n_b": 3, "tuning": "leave_one_out"}),
+    "ARX 2": ("arx", {"n_a": 2, "n_b": 2}),
+    "ARX 4": ("arx", {"n_a": 4, "n_b": 3}),
+    "ARMAX 3": ("armax", {"n_a": 3, "n_b": 2, "n_c": 2}),
+    "NARX 2": ("narx_ls_svm", {"n_a": 2, "n_b": 2}),
+    "NARX 4": ("narx_ls_svm", {"n_a": 4, "n_b": 3}),
+    "NARX 4, one step": ("narx_ls_svm", {"n_a": 4, "n_b": 3, "tuning": "leave_one_out"}),
 }
 TOY_NOISE = 0.05  # rad/s, of outputs that span 2
 
@@ -90,11 +91,11 @@ def toy(seed: int, noisy: bool, samples: int = 1500) -> Record:
 _HEADING = ("rudder_rad", "u_mps"), ("heading_rad",), ("heading_rad",)
 _PLANES = ("stern_plane_rad", "rudder_rad", "propeller_rpm"), ("depth_m", "pitch_rad"), ("depth_m",)
 CASES = {
-    "glider heading, linear": Case(lambda seed, noisy: glider(seed, noisy, 0.0), *_HEADING),
-    "glider heading, quadratic damping": Case(lambda seed, noisy: glider(seed, noisy, 400.0), *_HEADING),
-    "torpedo, depth and pitch": Case(torpedo, *_PLANES, window=100.0),
-    "float, depth": Case(piston_float, ("piston_m",), ("depth_m",), ("depth_m",)),
-    "toy, known": Case(toy, ("rudder_rad",), ("r_radps",)),
+    "linear glider": Case(lambda seed, noisy: glider(seed, noisy, 0.0), *_HEADING),
+    "glider": Case(lambda seed, noisy: glider(seed, noisy, 400.0), *_HEADING),
+    "torpedo": Case(torpedo, *_PLANES, window=100.0),
+    "float": Case(piston_float, ("piston_m",), ("depth_m",), ("depth_m",)),
+    "toy": Case(toy, ("rudder_rad",), ("r_radps",)),
 }
 
 
@@ -128,7 +129,11 @@ def main() -> None:
             for name, value in of.items():
                 rows.setdefault((case, noisy, name, method), []).append(float(value))
     shown = table(
-        "Free runs over data without noise, fit in %: median, and least", "system", "output", "noise", *METHODS
+        "Free runs over data without noise, fit in %: median, and least",
+        "system!",
+        "output!",
+        "noise",
+        *(f"{m}>" for m in METHODS),
     )
     for case, noisy, name in dict.fromkeys(key[:3] for key in rows):
         cells = [rows[case, noisy, name, method] for method in METHODS]

@@ -102,6 +102,8 @@ class NarxLsSvm:
 
     def _choices(self, rows: Rows, cells: Cells) -> Sequence[Choice]:
         """C and sigma of each output."""
+        if not cells.y.any():  # a linear truth without noise
+            return [None] * len(self.outputs)
         if self.penalty is not None and self.sigma is not None:
             return [(self.penalty, self.sigma)] * len(self.outputs)
         if self.tuning == "free_run":

@@ -49,10 +49,10 @@ def test_it_recovers_what_a_linear_model_cannot(noise, least, n):
     assert fit.model.outside(held.with_channels({"r_radps": held["r_radps"] + 3.0})) > 0.9
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.02])
-def test_a_linear_truth_is_left_to_the_linear_part(noise):
+@pytest.mark.parametrize("noise, tuning", [(0.0, "free_run"), (0.02, "free_run"), (0.0, "leave_one_out")])
+def test_a_linear_truth_is_left_to_the_linear_part(noise, tuning):
     train, held = turning(1, noise=noise, bend=0.0), turning(2, bend=0.0)
-    fit = NarxLsSvm(["rudder_rad"], ["r_radps"], n_a=1, n_b=1, samples=150).fit(train)
+    fit = NarxLsSvm(["rudder_rad"], ["r_radps"], n_a=1, n_b=1, samples=150, tuning=tuning).fit(train)
     assert fit.choices == (None,)
     assert not fit.model.coefficients.any()
     assert fitted_percent(fit, held) == pytest.approx(linear_percent(train, held, "r_radps", n_a=1, n_b=1), abs=0.5)
