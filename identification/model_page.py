@@ -133,7 +133,8 @@ def identified_page(title: str, done: Identified, words: str) -> str:
 
 def outside_words(done: Identified) -> list[str]:
     """How much of the held-out data is unlike what the model was trained on, of models that know it."""
-    outside = getattr(done.fit.model, "outside", None)
+    model = done.fit.model
+    outside = getattr(getattr(model, "learned", None) or model, "outside", None)
     if outside is None or done.open_loop is None:
         return []
     share = number(100.0 * outside(done.held), 2)

@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from auv_gym.compiled import outlined, tail_of
 from auv_gym.physics.radial import BITS, LANES, radial_blocks, radial_distance, radial_sums
 
-AXES = 6
+VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
+AXES = len(VELOCITIES)
 _ROWS = 2 * AXES + 1  # of a block
 _HEAD = 3 + 2 * AXES  # of a table: kernels, blocks of each, reach; bias; 1 / spread
 ROOM = 2 * AXES + (2 + AXES) * LANES  # numbers of scratch
@@ -116,6 +118,11 @@ class LearnedHull:
         square = ((x[:, None] - (self.support / self.spread)[None]) ** 2).sum(axis=2)
         parts = [np.exp(-square / sigma**2) @ c for sigma, c in zip(self.sigma, self.coefficients, strict=True)]
         return np.sum(parts, axis=0) + self.bias
+
+    def outside(self, record: Any) -> float:
+        """The share of a record's samples whose velocities are unlike the training data; those not measured are not."""
+        velocities = np.column_stack([record[name] for name in VELOCITIES])
+        return float((self.distance(velocities[np.isfinite(velocities).all(axis=1)]) > 1.0).mean())
 
     def distance(self, velocities: np.ndarray) -> np.ndarray:
         """Distance of velocities (n, 6) from the nearest centre, over `reach`: above 1 is extrapolation. Shape (n,)."""

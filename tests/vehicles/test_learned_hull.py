@@ -242,3 +242,12 @@ def test_distance_is_nothing_at_a_centre_and_grows_away_from_it():
     assert learned.distance(learned.support) == pytest.approx(0.0, abs=1e-9)
     away = learned.support[:1] + np.array([[30.0 * TYPICAL[0], 0.0, 0.0, 0.0, 0.0, 0.0]])
     assert learned.distance(away)[0] > 10.0
+
+
+def test_the_share_of_a_record_outside_counts_what_was_measured():
+    learned = hull(n=30)
+    near = np.repeat(learned.support[:1], 4, axis=0)
+    near[2:, 0] += 20.0
+    near[3, 1] = np.nan
+    record = Record.from_arrays(0.1 * np.arange(4.0), dict(zip(HEU.family.states[:6], near.T, strict=True)))
+    assert learned.outside(record) == pytest.approx(1.0 / 3.0)
