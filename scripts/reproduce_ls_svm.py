@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -52,8 +53,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         rows = noisy(attempt, seeds, given.jobs) if given.noisy else []
         if rows:
             console.print(noisy_table(rows))
-        for reason in dict.fromkeys(f"{r['data']}, {r['method']}: {r['failed']}" for r in rows if "failed" in r):
-            console.print(reason, markup=False)
+        failed = Counter(f"{r['data']}, {r['method']}: {r['failed']}" for r in rows if "failed" in r)
+        for reason, count in failed.items():
+            console.print(f"{reason}: {count} of {given.seeds}", markup=False)
         if given.out is not None:
             with replacing(given.out / "ls_svm.json") as new:
                 new.write_text(json.dumps({"clean": clean, "noisy": rows}, indent=1))

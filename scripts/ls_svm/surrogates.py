@@ -84,6 +84,6 @@ def _rows(data: str, seed: int, name: str, model: Model) -> list[dict]:
             run = run_of(model, true)
             found: Judgement = judged(true, run, model if isinstance(model, Plant) else None)
             rows.append(row | {key: float(value) for key, value in asdict(found).items()})
-        except Diverged as error:
-            rows.append(row | {"failed": str(error)})
+        except Diverged:
+            rows.append(row | {"failed": f"diverged in {manoeuvre.title}"})
     return rows

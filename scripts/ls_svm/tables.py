@@ -52,13 +52,13 @@ def tuned_table(joint: Learned, separate: Learned) -> Table:
 def circles_table(rows: Sequence[Mapping]) -> Table:
     """Figures 9 and 10 in numbers: medians and worst over the seeds."""
     shown = table(
-        "Circles with dives, 200 s: learned from runs without noise; median (worst) over seeds",
-        "learned at",
-        "manoeuvre",
-        "off at the end, % of the path>",
+        "Circles with dives, learned without noise: off at 200 s, time and distance outside the data; median (worst)",
+        "learned at!",
+        "manoeuvre!",
+        "off, % of path>",
         "depth, rms m>",
-        "outside the data, % of the time>",
-        "farthest, reaches>",
+        "outside, %>",
+        "farthest>",
         "within the limits>",
     )
     for data in DATA:
@@ -86,7 +86,7 @@ def control_table(rows: Sequence[Mapping]) -> Table:
     """Figures 11 to 16 in numbers."""
     shown = table(
         "S-plane control: the model's run less the vehicle's, rms; median (worst) over seeds",
-        "learned at",
+        "learned at!",
         "case",
         "% of the step>",
         "rms>",
@@ -115,8 +115,8 @@ def noisy_table(rows: Sequence[Mapping]) -> Table:
     """All methods on the same noisy records."""
     shown = table(
         "Learned from records with noise: off at the end, % of the path, and depth, rms m; median (worst) over seeds",
-        "learned at",
-        "method",
+        "learned at!",
+        "method!",
         *(f"{one.title}>" for one in MANOEUVRES),
         "failed>",
     )
