@@ -81,7 +81,7 @@ def identify(
     progress(0.85, "residual tests")
     if not problems:
         try:
-            tests = residual_tests(fit.model, [apart])
+            tests = residual_tests(fit.model, [apart], open_loop)
         except ValueError as error:
             problems.append(str(error))
     sweep, band, doubts = None, None, ()

@@ -37,11 +37,13 @@ def predicts(model: Model) -> bool:
     return isinstance(model, Polynomial | Narx) or (isinstance(model, StateSpace) and bool(model.k.any()))
 
 
-def residuals(model: Model, record: Record) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+def residuals(
+    model: Model, record: Record, run: OpenLoop | None = None
+) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
     """What a model leaves of each output, the rows it belongs to, and the number of the segment or window of each row.
 
     One sample ahead for models that predict, less the samples to which their start is due; of free runs for others,
-    less the samples to which their starts are fitted.
+    less the samples to which their starts are fitted.  run: the free runs, of the model alone, if they are there.
     """
     if predicts(model):
         settle = settle_of([model], record, record.segments)
@@ -52,21 +54,24 @@ def residuals(model: Model, record: Record) -> tuple[dict[str, np.ndarray], np.n
         number = np.repeat(np.arange(len(parts)), [part.size for part in parts])
         names = [name for name in model.outputs if record.has(name)]
         return {name: record[name][rows] - ahead[name][rows] for name in names}, rows, number
-    done = open_loop({"model": model}, record)
+    done = open_loop({"model": model}, record) if run is None else run
     if done.failed:
         raise ValueError(done.failed["model"])
-    run = done.runs["model"]
-    kept = run.scored
-    return {n: run.residual[kept, c] for c, n in enumerate(run.channels)}, run.rows[kept], run.window[kept]
+    free = done.runs["model"]
+    kept = free.scored
+    return {n: free.residual[kept, c] for c, n in enumerate(free.channels)}, free.rows[kept], free.window[kept]
 
 
-def residual_tests(model: Model, records: Sequence[Record]) -> dict[str, dict[str, Any]]:
-    """By output, whiteness of a model's `residuals` over records, and their correlation with each of its inputs."""
+def residual_tests(model: Model, records: Sequence[Record], run: OpenLoop | None = None) -> dict[str, dict[str, Any]]:
+    """By output, whiteness of a model's `residuals` over records, and their correlation with each of its inputs.
+
+    run: the model's free runs over a single record, if they are there.
+    """
     parts: dict[str, list[np.ndarray]] = {}
     drivers: dict[str, list[np.ndarray]] = {}
     numbers, count = [], 0
     for record in records:
-        left, rows, number = residuals(model, record)
+        left, rows, number = residuals(model, record, run)
         for name, values in left.items():
             parts.setdefault(name, []).append(values)
         for name in model.inputs:
