@@ -408,12 +408,13 @@ def _parse(text: str, origin: str) -> Plant:
             values[path] = check_value(path, values[path] * scale, spec)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
-    times: dict[str, Any] = {field: content.get(f"{field}_s") for field in ("dt", "longest_step", "window", "settle")}
+    given = {field: content.get(f"{field}_s") for field in ("dt", "longest_step", "window", "settle")}
+    times: dict[str, Any] = {field: float(value) for field, value in given.items() if value is not None}
     plant = Plant(
         name=content.get("name", Path(origin).stem),
         family=family,
         parameters=replace_at(parameters, values),
-        **{field: float(value) for field, value in times.items() if value is not None},
+        **times,
         title=content.get("title", ""),
         description=content.get("description", ""),
         notes=notes,

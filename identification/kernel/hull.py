@@ -11,12 +11,12 @@ from scipy.spatial import KDTree
 
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull
 from identification.estimate import Estimate
 from identification.kernel import fixed_size, regression
 from identification.kernel.centres import farthest
 from identification.kernel.fixed_size import FixedSize
-from identification.kernel.hull_targets import READINGS, VELOCITIES, HullTargets, hull_targets
+from identification.kernel.hull_targets import READINGS, HullTargets, hull_targets
 from identification.kernel.machine import KernelMachine
 from identification.kernel.outward import tune_outward, tune_outward_each
 from identification.kernel.regression import LsSvmRegression

@@ -22,13 +22,12 @@ from auv_gym.physics.frames import quaternion_of
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from auv_gym.rollout import scratch_for
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull
 from auv_gym.vehicles.torpedo import derivative
 from auv_gym.vehicles.torpedo_derived import view
 from identification.kernel.smoothing import Smoothness, smoothed, smoothness_of
 from identification.linear.regressors import Series
 
-VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 FORCES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 READINGS = (*VELOCITIES, "roll_rad", "pitch_rad")
 SPLINE = 5  # degree of the curves through smoothed samples
