@@ -24,6 +24,7 @@ from identification.kernel.sweep import sweep, sweep_each
 from identification.kernel.tuning import descend, descend_each
 
 WITHIN = 0.99  # share of the training velocities that are within reach of another
+TOLERANCE = 0.004  # of the forces' spread: stiffer machines that are worse by less are better farther out
 TUNED_ON = 800  # samples, spread over the velocities, that tuning outward asks for
 MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])  # port to starboard, of velocities and forces alike
 STILL = 1e-6  # m/s or rad/s
@@ -116,7 +117,11 @@ class HullLsSvm:
         if self.tuning == "outward":
             rows, full = farthest(x, TUNED_ON), LsSvmRegression(scaled=False)
             here = x[rows], y[rows]
-            found = tune_outward_each(full, *here) if self.separate else [tune_outward(full, *here)]
+            found = (
+                list(tune_outward_each(full, *here, tolerance=TOLERANCE))
+                if self.separate
+                else [tune_outward(full, *here, tolerance=TOLERANCE)]
+            )
         elif isinstance(free, FixedSize):
             found = sweep_each(free, x, y) if self.separate else [sweep(free, x, y)]
         else:

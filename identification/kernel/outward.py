@@ -19,7 +19,7 @@ FEW_SAMPLES = 800
 WIDTHS = 0.5, 30.0  # sigmas searched, in median distances between samples
 MOST_PENALTY = 1e8  # beyond, coefficients of 1e8 times the misfit cancel to outputs of 1, and a long run shows it
 SCAN_WIDTHS, SCAN_PENALTIES = 15, 21
-TIED = 0.7  # of the loss, 42 % of the error; less, and the pair changes from one draw of the samples to the next
+TIED = 0.05  # of the error: by so much chance decides
 
 
 def tune_outward(
@@ -28,16 +28,17 @@ def tune_outward(
     y: np.ndarray,
     *,
     weights: np.ndarray | None = None,
+    tolerance: float = 0.0,
     progress: Progress = silent,
 ) -> Tuned[LsSvmRegression]:
     """Settings with the C and sigma whose machine of the inner samples has the least error at the outer ones.
 
     Inner are 70 % of at most 800 samples, by their Mahalanobis distance from the mean. The loss is the mean over the
-    outputs of log(mean square error / variance), on a grid over C and sigma. Of the pairs within 42 % of the least
-    error that with the fewest effective parameters is taken: many are about as good here, and the stiffest of them are
-    the better ones farther out. errors: those mean squares.
+    outputs of log(mean square error / variance), on a grid over C and sigma. Of the pairs whose error is above
+    the least by at most 5 % and `tolerance` of the outputs' spread, that with the fewest effective parameters is taken:
+    many are as good here, and the stiffest of them are better farther out. errors: those mean squares.
     """
-    return _tuned(settings, Training.of(x, y, weights, settings), progress)
+    return _tuned(settings, Training.of(x, y, weights, settings), tolerance, progress)
 
 
 def tune_outward_each(
@@ -46,17 +47,20 @@ def tune_outward_each(
     y: np.ndarray,
     *,
     weights: np.ndarray | None = None,
+    tolerance: float = 0.0,
     progress: Progress = silent,
 ) -> tuple[Tuned[LsSvmRegression], ...]:
     """As `tune_outward`, for each output of y (n, m) by itself: m settings, for `fit_each`."""
     columns = Training.of(x, y, weights, settings).columns()
     return tuple(
-        _tuned(settings, column, lambda done, text, o=o: progress((o + done) / len(columns), text))
+        _tuned(settings, column, tolerance, lambda done, text, o=o: progress((o + done) / len(columns), text))
         for o, column in enumerate(columns)
     )
 
 
-def _tuned(settings: LsSvmRegression, training: Training, progress: Progress) -> Tuned[LsSvmRegression]:
+def _tuned(
+    settings: LsSvmRegression, training: Training, tolerance: float, progress: Progress
+) -> Tuned[LsSvmRegression]:
     part = training.part(FEW_SAMPLES)
     samples, square = part.samples, part.distances.square
     if not samples.varies.any():  # nothing to tune
@@ -82,8 +86,9 @@ def _tuned(settings: LsSvmRegression, training: Training, progress: Progress) ->
             effective = float(np.sum(spectrum.values / (spectrum.values + 1.0 / penalty)))
             tried.append((float(np.mean(np.log(found))), effective, float(sigma), float(penalty), found))
         progress((count + 1.0) / len(sigmas), f"sigma {sigma:.3g}")
-    least = min(tried, key=lambda one: one[0])[0]
-    loss, _, sigma, penalty, found = min((one for one in tried if one[0] <= least + TIED), key=lambda one: one[1])
+    least = np.exp(0.5 * min(tried, key=lambda one: one[0])[0])
+    tied = 2.0 * np.log((1.0 + TIED) * least + tolerance)
+    loss, _, sigma, penalty, found = min((one for one in tried if one[0] <= tied), key=lambda one: one[1])
     errors = np.zeros(samples.y.shape[1])
     errors[samples.varies] = found * samples.variance
     return Tuned(replace(settings, penalty=penalty, sigma=sigma), tuple(errors.tolist()), loss, len(tried))
