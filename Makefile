@@ -9,6 +9,9 @@ SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13)
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c '$(SUPPORTED)' 2>/dev/null && echo $$p && break; done)
 
+# Tests run in a process for each core: linear algebra with threads of its own would make them wait for one another.
+test test-slow: export OPENBLAS_NUM_THREADS := 1
+
 # pyright is pinned: no look-up of a newer one at every run.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 

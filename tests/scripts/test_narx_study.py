@@ -11,6 +11,7 @@ from scripts import narx_study
 from scripts.narx_study import METHODS, fits, main, toy
 
 
+@pytest.mark.slow  # three fits by free runs
 def test_bells_are_worth_it_on_the_toy(monkeypatch):
     chosen = {name: METHODS[name] for name in ("ARX 2", "NARX 2")}
     short = replace(narx_study.CASES["toy"], record=lambda seed, noisy: toy(seed, noisy, 500))

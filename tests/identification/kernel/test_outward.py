@@ -19,6 +19,7 @@ def beyond(settings: LsSvmRegression, seed: int) -> float:
     return float(np.sqrt(np.mean((machine(x) - y) ** 2) / np.mean(y**2)))
 
 
+@pytest.mark.slow  # twelve tunings
 def test_beyond_the_samples_it_does_better_than_leave_one_out():
     ratios = []
     for seed in range(6):
