@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 
 import numpy as np
@@ -14,10 +14,9 @@ from identification.driving import Run
 from identification.kernel.hull import HullFit, HullLsSvm
 from scripts.ls_svm.control import CASES, Controlled, compared, steered
 from scripts.ls_svm.experiments import MANOEUVRES, Judgement, bang_bang_runs, circled, judged, vehicle
-from scripts.ls_svm.surrogates import ONE_VOLTAGE, SEVERAL, STEP
+from scripts.ls_svm.surrogates import DATA, STEP
 from scripts.over_seeds import all_of
 
-DATA: Mapping[str, Sequence[float]] = {"4 V": ONE_VOLTAGE, "3 to 5 V": SEVERAL}
 RUNS = 40  # of a minute, without noise
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 
