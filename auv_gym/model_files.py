@@ -119,6 +119,7 @@ class LearnedVehicle:
     coefficients: np.ndarray
     bias: np.ndarray
     reach: float
+    trend: np.ndarray
 
     @classmethod
     def of(cls, plant: Plant) -> LearnedVehicle:

@@ -12,7 +12,7 @@ import numpy as np
 from auv_gym.compiled import compiled
 from auv_gym.lags import Lags
 from auv_gym.model import check_finite, check_interval, inputs_of, outputs_of
-from auv_gym.physics.radial import BITS, LANES, radial_blocks, radial_distance, radial_sums
+from auv_gym.physics.radial import BITS, LANES, radial_blocks, radial_distances, radial_sums
 from auv_gym.record import Record
 
 _SHAPES = {
@@ -164,7 +164,7 @@ class Narx:
         z = np.concatenate([self.lags.regressors(u[part], y[part]) for part in record.segments])
         z = z[np.isfinite(z).all(axis=1)]
         out = np.empty(len(z))
-        _distances((z - self.middle) / self.spread * BITS, self._nearest, out)
+        radial_distances((z - self.middle) / self.spread * BITS, self._nearest, out)
         return out / self.reach
 
     def outside(self, record: Record) -> float:
@@ -235,11 +235,3 @@ def _advance(past, inputs, after, kept, lags, middle, slopes, carried, bias, rat
             past[i] = past[i - p]
         for o in range(p):
             past[o] = after[t, o]
-
-
-@compiled
-def _distances(z, blocks, out):
-    """The distance of each row of z (n, d), times BITS, from the nearest centre of the blocks into out (n,)."""
-    room = np.empty((2, blocks.shape[2]))
-    for i in range(z.shape[0]):
-        out[i] = radial_distance(z[i], blocks, room)

@@ -113,3 +113,11 @@ def radial_distance(x, blocks, room):
         half //= 2
     nearest = most[0]
     return sqrt(max(-nearest, 0.0)) / BITS
+
+
+@compiled
+def radial_distances(x, blocks, out):
+    """`radial_distance` of every row of x (n, d), into out (n,)."""
+    room = np.empty((2, blocks.shape[2]))
+    for i in range(x.shape[0]):
+        out[i] = radial_distance(x[i], blocks, room)

@@ -1,4 +1,4 @@
-"""Forces on a torpedo's hull as learned from data: sums of Gaussian bells over its velocities.
+"""Forces on a torpedo's hull as learned from data: sums of Gaussian bells over its velocities, beside a trend.
 
 They stand in place of everything that the hull's coefficients give, C(v)v + D(v)v; mass, weight, fins, propulsion and
 effects stay the vehicle's.  Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, equation (20).
@@ -6,20 +6,28 @@ effects stay the vehicle's.  Source: Xu, Zou, Yin and Cao 2013, Ocean Engineerin
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import outlined, tail_of
+from auv_gym.compiled import compiled, outlined, tail_of
 from auv_gym.physics.radial import BITS, LANES, radial_blocks, radial_distance, radial_sums
 
 VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 AXES = len(VELOCITIES)
 _ROWS = 2 * AXES + 1  # of a block
-_HEAD = 3 + 2 * AXES  # of a table: kernels, blocks of each, reach; bias; 1 / spread
+_TREND = 3 + 2 * AXES  # where it stands in a table, after kernels, blocks of each, reach; bias; 1 / spread
+_HEAD = _TREND + AXES * AXES
 ROOM = 2 * AXES + (2 + AXES) * LANES  # numbers of scratch
+
+
+@compiled
+def _scale(velocity, table, factor, x):
+    """The velocity in spreads, times a factor, into x."""
+    for i in range(AXES):
+        x[i] = velocity[i] * table[3 + AXES + i] * factor
 
 
 @outlined
@@ -34,10 +42,17 @@ def learned_forces(p, velocity, room):
     x, force = room[:AXES], room[AXES : 2 * AXES]
     lanes = room[2 * AXES :].reshape((2 + AXES, LANES))
     f1, f2, f3, f4, f5, f6 = table[3], table[4], table[5], table[6], table[7], table[8]
+    for i in range(AXES):
+        term, at = abs(velocity[0]) * velocity[i], _TREND + AXES * i
+        f1 += term * table[at]
+        f2 += term * table[at + 1]
+        f3 += term * table[at + 2]
+        f4 += term * table[at + 3]
+        f5 += term * table[at + 4]
+        f6 += term * table[at + 5]
     for k in range(kernels):
         at = _HEAD + kernels + k * size
-        for i in range(AXES):
-            x[i] = velocity[i] * table[3 + AXES + i] * (BITS / table[_HEAD + k])
+        _scale(velocity, table, BITS / table[_HEAD + k], x)
         radial_sums(x, table[at : at + size].reshape((count, _ROWS, LANES)), lanes, force)
         f1 += force[0]
         f2 += force[1]
@@ -55,18 +70,24 @@ def support_distance(p, velocity, room):
     kernels, count = int(table[0]), int(table[1])
     at, size = _HEAD + kernels, count * _ROWS * LANES
     x, lanes = room[:AXES], room[2 * AXES :].reshape((2 + AXES, LANES))
-    for i in range(AXES):
-        x[i] = velocity[i] * table[3 + AXES + i] * (BITS / table[_HEAD])
+    _scale(velocity, table, BITS / table[_HEAD], x)
     return radial_distance(x, table[at : at + size].reshape((count, _ROWS, LANES)), lanes) * table[_HEAD] / table[2]
+
+
+def trend_terms(velocities: np.ndarray) -> np.ndarray:
+    """|u| times each velocity, (n, 6)."""
+    rows = np.atleast_2d(np.asarray(velocities, dtype=float))
+    return np.abs(rows[:, :1]) * rows
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedHull:
-    """C(v)v + D(v)v, N and N m: bias + sum over kernels k and centres j of coefficients[k, j] exp(-(d_j / sigma_k)^2).
+    """C(v)v + D(v)v, N and N m: bias + |u| v trend + sum over k and j of coefficients[k, j] exp(-(d_j / sigma_k)^2).
 
     d_j = |(v - support[j]) / spread|.  support: (n, 6), u v w p q r, m/s and rad/s.  spread: (6,).  sigma: (kernels,),
     in spreads.  coefficients: (kernels, n, 6).  bias: (6,).  reach: the d to the nearest centre up to which a velocity
-    is like those of the training data.  Raises on shapes that do not match and on numbers that are not finite.
+    is like those of the training data.  trend: (6, 6), lift and damping in proportion to the speed, a row for each
+    velocity, a column for each force.  Raises on shapes that do not match and on numbers that are not finite.
     """
 
     support: np.ndarray
@@ -75,6 +96,7 @@ class LearnedHull:
     coefficients: np.ndarray
     bias: np.ndarray
     reach: float
+    trend: np.ndarray = field(default_factory=lambda: np.zeros((AXES, AXES)))
 
     def __post_init__(self):
         n, kernels = len(self.support), len(self.sigma)
@@ -84,6 +106,7 @@ class LearnedHull:
             "sigma": (kernels,),
             "coefficients": (kernels, n, AXES),
             "bias": (AXES,),
+            "trend": (AXES, AXES),
         }
         for name, shape in expected.items():
             value = getattr(self, name)
@@ -110,24 +133,29 @@ class LearnedHull:
             for sigma, coefficients in zip(self.sigma, self.coefficients, strict=True)
         ]
         head = [len(self.sigma), len(blocks[0]), self.reach]
-        return np.concatenate([head, self.bias, 1.0 / self.spread, self.sigma, *(block.ravel() for block in blocks)])
+        numbers = [head, self.bias, 1.0 / self.spread, np.ravel(self.trend), self.sigma]
+        return np.concatenate([*numbers, *(block.ravel() for block in blocks)])
 
     def __call__(self, velocities: np.ndarray) -> np.ndarray:
         """C(v)v + D(v)v, N and N m, at velocities of shape (n, 6); same shape."""
         x = np.atleast_2d(np.asarray(velocities, dtype=float)) / self.spread
         square = ((x[:, None] - (self.support / self.spread)[None]) ** 2).sum(axis=2)
         parts = [np.exp(-square / sigma**2) @ c for sigma, c in zip(self.sigma, self.coefficients, strict=True)]
-        return np.sum(parts, axis=0) + self.bias
+        return np.sum(parts, axis=0) + self.bias + trend_terms(velocities) @ self.trend
 
     def outside(self, record: Any) -> float:
         """The share of a record's samples whose velocities are unlike the training data; those not measured are not."""
-        velocities = np.column_stack([record[name] for name in VELOCITIES])
-        return float((self.distance(velocities[np.isfinite(velocities).all(axis=1)]) > 1.0).mean())
+        found = self.distance_along(record)
+        return float((found[np.isfinite(found)] > 1.0).mean())
+
+    def distance_along(self, record: Any) -> np.ndarray:
+        """`distance` of the velocities of a record, a value for each sample, NaN where they were not measured."""
+        return self.distance(np.column_stack([record[name] for name in VELOCITIES]))
 
     def distance(self, velocities: np.ndarray) -> np.ndarray:
         """Distance of velocities (n, 6) from the nearest centre, over `reach`: above 1 is extrapolation. Shape (n,)."""
         x, centres = np.atleast_2d(np.asarray(velocities, dtype=float)) / self.spread, self.support / self.spread
         square = np.full(len(x), np.inf)
         for centre in centres:
-            square = np.minimum(square, ((x - centre) ** 2).sum(axis=1))
+            square = np.minimum(square, ((x - centre) ** 2).sum(axis=1))  # NaN stays NaN
         return np.sqrt(square) / self.reach

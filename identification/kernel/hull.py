@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull
+from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull, trend_terms
 from identification.estimate import Estimate
 from identification.kernel import fixed_size, regression
 from identification.kernel.centres import farthest
@@ -60,7 +60,8 @@ class HullLsSvm:
     velocities; tuned where left out.  tuning: outward, by how a machine of the inner samples foretells the outer ones,
     or leave_one_out, which interpolates better and extrapolates badly.  size: that many centres, fitted to all samples;
     default, each of at most `samples`, spread over the velocities, is a centre.  separate: a C and sigma for each
-    force, at six times the cost of a step.  mirrored: forces to port are as those to starboard.
+    force, at six times the cost of a step.  mirrored: forces to port are as those to starboard.  trend: lift and
+    damping, |u| times each velocity, are fitted first by least squares; the machine has what they leave.
     Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, section 3.
     """
 
@@ -72,6 +73,7 @@ class HullLsSvm:
     samples: int = 2000
     separate: bool = False
     mirrored: bool = False
+    trend: bool = False
 
     def __post_init__(self) -> None:
         if (self.penalty is None) != (self.sigma is None):
@@ -92,10 +94,12 @@ class HullLsSvm:
         spread = np.sqrt(np.mean(x**2, axis=0))
         scaled = x / spread
         taken = farthest(scaled, self.samples) if self.size is None else np.arange(len(x))
-        settings = tuple(self._given() or self._tuned(scaled, y, taken))
-        machines = _trained(settings, scaled[taken], y[taken])
+        trend = _trend(x, y) if self.trend else np.zeros((6, 6))
+        left = y - trend_terms(x) @ trend
+        settings = tuple(self._given() or self._tuned(scaled, left, taken))
+        machines = _trained(settings, scaled[taken], left[taken])
         errors = np.sqrt(np.mean(np.column_stack([m.leave_one_out for m in machines]) ** 2, axis=0))
-        hull = _hull(machines, spread, scaled)
+        hull = replace(_hull(machines, spread, scaled), trend=trend)
         return HullFit(
             model=replace(self.plant, learned=hull),
             targets=targets,
@@ -133,6 +137,12 @@ class HullLsSvm:
         if self.size is None:
             return LsSvmRegression(penalty, sigma, scaled=False)
         return FixedSize(penalty, sigma, self.size, scaled=False)
+
+
+def _trend(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Coefficients of the trend, (6, 6), beside a constant, which the machine's bias is to take."""
+    terms = np.column_stack([np.ones(len(x)), trend_terms(x)])
+    return np.linalg.lstsq(terms, y, rcond=1e-8)[0][1:]
 
 
 def _trained(settings: Sequence[Settings], x: np.ndarray, y: np.ndarray) -> tuple[KernelMachine, ...]:

@@ -22,7 +22,7 @@ from auv_gym.physics.frames import quaternion_of
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from auv_gym.rollout import scratch_for
-from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull
+from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull, trend_terms
 from auv_gym.vehicles.torpedo import derivative
 from auv_gym.vehicles.torpedo_derived import view
 from identification.kernel.smoothing import Smoothness, smoothed, smoothness_of
@@ -162,8 +162,7 @@ def _smoothed(runs: Sequence[_Run]) -> tuple[list[BSpline], list[Smoothness]]:
 
 def _features(velocities: np.ndarray) -> np.ndarray:
     """Terms of the law that helps the smoothing, (n, 7)."""
-    ahead = np.abs(velocities[:, :1])
-    return np.column_stack([np.ones(len(velocities)), ahead * velocities])
+    return np.column_stack([np.ones(len(velocities)), trend_terms(velocities)])
 
 
 @compiled

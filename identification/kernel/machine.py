@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from auv_gym.compiled import compiled
-from auv_gym.physics.radial import BITS, radial_blocks, radial_distance, radial_sums
+from auv_gym.physics.radial import BITS, radial_blocks, radial_distances, radial_sums
 
 
 @compiled
@@ -17,14 +17,6 @@ def sums_of_rows(x, blocks, out):
     room = np.empty((2 + out.shape[1], blocks.shape[2]))
     for i in range(x.shape[0]):
         radial_sums(x[i], blocks, room, out[i])
-
-
-@compiled
-def distances_of_rows(x, blocks, out):
-    """`radial_distance` of every row of x (n, d), into out (n,)."""
-    room = np.empty((2, blocks.shape[2]))
-    for i in range(x.shape[0]):
-        out[i] = radial_distance(x[i], blocks, room)
 
 
 @compiled
@@ -98,7 +90,7 @@ class KernelMachine:
         """How far each row of x is from the nearest one of the support, in scaled units, (n,), to some 1e-8."""
         rows = self._rows(x)
         out = np.empty(len(rows))
-        distances_of_rows((rows - self.middle) * (BITS / self.scale), self._centres, out)
+        radial_distances((rows - self.middle) * (BITS / self.scale), self._centres, out)
         return out
 
     def closeness(self, x: np.ndarray) -> np.ndarray:

@@ -143,7 +143,7 @@ def judged(true: Record, run: Record, plant: Plant | None = None) -> Judgement:
     depth = np.sqrt(np.mean((run["depth_m"] - true["depth_m"]) ** 2))
     distance = np.zeros(1)
     if plant is not None and plant.learned is not None:
-        distance = plant.learned.distance(np.column_stack([run[name] for name in plant.family.states[:6]]))
+        distance = plant.learned.distance_along(run)
     return Judgement(
         100.0 * off[-1] / path, 100.0 * off.max() / path, float(depth), float((distance > 1.0).mean()), distance.max()
     )

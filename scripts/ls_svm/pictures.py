@@ -56,8 +56,7 @@ def _mark_outside(axes, model: Plant, run: Record) -> None:
     """Shade the times at which the model extrapolates."""
     if model.learned is None:
         return
-    velocities = np.column_stack([run[name] for name in model.family.states[:6]])
-    far = model.learned.distance(velocities) > 1.0
+    far = model.learned.distance_along(run) > 1.0
     axes.fill_between(run.time, 0.0, 1.0, where=far, transform=axes.get_xaxis_transform(), **OUTSIDE)
 
 

@@ -41,6 +41,7 @@ def methods(voltages: Sequence[float]) -> dict[str, object]:
     return {
         "LS-SVM": HullLsSvm(coarse),
         "LS-SVM, 256 centres": HullLsSvm(coarse, size=256),
+        "LS-SVM with a trend, 256 centres": HullLsSvm(coarse, size=256, trend=True),
         "grey box": GreyBox(wrong, FREE, window=WINDOW),
         "ARX": Arx(commands, MOTION, n_a=2, n_b=lags, structure="full"),
         "N4SID": N4sid(fins, MOTION),

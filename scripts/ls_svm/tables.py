@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from rich.table import Table
@@ -11,7 +12,7 @@ from auv_gym.channels import channel
 from auv_gym.cli.console import table
 from scripts.ls_svm.control import CASES
 from scripts.ls_svm.experiments import MANOEUVRES
-from scripts.ls_svm.study import AXES, DATA, Learned, share_within
+from scripts.ls_svm.study import AXES, DATA, WAYS, Learned, share_within
 
 PUBLISHED = {  # table 3: C and sigma, of inputs in their own units
     "surge": (9.183e6, 1.0934),
@@ -54,6 +55,7 @@ def circles_table(rows: Sequence[Mapping]) -> Table:
     shown = table(
         "Circles with dives, learned without noise: off at 200 s, time and distance outside the data; median (worst)",
         "learned at!",
+        "method!",
         "manoeuvre!",
         "off, % of path>",
         "depth, rms m>",
@@ -61,16 +63,17 @@ def circles_table(rows: Sequence[Mapping]) -> Table:
         "farthest>",
         "within the limits>",
     )
-    for data in DATA:
-        of_data = [row for row in rows if row["data"] == data]
+    for data, way in product(DATA, WAYS):
+        mine = [row for row in rows if row["data"] == data and row["method"] == way]
         for number, manoeuvre in enumerate(MANOEUVRES):
-            found = [row["circles"][number] for row in of_data]
+            found = [row["circles"][number] for row in mine]
             if not found:
                 continue
             limits = CIRCLE_LIMITS[manoeuvre.voltage] if data == "4 V" else (1.0, np.inf)
             good = [max(one["position"] / limits[0], one["depth"] / limits[1]) for one in found]
             shown.add_row(
                 data,
+                way,
                 manoeuvre.title,
                 _spread([one["position"] for one in found], 2),
                 _spread([one["depth"] for one in found], 3),
@@ -87,15 +90,16 @@ def control_table(rows: Sequence[Mapping]) -> Table:
     shown = table(
         "S-plane control: the model's run less the vehicle's, rms; median (worst) over seeds",
         "learned at!",
+        "method!",
         "case",
         "% of the step>",
         "rms>",
         f"within {CONTROL_LIMIT:g} %>",
     )
-    for data in DATA:
-        of_data = [row for row in rows if row["data"] == data]
+    for data, way in product(DATA, WAYS):
+        mine = [row for row in rows if row["data"] == data and row["method"] == way]
         for number, case in enumerate(CASES):
-            found = [row["control"][number] for row in of_data]
+            found = [row["control"][number] for row in mine]
             if not found:
                 continue
             unit = channel(case.channel).unit
@@ -103,6 +107,7 @@ def control_table(rows: Sequence[Mapping]) -> Table:
             percent = [one["percent"] for one in found]
             shown.add_row(
                 data,
+                way,
                 case.title,
                 _spread(percent, 3),
                 f"{_spread([factor * one['value'] for one in found], 4)} {unit}",

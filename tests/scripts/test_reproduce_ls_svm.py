@@ -79,7 +79,7 @@ def test_tables_show_medians_worst_and_what_failed():
     worse = {**circle, "position": 2.5, "depth": 0.4}
     control = [{"percent": 0.1 * number, "value": 0.01} for number in (1, 2, 30)]
     rows = [
-        {"data": "4 V", "seed": seed, "circles": [one] * 4, "control": control}
+        {"data": "4 V", "method": "LS-SVM", "seed": seed, "circles": [one] * 4, "control": control}
         for seed, one in enumerate((circle, circle, worse))
     ]
     shown = text(circles_table(rows))

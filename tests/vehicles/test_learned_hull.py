@@ -51,7 +51,8 @@ def hull(n: int = 150, kernels: int = 1, size: float = 1.0) -> LearnedHull:
     rng = np.random.default_rng(7)
     support = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0]) + TYPICAL * rng.standard_normal((n, 6))
     coefficients = size * rng.standard_normal((kernels, n, 6))
-    return LearnedHull(support, TYPICAL, np.linspace(1.5, 3.0, kernels), coefficients, size * np.arange(6.0), 0.8)
+    sigma, trend = np.linspace(1.5, 3.0, kernels), 10.0 * size * rng.standard_normal((6, 6))
+    return LearnedHull(support, TYPICAL, sigma, coefficients, size * np.arange(6.0), 0.8, trend)
 
 
 @pytest.fixture(scope="module")

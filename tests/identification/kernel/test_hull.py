@@ -140,6 +140,19 @@ def test_a_mirrored_hull_is_as_strong_to_port_as_to_starboard():
     assert learned(x * MIRRORED) == pytest.approx(learned(x) * MIRRORED, abs=1e-5)
 
 
+def test_with_a_trend_the_bells_have_little_left_to_do_and_faster_runs_hold():
+    fit = HullLsSvm(vehicle(), penalty=1e4, sigma=8.0, size=200, trend=True).fit(*runs(noise=1.0))
+    learned = fit.model.learned
+    assert learned is not None
+    x = fit.targets.velocities[::50]
+    left = fit.machines[0](x / learned.spread)
+    assert learned(x) == pytest.approx(left + np.abs(x[:, :1]) * x @ learned.trend, rel=1e-6, abs=1e-6)
+    assert np.std(left[:, 1]) < 0.3 * np.std(learned(x)[:, 1])
+    position, depth = apart(fit.model, driven(51, volts=4.5))
+    assert position < 0.05
+    assert depth < 0.5
+
+
 @pytest.mark.slow
 def test_leave_one_out_tunes_for_the_inside():
     loose = HullLsSvm(vehicle(), samples=300, tuning="leave_one_out").fit(*runs()[:3])

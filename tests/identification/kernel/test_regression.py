@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from auv_gym.physics.radial import BITS, radial_blocks
+from auv_gym.physics.radial import BITS, radial_blocks, radial_distances
 from identification.kernel.bordered import Spectrum, solved
-from identification.kernel.machine import distances_of_rows, radial_slopes, sums_of_rows
+from identification.kernel.machine import radial_slopes, sums_of_rows
 from identification.kernel.regression import LsSvmRegression, Training
 
 RNG = np.random.default_rng(4)
@@ -122,7 +122,7 @@ def test_compiled_rows_equal_plain_ones():
         (at - machine.middle) * (machine.rate * BITS),
         radial_blocks(machine.support - machine.middle, machine.rate, machine.coefficients),
     )
-    for function, shape in ((sums_of_rows, (2, 2)), (distances_of_rows, (2,))):
+    for function, shape in ((sums_of_rows, (2, 2)), (radial_distances, (2,))):
         fast, plain = np.empty(shape), np.empty(shape)
         function(scaled, blocks, fast)
         getattr(function, "py_func", function)(scaled, blocks, plain)
