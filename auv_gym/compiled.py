@@ -36,6 +36,11 @@ def compiled(function: F) -> F:
     return _compiled(function, [function]) if JIT else function
 
 
+def threads() -> int:
+    """How many threads may run compiled code side by side: as many as numba has, 1 in plain Python."""
+    return int(import_module("numba").get_num_threads()) if JIT else 1
+
+
 def outlined(function: F) -> F:
     """As `compiled`, but called and not inlined: for what is long and called rarely, so that it is optimised once."""
     return _compiled(function, [function], forceinline=False) if JIT else function
@@ -47,7 +52,8 @@ def _compiled(function: Any, calls: Iterable[Any], **options: Any) -> Any:
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_cache_folder(frozenset(_package_folder(callee) for callee in calls)))
     try:
-        settings = {"cache": True, "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True, **options}
+        settings = {"cache": True, "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True, "nogil": True}
+        settings |= options
         return numba.njit(**settings)(function)
     finally:
         numba.config.CACHE_DIR = before

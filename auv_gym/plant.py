@@ -6,6 +6,7 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib.resources import files
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from auv_gym import __version__
+from auv_gym.compiled import threads
 from auv_gym.model import check_finite, inputs_of
 from auv_gym.param import check_value, did_you_mean, list_paths, pack, replace_at, spec_at, value_at
 from auv_gym.record import Record
@@ -29,6 +31,7 @@ _FILE_KEYS = (
 )  # fmt: skip
 _TABLES = ("hull", "effects")
 _ANY = (-np.inf, np.inf)
+SHARED_ROWS = 5000  # of all runs together, from which on threads share them
 
 
 @dataclass(frozen=True)
@@ -229,17 +232,20 @@ class Plant:
                 f"got {vectors.shape} and {starts.shape}: see `vector` and `family.states`."
             )
         y = np.empty((vectors.shape[0], runs.rows, len(self.outputs)))
-        self.programs.rollout(
-            np.ascontiguousarray(vectors, dtype=np.float64),
-            np.ascontiguousarray(starts, dtype=np.float64),
-            runs.begin,
-            runs.stop,
-            runs.times,
-            runs.inputs,
-            runs.first,
-            self.longest_step,
-            y,
-        )
+        vectors, starts = (np.ascontiguousarray(a, dtype=np.float64) for a in (vectors, starts))
+        times = (runs.begin, runs.stop, runs.times, runs.inputs, runs.first, self.longest_step)
+        shares = threads() if vectors.shape[0] * runs.rows >= SHARED_ROWS else 1
+        edges = np.linspace(0, len(vectors), shares + 1).astype(int)
+
+        def run(share: int) -> None:
+            part = slice(edges[share], edges[share + 1])
+            self.programs.rollout(vectors[part], starts[part], *times, y[part])
+
+        if shares == 1:
+            run(0)
+        else:
+            with ThreadPoolExecutor(shares) as pool:
+                list(pool.map(run, range(shares)))
         return y
 
 

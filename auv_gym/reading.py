@@ -39,7 +39,7 @@ class Table:
 
 def read_record(
     path: str | Path,
-    mapping: Mapping[str, str] | str | Path | None = None,
+    mapping: Mapping[str, str | float] | str | Path | None = None,
     required: Iterable[str] = (),
     *,
     max_gap_s: float | None = None,
@@ -48,7 +48,8 @@ def read_record(
     """The record in a file (chosen by its ending) or in a log that dbdreader ships (`slocum:ammonite`), cut at gaps.
 
     mapping: their column to our channel or to '' (left out), as a dict or the path of a flat TOML file; '*' stands for
-    all columns not named.  A target's suffix is the column's unit: {"Hdg": "heading_deg"} gives heading_rad.
+    all columns not named.  A target's suffix is the column's unit: {"Hdg": "heading_deg"} gives heading_rad.  A number
+    is the value of a channel that was constant and not logged: {"speed_cmd_kn": 3.0}.
     required: channels that must be there.  max_gap_s: see Record.split_gaps.  long_runs: see Record.from_arrays.
     Columns segment, dive_id and run divide the file.  Times beyond 1e8 s, and dates, become s since the first; the
     attribute `start_epoch_s` keeps that.  Raises ValueError on anything that cannot be read or does not fit.
@@ -65,7 +66,7 @@ def read_record(
             )
         record = read_slocum(name, max_gap_s=max_gap_s)
     else:
-        record = _read_table(Path(name), suffix, _load_mapping(mapping), max_gap_s, long_runs)
+        record = _read_table(Path(name), suffix, *_load_mapping(mapping), max_gap_s, long_runs)
     for channel in required:
         record[channel]
     return record
@@ -106,19 +107,24 @@ def _check_file(path: Path, suffix: str) -> None:
 
 
 def _read_table(
-    path: Path, suffix: str, mapping: dict[str, str], max_gap_s: float | None, long_runs: Literal["cut", "raise"]
+    path: Path,
+    suffix: str,
+    mapping: dict[str, str],
+    constants: dict[str, float],
+    max_gap_s: float | None,
+    long_runs: Literal["cut", "raise"],
 ) -> Record:
     try:
         if suffix in (".nc", ".cdf"):
             dataset = _open_netcdf(path)
-            if "segment_labels" in dataset.attrs and "time_s" in dataset.coords and not mapping:
+            if "segment_labels" in dataset.attrs and "time_s" in dataset.coords and not mapping and not constants:
                 return Record(dataset).split_gaps(max_gap_s)
             table = _netcdf_table(dataset, mapping)
         elif suffix == ".mat":
             table = _mat_table(path, mapping)
         else:
             table = _csv_table(path)
-        table = _mapped(table, mapping)
+        table = _with_constants(_mapped(table, mapping), constants)
         if is_mermaid(table.columns):  # its readings are minutes apart, or hours: none of that is a gap
             return _mermaid(table, path.name)
         return _assembled(table, path.name, long_runs).split_gaps(max_gap_s)
@@ -126,7 +132,8 @@ def _read_table(
         raise error if str(path) in str(error) else ValueError(f"{path}: {error}") from error
 
 
-def _load_mapping(mapping: Mapping[str, str] | str | Path | None) -> dict[str, str]:
+def _load_mapping(mapping: Mapping[str, str | float] | str | Path | None) -> tuple[dict[str, str], dict[str, float]]:
+    """Names by column, and constants by channel."""
     if isinstance(mapping, (str, Path)):
         try:
             mapping = tomllib.loads(Path(mapping).read_text(encoding="utf-8"))
@@ -138,13 +145,15 @@ def _load_mapping(mapping: Mapping[str, str] | str | Path | None) -> dict[str, s
             ) from error
     mapping = dict(mapping or {})
     for theirs, ours in mapping.items():
-        if not isinstance(ours, str):
+        if isinstance(ours, bool) or not isinstance(ours, str | int | float):
             raise ValueError(
-                f'A mapping has one text per column, got {ours!r} for {theirs!r}: write "{theirs}" = "depth_m".'
+                f'A mapping has one text per column, got {ours!r} for {theirs!r}: write "{theirs}" = "depth_m", or '
+                "a number for a channel of ours that was constant."
             )
     if mapping.get("*"):
         raise ValueError("In a mapping '*' can only be '' (leave out all columns not named).")
-    return mapping
+    constants = {name: float(value) for name, value in mapping.items() if not isinstance(value, str)}
+    return {theirs: ours for theirs, ours in mapping.items() if isinstance(ours, str)}, constants
 
 
 def _mapped(table: Table, mapping: Mapping[str, str]) -> Table:
@@ -167,6 +176,15 @@ def _mapped(table: Table, mapping: Mapping[str, str]) -> Table:
         if theirs in table.units and theirs == ours:
             units[ours] = table.units[theirs]
     return Table(columns, units)
+
+
+def _with_constants(table: Table, constants: Mapping[str, float]) -> Table:
+    """The table with channels that were constant and not logged."""
+    rows = len(next(iter(table.columns.values()), ()))
+    for name in constants:
+        if name in table.columns:
+            raise ValueError(f"The mapping makes {name!r} constant, but the file has it: leave it out of the mapping.")
+    return Table({**table.columns, **{name: np.full(rows, value) for name, value in constants.items()}}, table.units)
 
 
 def _assembled(table: Table, source: str, long_runs: Literal["cut", "raise"]) -> Record:

@@ -36,11 +36,11 @@ def check_ranges(plant: Plant, record: Record) -> None:
 
 
 def check_excitation(plant: Plant, record: Record) -> None:
-    """Raises if an input that moves the vehicle is constant throughout."""
+    """Raises if the inputs that move the vehicle are constant throughout; of several, one that moves will do."""
+    still = []
     for name in plant.family.required:
         signal = record[name]
         if np.ptp(signal) < _STILL * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
-            raise ValueError(
-                f"Nothing excites the vehicle: {name} is constant at {float(signal[0]):.4g} "
-                f"({channel(name).unit}). Use a log in which it moves."
-            )
+            still.append(f"{name} is constant at {float(signal[0]):.4g} ({channel(name).unit})")
+    if len(still) == len(plant.family.required):
+        raise ValueError(f"Nothing excites the vehicle: {', '.join(still)}. Use a log in which it moves.")

@@ -125,7 +125,7 @@ class GreyBox:
         sigma = problem.sigma(point)
         linear = problem.linearise(point, paths, sigma)
         tint = colour(problem, point)
-        matrix, freedom = covariance(problem, point, linear, tint)
+        matrix, freedom = covariance(problem, point, self.free, linear, tint)
         scales = np.array([problem.scale(p) for p in paths])
         problems = _problems(linear.information, linear.raw, paths)
         width = half_width(freedom)

@@ -12,8 +12,9 @@ from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification import figures
-from identification.diagnosis.attribution import Round, Trial, threshold
+from identification.diagnosis.attribution import Round
 from identification.diagnosis.candidates import candidates_of
+from identification.diagnosis.trials import Trial, threshold
 from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis, Effect, quantity
 from identification.drawing import require_render
 from identification.page import Drawing, amount, both, drawing, listed, number, page, span, typeset
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 ENVIRONMENTS = {"glider": "auv_gym/GliderHeading-v0", "float": "auv_gym/FloatDepth-v0"}
 MEANINGS = {
     "none": "The refitted vehicle agrees with this log as far as the log can tell.",
+    "coefficients": "The refitted vehicle agrees with this log; some coefficients were not what they were given as.",
     "named": "Adding these effects explains most of the disagreement, also in data that took no part in the fit.",
     "tied": "Something is missing, its size is known, but several causes would explain this log equally well.",
     "unexplained": "Log and vehicle disagree, and no effect in the list of candidates accounts for most of it.",

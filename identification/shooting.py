@@ -24,7 +24,10 @@ from auv_gym.record import Record
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
+LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 PIECE = 6  # samples of the short runs from which shared states are first guessed
+JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
+TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
 
@@ -66,11 +69,12 @@ class Shooting:
     """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
 
     channels: the plant's outputs that the record holds.  start_states: indices of the states that they reveal.
+    doubt: standard deviation of the plant's own coefficients, relative; fits hold them to their values by it.
     shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
     segments: (W,), the number of the segment of each window among those that have one.
     """
 
-    def __init__(self, plant: Plant, record: Record, windows: Sequence[slice]):
+    def __init__(self, plant: Plant, record: Record, windows: Sequence[slice], doubt: float = np.inf):
         if not windows:
             raise ValueError(
                 "A fit needs at least one window of data, got none: record longer or choose shorter windows."
@@ -93,7 +97,7 @@ class Shooting:
         lengths = self.runs.stop - self.runs.begin
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
         self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
-        self.index = positions(plant)
+        self.index, self.doubt = positions(plant), doubt
         self.steps = plant.family.differences
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
@@ -113,6 +117,19 @@ class Shooting:
             0.1 * value if path in self.plant.family.coefficients and value > 0.0 else spec.probe or 0.1 * value or 1.0
         )
 
+    def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """How far the paths are from the given plant, in standard deviations of it, and 1 over those, in scales.
+
+        Shape (len(paths),) both; 0 where nothing is known of a path beforehand.
+        """
+        rates = np.zeros(len(paths))
+        for i, path in enumerate(paths):
+            given = abs(value_at(self.plant, path))
+            if path in self.plant.family.coefficients and given > 0.0:
+                rates[i] = self.scale(path) / (self.doubt * given)
+        moved = [(vector[self.index[p]] - self.plant.vector[self.index[p]]) / self.scale(p) for p in paths]
+        return rates * np.array(moved).reshape(len(paths)), rates
+
     @cached_property
     def first_guess(self) -> np.ndarray:
         """States at the windows' starts, shape (W, n_states).
@@ -127,6 +144,13 @@ class Shooting:
             full[self.columns] = self.measured[offset]
             starts[w] = self.plant.initial(full)[: len(family.states)]
             head = slice(offset, min(offset + 4, offset + self.runs.stop[w] - self.runs.begin[w]))
+            rows = slice(offset, offset + self._first_rows[w])
+            for c, name in enumerate(self.channels):
+                if name in family.states and self.finite[rows, c].sum() >= LEAST_LINE:
+                    fine = self.finite[rows, c]
+                    t = self.record.time[self.windows[w]][: self._first_rows[w]][fine]
+                    line = np.polyfit(t - self.record.time[self.windows[w].start], self.measured[rows, c][fine], 1)
+                    starts[w, family.states.index(name)] = line[1]
             for rate, angle in RATES.items():
                 if rate in family.states and rate not in self.channels and angle in self.channels:
                     times = self.record.time[self.windows[w]][: head.stop - head.start]
@@ -141,6 +165,12 @@ class Shooting:
             return None
         return Shooting(self.plant, self.record, [p for w in self.windows for p in _pieces(w)])
 
+    @cached_property
+    def _first_rows(self) -> list[int]:
+        """How many samples of each window lie in its first second."""
+        times = [self.record.time[w] for w in self.windows]
+        return [int(np.searchsorted(t, t[0] + LINE)) for t in times]
+
     def _with_shared(self, starts: np.ndarray, plant: Plant) -> np.ndarray:
         """The starts with the shared states that suit short runs of a plant."""
         if self._short is None:
@@ -152,10 +182,13 @@ class Shooting:
             starts[:, state] = found[first, state][self.segments]
         return starts
 
-    def point(self, vector: np.ndarray, starts: np.ndarray) -> Point:
-        """The residuals and the cost of one parameter vector with these starts."""
+    def point(self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str] = ()) -> Point:
+        """The residuals and the cost of one parameter vector with these starts; paths: those that are fitted."""
         residual = self._residuals(vector[None], starts[None])[0]
-        return Point(vector, starts, residual, self._cost(residual))
+        return Point(vector, starts, residual, self._cost(residual) + self._pull(vector, paths))
+
+    def _pull(self, vector: np.ndarray, paths: Sequence[str]) -> float:
+        return 0.5 * float((self.pulls(vector, paths)[0] ** 2).sum())
 
     def linearise(
         self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | None = None
@@ -177,6 +210,58 @@ class Shooting:
             columns = columns - (own.T @ shared).reshape(columns.shape)
         return Linearisation(columns, start_columns, np.sqrt((flat[:count] ** 2).sum(axis=(1, 2))), 1.0 / sigma)
 
+    def jumps(
+        self, point: Point, fitted: Sequence[str], groups: Sequence[Sequence[str]], steps: Sequence[float]
+    ) -> list[Point]:
+        """For each group of paths the best point that one undamped step reaches with it and all that is fitted.
+
+        steps: the change of a group's paths, in scales, over which their slopes are taken, one for each group.  All
+        groups share the slopes by what is fitted and by the starts, so that many cost little more than one.
+        """
+        sigma, moved = self.sigma(point), [p for group in groups for p in group]
+        sizes = [step for group, step in zip(groups, steps, strict=True) for _ in group]
+        flat, start_columns = self._differences(
+            point, [*moved, *fitted], sigma, [*sizes, *[self.steps[0]] * len(fitted)]
+        )
+        weighted = np.where(self.finite, point.residual / sigma, 0.0)
+        gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
+        flat = flat.reshape(len(flat), -1)
+        normal, gradient = flat @ flat.T, flat @ weighted.ravel()
+        pulled, rates = self.pulls(point.vector, fitted)
+        own, rest = slice(len(moved), len(moved) + len(fitted)), list(range(len(moved), len(flat)))
+        normal[own, own] += np.diag(rates**2)
+        gradient[own] -= rates * pulled
+        ways, row = [], 0
+        for group in groups:
+            used = [*range(row, row + len(group)), *rest]
+            row += len(group)
+            square, right = normal[np.ix_(used, used)], gradient[used]
+            ways.append(_block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING))
+        best: list[Point] = [point] * len(groups)
+        for share in JUMPS:
+            tried = [i for i, reached in enumerate(best) if reached is point]
+            if not tried:
+                break
+            moves = [self._moved(point.vector, point.starts, [*groups[i], *fitted], ways[i], share) for i in tried]
+            residuals = self._residuals(np.array([m[0] for m in moves]), np.array([m[1] for m in moves]))
+            for i, (vector, starts), residual in zip(tried, moves, residuals, strict=True):
+                there = Point(vector, starts, residual, self._cost(residual) + self._pull(vector, fitted))
+                if there.cost < point.cost:
+                    best[i] = there
+        return best
+
+    def _moved(self, vector, starts, paths, step, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """A vector and starts moved by a share of a step, within the bounds of the paths."""
+        (change, start_change), vector, starts = step, vector.copy(), starts.copy()
+        for path, size in zip(paths, change[: len(paths)], strict=True):
+            low, high = spec_at(self.plant, path).bounds
+            i = self.index[path]
+            vector[i] = min(max(vector[i] + share * size * self.scale(path), low), high)
+        starts[:, self.start_states] += share * start_change
+        for (state, unit), sizes in zip(self.shared, self._by_segment(change[len(paths) :]), strict=True):
+            starts[:, state] += share * unit * sizes[self.segments]
+        return vector, starts
+
     def solve(
         self,
         plant: Plant,
@@ -190,40 +275,37 @@ class Shooting:
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
-        here = self.point(plant.vector, self.first_guess)
+        here = self.point(plant.vector, self.first_guess, paths)
         others = [] if starts is None else [starts]
         if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
             others.append(self._with_shared(self.first_guess, plant))
-        here = min([here, *(self.point(plant.vector, other) for other in others)], key=lambda point: point.cost)
-        index = [self.index[p] for p in paths]
-        scales = np.array([self.scale(p) for p in paths])
-        bounds = np.array([spec_at(plant, p).bounds for p in paths]).reshape(len(paths), 2)
-        damping, steps = 1e-3, list(self.steps)
+        here = min([here, *(self.point(plant.vector, other, paths) for other in others)], key=lambda point: point.cost)
+        damping, steps, kept = 1e-3, list(self.steps), None
         for _ in range(max_iterations):
             sigma = self.sigma(here)
-            flat, start_columns = self._differences(here, paths, sigma, steps[0])
+            columns, start_slopes = self._slopes(here, paths, steps[0], kept)
+            flat, start_columns = columns / sigma, start_slopes / sigma
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
             normal = np.einsum("prc,qrc->pq", flat, flat)
             gradient = np.einsum("prc,rc->p", flat, weighted)
-            improved = False
-            for _ in range(10):
-                change, start_change = _block_step(normal, gradient, gram, cross, start_gradient, damping)
-                vector = here.vector.copy()
-                vector[index] = np.clip(vector[index] + change[: len(index)] * scales, bounds[:, 0], bounds[:, 1])
-                moved = here.starts.copy()
-                moved[:, self.start_states] += start_change
-                for (state, unit), sizes in zip(self.shared, self._by_segment(change[len(index) :]), strict=True):
-                    moved[:, state] += unit * sizes[self.segments]
-                there = self.point(vector, moved)
-                if there.cost < here.cost:
-                    improved = True
-                    break
-                damping *= 8.0
+            pulled, rates = self.pulls(here.vector, paths)
+            normal[: len(paths), : len(paths)] += np.diag(rates**2)
+            gradient[: len(paths)] -= rates * pulled
+            improved, tries = False, 0
+            while not improved and tries < TRIES:
+                step = _block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
+                there = self.point(*self._moved(here.vector, here.starts, paths, step), paths)
+                improved, tries = there.cost < here.cost, tries + 1
+            damping *= TIGHTER ** (tries if not improved else tries - 1)
             gain = here.cost - there.cost if improved else 0.0
             if improved:
                 here, damping = there, max(damping / 12.0, 1e-9)
+            stale, kept = kept is not None, start_slopes if paths and improved and tries == 1 else None
             if gain < tolerance * max(self.finite.sum(), 1):
+                if stale:
+                    kept = None
+                    continue
                 if len(steps) == 1:
                     break
                 damping, steps = 1e-3, steps[1:]
@@ -258,13 +340,23 @@ class Shooting:
         """Values of the shared states, one row for each: (len(shared), segments)."""
         return values.reshape(len(self.shared), -1) if self.shared else np.empty((0, 0))
 
-    def _differences(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float):
+    def _differences(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | Sequence[float]):
         """Columns over sigma: (P + S, rows, C) of the paths, per scale, and of the S shared values, per unit; starts'.
 
-        The second array holds those of the windows' starts, (F, rows, C).
+        step: in scales, one for all or one for each path.  The second array holds those of the windows' starts,
+        (F, rows, C).
         """
+        columns, starts = self._slopes(point, paths, step)
+        return columns / sigma, starts / sigma
+
+    def _slopes(
+        self, point: Point, paths: Sequence[str], step: float | Sequence[float], starts: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What `_differences` gives, in the channels' units; starts: those by the windows' starts, if known."""
         moves, sizes = [], []
-        for path in paths:
+        one = step if isinstance(step, int | float) else self.steps[0]
+        each = [step] * len(paths) if isinstance(step, int | float) else step
+        for path, step in zip(paths, each, strict=True):
             i, size = self.index[path], step * self.scale(path)
             if point.vector[i] + size > spec_at(self.plant, path).bounds[1]:
                 size = -size
@@ -272,27 +364,33 @@ class Shooting:
             vector[i] += size
             moves.append((vector, point.starts))
             sizes.append(step if size > 0 else -step)
-        for state in self.start_states:
-            starts = point.starts.copy()
-            starts[:, state] += 1e-4
-            moves.append((point.vector, starts))
+        for state in self.start_states if starts is None else ():
+            moved = point.starts.copy()
+            moved[:, state] += 1e-4
+            moves.append((point.vector, moved))
             sizes.append(1e-4)
         for state, unit in self.shared:
-            starts = point.starts.copy()
-            starts[:, state] += step * unit
-            moves.append((point.vector, starts))
-            sizes.append(step)
+            moved = point.starts.copy()
+            moved[:, state] += one * unit
+            moves.append((point.vector, moved))
+            sizes.append(one)
+        if not moves:
+            return np.zeros((0, *self.measured.shape)), np.zeros(
+                (0, *self.measured.shape)
+            ) if starts is None else starts
         vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
         residuals = self._residuals(vectors, all_starts)
         with np.errstate(invalid="ignore", over="ignore"):
-            slopes = np.where(self.finite, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None] / sigma
+            slopes = np.where(self.finite, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None]
         slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-        count, first_shared = len(paths), len(paths) + len(self.start_states)
+        count = len(paths)
+        first_shared = len(slopes) - len(self.shared)
         of_row = self.segments[self.window_of_row]
         apart = [
             slopes[k] * (of_row == g)[:, None] for k in range(first_shared, len(slopes)) for g in range(of_row[-1] + 1)
         ]
-        return np.array([*slopes[:count], *apart]).reshape(-1, *self.measured.shape), slopes[count:first_shared]
+        columns = np.array([*slopes[:count], *apart]).reshape(-1, *self.measured.shape)
+        return columns, slopes[count:first_shared] if starts is None else starts
 
     def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
         """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""
@@ -390,7 +488,7 @@ def evidence(problem: Shooting, before: Point, after: Point, coefficients: np.nd
 
 
 def covariance(
-    problem: Shooting, point: Point, linear: Linearisation, coefficients: np.ndarray
+    problem: Shooting, point: Point, paths: Sequence[str], linear: Linearisation, coefficients: np.ndarray
 ) -> tuple[np.ndarray, float]:
     """Covariance of the parameters in units of their scales, (P, P), and its degrees of freedom.
 
@@ -406,7 +504,9 @@ def covariance(
         middle += _correlated(x, phi, problem.offsets) @ x.T
         gram += _by_window(z, z, problem.offsets)
         mixed += _by_window(z, _correlated(z, phi, problem.offsets), problem.offsets)
-    bread = np.linalg.pinv(linear.information, rcond=1e-12, hermitian=True)
+    known = np.diag(problem.pulls(point.vector, paths)[1] ** 2)
+    middle += known
+    bread = np.linalg.pinv(linear.information + known, rcond=1e-12, hermitian=True)
     taken = np.trace(bread @ middle) + np.einsum("wff->", np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ mixed)
     total = float(problem.counts.sum())
     sigma = problem.sigma(point)

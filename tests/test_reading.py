@@ -108,8 +108,12 @@ def test_a_mapping_renames_converts_and_leaves_out(tmp_path):
         read_record(path, write(tmp_path / "names.toml", "Time = \n"))
     with pytest.raises(ValueError, match="Cannot read the mapping"):
         read_record(path, tmp_path / "none.toml")
-    with pytest.raises(ValueError, match="one text per column, got 3"):
-        read_record(path, {"Time": 3})
+    with pytest.raises(ValueError, match=r"one text per column, got \['time_s'\]"):
+        read_record(path, {"Time": ["time_s"]})
+    steady = read_record(path, {"Time": "time_s", "Hdg": "heading_deg", "speed_cmd_kn": 2.0, "*": ""})
+    assert steady["speed_cmd_mps"] == pytest.approx([2.0 * 1852.0 / 3600.0] * 3)
+    with pytest.raises(ValueError, match="makes 'heading_deg' constant, but the file has it"):
+        read_record(path, {"Time": "time_s", "Hdg": "heading_deg", "heading_deg": 90.0})
     with pytest.raises(ValueError, match="can only be ''"):
         read_record(path, {"*": "depth_m"})
 

@@ -56,7 +56,7 @@ def diagnose(
         plant = load_vehicle(vehicle)
         writable_folder(out)
         progress(0.0, "reading the log")
-        record = logs.read_log(log, mapping, cache_dir, (plant.outputs[0], *plant.family.required), cut_gaps)
+        record = logs.read_log(log, mapping, cache_dir, (plant.family.leading, *plant.family.required), cut_gaps)
         record = _between_depths(record, min_depth, max_depth)
         if profile is not None:
             if "density_kgpm3" not in plant.inputs:

@@ -12,7 +12,11 @@ if TYPE_CHECKING:
     from auv_gym.record import Record
 
 ColumnNames = Annotated[
-    Path | None, typer.Option(help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'.")
+    Path | None,
+    typer.Option(
+        help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'; a number, as in "
+        "speed_cmd_mps = 1.5, is the value of a channel that was constant and not logged."
+    ),
 ]
 CutGaps = Annotated[
     bool, typer.Option("--cut-gaps", help="Where values are missing, cut the log instead of refusing it.")

@@ -63,6 +63,14 @@ class Family:
     # lowest and highest that a record's channel can be, as numbers or paths of parameters
     ranges: Mapping[str, tuple[float | str, float | str]] = field(default_factory=dict)
 
+    # an output without which nothing can be learned from a log; the first one by default
+    main_output: str = ""
+
+    @property
+    def leading(self) -> str:
+        """The output that a log must have."""
+        return self.main_output or self.outputs[0]
+
     def __reduce__(self):
         return _named, (self.name,)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
@@ -11,19 +12,12 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.checks import check_excitation, check_ranges
-from identification.diagnosis.attribution import (
-    MANY_WINDOWS,
-    Progress,
-    Round,
-    State,
-    Workbench,
-    attribute,
-    threshold,
-    without_idle_parts,
-)
+from identification.diagnosis.attribution import Round, attribute, without_idle_parts
 from identification.diagnosis.candidates import Screening, candidates_of, screen
 from identification.diagnosis.residual import noise_floor, remains_of
+from identification.diagnosis.trials import MANY_WINDOWS, Progress, threshold
 from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis, Effect, Stage, Verdict
+from identification.diagnosis.workbench import State, Workbench, calm_length
 from identification.validation import fitted_runs, free_runs, whiteness
 from identification.windows import LEAST_SAMPLES, free_run_windows, held_out
 
@@ -31,6 +25,9 @@ MOST_EFFECTS = 3
 LEAST_WINDOWS = 4
 WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
 EXCESS = 0.5  # of the noise variance: a coloured residual smaller than this is left to the noise
+LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
+DOUBT = 0.1  # standard deviation of a vehicle's own coefficients, relative; twice that counts as wrong beyond bounds
+SETTLE_SHARE = 0.2  # of a window that had to be shortened
 EXPLAINED = 0.5  # share of the excess error that named effects must remove to count as the explanation
 
 
@@ -42,19 +39,26 @@ def diagnose(
     settle: float | None = None,
     seed: int = 0,
     most: int = MOST_EFFECTS,
+    doubt: float = DOUBT,
     source: str = "",
     progress: Progress = lambda fraction, text: None,
 ) -> Diagnosis:
     """Which effect the plant lacks to explain the record, with the error before and after on held-out windows.
 
     window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
-    initial states are fitted.  Both default to the vehicle's.  seed: kept with the result; nothing is drawn at random.
+    initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened.
+    doubt: standard deviation of the vehicle's own coefficients, relative.  seed: kept with the result.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
     window, settle = window or plant.window, plant.settle if settle is None else settle
     windows = _checked_windows(record, plant, window, settle)
+    calm = calm_length(plant, record, window)
+    if calm < window:
+        window, settle = calm, min(settle, SETTLE_SHARE * calm)
+        windows = _checked_windows(record, plant, window, settle)
     train, held = held_out(plant, record, windows)
-    bench = Workbench(plant, record, train, held, settle)
+    bench = Workbench(plant, record, train, held, settle, doubt)
+    longest_step, plant = plant.longest_step, bench.plant
     coefficients = _free_coefficients(bench, plant)
     progress(0.0, "refitting the coefficients")
     given = bench.fit(plant, ())
@@ -66,7 +70,7 @@ def diagnose(
     state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
     progress(0.85, "scoring free runs")
     stages = {
-        name: _stage(fitted.plant, record, windows, held, settle)
+        name: _stage(fitted.plant, record, windows, held, settle, longest_step)
         for name, fitted in (("given", given), ("before", nominal), ("after", state))
     }
     count = len(candidates)
@@ -76,22 +80,18 @@ def diagnose(
         )
     )
     sizes = bench.intervals(state)
-    found = tuple(
-        Coefficient(
-            p, spec_at(plant, p).title, spec_at(plant, p).unit, value_at(plant, p), sizes[p][0], _span(sizes[p])
-        )
-        for p in coefficients
-    )
+    found = tuple(_coefficient(plant, p, sizes[p], count) for p in coefficients)
     effects, tied = _effects(state, rounds, sizes)
-    explained = _explained(stages["before"], stages["after"], len(held))
-    moved = _moved_coefficients(plant, found, sizes, count)
+    explained, from_given = (_explained(stages[name], stages["after"], len(held)) for name in ("before", "given"))
+    wrong = any(c.wrong for c in found) and from_given >= EXPLAINED
     refit_is_all = not effects
-    if moved and _explained(stages["given"], stages["after"], len(held)) >= EXPLAINED:
+    if wrong:
         if refit_is_all:
-            stages["before"], explained = stages["given"], _explained(stages["given"], stages["after"], len(held))
-        effects += _as_effects(moved, effects, found, plant, bench.gains(given, nominal))
-        tied += [group for group in moved if not any(group[0] in other for other in tied)]
-    verdict = _verdict(effects, tied, explained, stages["after"], refit_is_all)
+            stages["before"], explained = stages["given"], from_given
+        groups = _twins_of(plant, found)
+        effects += _as_effects(groups, effects, found, plant, bench.gains(given, nominal))
+        tied += [group for group in groups if not any(group[0] in other for other in tied)]
+    verdict = _verdict(effects, tied, explained, stages["after"], refit_is_all, wrong)
     progress(1.0, "done")
     return Diagnosis(
         verdict=verdict,
@@ -119,7 +119,7 @@ def diagnose(
 
 def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:
     outputs = [name for name in plant.outputs if record.has(name)]
-    first = plant.outputs[0]
+    first = plant.family.leading
     if first not in outputs:
         raise ValueError(
             f"The diagnosis of {plant.name} needs the channel {first}, got {', '.join(record.names)}: "
@@ -173,12 +173,14 @@ def _pruned(
     return state, rounds
 
 
-def _stage(plant: Plant, record: Record, windows: Sequence[slice], held: Sequence[slice], settle: float) -> Stage:
+def _stage(
+    plant: Plant, record: Record, windows: Sequence[slice], held: Sequence[slice], settle: float, longest_step: float
+) -> Stage:
     runs = free_runs(plant, record, held, settle)
     every = free_runs(plant, record, windows, settle)
     fitted = fitted_runs(plant, record, windows)
     white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
-    return Stage(plant, runs, every, fitted, runs.scores(record), white)
+    return Stage(replace(plant, longest_step=longest_step), runs, every, fitted, runs.scores(record), white)
 
 
 def _effects(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], list[tuple[str, ...]]]:
@@ -210,28 +212,32 @@ def _effects(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], li
     return effects, groups
 
 
-def _moved_coefficients(plant: Plant, found, sizes, count: int) -> list[tuple[str, ...]]:
-    """Coefficients that left their given value by more than the probe of an effect that acts as they do."""
-    moved = []
-    for effect, path in plant.family.twins.items():
-        c = next((c for c in found if c.path == path), None)
-        if c is None or c.given == 0.0:
-            continue
-        change = abs(c.value / c.given - 1.0)
-        error = sizes[path][2] / 1.96 / abs(c.given)
-        if change > spec_at(plant, effect).probe and change > np.sqrt(threshold(count)) * error:
-            moved.append((effect, path))
-    return moved
+def _coefficient(plant: Plant, path: str, size: tuple[float, float, float], count: int) -> Coefficient:
+    """A refitted coefficient; wrong where it left its given value by a little, and surely."""
+    spec, given, (value, error, _) = spec_at(plant, path), value_at(plant, path), size
+    moved = abs(value - given)
+    wrong = moved > LEAST_CHANGE * abs(given) and moved > np.sqrt(threshold(count)) * error
+    return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong))
 
 
-def _as_effects(moved, effects, found, plant, gains: tuple[float, float]) -> list[Effect]:
-    """The finding that a coefficient, or the effect that acts as it does, differs from what was given."""
+def _twins_of(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
+    """Wrong coefficients as which an effect acts, each with that effect."""
+    wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
+    return [
+        (effect, path)
+        for effect, path in plant.family.twins.items()
+        if path in wrong and abs(wrong[path].value / wrong[path].given - 1.0) > spec_at(plant, effect).probe
+    ]
+
+
+def _as_effects(groups, effects, found, plant, gains: tuple[float, float]) -> list[Effect]:
+    """Effects that act as a coefficient does which left its bounds: the record does not tell which it was."""
     added = []
-    for group in moved:
+    for group in groups:
         path = group[0]
-        if any(e.path == path for e in effects):
-            continue
         c = next(c for c in found if c.path == group[-1])
+        if any(e.path == path for e in effects) or abs(c.value / c.given - 1.0) <= 2.0 * DOUBT:
+            continue
         spec = spec_at(plant, path)
         shift = spec.neutral - 1.0  # gains are neutral at one, errors at zero
         low, high = sorted(shift + v / c.given for v in c.ci95)
@@ -260,13 +266,13 @@ def _explained(before: Stage, after: Stage, held_windows: int) -> float:
     return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0
 
 
-def _verdict(effects, tied, explained: float, after: Stage, refit_is_all: bool) -> Verdict:
+def _verdict(effects, tied, explained: float, after: Stage, refit_is_all: bool, wrong: bool) -> Verdict:
     """Effects must explain most of the excess error; a refit alone must leave no more than noise."""
     if (refit_is_all and _disagrees(after)) or (effects and explained < EXPLAINED):
         return "unexplained"
     if effects:
         return "tied" if tied else "named"
-    return "none"
+    return "coefficients" if wrong else "none"
 
 
 def _disagrees(after: Stage) -> bool:

@@ -15,6 +15,8 @@ from auv_gym.plant import save_vehicle
 from auv_gym.writing import replacing
 from identification.diagnosis.verdict import Diagnosis, Stage
 
+SIMILAR = 60.0  # degrees between signatures below which the angle is told
+
 
 def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike) -> dict[str, Path]:
     """Write the three files into a folder, each aside first and then renamed; their paths by name.
@@ -85,6 +87,12 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "coefficients": [
             {"path": c.path, "unit": c.unit, "given": c.given, "value": c.value, "ci95": list(c.ci95)}
             for c in d.coefficients
+        ],
+        "coefficients_wrong": [c.path for c in d.coefficients if c.wrong],
+        "angles_deg": [
+            {" and ".join(c.paths): angle for c, angle in r.angles.items() if angle < SIMILAR}
+            for r in d.rounds
+            if r.chosen
         ],
         "detectable": [
             {"path": x.path, "unit": x.unit, "size": x.size if np.isfinite(x.size) else None, "reason": x.reason}

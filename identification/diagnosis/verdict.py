@@ -10,11 +10,12 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from identification.diagnosis.attribution import Round, State
+from identification.diagnosis.attribution import Round
 from identification.diagnosis.candidates import Screening
+from identification.diagnosis.workbench import State
 from identification.validation import FreeRuns, Score, Whiteness
 
-Verdict = Literal["none", "named", "tied", "unexplained"]
+Verdict = Literal["none", "coefficients", "named", "tied", "unexplained"]
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient of the vehicle, as given and as refitted."""
+    """A coefficient of the vehicle, as given and as refitted; wrong: surely not what was given."""
 
     path: str
     title: str
@@ -42,6 +43,7 @@ class Coefficient:
     given: float
     value: float
     ci95: tuple[float, float]
+    wrong: bool = False
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,14 @@ def _sentence(d: Diagnosis) -> str:
     names = [f"{e.title} ({quantity(e.value, e.unit)}, 95 % interval {interval(e.ci95, e.unit)})" for e in d.effects]
     if d.verdict == "none":
         return "No effect is missing that this record could show."
+    wrong = [
+        f"{c.title} ({quantity(c.value, c.unit)}, 95 % interval {interval(c.ci95, c.unit)}, given "
+        f"{quantity(c.given, c.unit)})"
+        for c in d.coefficients
+        if c.wrong
+    ]
+    if d.verdict == "coefficients":
+        return f"No effect is missing that this record could show, but coefficients were wrong: {_listed(wrong)}."
     if d.verdict == "unexplained":
         text = "The log and the vehicle disagree, and no effect known here explains it."
         return text + (f" Part of it looks like {_listed(names)}." if names else "")

@@ -122,6 +122,7 @@ def test_each_verdict_has_its_page(diagnosis, no_figures, verdict):
     group = (diagnosis.effects[0].path, "effects.rudder.offset")
     changed = {
         "none": {"effects": (), "tied": (), "after": diagnosis.before},
+        "coefficients": {"effects": (), "tied": (), "coefficients": (replace(diagnosis.coefficients[0], wrong=True),)},
         "named": {"tied": ()},
         "tied": {"tied": (group,), "effects": (replace(diagnosis.effects[0], tied_with=group[1:]),)},
         "unexplained": {"effects": (), "tied": (), "after": diagnosis.before},
@@ -131,7 +132,7 @@ def test_each_verdict_has_its_page(diagnosis, no_figures, verdict):
     assert MEANINGS[verdict] in found.text
     assert ("section", {"class": f"verdict {verdict}", "aria-label": "Verdict"}) in found.tags
     assert ("cannot tell apart" in found.text) == (verdict == "tied")
-    assert ("No effect was named." in found.text) == (verdict in ("none", "unexplained"))
+    assert ("No effect was named." in found.text) == (verdict in ("none", "coefficients", "unexplained"))
 
 
 def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosis, no_figures):

@@ -1,0 +1,293 @@
+"""Fits of candidates: a short list by what one step of each promises, then whole fits, then the bar to pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import stats
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from identification.diagnosis.candidates import SEEN, Candidate, Screening, screen
+from identification.diagnosis.workbench import State, Workbench
+from identification.shooting import Point, colour, evidence
+
+FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
+HELD_LEAST = 2.7  # evidence from the held-out windows alone: the 5 % point of one parameter, one-sided
+HELD_SHARE = 0.02  # of the evidence in the fitted windows that the held-out ones must repeat
+MANY_WINDOWS = 8  # held-out windows from which on they are judged one by one
+HELD_CHANCE = 0.01  # chance, over resampled blocks of held-out windows, that free runs got no better
+BLOCK, RESAMPLED = 2, 2000  # windows in a block; resamples
+LEAST_TRACE = 0.2  # of the bar: what a candidate must promise before it is fitted
+SHORT_LIST, FINALISTS = 12, 4
+CLOSE = 0.5  # of the best one's evidence: nearer ones are on the list whatever its length
+FIRST_ITERATIONS, ITERATIONS = 4, 15  # of the short list, and then of the finalists
+FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on candidates are also sought from its given value
+SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
+SMALL = "smaller than its probe"  # no name of its own, but it may be what a tie is with
+KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A candidate fitted jointly with everything fitted before it.
+
+    train, held: evidence for it in the fitted and in the held-out windows.  objection: why it is not accepted, or "".
+    """
+
+    candidate: Candidate
+    state: State | None
+    train: float
+    held: float
+    screening: Screening
+    objection: str
+
+    @property
+    def total(self) -> float:
+        """Evidence from all windows, less what a second component or a sought period is expected to gain by chance."""
+        return self.train + self.held - 2.0 * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it."""
+
+    trials: tuple[Trial, ...]
+    chosen: Trial | None
+    tied: tuple[Trial, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Promise:
+    """A candidate with points to start its fit from, best first, and the evidence that they promise."""
+
+    candidate: Candidate
+    screening: Screening
+    points: tuple[Point, ...]
+    evidence: float
+    objection: str = ""
+
+
+def threshold(candidates: int, parameters: int = 1) -> float:
+    """The evidence that a candidate needs to be named, with a correction for the number of candidates."""
+    return float(stats.chi2.isf(FALSE_ALARM / max(candidates, 1), parameters))
+
+
+def trials_of(bench: Workbench, state: State, left: Sequence[Candidate], count: int, progress: Progress) -> list[Trial]:
+    """A trial for each candidate beside what was fitted before, most evidence first; count: of all candidates."""
+    progress(0.0, "screening")
+    promises = _promises(bench, state, left, threshold(count))
+    listed = _short_list(promises, threshold(count))
+    begun = []
+    for number, promise in enumerate(listed):
+        progress(0.2 + 0.5 * number / len(listed), promise.candidate.title)
+        begun.append(_begun(bench, state, promise))
+    finalists = _finalists(state, begun)
+    trials = []
+    for number, (promise, point) in enumerate(finalists):
+        progress(0.7 + 0.3 * number / len(finalists), promise.candidate.title)
+        paths = (*state.paths, *promise.candidate.free)
+        plant = bench.train.plant_at(point, paths)
+        trials.append(judged(bench, state, promise.candidate, promise.screening, plant, point.starts, count))
+    done = {t.candidate for t in trials}
+    gain = {promise.candidate: 2.0 * (state.train.cost - point.cost) for promise, point in begun}
+    for promise in promises:
+        if promise.candidate not in done:
+            reached = gain.get(promise.candidate, promise.evidence)
+            reason = promise.objection or "leaves no trace in the residual"
+            if promise.candidate in gain:
+                reason = "explains far less than others" if np.isfinite(reached) else "no stable run with it"
+            trials.append(
+                Trial(promise.candidate, None, reached if np.isfinite(reached) else 0.0, 0.0, promise.screening, reason)
+            )
+    return sorted(trials, key=lambda t: -t.total)
+
+
+def _promises(bench: Workbench, state: State, left: Sequence[Candidate], bar: float) -> list[_Promise]:
+    """What one step with each candidate promises, from the state and from it with coefficients as given."""
+    bases = [state]
+    other = _with_given_coefficients(bench, state)
+    if other is not None:
+        bases.append(other)
+    found: dict[Candidate, list[_Promise]] = {c: [] for c in left}
+    for base in bases:
+        seen = screen(bench.train, base.train, state.paths, left, base.colour, bar)
+        for promise in _jumped(bench, state, base, [s for s in seen if s.seen >= SEEN]):
+            found[promise.candidate].append(promise)
+        for s in seen:
+            if s.seen < SEEN:
+                by = f": {s.unseen}" if s.unseen else ""
+                found[s.candidate].append(_Promise(s.candidate, s, (), 0.0, f"cannot be seen in this record{by}"))
+    result = []
+    for several in found.values():
+        points = sorted((p for one in several for p in one.points), key=lambda p: p.cost)
+        best = max(several, key=lambda one: one.evidence)
+        objection = "" if points else best.objection
+        result.append(replace(best, screening=several[0].screening, points=tuple(points), objection=objection))
+    return sorted(result, key=lambda p: -p.evidence)
+
+
+def _jumped(bench: Workbench, state: State, base: State, seen: Sequence[Screening]) -> list[_Promise]:
+    """Promises of candidates from one base: points one step away, and the evidence of the best."""
+    groups, steps, owners, points = [], [], [], {s.candidate: [] for s in seen}
+    for s in seen:
+        for step in KINKED_STEPS if s.candidate.kinked else KINKED_STEPS[:1]:
+            groups.append(s.candidate.paths)
+            steps.append(step)
+            owners.append(s.candidate)
+    # a period means something only once it is the best one: those candidates step from a point of their own
+    shared = [i for i, owner in enumerate(owners) if not owner.period]
+    reached: list[tuple[Candidate, Point]] = []
+    if shared:
+        found = bench.train.jumps(base.train, state.paths, [groups[i] for i in shared], [steps[i] for i in shared])
+        reached += zip([owners[i] for i in shared], found, strict=True)
+    for s in seen:
+        if s.candidate.period:
+            vector = base.train.vector.copy()
+            vector[bench.train.index[s.candidate.period]] = s.period
+            here = replace(base.train, vector=vector)
+            reached.append((s.candidate, bench.train.jumps(here, state.paths, [s.candidate.paths], [1.0])[0]))
+    for candidate, point in reached:
+        points[candidate].append(point)
+    result = []
+    for s in seen:
+        mine = sorted(points[s.candidate], key=lambda p: p.cost)
+        gained = evidence(bench.train, state.train, mine[0], state.colour) if np.isfinite(mine[0].cost) else 0.0
+        result.append(_Promise(s.candidate, s, tuple(mine), max(gained, s.evidence)))
+    return result
+
+
+def _short_list(promises: Sequence[_Promise], bar: float) -> list[_Promise]:
+    """The candidates that are worth a fit, most promising first."""
+    worth = [p for p in promises if p.points and p.evidence >= LEAST_TRACE * bar]
+    best = worth[0].evidence if worth else 0.0
+    return [p for i, p in enumerate(worth) if i < SHORT_LIST or p.evidence >= CLOSE * best]
+
+
+def _begun(bench: Workbench, state: State, promise: _Promise) -> tuple[_Promise, Point]:
+    """The promise with the best point after a few iterations from each of several first values."""
+    paths, found = (*state.paths, *promise.candidate.free), []
+    for point in promise.points[:2]:
+        if np.isfinite(point.cost):
+            plant = bench.train.plant_at(point, paths)
+            found.append(bench.train.solve(plant, paths, point.starts, FIRST_ITERATIONS, 1e-5))
+    period = {promise.candidate.period: promise.screening.period} if promise.candidate.period else {}
+    for values in _first_values(state.plant, promise.screening):
+        plant = replace_at(state.plant, dict(zip(promise.candidate.paths, values, strict=True)) | period)
+        found.append(bench.train.solve(plant, paths, state.train.starts, FIRST_ITERATIONS, 1e-5))
+    return promise, min(found, key=lambda point: point.cost)
+
+
+def _finalists(state: State, begun: Sequence[tuple[_Promise, Point]]) -> list[tuple[_Promise, Point]]:
+    finite = sorted((b for b in begun if np.isfinite(b[1].cost)), key=lambda b: b[1].cost)
+    best = state.train.cost - finite[0][1].cost if finite else 0.0
+    return [b for i, b in enumerate(finite) if i < FINALISTS or state.train.cost - b[1].cost >= CLOSE * best]
+
+
+def _with_given_coefficients(bench: Workbench, state: State) -> State | None:
+    """The state with its coefficients as the vehicle was given, if the fit has taken them far from there.
+
+    Coefficients that were fitted without the missing effect may be so wrong that its signature at them means nothing.
+    """
+    coefficients = [p for p in state.paths if p in bench.plant.family.coefficients]
+    given = {p: value_at(bench.plant, p) for p in coefficients}
+    if all(abs(value_at(state.plant, p) - v) <= FAR_FROM_GIVEN * abs(v) for p, v in given.items()):
+        return None
+    other = bench.fit(replace_at(state.plant, given), (), state)
+    return other if np.isfinite(other.train.cost) else None
+
+
+def judged(bench, state: State, candidate: Candidate, screening: Screening, plant: Plant, starts, count: int) -> Trial:
+    """The trial of a candidate fitted from a plant and its starts."""
+    paths = (*state.paths, *candidate.free)
+    best = bench.train.solve(plant, paths, starts, ITERATIONS, 1e-5)
+    plant = bench.train.plant_at(best, paths)
+    held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5)
+    after = State(plant, paths, best, held, colour(bench.train, best))
+    train, test = bench.gains(state, after)
+    objection = _objection(bench, state, after, candidate, train, test, count + screening.tried - 1)
+    return Trial(candidate, after, train, test, screening, objection)
+
+
+def _objection(bench, before: State, after: State, candidate: Candidate, train: float, held: float, count: int) -> str:
+    sizes, at_bound = [], False
+    for path in candidate.paths:
+        spec, value = spec_at(after.plant, path), value_at(after.plant, path)
+        sizes.append(abs(value - spec.neutral) / spec.probe)
+        reach = spec.bounds[1] - spec.bounds[0]
+        edges = [edge for edge in spec.bounds if edge != spec.neutral]
+        at_bound |= any(abs(value - edge) < 1e-6 * reach for edge in edges)
+    if train + held < threshold(count, len(candidate.free)):
+        return "not significant"
+    if held < max(HELD_LEAST, HELD_SHARE * train):
+        return "does not hold in the held-out windows"
+    if not _holds(bench, before, after):
+        return "free runs in the held-out windows did not improve in enough of them"
+    if at_bound:
+        return "only helps at the limit of what is physical"
+    if max(sizes) < 1.0:
+        return SMALL
+    intervals = bench.intervals(after)
+    if all(
+        abs(intervals[p][0] - spec_at(after.plant, p).neutral) < SURE / 1.96 * intervals[p][2] for p in candidate.paths
+    ):
+        return "its size is too uncertain"
+    return ""
+
+
+def _holds(bench: Workbench, before: State, after: State) -> bool:
+    """Whether free runs through the held-out windows got surely better; True where these are few.
+
+    In a few windows the noise of their first seconds, to which the initial states are fitted, decides; there the
+    evidence, for which the states are fitted to the whole window, has to do.
+    Blocks of neighbouring windows are resampled, since what disturbs a vehicle lasts longer than a window.
+    Source: Kunsch 1989, Annals of Statistics 17, pages 1217-1241.
+    """
+    if len(bench.held.windows) < MANY_WINDOWS:
+        return True
+    unit = bench.held.sigma(after.held) ** 2
+    better = ((bench.free_run_errors(before.plant) - bench.free_run_errors(after.plant)) / unit).sum(axis=1)
+    return chance_of_none(better) < HELD_CHANCE
+
+
+def chance_of_none(better: np.ndarray) -> float:
+    """The share of block-resampled sums of gains, one a window, that are not above zero; the same for the same."""
+    count, rng = len(better), np.random.default_rng(0)
+    blocks = -(-count // BLOCK)
+    first = rng.integers(0, count, (RESAMPLED, blocks))
+    rows = (first[:, :, None] + np.arange(BLOCK)).reshape(RESAMPLED, -1)[:, :count] % count
+    return float(np.mean(better[rows].sum(axis=1) <= 0.0))
+
+
+def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:
+    """Where to start a fit: at the screening's estimate, one probe off neutral on the side it points to, and opposite.
+
+    Coefficients that were fitted without the effect may turn the estimate's sign, and a fit then stays on that side.
+    """
+    starts = []
+    for far in (False, True):
+        values = []
+        for path, estimate in zip(screening.candidate.paths, screening.estimate, strict=True):
+            spec = spec_at(plant, path)
+            side = 1.0 if estimate >= 0.0 or spec.bounds[0] >= spec.neutral else -1.0
+            if screening.candidate.kinked:
+                side = 1.0
+            size = np.clip(abs(estimate), 1.0, 12.0) if far else 1.0
+            values.append(float(np.clip(spec.neutral + side * size * spec.probe, *spec.bounds)))
+        starts.append(tuple(values))
+    if screening.candidate.kinked:
+        starts.append(
+            tuple(
+                min(v + 5.0 * spec_at(plant, p).probe, spec_at(plant, p).bounds[1])
+                for p, v in zip(screening.candidate.paths, starts[0], strict=True)
+            )
+        )
+    elif len(screening.candidate.paths) == 1:
+        spec = spec_at(plant, screening.candidate.paths[0])
+        opposite = float(np.clip(2.0 * spec.neutral - starts[0][0], *spec.bounds))
+        starts += [(opposite,)] * (opposite != spec.neutral)
+    return list(dict.fromkeys(starts))

@@ -1,0 +1,145 @@
+"""A record in training and held-out windows, and the fits that a diagnosis makes on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_gym.param import value_at
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from identification.diagnosis.residual import noise_floor
+from identification.estimate import half_width
+from identification.shooting import Point, Shooting, colour, covariance, evidence, window_costs
+from identification.validation import head_windows
+from identification.windows import LEAST_SAMPLES, free_run_windows
+
+MOST_GROWTH = 400.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
+FINE = 0.02  # of the noise: how far a coarser step of integration may move the outputs
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A vehicle with its free parameters fitted in the training windows, and its runs in both sets of windows."""
+
+    plant: Plant
+    paths: tuple[str, ...]
+    train: Point
+    held: Point
+    colour: np.ndarray
+
+
+class Workbench:
+    """A record in training and held-out windows, and the fits made on it.
+
+    plant: as given, integrated in the longest steps that change its runs by less than the noise would show.
+    doubt: standard deviation of its coefficients, relative.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        record: Record,
+        train: Sequence[slice],
+        held: Sequence[slice],
+        settle: float,
+        doubt: float = np.inf,
+    ):
+        self.plant = _brisk(plant, record, train)
+        self.heads = Shooting(self.plant, record, head_windows(record, held, settle))
+        self.train = Shooting(self.plant, record, train, doubt)
+        self.held = Shooting(self.plant, record, held)
+
+    def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
+        """The state of least cost in the training windows over the paths, started from the plant's values."""
+        train = self.train.solve(plant, paths, near.train.starts if near else None)
+        fitted = self.train.plant_at(train, paths)
+        held = self.held.solve(fitted, (), near.held.starts if near else None)
+        return State(fitted, tuple(paths), train, held, colour(self.train, train))
+
+    def gains(self, before: State, after: State) -> tuple[float, float]:
+        """Evidence for the change in the training and in the held-out windows; what is known of coefficients counts."""
+        pulls = [float((self.train.pulls(s.train.vector, s.paths)[0] ** 2).sum()) for s in (before, after)]
+        return (
+            evidence(self.train, before.train, after.train, after.colour) + pulls[0] - pulls[1],
+            evidence(self.held, before.held, after.held, after.colour),
+        )
+
+    def free_run_errors(self, plant: Plant) -> np.ndarray:
+        """Sum of squared errors of free runs by held-out window and channel, (W, C), started as an operator would.
+
+        The initial states are fitted to the settling time of each window alone, and its samples are not counted.
+        """
+        starts = self.heads.solve(plant, (), max_iterations=12, tolerance=1e-5).starts
+        squares = np.where(self.held.finite, self.held.point(plant.vector, starts).residual, 0.0) ** 2
+        past = np.arange(self.held.runs.rows) - self.held.offsets[self.held.window_of_row]
+        settled = past >= (self.heads.runs.stop - self.heads.runs.begin)[self.held.window_of_row]
+        return np.add.reduceat(squares * settled[:, None], self.held.offsets, axis=0)
+
+    def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
+        """Value, standard error and half width of the 95 % interval of each fitted path."""
+        linear = self.train.linearise(state.train, state.paths, self.train.sigma(state.train))
+        matrix, freedom = covariance(self.train, state.train, state.paths, linear, state.colour)
+        errors = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+        width = half_width(freedom)
+        result = {}
+        for path, error in zip(state.paths, errors, strict=True):
+            size = float(error * self.train.scale(path))
+            result[path] = (value_at(state.plant, path), size, width * size)
+        return result
+
+    def costs(self, state: State, reference: State) -> np.ndarray:
+        """Cost of each window, training then held-out, in units of the reference's innovation variance; shape (W,)."""
+        parts = []
+        for problem, point, against in (
+            (self.train, state.train, reference.train),
+            (self.held, state.held, reference.held),
+        ):
+            unit = window_costs(problem, against, reference.colour).sum(axis=0) / np.maximum(problem.counts, 1)
+            parts.append((window_costs(problem, point, reference.colour) / (unit + 1e-30)).sum(axis=1))
+        return np.concatenate(parts)
+
+
+def calm_length(plant: Plant, record: Record, seconds: float) -> float:
+    """Seconds that free runs may last before the noise of their first reading decides them: at most those given.
+
+    Halved until noise in a measured state grows by less than `MOST_GROWTH` on its way to any output.  A vehicle that is
+    unstable in yaw, as many torpedoes are, tells of its model for a few seconds only.
+    """
+    while True:
+        windows = free_run_windows(plant, record, seconds)
+        if not windows or min(w.stop - w.start for w in windows) < 2 * LEAST_SAMPLES:
+            return seconds
+        problem = Shooting(plant, record, windows)
+        noise, point = _noise(problem), problem.point(plant.vector, problem.first_guess)
+        if np.isfinite(point.cost):
+            grown = np.abs(problem.linearise(point, (), noise).starts).max(axis=(1, 2))
+            states = [plant.family.states[i] for i in problem.start_states]
+            own = np.array([noise[problem.channels.index(s)] if s in problem.channels else 0.0 for s in states])
+            if (grown * own).max(initial=0.0) < MOST_GROWTH:
+                return seconds
+        seconds /= 2.0
+
+
+def _brisk(plant: Plant, record: Record, windows: Sequence[slice]) -> Plant:
+    """The plant with the longest step of integration, up to a sample, that leaves its runs as they are."""
+    problem = Shooting(plant, record, windows)
+    noise = _noise(problem)
+    given, starts = problem.point(plant.vector, problem.first_guess).residual, problem.first_guess
+    for parts in (1, 2):
+        step = record.sample_interval / parts
+        if step <= plant.longest_step:
+            return plant
+        faster = replace(plant, longest_step=step)
+        moved = Shooting(faster, record, windows).point(plant.vector, starts).residual - given
+        size = np.sqrt(np.nanmean(moved**2, axis=0))
+        if np.all(size < FINE * noise):  # False where a run is not finite
+            return faster
+    return plant
+
+
+def _noise(problem: Shooting) -> np.ndarray:
+    """Standard deviation of each channel's readings about a smooth curve, shape (C,)."""
+    return np.array([noise_floor(readings, problem.window_of_row) for readings in problem.measured.T])
