@@ -28,7 +28,8 @@ FALSE_ALARM = 1e-3  # probability of a false term on a log without any, over the
 HELD_LEAST, HELD_SHARE = 6.6, 0.1  # evidence from the held-out windows alone, and as a share of the fitted ones'
 MANY_WINDOWS, HELD_RANKS = 8, 0.01  # held-out windows from which on a signed-rank test judges them, and its level
 SURE = 3.0  # standard errors by which a term must differ from zero
-SETTLE_FIRST, SETTLE_LAST = 8, 20  # iterations of a contender's fit, and of the chosen one's
+ITERATIONS = 25  # of a contender's fit
+FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on terms are also sought from its given value
 _PER = {
     "depth": "metre of depth", "time": "second", "temperature": "kelvin", "pitch": "radian of pitch",
     "the rudder angle": "radian of rudder",
@@ -160,12 +161,17 @@ def discover(
     given = state
     for _ in range(MOST_TERMS):
         left = [p for p in library if p not in state.paths]
-        selection, scales = _selection(train, state, left, rng)
-        for path, frequency in zip(left, selection.frequency, strict=True):
-            seen[path] = max(seen.get(path, 0.0), float(frequency))
-        term, after = _best(train, held, state, left, selection, scales)
-        if term is None or after is None:
+        ways = []
+        for base in (state, _with_given_coefficients(train, state)):
+            if base is not None:
+                ways.append((base, *_selection(train, base, left, rng)))
+                for path, frequency in zip(left, ways[-1][1].frequency, strict=True):
+                    seen[path] = max(seen.get(path, 0.0), float(frequency))
+        found = [_best(train, held, state, base, left, selection, scales) for base, selection, scales in ways]
+        found = [(term, after) for term, after in found if term is not None and after is not None]
+        if not found:
             break
+        term, after = max(found, key=lambda item: item[0].evidence_train + item[0].evidence_held)
         objection = _objection(held, state, after, term, len(library), settle)
         if objection:
             rejected.append(replace(term, objection=objection))
@@ -205,6 +211,21 @@ def _selection(
     )
 
 
+def _with_given_coefficients(train: Shooting, state: Fitted) -> _State | None:
+    """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there.
+
+    Coefficients that were fitted without the term may be so wrong that its signature at them means nothing.
+    """
+    given = {p: value_at(train.plant, p) for p in state.paths if p in train.plant.family.coefficients}
+    if all(abs(value_at(state.plant, p) - v) <= FAR_FROM_GIVEN * abs(v) for p, v in given.items()):
+        return None
+    plant = replace_at(state.plant, given)
+    point = train.solve(plant, (), state.train.starts, ITERATIONS, 1e-5)
+    if not np.isfinite(point.cost):
+        return None
+    return _State(plant, tuple(state.paths), point, state.held, colour(train, point))
+
+
 def _blocks(problem: Shooting) -> np.ndarray:
     """The number of each row's block: windows, cut where there are few of them."""
     lengths = problem.runs.stop - problem.runs.begin
@@ -218,18 +239,18 @@ def _blocks(problem: Shooting) -> np.ndarray:
 
 
 def _best(
-    train: Shooting, held: Shooting, state: Fitted, library: Sequence[str], selection: Selection, scales
+    train: Shooting, held: Shooting, state: Fitted, base: Fitted, library: Sequence[str], selection: Selection, scales
 ) -> tuple[Term | None, _State | None]:
-    """The simplest of the terms that explain all windows best, fitted with everything else."""
+    """The simplest of the terms that explain all windows best, fitted with everything else from a base."""
     stable = np.where(selection.frequency >= STABLE, selection.evidence, 0.0)
     if not stable.max() > 0.0:
         return None, None
     lead = int(np.argmax(stable))
     order = np.argsort(-np.where(np.abs(selection.cosine[lead]) > 0.5, selection.evidence, 0.0))
-    chosen = [lead, *(int(k) for k in order if k != lead and selection.evidence[k] > 0.0)][:CONTENDERS]
-    found = []
+    chosen: list[int] = [lead, *(int(k) for k in order if k != lead and selection.evidence[k] > 0.0)][:CONTENDERS]
+    found: list[tuple[int, _State]] = []
     for k in chosen:
-        after = _fitted(train, held, state, library[k], selection.estimate[k], scales)
+        after = _fitted(train, held, state, base, library[k], selection.estimate[k], scales)
         if after is not None:
             found.append((k, after))
     if not found:
@@ -252,19 +273,21 @@ def _best(
     return Term(own, spec.title, spec.unit, value, limits, float(selection.frequency[k]), *gains, alike), after
 
 
-def _fitted(train: Shooting, held: Shooting, state: Fitted, path: str, estimate: float, scales) -> _State | None:
-    """The state with a term fitted jointly with all else, from what its signature promises; None without a stable run.
+def _fitted(
+    train: Shooting, held: Shooting, state: Fitted, base: Fitted, path: str, estimate: float, scales
+) -> _State | None:
+    """A base with a term fitted jointly with all else, from what its signature promises; None if that gains nothing.
 
     estimate: in the term's scale.
     """
     problem = Shooting(train.plant, train.record, train.windows, scales)
     paths = (*state.paths, path)
     for share in (1.0, 0.2, 0.02):
-        plant = replace_at(state.plant, path, float(share * estimate * scales[path]))
-        point = problem.solve(plant, paths, state.train.starts, SETTLE_FIRST + SETTLE_LAST, 1e-6)
+        plant = replace_at(base.plant, path, float(share * estimate * scales[path]))
+        point = problem.solve(plant, paths, base.train.starts, ITERATIONS, 1e-6)
         if np.isfinite(point.cost) and point.cost < state.train.cost:
             fitted = problem.plant_at(point, paths)
-            there = held.solve(fitted, (), state.held.starts, SETTLE_LAST, 1e-6)
+            there = held.solve(fitted, (), state.held.starts, ITERATIONS, 1e-6)
             if np.isfinite(there.cost):
                 return _State(fitted, paths, point, there, colour(train, point))
     return None

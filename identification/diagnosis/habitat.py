@@ -23,6 +23,7 @@ LEAST_WINDOWS = 6  # for which windows can be exchanged or compared
 PERMUTATIONS = 4000
 DRAWS = 1000
 MOST = 0.5  # share of the squared error from which on it is most of it
+LEAST_POWER = 0.05  # share of the power around a period that is worth a word
 LEAST_GROWTH = 1.5  # ratio of the last to the first part of a run that is worth a word
 PARTS = 8  # of a run, for its growth
 _TRACK = ("north_m", "east_m")  # where a vehicle is says little, and when it was there says the same
@@ -98,8 +99,8 @@ class Habitat:
         parts += [s.words for s in self.found[:2]]
         text = ", ".join(parts)
         later = []
-        if self.rhythm is not None and self.rhythm.p_value < self.level:
-            later.append(f"it has a period of about {self.rhythm.period_s:.2g} s".replace("e+02", "00"))
+        if self.rhythm is not None and self.rhythm.p_value < self.level and self.rhythm.share > LEAST_POWER:
+            later.append(f"it has a period of about {_two_digits(self.rhythm.period_s)} s")
         if self.growth is not None and self.growth.p_value < self.level:
             first, last = (quantity(v, unit) for v in (self.growth.first, self.growth.last))
             later.append(f"it grows within a run, from {first} to {last}")
@@ -118,7 +119,9 @@ def habitat_of(runs: FreeRuns, record: Record, rng: np.random.Generator, name: s
         raise ValueError(f"The runs have {', '.join(runs.channels)}, got {name!r}: choose one of these.")
     keep = runs.scored & np.isfinite(runs.residual).any(axis=1)
     if keep.sum() < 2 * BINS:
-        raise ValueError(f"A residual needs at least {2 * BINS} scored samples, got {keep.sum()}: choose longer windows.")
+        raise ValueError(
+            f"A residual needs at least {2 * BINS} scored samples, got {keep.sum()}: choose longer windows."
+        )
     rows, window = runs.rows[keep], np.unique(runs.window[keep], return_inverse=True)[1]
     residual = np.where(np.isfinite(runs.residual[keep]), runs.residual[keep], 0.0)
     shares, certain = _channels(runs, residual, window, rng)
@@ -134,6 +137,10 @@ def habitat_of(runs: FreeRuns, record: Record, rng: np.random.Generator, name: s
     ordered = tuple(sorted(spread, key=lambda s: (s.p_value, s.sample_share - s.error_share)))
     rms = float(np.sqrt(np.mean(e**2)))
     return Habitat(top, shares, certain[top], ordered, rhythm, growth, LEVEL / max(tests, 1), rms)
+
+
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _channels(runs: FreeRuns, residual: np.ndarray, window: np.ndarray, rng) -> tuple[dict, dict]:

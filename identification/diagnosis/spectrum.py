@@ -74,7 +74,9 @@ def _background(cycles: np.ndarray, power: np.ndarray, freedom: int) -> np.ndarr
 
     def shape(log_size, slope, floor):
         phi = 1.0 / (1.0 + np.exp(-slope))
-        return log_size + np.log((1.0 - phi) ** 2 / (1.0 - 2.0 * phi * np.cos(2.0 * np.pi * cycles) + phi**2) + np.exp(floor))
+        return log_size + np.log(
+            (1.0 - phi) ** 2 / (1.0 - 2.0 * phi * np.cos(2.0 * np.pi * cycles) + phi**2) + np.exp(floor)
+        )
 
     level = np.log(power + 1e-300) - np.log(middle)
     start = [float(np.median(level[: max(len(level) // 8, 2)])), 2.0, -6.0]
