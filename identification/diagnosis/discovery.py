@@ -12,7 +12,7 @@ from auv_gym.channels import channel
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.terms import Fitted, Found, gains, interval_of, search
-from identification.diagnosis.verdict import interval, quantity
+from identification.diagnosis.verdict import quantity
 from identification.shooting import Point, Shooting
 from identification.validation import free_runs
 
@@ -50,14 +50,12 @@ class Term:
     def words(self) -> str:
         """The term for people: a heave force of -0.12 N per metre of depth, with its interval."""
         subject, _, of = self.title.removeprefix("discovered ").partition(" from ")
+        value, low, high = _digits(self.value, *self.ci95)
         if of in _PER:
-            force = "N m" if "moment" in subject else "N"
-            size = f"{quantity(self.value, force)} per {_PER[of]}"
-        elif self.unit in ("N", "N m"):
-            size = f"{quantity(self.value, self.unit)} times {of}"
+            size = f"{value} {'N m' if 'moment' in subject else 'N'} per {_PER[of]}"
         else:
-            size = f"{quantity(self.value, self.unit)}, times {of}"
-        return f"a {subject} of {size}, 95 % interval {interval(self.ci95, self.unit)}"
+            size = f"{value} {self.unit}{'' if self.unit in ('N', 'N m') else ','} times {of}"
+        return f"a {subject} of {size}, 95 % interval {low} to {high} {self.unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +140,16 @@ def discover(
     often = {p: f for p, f in often.items() if f > 0.0}
     kept = (tuple(terms), tuple(rejected), often, errors)
     return Discovery(state.plant, state.paths, state.train, state.held, state.colour, *kept)
+
+
+def _digits(*values: float) -> list[str]:
+    """The values with as many digits as it takes to see how far the last two are apart, at least two."""
+    apart = values[-1] - values[-2]
+    for digits in range(2, 9):
+        words = [f"{value:.{digits}g}" for value in values]
+        if abs(float(words[-1]) - float(words[-2]) - apart) < 0.2 * apart:
+            return words
+    return [f"{value:.3g}" for value in values]
 
 
 def _term(train: Shooting, held: Shooting, before: Fitted, found: Found) -> Term:
