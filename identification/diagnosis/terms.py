@@ -163,7 +163,7 @@ def _best(
     order = np.argsort(-np.where(np.abs(selection.cosine[lead]) > KIN, selection.evidence, 0.0))
     kin = [int(k) for k in order if k != lead and abs(selection.cosine[lead, k]) > KIN and selection.evidence[k] > 0.0]
     problem = Shooting(train.plant, train.record, train.windows, scales)
-    first = {}
+    first: dict[int, Point] = {}
     for k in [lead, *kin][:CONTENDERS]:
         point = _first_fit(problem, state, base, library[k], float(selection.estimate[k]) * scales[library[k]])
         if point is not None:
