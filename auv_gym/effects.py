@@ -13,6 +13,7 @@ from math import pi
 from typing import Any
 
 from auv_gym.param import param, part
+from auv_gym.physics.discovered import DiscoveredHeave, DiscoveredYaw
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
 
@@ -62,6 +63,13 @@ class CurrentEffects:
 
 
 @dataclass(frozen=True)
+class GliderTerms:
+    """Yaw moments that no named effect explains, found in data."""
+
+    yaw: Any = part(DiscoveredYaw)
+
+
+@dataclass(frozen=True)
 class GliderEffects:
     """All effects of the heading family."""
 
@@ -69,6 +77,7 @@ class GliderEffects:
     yaw: YawEffects = part(YawEffects)
     compass: CompassEffects = part(CompassEffects)
     current: CurrentEffects = part(CurrentEffects)
+    discovered: GliderTerms = part(GliderTerms)
 
 
 @dataclass(frozen=True)
@@ -349,6 +358,13 @@ class FloatSampling:
 
 
 @dataclass(frozen=True)
+class FloatTerms:
+    """Forces down that no named effect explains, found in data."""
+
+    heave: Any = part(DiscoveredHeave)
+
+
+@dataclass(frozen=True)
 class FloatEffects:
     """All effects of the profiling-float family."""
 
@@ -359,4 +375,5 @@ class FloatEffects:
     drag: FloatDragEffects = part(FloatDragEffects)
     oil: OilEffects = part(OilEffects)
     depth: FloatDepthSensor = part(FloatDepthSensor)
+    discovered: FloatTerms = part(FloatTerms)
     sampling: FloatSampling = part(FloatSampling)

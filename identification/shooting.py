@@ -7,10 +7,11 @@ Source: Bock 1983, "Recent advances in parameter identification techniques for O
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from types import MappingProxyType
 
 import numpy as np
 from scipy.signal import lfilter
@@ -29,6 +30,7 @@ PIECE = 6  # samples of the short runs from which shared states are first guesse
 JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
+_NO_SCALES: Mapping[str, float] = MappingProxyType({})
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
 
 
@@ -72,14 +74,22 @@ class Shooting:
     doubt: standard deviation of the plant's own coefficients, relative; fits hold them to their values by it.
     shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
     segments: (W,), the number of the segment of each window among those that have one.
+    scales: by path, see `scale`, where a parameter has no probe to go by.
     """
 
-    def __init__(self, plant: Plant, record: Record, windows: Sequence[slice], doubt: float = np.inf):
+    def __init__(
+        self,
+        plant: Plant,
+        record: Record,
+        windows: Sequence[slice],
+        scales: Mapping[str, float] = _NO_SCALES,
+        doubt: float = np.inf,
+    ):
         if not windows:
             raise ValueError(
                 "A fit needs at least one window of data, got none: record longer or choose shorter windows."
             )
-        self.plant, self.record, self.windows = plant, record, tuple(windows)
+        self.plant, self.record, self.windows, self.scales = plant, record, tuple(windows), dict(scales)
         self.runs = Runs.over(plant, record, windows)
         self.channels = tuple(name for name in plant.outputs if record.has(name))
         if not self.channels:
@@ -110,7 +120,9 @@ class Shooting:
         return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
 
     def scale(self, path: str) -> float:
-        """The change of a parameter that counts as one in the fit: its probe, or a tenth of its value."""
+        """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
+        if path in self.scales:
+            return self.scales[path]
         spec = spec_at(self.plant, path)
         value = abs(value_at(self.plant, path))
         return (

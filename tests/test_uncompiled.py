@@ -19,6 +19,13 @@ SAMPLES = {"glider": 60, "torpedo": 12, "float": 25}  # one of a torpedo takes p
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
     "effects.discovered.yaw.sin_heading": 0.5,
+    "effects.discovered.yaw.sin_2heading": 0.1,
+    "effects.discovered.yaw.u_rudder": -0.2,
+    "effects.discovered.yaw.wr": 1.0,
+    "effects.discovered.heave.depth": 0.01,
+    "effects.discovered.heave.root_w": -0.3,
+    "effects.discovered.heave.www": -2.0,
+    "effects.discovered.heave.piston_squared": 3.0,
     "effects.current.reference_depth": 3.0,
     "effects.waves.direction": 0.7,
     "effects.load.tether_station": -0.5,

@@ -13,6 +13,7 @@ from auv_gym.compiled import compiled, view_as
 from auv_gym.effects import GliderEffects
 from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shape_command
+from auv_gym.physics.discovered import N_YAW, any_term, yaw_moment
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
 from auv_gym.vehicles.family import Family, copied
 
@@ -126,6 +127,9 @@ def derivative(x, actuators, inputs, p, dx, scratch):
         + yaw.roll_moment * inputs[7]
         - yaw.quadratic_damping * abs(r) * r
     )
+    found = p.effects.discovered.yaw
+    if any_term(found, N_YAW):
+        moment += yaw_moment(found, psi, r, rudder, inputs)
     dx[0] = heading_rate(r, rudder, hull)
     dx[1] = moment / yaw_inertia(hull) + hull.heading_stiffness * psi
     dx[2] = u * cos(psi) + p.effects.current.north

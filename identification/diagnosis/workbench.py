@@ -49,7 +49,7 @@ class Workbench:
     ):
         self.plant = _brisk(plant, record, train)
         self.heads = Shooting(self.plant, record, head_windows(record, held, settle))
-        self.train = Shooting(self.plant, record, train, doubt)
+        self.train = Shooting(self.plant, record, train, doubt=doubt)
         self.held = Shooting(self.plant, record, held)
 
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:

@@ -1,0 +1,93 @@
+"""Which of many regressors explain a residual in most halves of the data: stability selection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+ALIKE = 0.9  # cosine between two regressors from which on either stands for both in the count
+LEFT = 1e-4  # share of a regressor's power that must remain beside the nuisances and those chosen before it
+CHANCE = 0.05  # probability with which a half without any effect would still choose something
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What forward selection chose in halves of the data, and what all of the data says.
+
+    frequency: (P,), share of the halves that chose the regressor or one `ALIKE`.  evidence: (P,), gain in twice the
+    log-likelihood of each alone.  estimate: (P,), coefficient of each alone.  cosine: (P, P), beside the nuisances.
+    """
+
+    frequency: np.ndarray
+    evidence: np.ndarray
+    estimate: np.ndarray
+    cosine: np.ndarray
+
+
+def select(
+    columns: np.ndarray,
+    nuisance: np.ndarray,
+    residual: np.ndarray,
+    blocks: np.ndarray,
+    rng: np.random.Generator,
+    most: int = 3,
+    draws: int = 50,
+) -> Selection:
+    """Stability selection by forward selection in `draws` pairs of complementary halves of blocks.
+
+    columns: (P, N), nuisance: (K, N), always in the regression; residual: (N,), of unit variance but for what is
+    missing; blocks: (N,), the number of each value's block.
+    Source: Meinshausen and Buhlmann 2010; complementary pairs by Shah and Samworth 2013.
+    """
+    count = len(columns)
+    every = np.concatenate([nuisance, columns, residual[None]])
+    grams = np.array([every[:, blocks == b] @ every[:, blocks == b].T for b in np.unique(blocks)])
+    sizes = np.array([(blocks == b).sum() for b in np.unique(blocks)])
+    whole = _swept(grams.sum(axis=0), len(nuisance))
+    power, cross = np.diag(whole)[:count], whole[:count, count]
+    seen = power > LEFT * np.maximum((columns**2).sum(axis=1), 1e-300)
+    safe = np.where(seen, power, np.inf)
+    root = np.sqrt(np.where(seen, power, 1.0))
+    cosine = np.where(np.outer(seen, seen), whole[:count, :count] / np.outer(root, root), np.eye(count))
+    variance = whole[count, count] / residual.size
+    bar = float(stats.chi2.isf(CHANCE / max(count, 1), 1))
+    chosen = np.zeros((2 * draws, count), dtype=bool)
+    for draw in range(draws):
+        order = rng.permutation(len(grams))
+        for side, half in enumerate((order[: len(order) // 2], order[len(order) // 2 :])):
+            gram = _swept(grams[half].sum(axis=0), len(nuisance))
+            chosen[2 * draw + side, _forward(gram, seen, int(sizes[half].sum()), most, bar)] = True
+    near = np.abs(cosine) >= ALIKE
+    frequency = (chosen @ near.astype(int) > 0).mean(axis=0) * seen
+    return Selection(frequency, cross**2 / safe / variance, cross / safe, cosine)
+
+
+def _swept(gram: np.ndarray, count: int) -> np.ndarray:
+    """The Gram matrix of what the first `count` rows leave of the others."""
+    if count == 0:
+        return gram
+    inner, mixed = gram[:count, :count], gram[:count, count:]
+    return gram[count:, count:] - mixed.T @ np.linalg.lstsq(inner, mixed, rcond=1e-10)[0]
+
+
+def _forward(gram: np.ndarray, seen: np.ndarray, size: int, most: int, bar: float) -> list[int]:
+    """Regressors in the order in which each gains most, up to `most`, while the gain in evidence is above the bar.
+
+    gram: (P + 1, P + 1), the last row is the residual's.
+    """
+    gram, count = gram.copy(), len(gram) - 1
+    first = np.diag(gram)[:count].copy()
+    found: list[int] = []
+    for _ in range(most):
+        power = np.diag(gram)[:count]
+        open_ = seen & (power > LEFT * first)
+        gains = np.where(open_, gram[:count, count] ** 2 / np.where(open_, power, 1.0), 0.0)
+        best = int(np.argmax(gains))
+        left = max(gram[count, count] - gains[best], 1e-300)
+        if size * np.log1p(gains[best] / left) < bar:
+            break
+        found.append(best)
+        gram -= np.outer(gram[:, best], gram[best]) / gram[best, best]
+    return found
