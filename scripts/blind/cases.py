@@ -33,6 +33,10 @@ PERIODS = (120.0, 600.0)  # s
 ATTEMPTS = 60
 
 
+class Undrawn(ValueError):
+    """No log of a case shows what it should."""
+
+
 @dataclass(frozen=True)
 class Case:
     """What can be told without simulating; window, settle: s, None for the vehicle's own."""
@@ -83,18 +87,20 @@ def sketch(seed: int, number: int) -> Case:
 def draw(case: Case) -> Drawn:
     """The case with its log; draws again where an effect is hidden, too large, or ends the mission.
 
-    Raises ValueError if that is so in every attempt.
+    Raises Undrawn if that is so in every attempt.
     """
     rng = np.random.default_rng(np.random.SeedSequence(case.seed, spawn_key=(case.number, 1)))
     true = load_vehicle(case.vehicle)
     for attempt in range(1, ATTEMPTS + 1):
         try:
             found = _outside(case, true, rng) if case.kind == "outside" else _within(case, true, rng)
-        except (ValueError, Diverged):  # the vehicle could not be kept on its way
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be kept on its way
             continue
         if found is not None:
             return Drawn(**found, case=case, attempts=attempt)
-    raise ValueError(f"Case {case.number} of seed {case.seed} shows nothing in {ATTEMPTS} draws: take another seed.")
+    raise Undrawn(
+        f"Case {case.number} of seed {case.seed} ({case.kind}, {case.vehicle}) shows nothing in {ATTEMPTS} draws."
+    )
 
 
 def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
