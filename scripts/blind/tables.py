@@ -18,8 +18,8 @@ WORDS = {
     "none": "nothing missing",
     "one": "one effect",
     "two": "two effects",
-    "one_wrong": "one effect, coefficients 10 % wrong",
-    "none_wrong": "nothing missing, coefficients 10 % wrong",
+    "one_wrong": "one, 10 % wrong",
+    "none_wrong": "nothing, 10 % wrong",
     "outside": "outside the library",
 }
 Scores = Sequence[Mapping[str, Any]]
@@ -76,7 +76,7 @@ def _quantiles(values: Sequence[float]) -> dict[str, float]:
 def shares_table(scores: Scores) -> Table:
     """A row for each kind and family: how many are right, in per cent with its interval, and hits over counts."""
     columns = ("right, %>", "false>", "unexpl.>", "conf.>", "cover>", f"<= {GOAL}>", "s>")
-    made = table("Blind benchmark", "cases", *columns)
+    made = table("Blind benchmark", "cases!", *columns)
     for kind, families in summary(scores).items():
         made.add_row(f"[bold]{WORDS.get(kind, 'all kinds')}[/bold]")
         for family, found in families.items():
