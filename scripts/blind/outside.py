@@ -109,7 +109,7 @@ def _around_torpedo(
     if cause == "tether":
         distance = float(np.hypot(0.85 * own_torpedo.FOLLOW * speed, 15.0 * length))
         push = abs(plant.hull.surge.u_u) * speed**2  # N
-        return own_torpedo.Around(tether=Slack(0.02 * size * push, distance * rng.uniform(0.85, 1.0)))
+        return own_torpedo.Around(tether=Slack(0.08 * size * push, distance * rng.uniform(0.85, 1.0)))
     if cause == "fin":
         return own_torpedo.Around(sticking=Sticking.draw(rng, duration, 0.03 * size, 30.0, 4.0 * size))
     return own_torpedo.Around()
