@@ -20,7 +20,7 @@ CAUSES_OF = {
     "float_oil": ("drag", "current", "tether", "clock"),
     "torpedo": ("drag", "current", "tether", "fin", "clock"),
 }
-SIZES = (1.0, 2.0, 4.0)  # tried in turn until the log shows the cause
+SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
 VISIBLE = 1.0  # excess over the noise variance that a refit of the coefficients must leave in some channel
 _MERMAID_DAYS = 4e5  # s, more than eight dives take
 
@@ -31,7 +31,7 @@ def causes_of(plant: Plant) -> tuple[str, ...]:
 
 
 def outside_log(plant: Plant, cause: str, size: float, conditions: Conditions, seed: int) -> Record:
-    """The log of a plant without effects and with a cause, "" for none; size: 1 is a moderate one.
+    """The log of a plant without effects and with a cause, "" for none; size: 1 is a small one.
 
     Raises ValueError where the vehicle cannot be kept on its way.
     """
@@ -51,7 +51,7 @@ def outside_log(plant: Plant, cause: str, size: float, conditions: Conditions, s
         spacing = 25.0
     if cause != "clock":
         return record
-    stamps = np.concatenate([slipped(record.time[s], rng, 0.05 * size, spacing) for s in record.segments])
+    stamps = np.concatenate([slipped(record.time[s], rng, 0.03 * size, spacing) for s in record.segments])
     labels = np.repeat(record.labels, [s.stop - s.start for s in record.segments])
     return Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=labels, attrs=record.attrs)
 
@@ -69,11 +69,11 @@ def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.rand
     hull = plant.hull
     fastest = abs(hull.n_delta * hull.speed * hull.rudder_limit / (hull.length * hull.n_r))  # rad/s, steady
     if cause == "drag":
-        return OwnGlider(plant, tripping=Tripping(0.8 * size, 0.08 * fastest, 0.25 * fastest))
+        return OwnGlider(plant, tripping=Tripping(0.5 * size, 0.08 * fastest, 0.25 * fastest))
     if cause == "current":
         return OwnGlider(plant, gusts=Gusts.draw(rng, duration + 60.0, 0.05 * size, 120.0, "horizontal"))
     if cause == "fin":
-        return OwnGlider(plant, sticking=Sticking.draw(rng, duration, 0.05 * size, 90.0, 20.0 * size))
+        return OwnGlider(plant, sticking=Sticking.draw(rng, duration, 0.02 * size, 90.0, 6.0 * size))
     return OwnGlider(plant)
 
 
@@ -103,13 +103,13 @@ def _around_torpedo(
 ) -> own_torpedo.Around:
     speed, length = find_cruise(plant).speed, plant.hull.length
     if cause == "drag":
-        return own_torpedo.Around(tripping=Tripping(0.2 * size, 0.78 * speed, 0.9 * speed))
+        return own_torpedo.Around(tripping=Tripping(0.06 * size, 0.78 * speed, 0.9 * speed))
     if cause == "current":
-        return own_torpedo.Around(gusts=Gusts.draw(rng, duration, 0.05 * size, 40.0, "horizontal"))
+        return own_torpedo.Around(gusts=Gusts.draw(rng, duration, 0.025 * size, 40.0, "horizontal"))
     if cause == "tether":
         distance = float(np.hypot(0.85 * own_torpedo.FOLLOW * speed, 15.0 * length))
         push = abs(plant.hull.surge.u_u) * speed**2  # N
-        return own_torpedo.Around(tether=Slack(0.08 * size * push, distance * rng.uniform(0.85, 1.0)))
+        return own_torpedo.Around(tether=Slack(0.001 * size * push, distance * rng.uniform(0.6, 0.8)))
     if cause == "fin":
-        return own_torpedo.Around(sticking=Sticking.draw(rng, duration, 0.03 * size, 30.0, 4.0 * size))
+        return own_torpedo.Around(sticking=Sticking.draw(rng, duration, 0.02 * size, 30.0, 3.0 * size))
     return own_torpedo.Around()
