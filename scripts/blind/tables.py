@@ -18,9 +18,9 @@ WORDS = {
     "none": "nothing missing",
     "one": "one effect",
     "two": "two effects",
-    "one_wrong": "one, 10 % wrong",
-    "none_wrong": "nothing, 10 % wrong",
-    "outside": "outside the library",
+    "one_wrong": "one, coef. wrong",
+    "none_wrong": "nothing, coef. wrong",
+    "outside": "outside library",
 }
 Scores = Sequence[Mapping[str, Any]]
 
@@ -77,6 +77,7 @@ def shares_table(scores: Scores) -> Table:
     """A row for each kind and family: how many are right, in per cent with its interval, and hits over counts."""
     columns = ("right, %>", "false>", "unexpl.>", "conf.>", "cover>", f"<= {GOAL}>", "s>")
     made = table("Blind benchmark", "cases!", *columns)
+    made.pad_edge, made.collapse_padding, made.padding = False, True, (0, 1)
     for kind, families in summary(scores).items():
         made.add_row(f"[bold]{WORDS.get(kind, 'all kinds')}[/bold]")
         for family, found in families.items():
