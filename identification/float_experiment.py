@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
 from math import exp, inf
+from typing import Any
 
 import numpy as np
 
@@ -62,6 +63,7 @@ def depth_control(
     near: tuple[float, float] = (0.8, 0.36),
     start: float = 0.0,
     temperature_profile: Profile | None = None,
+    under_way: Callable[..., Any] | None = None,
 ) -> Record:
     """A record of a float with a piston that holds one target depth after the other, each for `hold` s.
 
@@ -69,7 +71,8 @@ def depth_control(
     range, before any effect. The float starts at rest at the depth `start`, its piston where it is told to first.
     noise: m, white, standard deviation, all drawn before the run.  dt: s between samples, default the vehicle's; near:
     m from the target within which samples are so many seconds apart.  temperature_profile: degC at a depth, constant
-    in time, recorded along the track.  Raises Diverged.  Source of the rates: Zhong et al. 2024, sec. 4.1.
+    in time, recorded along the track.  under_way: what starts and moves the float, default `Swim.start`.  Raises
+    Diverged.  Source of the rates: Zhong et al. 2024, sec. 4.1.
     """
     if "piston_m" not in plant.family.required:
         raise ValueError(
@@ -92,7 +95,7 @@ def depth_control(
     added = noise * rng.standard_normal(int(ends[-1] / min(far, near[1])) + 2)
 
     memory, now, rows = controller.start(), 0.0, []
-    swim = Swim.start(replace(plant, dt=min(far, near[1])), start)
+    swim = (under_way or Swim.start)(replace(plant, dt=min(far, near[1])), start)
     while now <= ends[-1]:
         target = float(targets[min(int(np.searchsorted(ends, now, side="right")), len(targets) - 1)])
         measured = float(swim.measured + added[len(rows)])
@@ -118,13 +121,15 @@ def oil_mission(
     noise: float = 0.1,
     resolution: float = 0.01,
     temperature_profile: Profile = summer_sea,
+    under_way: Callable[..., Any] | None = None,
 ) -> Record:
     """A record of a float with an oil bladder: one segment for each depth that it dives to, parks at and leaves.
 
     A dive begins under the surface with a volume of its own that nothing records, and ends there. Going down the float
     lets in 20 to 25 mL at drawn depths and where it gets slow; it parks by as much oil as balances its drag, and pumps
     43 to 49 mL, or twice that, to come up. Samples are 325 s apart, 20 to 60 s near the surface.  noise: m, white;
-    resolution: m.  Channels: depth_m, temperature_C, oil_volume_m3 and what pump and valve sum up to.
+    resolution: m.  Channels: depth_m, temperature_C, oil_volume_m3 and what pump and valve sum up to.  under_way: what
+    starts and moves the float, default `Swim.start`.
     Sizes and times are those of MERMAID floats' logs.  Raises Diverged.
     """
     if "oil_volume_m3" not in plant.family.required:
@@ -139,7 +144,7 @@ def oil_mission(
     attrs: dict[str, str | float] = {"source": "simulated", "vehicle": plant.name, "depth_noise_m": noise}
     dives = []
     for depth, generator in zip(depths, rng.spawn(len(depths)), strict=True):
-        rows = _dive(plant, float(depth), generator, noise, resolution, temperature_profile)
+        rows = _dive(plant, float(depth), generator, noise, resolution, temperature_profile, under_way or Swim.start)
         dives.append(_record(_OIL_CHANNELS, rows, attrs, f"dive {len(dives) + 1}"))
     return concat(dives)
 
@@ -191,7 +196,13 @@ class Swim:
 
 
 def _dive(
-    plant: Plant, target: float, rng: np.random.Generator, noise: float, resolution: float, profile: Profile
+    plant: Plant,
+    target: float,
+    rng: np.random.Generator,
+    noise: float,
+    resolution: float,
+    profile: Profile,
+    under_way: Callable[..., Any],
 ) -> list[tuple[float, ...]]:
     """The rows of one dive, by `_OIL_CHANNELS`, with the time first."""
     hull = plant.hull
@@ -203,7 +214,7 @@ def _dive(
     added, intervals = noise * rng.standard_normal(_MOST_SAMPLES), rng.uniform(*_SHALLOW_SAMPLES, _MOST_SAMPLES)
 
     rate = float(steady_speed(-volume * hull.density * GRAVITY, hull.drag_linear, hull.drag_quadratic))
-    swim = Swim.start(plant, begin, rate, volume)
+    swim = under_way(plant, begin, rate, volume)
     pumped = valved = valved_depth = 0.0
     phase, since, parked, rows = "down", 0, 0, []
     for k in range(_MOST_SAMPLES):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi, radians
 
 import numpy as np
@@ -53,6 +54,40 @@ def steer(
         raise ValueError(
             f"steer needs a vehicle in six degrees of freedom, got {plant.name!r} of family {plant.family.name!r}."
         )
+    drawn = draw_manoeuvres(plant, rng, duration, excitation)
+    noise = {**NOISE, "compass": compass_noise, "depth": depth_noise}
+    own = plant.effects.sampling
+    noisy = {f"effects.sampling.{s}.noise": v for s, v in noise.items() if getattr(own, s).noise == 0.0}
+    env = TaskEnv(
+        "Depth",
+        replace_at(plant, noisy),
+        actions=(*plant.inputs[:2], plant.inputs[3]),
+        duration=duration,
+    )
+    loop = autopilot(plant) if controller is None else controller
+    targets = {name: _steps(drawn.time, values) for name, values in drawn.wanted.items()}
+    run = drive(
+        env, Excited(loop, drawn.signals, plant.dt), seed=int(rng.integers(2**31)), targets=targets, start=drawn.start
+    )
+    if run.reason:
+        raise ValueError(
+            f"The run of {plant.name} was cut short: {run.reason}. Check its effects, or lower excitation."
+        )
+    return run.record
+
+
+@dataclass(frozen=True, eq=False)
+class Manoeuvres:
+    """Drawn manoeuvres: start and set points of heading, depth and speed, (n,) by channel, and signals at two fins."""
+
+    time: np.ndarray
+    start: dict[str, float]
+    wanted: dict[str, np.ndarray]
+    signals: dict[str, np.ndarray]
+
+
+def draw_manoeuvres(plant: Plant, rng: np.random.Generator, duration: float, excitation: float) -> Manoeuvres:
+    """Steps of heading, depth and speed, with a PRBS at rudder and plane; excitation: amplitude over a fin's stop."""
     cruise, limits = find_cruise(plant), command_limits(plant)
     length, lap = plant.hull.length, plant.hull.length / cruise.speed  # s
     time = plant.dt * np.arange(round(duration / plant.dt) + 1)
@@ -80,23 +115,7 @@ def steer(
         name: make_signal("prbs", time.size, plant.dt, rng, amplitude=excitation * float(limits[i]), clock_s=clock)
         for i, name in enumerate(plant.inputs[:2])
     }
-    noise = {**NOISE, "compass": compass_noise, "depth": depth_noise}
-    own = plant.effects.sampling
-    noisy = {f"effects.sampling.{s}.noise": v for s, v in noise.items() if getattr(own, s).noise == 0.0}
-    env = TaskEnv(
-        "Depth",
-        replace_at(plant, noisy),
-        actions=(*plant.inputs[:2], plant.inputs[3]),
-        duration=duration,
-    )
-    loop = autopilot(plant) if controller is None else controller
-    targets = {name: _steps(time, values) for name, values in wanted.items()}
-    run = drive(env, Excited(loop, signals, plant.dt), seed=int(rng.integers(2**31)), targets=targets, start=first)
-    if run.reason:
-        raise ValueError(
-            f"The run of {plant.name} was cut short: {run.reason}. Check its effects, or lower excitation."
-        )
-    return run.record
+    return Manoeuvres(time, first, wanted, signals)
 
 
 def _between(band: tuple[float, float], unit: float, values: np.ndarray) -> np.ndarray:

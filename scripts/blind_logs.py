@@ -16,81 +16,25 @@ import json
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
-from auv_gym.param import list_paths, replace_at, spec_at
+from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
 from identification.missions import fly
+from scripts.blind.logs import HIDDEN, dive_settings, effects_of, lake_settings
 
 CLEAN = "none"
 SIZE = 3.0  # probes
+SETTINGS = {"glider": lambda rng: {}, "float_piston": lake_settings, "float_oil": dive_settings}
 VEHICLES = ("slocum", "ganeshblue", "qiandao_float", "mermaid")
-
-
-def lake_settings(rng: np.random.Generator) -> dict[str, Any]:
-    """Forty minutes of a float, down and up ten times, once to the surface."""
-    deep, shallow = rng.permutation([60.0, 50.0, 45.0, 40.0, 35.0]), rng.permutation([20.0, 15.0, 10.0, 5.0, 0.0])
-    return {"target_depths": np.stack([deep, shallow], axis=1).ravel().tolist(), "duration": 2400.0}
-
-
-def dive_settings(rng: np.random.Generator) -> dict[str, Any]:
-    """Eight dives of a float with an oil bladder, to 300 to 1500 m."""
-    return {"target_depths": rng.permutation(np.linspace(300.0, 1500.0, 8)).tolist()}
-
-
-SETTINGS: Mapping[str, Callable[[np.random.Generator], dict[str, Any]]] = {
-    "glider": lambda rng: {},
-    "float_piston": lake_settings,
-    "float_oil": dive_settings,
-}
-_NO_PISTON = "a float with an oil bladder has no piston"
-_NO_OIL = "a float with a piston logs no oil"
-_OWN_VOLUME = "each dive has an unknown volume, which does the same"
-_NO_WAVE = "without the wave its period says nothing"
-_NO_GROWTH = "without the expansion its lag says nothing"
-_NO_SURFACE = "the initial depth of each free run does the same, and none is at the surface"
-HIDDEN: Mapping[str, Mapping[str, str]] = {
-    "glider": {},
-    "float_piston": {
-        "effects.depth.bias": _NO_SURFACE,
-        "effects.oil.pump_gain": _NO_OIL,
-        "effects.oil.valve_gain": _NO_OIL,
-        "effects.oil.valve_with_depth": _NO_OIL,
-        "effects.water.heave_period": _NO_WAVE,
-        "effects.volume.expansion_lag": _NO_GROWTH,
-    },
-    "float_oil": {
-        **{f"effects.piston.{name}": _NO_PISTON for name in ("gain", "backlash", "dead_time", "lag", "slowness")},
-        "effects.piston.offset": f"{_NO_PISTON}, and {_OWN_VOLUME}",
-        "effects.volume.offset": _OWN_VOLUME,
-        "effects.tether.pull": _OWN_VOLUME,
-        "effects.water.heave_sin": "the wave's phase is not known from one dive to the next",
-        "effects.water.heave_cos": "the wave's phase is not known from one dive to the next",
-        "effects.water.heave_period": _NO_WAVE,
-        "effects.volume.expansion_lag": _NO_GROWTH,
-        "effects.depth.bias": _NO_SURFACE,
-        "effects.depth.scale": "without inertia it acts as the drag coefficients do, which are refitted",
-        "effects.depth.lag": "in a steady dive the initial depth does the same, and three probes move it by a noise",
-    },
-}
-
-
-def effects_of(vehicle: str) -> list[str]:
-    """Every effect of a vehicle that can be probed and that a log of it can show."""
-    plant = load_vehicle(vehicle)
-    hidden = HIDDEN[plant.family.name]
-    return [
-        p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0 and p not in hidden
-    ]
 
 
 def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:

@@ -1,0 +1,174 @@
+"""Cases of the blind benchmark: what each is follows from the seed and its number alone, whatever else runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auv_gym.model import Diverged
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.record import Record
+from identification.diagnosis.attribution import threshold
+from identification.diagnosis.candidates import TOGETHER, Candidate, candidates_of, screen
+from identification.shooting import Shooting, colour
+from identification.windows import free_run_windows, held_out
+from scripts.blind.logs import Conditions, effects_of, log_of
+from scripts.blind.outside import SIZES, VISIBLE, causes_of, excess, outside_log
+
+FAMILIES: Mapping[str, tuple[str, ...]] = {
+    "glider": ("slocum", "ganeshblue"),
+    "float": ("qiandao_float", "mermaid"),
+    "torpedo": ("remus100", "vt690", "npsauv"),
+}
+KINDS = {"none": 0.16, "one": 0.3, "two": 0.14, "one_wrong": 0.14, "none_wrong": 0.1, "outside": 0.16}
+EFFECTS = {"none": 0, "one": 1, "two": 2, "one_wrong": 1, "none_wrong": 0, "outside": 0}
+WRONG = 0.1  # of a coefficient
+MULTIPLES = (2.0, 6.0)  # of the detectable size
+WINDOW, SETTLE = 25.0, 5.0  # s, of a torpedo's free runs
+PERIOD_OF = dict.fromkeys(("effects.water.heave_sin", "effects.water.heave_cos"), "effects.water.heave_period")
+PERIODS = (120.0, 600.0)  # s
+ATTEMPTS = 60
+
+
+class Undrawn(ValueError):
+    """No log of a case shows what it should."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What can be told without simulating; window, settle: s, None for the vehicle's own."""
+
+    seed: int
+    number: int
+    kind: str
+    family: str
+    vehicle: str
+    conditions: Conditions
+    window: float | None
+    settle: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A case with its log, the vehicle as it is and as the modeller believes it to be.
+
+    effects: value by path; detectable: size by path, that such a log would just show.  wrong: (true, given) by path.
+    cause, size: of a case outside the library.  attempts: how many draws it took.
+    """
+
+    case: Case
+    record: Record
+    true: Plant
+    believed: Plant
+    effects: Mapping[str, float] = field(default_factory=dict)
+    detectable: Mapping[str, float] = field(default_factory=dict)
+    wrong: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    cause: str = ""
+    size: float = 0.0
+    attempts: int = 1
+
+
+def sketch(seed: int, number: int) -> Case:
+    """The case of a number, without its log."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 0)))
+    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    family = str(rng.choice(list(FAMILIES)))
+    vehicle = str(rng.choice(FAMILIES[family]))
+    torpedo = family == "torpedo"
+    duration = float(np.round(rng.uniform(200.0, 400.0), -1)) if torpedo else 600.0
+    conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), duration)
+    frame = (WINDOW, SETTLE) if torpedo else (None, None)
+    return Case(seed, number, kind, family, vehicle, conditions, *frame)
+
+
+def draw(case: Case) -> Drawn:
+    """The case with its log; draws again where an effect is hidden, too large, or ends the mission.
+
+    Raises Undrawn if that is so in every attempt.
+    """
+    rng = np.random.default_rng(np.random.SeedSequence(case.seed, spawn_key=(case.number, 1)))
+    true = load_vehicle(case.vehicle)
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            found = _outside(case, true, rng) if case.kind == "outside" else _within(case, true, rng)
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle could not be kept on its way
+            continue
+        if found is not None:
+            return Drawn(**found, case=case, attempts=attempt)
+    raise Undrawn(
+        f"Case {case.number} of seed {case.seed} ({case.kind}, {case.vehicle}) shows nothing in {ATTEMPTS} draws."
+    )
+
+
+def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
+    seed = int(rng.integers(2**31))
+    believed, wrong = plant, {}
+    if case.kind.endswith("_wrong"):
+        given = {p: value_at(plant, p) * (1.0 + rng.choice([-WRONG, WRONG])) for p in plant.family.coefficients}
+        believed = replace_at(plant, given)
+        wrong = {p: (value_at(plant, p), given[p]) for p in given}
+    values, detectable, shared = {}, {}, plant
+    names = [str(p) for p in rng.choice(effects_of(case.vehicle), EFFECTS[case.kind], replace=False)]
+    if len({_together(p) for p in names}) < len(names):
+        return None
+    if names:
+        periods = {PERIOD_OF[p]: float(np.exp(rng.uniform(*np.log(PERIODS)))) for p in names if p in PERIOD_OF}
+        shared = replace_at(plant, periods)
+        clean = log_of(plant, case.conditions, seed)
+        detectable = detectable_sizes(shared, clean, names, case.window)
+        for path in names:
+            value = _value(plant, path, detectable[path], rng)
+            if value is None:
+                return None
+            values[path] = value
+        values |= periods
+    true = replace_at(plant, values)
+    record = log_of(true, case.conditions, seed)
+    effects = {path: values[path] for path in names}
+    return {
+        "record": record, "true": true, "believed": believed, "effects": effects, "detectable": detectable,
+        "wrong": wrong,
+    }  # fmt: skip
+
+
+def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
+    cause, seed = str(rng.choice(causes_of(plant))), int(rng.integers(2**31))
+    clean = log_of(plant, case.conditions, seed)
+    for size in SIZES:
+        record = outside_log(plant, cause, size, case.conditions, seed)
+        if excess(plant, record, clean, case.window or plant.window) > VISIBLE:
+            return {"record": record, "true": plant, "believed": plant, "cause": cause, "size": size}
+    return None
+
+
+def detectable_sizes(plant: Plant, clean: Record, paths: list[str], window: float | None = None) -> dict[str, float]:
+    """Size by path that the training windows of a clean log would show, the plant's coefficients and the others fitted.
+
+    Infinite where none would; in the parameter's unit.
+    """
+    train, _ = held_out(plant, clean, free_run_windows(plant, clean, window or plant.window))
+    problem = Shooting(plant, clean, train)
+    point = problem.solve(plant, plant.family.coefficients)
+    bar = threshold(len(candidates_of(plant, clean)))
+    sizes = {}
+    for path in paths:
+        fitted = [*plant.family.coefficients, *(p for p in paths if p != path)]
+        candidate = Candidate(spec_at(plant, path).title, (path,))
+        (found,) = screen(problem, point, fitted, [candidate], colour(problem, point), bar)
+        sizes[path] = float(found.detectable[0])
+    return sizes
+
+
+def _value(plant: Plant, path: str, detectable: float, rng: np.random.Generator) -> float | None:
+    """A value 2 to 6 detectable sizes from neutral; None if it is beyond the bounds."""
+    spec, change = spec_at(plant, path), rng.uniform(*MULTIPLES) * detectable
+    side = rng.choice([-1.0, 1.0]) if spec.bounds[0] < spec.neutral else 1.0
+    value = spec.neutral + side * change
+    return float(value) if np.isfinite(value) and spec.bounds[0] < value < spec.bounds[1] else None
+
+
+def _together(path: str) -> str:
+    return next((title for title, paths in TOGETHER if path in paths), path)

@@ -1,0 +1,112 @@
+"""Causes that the library of effects does not know, as numbers over time and state; each absent at size 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+
+import numpy as np
+
+CAUSES = ("drag", "current", "tether", "fin", "clock")
+WORDS = {
+    "drag": "a drag law with hysteresis in the speed",
+    "current": "gusts of current",
+    "tether": "an elastic tether with slack",
+    "fin": "an actuator that sticks and jams",
+    "clock": "a clock that slips",
+}
+
+
+@dataclass(frozen=True)
+class Gusts:
+    """Water that moves in pulses: a velocity in north, east and down that is a sum of Gaussian bumps over time.
+
+    at: s, of the peaks.  width: s, standard deviation.  peaks: (n, 3), m/s.
+    """
+
+    at: np.ndarray
+    width: np.ndarray
+    peaks: np.ndarray
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator, duration: float, size: float, spacing: float, axes: str) -> Gusts:
+        """Peaks of `size` m/s a `spacing` apart on average; axes: "horizontal" or "vertical"."""
+        at = np.arange(0.5 * spacing, duration, spacing)
+        at = at + rng.uniform(-0.3, 0.3, at.size) * spacing
+        width = rng.uniform(0.12, 0.25, at.size) * spacing
+        heading, strength = rng.uniform(-np.pi, np.pi, at.size), size * rng.uniform(0.6, 1.4, at.size)
+        side = rng.choice([-1.0, 1.0], at.size)
+        zero = np.zeros(at.size)
+        parts = (zero, zero, side) if axes == "vertical" else (np.cos(heading), np.sin(heading), zero)
+        return cls(at, width, strength[:, None] * np.stack(parts, axis=1))
+
+    def velocity(self, time: float) -> np.ndarray:
+        """m/s, shape (3,)."""
+        return np.exp(-0.5 * ((time - self.at) / self.width) ** 2) @ self.peaks
+
+    def acceleration(self, time: float) -> np.ndarray:
+        """m/s^2, shape (3,)."""
+        late = (time - self.at) / self.width
+        return (-late / self.width * np.exp(-0.5 * late**2)) @ self.peaks
+
+
+@dataclass(frozen=True)
+class Tripping:
+    """Drag that is 1 + more times as large from when a speed has passed `high` until it is below `low`."""
+
+    more: float
+    low: float
+    high: float
+
+    def tripped(self, before: bool, speed: float) -> bool:
+        return speed > self.low if before else speed > self.high
+
+    def factor(self, tripped: bool) -> float:
+        return 1.0 + self.more * tripped
+
+
+@dataclass(frozen=True)
+class Sticking:
+    """An actuator that starts to move when its command is `stiction` away, and not at all while it is jammed.
+
+    jams: (n, 2), s, from when to when.
+    """
+
+    stiction: float
+    jams: np.ndarray
+
+    @classmethod
+    def draw(
+        cls, rng: np.random.Generator, duration: float, stiction: float, spacing: float, longest: float
+    ) -> Sticking:
+        """A jam about every `spacing` s, of half to all of `longest` s."""
+        begin = np.arange(0.4 * spacing, duration, spacing)
+        begin = begin + rng.uniform(0.0, 0.4, begin.size) * spacing
+        return cls(stiction, np.stack([begin, begin + longest * rng.uniform(0.5, 1.0, begin.size)], axis=1))
+
+    def position(self, held: float, command: float, time: float) -> float:
+        """Where it is told to stand, given where it was told to before."""
+        if np.any((self.jams[:, 0] <= time) & (time < self.jams[:, 1])):
+            return held
+        return command if abs(command - held) >= self.stiction else held
+
+
+@dataclass(frozen=True)
+class Slack:
+    """A spring that pulls where it is stretched beyond `slack`: stiffness, N/m; slack, m."""
+
+    stiffness: float
+    slack: float
+
+    def pull(self, distance: float) -> float:
+        """N, rounded off within a tenth of a metre of the end of the slack, where a knot gives way."""
+        stretch = distance - self.slack
+        return self.stiffness * (0.1 * np.log1p(exp(min(10.0 * stretch, 700.0))) if stretch < 3.0 else stretch)
+
+
+def slipped(time: np.ndarray, rng: np.random.Generator, size: float, spacing: float) -> np.ndarray:
+    """Stamps of a clock whose rate is wrong by up to `size`, another error about every `spacing` s; time: rising."""
+    edges = np.arange(time[0], time[-1] + 2.0 * spacing, spacing) + rng.uniform(-0.3, 0.3) * spacing
+    rates = size * rng.uniform(0.5, 1.0, edges.size) * rng.choice([-1.0, 1.0], edges.size)
+    gained = np.concatenate([[0.0], np.cumsum(rates[:-1] * np.diff(edges))])
+    return time + np.interp(time, edges, gained) - np.interp(time[0], edges, gained)

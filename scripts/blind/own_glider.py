@@ -1,0 +1,80 @@
+"""A glider's heading by code of its own: equation (11) of Putri et al., with causes that the library does not know.
+
+Nothing but the coefficients' numbers is shared with the family it stands beside: no compiled physics, no effects.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, cos, sin
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from scripts.blind.disturbances import Gusts, Sticking, Tripping
+
+_STEP = 0.2  # s
+_GRAVITY = 9.81
+
+
+@dataclass(frozen=True, eq=False)
+class OwnGlider:
+    """What `closed_loop` asks of a glider: it steps and reads [heading, yaw rate, north, east].
+
+    State: [psi, r, north, east, time, rudder, whether the drag is tripped].
+    """
+
+    given: Plant
+    gusts: Gusts | None = None
+    sticking: Sticking | None = None
+    tripping: Tripping | None = None
+
+    def __getattr__(self, name: str):
+        if name in ("dt", "hull", "name", "family", "inputs", "outputs"):
+            return getattr(self.given, name)
+        raise AttributeError(name)
+
+    def initial(self, y0: np.ndarray) -> np.ndarray:
+        return np.array([y0[0], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+    def output(self, x: np.ndarray) -> np.ndarray:
+        return x[:4].copy()
+
+    def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        x, held = x.copy(), u.copy()
+        if self.sticking is not None:
+            held[0] = x[5] = self.sticking.position(x[5], u[0], x[4])
+        count = ceil(self.given.dt / _STEP)
+        h = self.given.dt / count
+        for _ in range(count):
+            if self.tripping is not None:
+                x[6] = self.tripping.tripped(bool(x[6]), abs(x[1]))
+            y, t, drag = x[:4], x[4], 1.0 if self.tripping is None else self.tripping.factor(bool(x[6]))
+            k1 = self._rates(y, t, held, drag)
+            k2 = self._rates(y + 0.5 * h * k1, t + 0.5 * h, held, drag)
+            k3 = self._rates(y + 0.5 * h * k2, t + 0.5 * h, held, drag)
+            k4 = self._rates(y + h * k3, t + h, held, drag)
+            x[:4] = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            x[4] = t + h
+        return x
+
+    def _rates(self, y: np.ndarray, time: float, inputs: np.ndarray, drag: float) -> np.ndarray:
+        a = self.given.hull
+        rudder, bow, stern, u, w, q, pitch, _ = inputs
+        half = 0.5 * a.density * a.length**3
+        followed = a.speed + a.speed_scaling * (u - a.speed)
+        square = a.speed**2 + a.speed_scaling * (u**2 - a.speed**2)
+        damping = a.damping_factor * (half * a.length * (a.n_r * followed + a.n_wr * w) - a.mass * a.x_g * followed)
+        moment = (
+            drag * damping * y[1]
+            + a.rudder_factor * half * square * a.n_delta * rudder
+            + a.bow_thruster_arm * bow
+            + a.stern_thruster_arm * stern
+            + _GRAVITY * (a.y_g * a.mass - a.y_b * a.density * a.volume) * sin(pitch)
+            - a.i_xy * q**2
+        )
+        inertia = a.inertia - half * a.length**2 * a.n_rdot
+        water = np.zeros(3) if self.gusts is None else self.gusts.velocity(time)
+        turning = y[1] + a.rudder_heading_rate * rudder
+        north, east = u * cos(y[0]) + water[0], u * sin(y[0]) + water[1]
+        return np.array([turning, moment / inertia + a.heading_stiffness * y[0], north, east])

@@ -1,0 +1,180 @@
+"""A torpedo's manoeuvres by code of its own, with causes that the library does not know.
+
+Euler angles, RK4 of its own step, no compiled physics and no effects; autopilot and manoeuvres are the project's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import cos, sin, tan
+
+import numpy as np
+
+from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from controllers.autopilots import autopilot
+from controllers.excited import Excited
+from identification.torpedo_experiment import draw_manoeuvres
+from scripts.blind.disturbances import Gusts, Slack, Sticking, Tripping
+from scripts.blind.own_forces import Hull, cross
+
+_SUBSTEPS = 2
+_SENSORS = {  # the outputs of each, in the order of a reading
+    "inclinometer": ("roll_rad", "pitch_rad"),
+    "compass": ("heading_rad",),
+    "gyros": ("p_radps", "q_radps", "r_radps"),
+    "dvl_water": ("u_mps", "v_mps", "w_mps"),
+    "dvl_ground": ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"),
+    "position": ("north_m", "east_m"),
+    "depth": ("depth_m",),
+}
+FOLLOW = 20.0  # s, with which a boat above follows the vehicle
+
+
+@dataclass(frozen=True)
+class Around:
+    """What is around a torpedo, or wrong with it; None: absent."""
+
+    gusts: Gusts | None = None
+    sticking: Sticking | None = None
+    tripping: Tripping | None = None
+    tether: Slack | None = None
+
+
+def own_manoeuvres(
+    plant: Plant,
+    around: Around,
+    rng: np.random.Generator,
+    duration: float,
+    excitation: float,
+    noise: Mapping[str, float],
+) -> Record:
+    """A record as `steer` makes one; noise: standard deviation by sensor.  Raises ValueError where it is cut short."""
+    drawn = draw_manoeuvres(plant, rng, duration, excitation)
+    limits = command_limits(plant)[[0, 1, 3]]
+    names = (*plant.inputs[:2], plant.inputs[3])
+    controller = Excited(autopilot(plant), drawn.signals, plant.dt)
+    body, memory, rows = Body(Hull.of(plant), around), controller.start(), []
+    x = np.zeros(19)
+    x[:12] = find_cruise(plant).state[:12]
+    x[0], x[8], x[11] = drawn.start["u_mps"], drawn.start["depth_m"], drawn.start["heading_rad"]
+    deviations = np.array([noise[sensor] for sensor, outputs in _SENSORS.items() for _ in outputs])
+    for k, time in enumerate(drawn.time):
+        true = body.reading(x, time)
+        seen = dict(zip(true, np.array(list(true.values())) + deviations * rng.standard_normal(len(true)), strict=True))
+        wanted = {name: float(values[k]) for name, values in drawn.wanted.items()}
+        command, memory = controller.act(memory, {**seen, "dt_s": plant.dt}, wanted)
+        told = np.clip([command[name] for name in names], -limits, limits)
+        rows.append([*seen.values(), *told, *wanted.values()])
+        if k == 0:
+            x[12:15], x[15] = told, told[0]
+        x = body.onward(x, told, float(time), plant.dt)
+        if not np.isfinite(x).all() or abs(x[10]) > 1.4 or x[8] < 0.0:
+            raise ValueError(f"The run of {plant.name} was cut short after {time:g} s: lower the disturbance.")
+    columns = (*(name for outputs in _SENSORS.values() for name in outputs), *names)
+    targets = tuple(name.rpartition("_")[0] + "_cmd_" + name.rpartition("_")[2] for name in drawn.wanted)
+    channels = dict(zip((*columns, *targets), np.array(rows).T, strict=True))
+    return Record.from_arrays(drawn.time, channels, attrs={"source": "simulated", "vehicle": plant.name})
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A hull and what is around it.
+
+    State: [u v w p q r | north east depth | roll pitch heading | rudder, plane, propulsion | told rudder | tripped |
+    boat's north and east], 19 numbers.
+    """
+
+    hull: Hull
+    around: Around
+
+    def reading(self, x: np.ndarray, time: float) -> dict[str, float]:
+        """What the sensors give without noise."""
+        ground = x[:3] + _turned(x[9:12]).T @ self._water(time)
+        values = [x[9], x[10], x[11], *x[3:6], *x[:3], *ground, x[6], x[7], x[8]]
+        return dict(zip((name for outputs in _SENSORS.values() for name in outputs), map(float, values), strict=True))
+
+    def onward(self, x: np.ndarray, told: np.ndarray, time: float, duration: float) -> np.ndarray:
+        """The state `duration` s later."""
+        x, h, target = x.copy(), duration / _SUBSTEPS, told.copy()
+        for k in range(_SUBSTEPS):
+            t = time + k * h
+            if self.around.sticking is not None:
+                target[0] = x[15] = self.around.sticking.position(x[15], told[0], t)
+            if self.around.tripping is not None:
+                x[16] = self.around.tripping.tripped(bool(x[16]), abs(x[0]))
+            k1 = self._rates(x, target, t)
+            k2 = self._rates(x + 0.5 * h * k1, target, t + 0.5 * h)
+            k3 = self._rates(x + 0.5 * h * k2, target, t + 0.5 * h)
+            k4 = self._rates(x + h * k3, target, t + h)
+            x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            for i, (lag, slowness) in enumerate(self.actuators):
+                if lag == 0.0 and slowness == 0.0:
+                    x[12 + i] = target[i]
+        return x
+
+    @cached_property
+    def actuators(self) -> list[tuple[float, float]]:
+        """Lag and slowness of rudder, plane and propulsion."""
+        tree = self.hull.tree
+        drive = tree.propulsion
+        return [
+            (tree.rudder.lag, tree.rudder.slowness),
+            (tree.stern_plane.lag, tree.stern_plane.slowness),
+            (drive.lag, drive.slowness / drive.limit),
+        ]
+
+    def _rates(self, x: np.ndarray, target: np.ndarray, time: float) -> np.ndarray:
+        dx = np.zeros(x.size)
+        fins = x[12:15].copy()
+        for i, (lag, slowness) in enumerate(self.actuators):
+            if lag == 0.0 and slowness == 0.0:
+                fins[i] = target[i]
+                continue
+            rate = (target[i] - fins[i]) / max(lag, 1e-3)
+            fastest = 1.0 / slowness if slowness > 0.0 else np.inf
+            dx[12 + i] = min(max(rate, -fastest), fastest)
+        nu, turn = x[:6], _turned(x[9:12])
+        around = self.around
+        drag = 1.0 if around.tripping is None else around.tripping.factor(bool(x[16]))
+        force = self.hull.force(nu, x[9:12], fins, drag)
+        if around.gusts is not None:
+            change = turn.T @ around.gusts.acceleration(time)
+            force -= self.hull.rigid[:, :3] @ change
+            force[:3] += self.hull.tree.buoyancy / self.hull.tree.gravity * change
+        if around.tether is not None:
+            force += self._pull(x, turn, around.tether)
+            dx[17:19] = (x[6:8] - x[17:19]) / FOLLOW
+        dx[:6] = self.hull.inverse @ force
+        dx[6:9] = turn @ nu[:3] + self._water(time)
+        roll, pitch, _ = x[9:12]
+        p, q, r = nu[3:]
+        dx[9] = p + (sin(roll) * q + cos(roll) * r) * tan(pitch)
+        dx[10] = cos(roll) * q - sin(roll) * r
+        dx[11] = (sin(roll) * q + cos(roll) * r) / cos(pitch)
+        return dx
+
+    def _water(self, time: float) -> np.ndarray:
+        return np.zeros(3) if self.around.gusts is None else self.around.gusts.velocity(time)
+
+    def _pull(self, x: np.ndarray, turn: np.ndarray, tether: Slack) -> np.ndarray:
+        """Force and moment of a line from the stern to a boat that follows at the surface."""
+        line = np.array([x[17] - x[6], x[18] - x[7], -x[8]])
+        distance = float(np.sqrt(line @ line))
+        force = turn.T @ (tether.pull(distance) / max(distance, 1.0) * line)
+        return np.concatenate([force, cross(np.array([-0.5 * self.hull.tree.length, 0.0, 0.0]), force)])
+
+
+def _turned(angles: np.ndarray) -> np.ndarray:
+    """Rotation from body to north, east, down at roll, pitch and heading, (3, 3).  Source: Fossen 2021, eq. (2.31)."""
+    (a, b, c), (d, e, f) = np.cos(angles), np.sin(angles)
+    return np.array(
+        [
+            [c * b, c * e * d - f * a, c * e * a + f * d],
+            [f * b, f * e * d + c * a, f * e * a - c * d],
+            [-e, b * d, b * a],
+        ]
+    )

@@ -1,0 +1,101 @@
+"""A diagnosis against the sealed truth: right or false names, coverage, and the error beside the true model's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.record import Record
+from identification.diagnosis.candidates import TOGETHER
+from identification.validation import free_runs
+from identification.windows import free_run_windows, held_out
+from scripts.blind.diagnosing import REFUSED
+from scripts.blind.sealing import read_truth
+
+CONFIDENT = ("named", "tied")
+FAILED = ("timeout", "crash", REFUSED)
+
+
+def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None = None) -> dict[str, Any]:
+    """The score of a diagnosis, given as its JSON, against a truth as `seal` writes it.
+
+    right: by the kind of the case.  false: names of effects that are not there and no tie with one that is, or with a
+    coefficient that is wrong.  confident: a name for a cause outside the library, and nothing called unexplained.
+    covered: by named path, whether its interval holds the value.  ratio: held-out error over that of the true model.
+    """
+    verdict = said["verdict"]
+    named = {e["path"]: e for e in said.get("effects", ())}
+    groups = [frozenset(group) for group in said.get("tied", ())]
+    wrong, actual = truth["wrong"], truth["effects"]
+    excused = set(actual) | set(wrong)
+    false = [p for p in named if not _meant(p, groups) & {_whole(q) for q in excused}]
+    coefficients = [c["path"] if isinstance(c, Mapping) else c for c in said.get("coefficients_wrong") or ()]
+    found = [p for p in actual if any(_whole(p) in _meant(q, groups) for q in named)]
+    helped = bool((said.get("discovered") or {}).get("holds"))
+    kind = truth["case"]["kind"]
+    if kind == "outside":
+        right = verdict == "unexplained" or helped
+    elif actual:
+        right = len(found) == len(actual)
+    else:
+        right = not false and verdict not in FAILED and (verdict != "unexplained")
+    covered = {
+        p: e["ci95"][0] <= actual[p] <= e["ci95"][1]
+        for p, e in named.items()
+        if p in actual and not any(p in group and group & set(wrong) for group in groups)
+    }
+    return {
+        "number": truth["case"]["number"],
+        "kind": kind,
+        "family": truth["case"]["family"],
+        "vehicle": truth["case"]["vehicle"],
+        "verdict": verdict,
+        "actual": [truth["cause"]] if kind == "outside" else sorted(actual),
+        "named": sorted(named),
+        "tied": [sorted(group) for group in groups],
+        "right": bool(right),
+        "false": sorted(false),
+        "confident": bool(kind == "outside" and verdict in CONFIDENT and not helped),
+        "coefficients_found": sorted(set(coefficients) & set(wrong)),
+        "coefficients_false": sorted(set(coefficients) - set(wrong)),
+        "covered": covered,
+        "ratio": ratio,
+        "seconds": said.get("seconds"),
+    }
+
+
+def score_folders(log: Path, truth: Path, said: Mapping[str, Any]) -> dict[str, Any]:
+    """The score of one case from its log's folder and its truth's."""
+    sealed = read_truth(truth)
+    ratio = None
+    if "error" in said and not sealed["cause"]:
+        frame = sealed["case"]
+        record, plant = Record.load(log / "log.nc"), load_vehicle(truth / "vehicle.toml")
+        ratio = error_ratio(said["error"]["after"], record, plant, frame["window"], frame["settle"])
+    return score(said, sealed, ratio)
+
+
+def error_ratio(
+    after: Mapping[str, Mapping[str, float]], record: Record, true: Plant, window: float | None, settle: float | None
+) -> float:
+    """Geometric mean over the channels of a diagnosis's held-out error over that of the true plant."""
+    window, settle = window or true.window, true.settle if settle is None else settle
+    _, held = held_out(true, record, free_run_windows(true, record, window))
+    scores = free_runs(true, record, held, settle).scores(record)
+    ratios = [after[name]["rmse"] / scores[name].rmse for name in after if name in scores and scores[name].rmse > 0.0]
+    return float(np.exp(np.mean(np.log(ratios))))
+
+
+def _whole(path: str) -> str:
+    """The physical thing that a path belongs to: its two components count as one name."""
+    return next((title for title, paths in TOGETHER if path in paths), path)
+
+
+def _meant(path: str, groups: list[frozenset[str]]) -> set[str]:
+    """What a name stands for: itself, and what the diagnosis says it cannot tell from it."""
+    tied = {p for group in groups if path in group or _whole(path) in {_whole(q) for q in group} for p in group}
+    return {_whole(p) for p in (path, *tied)}

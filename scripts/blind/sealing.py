@@ -1,0 +1,55 @@
+"""Where a case lies: the log with the believed vehicle in one folder, the sealed truth in another."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from auv_gym.plant import save_vehicle
+from auv_gym.writing import replacing
+from scripts.blind.cases import Drawn
+
+
+def log_folder(out: Path, number: int) -> Path:
+    """All that the diagnosis is given."""
+    return out / "logs" / f"{number:05d}"
+
+
+def truth_folder(out: Path, number: int) -> Path:
+    return out / "truth" / f"{number:05d}"
+
+
+def seal(drawn: Drawn, out: Path) -> Path:
+    """Write a case into its two folders; the log's, with log.nc, vehicle.toml and frame.json."""
+    case = drawn.case
+    log, truth = log_folder(out, case.number), truth_folder(out, case.number)
+    log.mkdir(parents=True, exist_ok=True)
+    truth.mkdir(parents=True, exist_ok=True)
+    drawn.record.save(log / "log.nc")
+    save_vehicle(drawn.believed, log / "vehicle.toml")
+    write_json(log / "frame.json", {"window": case.window, "settle": case.settle})
+    save_vehicle(drawn.true, truth / "vehicle.toml")
+    facts = {
+        "case": asdict(case),
+        "effects": dict(drawn.effects),
+        "detectable": dict(drawn.detectable),
+        "wrong": {path: list(pair) for path, pair in drawn.wrong.items()},
+        "cause": drawn.cause,
+        "size": drawn.size,
+        "attempts": drawn.attempts,
+    }
+    write_json(truth / "truth.json", facts)
+    return log
+
+
+def read_truth(folder: Path) -> dict[str, Any]:
+    """What `seal` has written of a case."""
+    return json.loads((folder / "truth.json").read_text())
+
+
+def write_json(path: Path, content: Any) -> None:
+    """Plain data to a file, written aside and then renamed."""
+    with replacing(path) as new:
+        new.write_text(json.dumps(content, indent=1))

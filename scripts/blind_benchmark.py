@@ -1,0 +1,124 @@
+"""How often the diagnosis is right about logs whose truth is sealed: drawn, written, diagnosed apart, then scored.
+
+Case k of a seed is the same whatever else runs. `--out` keeps logs, truths, diagnoses and scores; a run that is
+repeated with the same folder goes on where it stopped.
+
+    python -m scripts.blind_benchmark --cases 300 --jobs 2 --out blind
+    python -m scripts.blind_benchmark --cases 20 --kind outside --family torpedo --out blind
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from auv_gym.cli.console import errors, output, progress_bar
+from scripts.blind.cases import FAMILIES, KINDS, Case, Undrawn, draw, sketch
+from scripts.blind.scoring import score_folders
+from scripts.blind.sealing import log_folder, seal, truth_folder, write_json
+from scripts.blind.tables import misses_table, shares_table, summary
+
+TIMEOUT = 300.0  # s
+_ROOT = Path(__file__).resolve().parents[1]
+
+
+def chosen(seed: int, cases: int, kinds: Sequence[str] | None, families: Sequence[str] | None) -> list[Case]:
+    """The first so many cases of a seed that are of these kinds and families."""
+    found, number = [], 0
+    while len(found) < cases:
+        case = sketch(seed, number)
+        if (not kinds or case.kind in kinds) and (not families or case.family in families):
+            found.append(case)
+        number += 1
+    return found
+
+
+def run_case(case: Case, out: Path, timeout: float = TIMEOUT) -> dict[str, Any]:
+    """The score of a case: drawn and sealed, diagnosed by a process that gets the log's folder alone, then scored.
+
+    What is in the folders already is not made again.
+    """
+    log, truth = log_folder(out, case.number), truth_folder(out, case.number)
+    if not (truth / "truth.json").exists():
+        seal(draw(case), out)
+    if not (log / "diagnosis.json").exists():
+        reason = _diagnose(log, timeout)
+        if reason:
+            return score_folders(log, truth, {"verdict": reason})
+    return score_folders(log, truth, json.loads((log / "diagnosis.json").read_text()))
+
+
+def _diagnose(log: Path, timeout: float) -> str:
+    """Runs the process; why there is no diagnosis, or ""."""
+    command = [sys.executable, "-m", "scripts.blind.diagnosing", str(log.resolve())]
+    try:
+        done = subprocess.run(command, cwd=_ROOT, timeout=timeout, capture_output=True, text=True, check=False)
+    except subprocess.TimeoutExpired:
+        return "timeout"
+    if done.returncode:
+        (log / "crash.txt").write_text(done.stderr)
+        return "crash"
+    return ""
+
+
+def run(
+    cases: Sequence[Case],
+    out: Path,
+    jobs: int = 1,
+    timeout: float = TIMEOUT,
+    show: Callable[[float, str], None] = lambda fraction, text: None,
+) -> list[dict[str, Any]]:
+    """The scores of these cases, in their order; each is kept in `out` as soon as it is there.
+
+    A case that cannot be drawn is left out, and said.
+    """
+    scores: dict[int, dict[str, Any]] = {}
+    with ProcessPoolExecutor(jobs) as pool:
+        waiting = {pool.submit(run_case, case, out, timeout): case for case in cases}
+        for done in as_completed(waiting):
+            case = waiting[done]
+            try:
+                scores[case.number] = done.result()
+            except Undrawn as error:
+                errors.print(str(error))
+                continue
+            write_json(out / "scores" / f"{case.number:05d}.json", scores[case.number])
+            show(len(scores) / len(cases), f"case {case.number}: {case.kind}, {case.vehicle}")
+    return [scores[case.number] for case in cases if case.number in scores]
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the benchmark and print its tables."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--cases", type=int, default=300, help="how many (default 300)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
+    parser.add_argument("--kind", action="append", choices=tuple(KINDS), help="only these; may be repeated")
+    parser.add_argument("--family", action="append", choices=tuple(FAMILIES), help="only these; may be repeated")
+    parser.add_argument("--out", type=Path, required=True, help="folder of logs, truths, diagnoses and scores")
+    parser.add_argument("--timeout", type=float, default=TIMEOUT, help=f"s for a diagnosis (default {TIMEOUT:g})")
+    parser.add_argument("--json", type=Path, help="write shares and scores to this file as well")
+    args = parser.parse_args(argv)
+    if args.cases < 1 or args.jobs < 1 or not args.timeout > 0.0:
+        parser.error("--cases, --jobs and --timeout must be positive")
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
+    out = args.out / f"seed_{args.seed}"
+    (out / "scores").mkdir(parents=True, exist_ok=True)
+    with progress_bar() as show:
+        scores = run(chosen(args.seed, args.cases, args.kind, args.family), out, args.jobs, args.timeout, show)
+    output.print(shares_table(scores))
+    output.print(misses_table(scores))
+    if args.json:
+        write_json(args.json, {"shares": summary(scores), "scores": scores})
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,240 @@
+"""The blind benchmark: own simulators agree with the plants, cases repeat, truths are sealed, scores are fair."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auv_gym.param import value_at
+from auv_gym.plant import load_vehicle
+from auv_gym.record import Record
+from controllers.pid import heading_pid
+from identification.experiment import closed_loop
+from identification.float_experiment import depth_control, oil_mission
+from scripts.blind.cases import KINDS, PERIOD_OF, Undrawn, detectable_sizes, draw, sketch
+from scripts.blind.diagnosing import diagnose_folder
+from scripts.blind.disturbances import Gusts, Slack, Sticking, Tripping, slipped
+from scripts.blind.logs import Conditions, log_of
+from scripts.blind.outside import causes_of, excess, outside_log
+from scripts.blind.own_float import Around as AroundFloat
+from scripts.blind.own_float import OwnSwim
+from scripts.blind.own_glider import OwnGlider
+from scripts.blind.own_torpedo import Around, own_manoeuvres
+from scripts.blind.scoring import score, score_folders
+from scripts.blind.sealing import log_folder, seal, truth_folder
+from scripts.blind.tables import summary, wilson
+from scripts.blind_benchmark import chosen, main, run_case
+
+QUIET = Conditions(1.0, 1.0, 300.0)
+
+
+@pytest.mark.parametrize("vehicle", ["slocum", "ganeshblue"])
+def test_the_own_glider_is_the_plant_where_nothing_is_the_matter(vehicle):
+    plant = load_vehicle(vehicle)
+    one = closed_loop(plant, rng=np.random.default_rng(3), duration=300.0)
+    own = closed_loop(OwnGlider(plant), heading_pid(plant), rng=np.random.default_rng(3), duration=300.0)
+    assert np.ptp(one["heading_rad"]) > 0.5
+    # the plant's own step of up to 2 s is what differs
+    np.testing.assert_allclose(own["heading_rad"], one["heading_rad"], atol=1e-4)
+    np.testing.assert_allclose(own["north_m"], one["north_m"], atol=1e-3)
+
+
+def own_float(plant, depth, rate=0.0, volume=0.0):
+    return OwnSwim(plant, AroundFloat(), depth, rate, volume)
+
+
+def test_the_own_floats_are_the_plants_where_nothing_is_the_matter():
+    piston, oil = load_vehicle("qiandao_float"), load_vehicle("mermaid")
+    for fly, atol in (
+        # a sample of the plant is one RK4 step of up to 0.7 s, through the surface
+        (lambda **k: depth_control(piston, [30.0, 10.0, 20.0], hold=100.0, rng=np.random.default_rng(1), **k), 0.02),
+        (lambda **k: oil_mission(oil, [200.0, 300.0], rng=np.random.default_rng(1), **k), 0.02),
+    ):
+        one, own = fly(), fly(under_way=own_float)
+        assert np.ptp(one["depth_m"]) > 15.0
+        np.testing.assert_allclose(own["depth_m"], one["depth_m"], atol=atol)
+
+
+@pytest.mark.parametrize("vehicle", ["remus100", "vt690", "npsauv"])
+def test_the_own_torpedo_is_the_plant_where_nothing_is_the_matter(vehicle):
+    plant = load_vehicle(vehicle)
+    silent = dict.fromkeys(("inclinometer", "compass", "gyros", "dvl_water", "dvl_ground", "position", "depth"), 0.0)
+    own = own_manoeuvres(plant, Around(), np.random.default_rng(2), 6.0, 0.15, silent)
+    first = {name: own[name][0] for name in plant.outputs}
+    start = plant.initial(np.array(list(first.values())))[: len(plant.family.states)]
+    ran = plant.run(own, [slice(0, len(own))], start[None])
+    assert np.ptp(own["r_radps"]) > 0.005
+    for i, name in enumerate(plant.outputs):  # RK4 of 0.05 s where fins lag by 0.1 s
+        np.testing.assert_allclose(ran[:, i], own[name], atol=2e-4, err_msg=name)
+
+
+def test_causes_are_absent_at_size_zero_and_do_what_they_say():
+    rng = np.random.default_rng(0)
+    calm = Gusts.draw(rng, 100.0, 0.0, 20.0, "horizontal")
+    assert not calm.velocity(50.0).any()
+    gusts, h = Gusts.draw(rng, 100.0, 0.3, 20.0, "vertical"), 1e-4
+    slope = (gusts.velocity(40.0 + h) - gusts.velocity(40.0 - h)) / (2 * h)
+    np.testing.assert_allclose(gusts.acceleration(40.0), slope, rtol=1e-6, atol=1e-9)
+    assert not gusts.velocity(40.0)[:2].any()
+    trip = Tripping(0.5, 0.2, 0.4)
+    assert [trip.tripped(False, 0.3), trip.tripped(True, 0.3), trip.tripped(True, 0.1)] == [False, True, False]
+    assert trip.factor(True) == 1.5
+    assert trip.factor(False) == 1.0
+    fin = Sticking(0.1, np.array([[10.0, 12.0]]))
+    assert [fin.position(0.0, 0.05, 1.0), fin.position(0.0, 0.2, 1.0), fin.position(0.0, 0.2, 11.0)] == [0.0, 0.2, 0.0]
+    line = Slack(2.0, 10.0)
+    assert line.pull(5.0) < 1e-12
+    assert line.pull(15.0) == pytest.approx(10.0)
+    time = np.arange(0.0, 100.0)
+    np.testing.assert_array_equal(slipped(time, rng, 0.0, 20.0), time)
+    stamps = slipped(time, rng, 0.1, 20.0)
+    assert 0.89 < np.diff(stamps).min() < 1.0 < np.diff(stamps).max() < 1.11
+
+
+@pytest.mark.parametrize("vehicle, cause", [("slocum", "current"), ("mermaid", "tether")])
+def test_a_cause_outside_the_library_shows_in_the_log(vehicle, cause):
+    plant = load_vehicle(vehicle)
+    assert cause in causes_of(plant)
+    clean, own = log_of(plant, QUIET, 5), outside_log(plant, "", 0.0, QUIET, 5)
+    assert excess(plant, own, clean, plant.window) == pytest.approx(0.0, abs=0.02)
+    assert excess(plant, outside_log(plant, cause, 4.0, QUIET, 5), clean, plant.window) > 1.0
+
+
+def test_a_case_is_the_same_whatever_else_runs():
+    case = next(c for c in chosen(7, 30, ["one"], ["glider"]))
+    one, again = draw(case), draw(sketch(7, case.number))
+    assert one.effects == again.effects
+    np.testing.assert_array_equal(one.record["heading_rad"], again.record["heading_rad"])
+    ((path, value),) = one.effects.items()
+    neutral = 1.0 if path.endswith(".gain") else 0.0
+    assert 2.0 <= abs(value - neutral) / one.detectable[path] <= 6.0
+    assert value_at(one.true, path) == value
+    assert value_at(one.believed, path) == neutral
+    assert {c.kind for c in chosen(7, 60, None, None)} == set(KINDS)
+
+
+def test_what_a_log_hides_has_no_detectable_size():
+    plant = load_vehicle("slocum")
+    sizes = detectable_sizes(plant, log_of(plant, QUIET, 0).without(["north_m", "east_m"]), ["effects.current.east"])
+    assert sizes["effects.current.east"] == np.inf
+    assert set(PERIOD_OF.values()) == {"effects.water.heave_period"}
+    assert issubclass(Undrawn, ValueError)
+
+
+def test_the_folder_that_is_diagnosed_does_not_hold_the_truth(tmp_path):
+    case = chosen(3, 1, ["one_wrong"], ["glider"])[0]
+    drawn = draw(case)
+    log, truth = seal(drawn, tmp_path), truth_folder(tmp_path, case.number)
+    assert log == log_folder(tmp_path, case.number)
+    assert {p.name for p in log.iterdir()} == {"log.nc", "vehicle.toml", "frame.json"}
+    believed, true = load_vehicle(log / "vehicle.toml"), load_vehicle(truth / "vehicle.toml")
+    assert "effects" not in (log / "vehicle.toml").read_text()
+    for path, (right, given) in drawn.wrong.items():
+        assert value_at(true, path) == right
+        assert value_at(believed, path) == given
+        assert given / right == pytest.approx(1.1 if given / right > 1 else 0.9)
+    assert not truth.is_relative_to(log)
+    assert not [k for k in Record.load(log / "log.nc").attrs if "effect" in k]
+
+
+def truth(kind, effects=None, wrong=None, cause=""):
+    case = {"number": 0, "kind": kind, "family": "glider", "vehicle": "slocum"}
+    return {"case": case, "effects": effects or {}, "wrong": wrong or {}, "cause": cause}
+
+
+def said(verdict, effects=None, tied=(), **more):
+    return {
+        "verdict": verdict,
+        "effects": [{"path": p, "ci95": c} for p, c in (effects or {}).items()],
+        "tied": tied,
+    } | more
+
+
+def test_names_and_ties_and_false_names_are_scored():
+    one = truth("one", {"a": 2.0})
+    exact = score(said("named", {"a": [1, 3]}), one)
+    assert (exact["right"], exact["false"], exact["covered"]) == (True, [], {"a": True})
+    tie = score(said("tied", {"b": [1, 3]}, [["b", "a"]]), one)
+    assert (tie["right"], tie["false"], tie["covered"]) == (True, [], {})
+    beside = score(said("named", {"a": [3, 4], "b": [0, 1]}), one)
+    assert (beside["right"], beside["false"], beside["covered"]) == (True, ["b"], {"a": False})
+    both = truth("two", {"a": 2.0, "c": 1.0})
+    assert not score(said("named", {"a": [1, 3]}), both)["right"]
+    assert score(said("tied", {"a": [1, 3], "b": [0, 1]}, [["b", "c"]]), both)["right"]
+    assert not score({"verdict": "timeout"}, one)["right"]
+    components = score(said("named", {"effects.current.east": [1, 2]}), truth("one", {"effects.current.north": 1.0}))
+    assert (components["right"], components["false"]) == (True, [])
+
+
+def test_a_wrong_coefficient_is_no_false_name_of_an_effect():
+    wrong = truth("none_wrong", wrong={"hull.n_delta": [1.0, 1.1]})
+    twin = said("tied", {"effects.rudder.gain": [0.8, 0.95]}, [["effects.rudder.gain", "hull.n_delta"]])
+    assert (score(twin, wrong)["right"], score(twin, wrong)["covered"]) == (True, {})
+    assert score(twin, truth("none"))["false"] == ["effects.rudder.gain"]
+    found = score(said("none", coefficients_wrong=["hull.n_delta", "hull.n_r"]), wrong)
+    assert found["coefficients_found"] == ["hull.n_delta"]
+    assert found["coefficients_false"] == ["hull.n_r"]
+    assert not score(said("unexplained"), truth("none"))["right"]
+
+
+def test_a_cause_outside_the_library_wants_a_flag_or_a_term_that_holds():
+    outside = truth("outside", cause="drag")
+    flagged = score(said("unexplained", {"b": [0, 1]}), outside)
+    assert (flagged["right"], flagged["confident"]) == (True, False)
+    sure = score(said("named", {"b": [0, 1]}), outside)
+    assert (sure["right"], sure["confident"]) == (False, True)
+    helped = score(said("named", {"b": [0, 1]}, discovered={"holds": True}), outside)
+    assert (helped["right"], helped["confident"]) == (True, False)
+    assert not score(said("none"), outside)["right"]
+
+
+def test_shares_come_with_the_interval_of_wilson():
+    low, high = wilson(9, 10)
+    assert low == pytest.approx(0.5958, abs=1e-4)  # Wilson's formula, by hand
+    assert high == pytest.approx(0.9821, abs=1e-4)
+    assert wilson(0, 0) == (0.0, 1.0)
+    rows = [score(said("none"), truth("none"), 1.1), score(said("named", {"b": [0, 1]}), truth("none"), 1.4)]
+    found = summary(rows)["none"]["glider"]
+    assert (found["right"]["hits"], found["false"]["hits"], found["within"]["hits"]) == (1, 1, 1)
+    assert found["ratio"]["most"] == 1.4
+
+
+@pytest.mark.parametrize("number", [23, 25])
+def test_effects_of_a_short_draw_are_named(tmp_path, number):
+    case = sketch(1, number)
+    assert (case.kind, case.vehicle) == ("one", "slocum")
+    log = seal(draw(case), tmp_path)
+    found = score_folders(log, truth_folder(tmp_path, number), diagnose_folder(log))
+    assert found["right"]
+    assert found["false"] == []
+    assert found["ratio"] < 1.15
+
+
+def test_the_program_diagnoses_in_a_process_of_its_own_and_resumes(tmp_path, capsys):
+    out = tmp_path / "all.json"
+    arguments = ["--cases", "1", "--seed", "1", "--family", "glider", "--kind", "none", "--jobs", "1"]
+    assert main([*arguments, "--out", str(tmp_path), "--json", str(out)]) == 0
+    assert "nothing missing" in capsys.readouterr().out
+    content = json.loads(out.read_text())
+    (row,) = content["scores"]
+    assert row["right"]
+    assert content["shares"]["all"]["glider"]["right"]["count"] == 1
+    kept = log_folder(tmp_path / "seed_1", row["number"]) / "diagnosis.json"
+    kept.write_text(json.dumps({"verdict": "unexplained"}))
+    assert run_case(sketch(1, row["number"]), tmp_path / "seed_1")["verdict"] == "unexplained"
+
+
+def test_a_diagnosis_that_takes_too_long_is_a_miss(tmp_path):
+    case = chosen(1, 1, ["none"], ["glider"])[0]
+    found = run_case(case, tmp_path, timeout=0.05)
+    assert (found["verdict"], found["right"], found["seconds"]) == ("timeout", False, None)
+
+
+@pytest.mark.slow
+def test_the_benchmark_is_mostly_right_about_gliders_and_floats(tmp_path):
+    out = tmp_path / "all.json"
+    families = ["--family", "glider", "--family", "float"]
+    assert main(["--cases", "30", "--seed", "2", *families, "--out", str(tmp_path), "--json", str(out)]) == 0
+    shares = json.loads(out.read_text())["shares"]
+    assert shares["one"]["all"]["right"]["share"] >= 0.8
+    assert shares["none"]["all"]["false"]["share"] <= 0.1
