@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, radians
 from typing import Any
 
 import numpy as np
 
-from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.cruise import Cruise, command_limits, find_cruise
 from auv_gym.plant import Plant
 from identification.torpedo_experiment import NOISE
 
@@ -69,6 +70,11 @@ def campaign_text(name: str, description: str, tables: Tables, vehicles: Sequenc
 def _table(name: str, content: Mapping[str, Any], many: bool = False) -> list[str]:
     head = f"[[{name}]]" if many else f"[{name}]"
     return ["", head, *(f"{_value(key)} = {_value(value)}" for key, value in content.items())]
+
+
+@lru_cache(maxsize=4)
+def _cruise(plant: Plant) -> Cruise:
+    return find_cruise(plant)  # a tenth of a second
 
 
 def _value(value: Any) -> str:
@@ -197,7 +203,7 @@ def _torpedo() -> tuple[Design, ...]:
         """heading: from the length and the time of a length travelled, s.  depth: lengths.  speed: of cruise."""
 
         def tables(plant: Plant, duration: float) -> Tables:
-            cruise, length = find_cruise(plant), float(plant.hull.length)
+            cruise, length = _cruise(plant), float(plant.hull.length)
             lap, start = length / cruise.speed, 15.0 * length
             targets = {
                 "heading_rad": heading(duration, lap),
@@ -224,7 +230,7 @@ def _torpedo() -> tuple[Design, ...]:
 
     def zigzag(plant: Plant) -> Tables:
         # the regulator's gain takes rudder off where the heading is too far to starboard
-        side = 1.0 if find_cruise(plant).rudder_gains[2] > 0.0 else -1.0
+        side = 1.0 if _cruise(plant).rudder_gains[2] > 0.0 else -1.0
         amplitude = side * min(_ZIGZAG, 0.8 * float(command_limits(plant)[0]))
         return {"kind": "zigzag", "at": plant.inputs[0], "amplitude": amplitude}
 

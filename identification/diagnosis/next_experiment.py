@@ -5,7 +5,6 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
 from math import inf
 from pathlib import Path
 
@@ -25,7 +24,10 @@ from identification.windows import free_run_windows
 
 ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
 FILE = "next_experiment.toml"
-_MINUTES = {"float_oil": (600.0, 40000.0), "float_piston": (5.0, 240.0)}  # others: 2 to 60
+# the least and the most by family or kind; others: 2 to 60
+_MINUTES = {"float_oil": (600.0, 40000.0), "float_piston": (5.0, 240.0), "torpedo": (1.0, 30.0)}
+_FIRST = 3.0  # of the least minutes: how long the first simulations are
+_REFINED = 2  # designs that are simulated once more, for as long as they are expected to take
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +43,8 @@ class Rival:
 class Proposal:
     """A design and what it promises for the two rivals that it separates least.
 
-    evidence: expected in `simulated` minutes, beside what the record knows.  minutes: expected until all rivals are told
-    apart, infinite where that takes longer than the most allowed.  reason: why it cannot be used, or "".
+    evidence: expected in `simulated` minutes, beside what the record knows.  minutes: expected until all rivals are
+    told apart, infinite where that takes longer than the most allowed.  reason: why it cannot be used, or "".
     """
 
     design: Design
@@ -94,7 +96,7 @@ def next_experiment(
         raise ValueError(f"An experiment tells at least two explanations apart, got {len(rivals)}.")
     if noise is None and record is None:
         raise ValueError("The next experiment needs the sensors' noise, from record= or as noise=, got neither.")
-    minutes = _MINUTES.get(plant.family.name, (2.0, 60.0)) if minutes is None else minutes
+    minutes = minutes_of(plant) if minutes is None else minutes
     if not 0.0 < minutes[0] < minutes[1]:
         raise ValueError(f"The minutes need a least and a most, 0 < least < most, got {minutes}.")
     known: list[Knowledge | None] = [None] * len(rivals)
@@ -105,28 +107,41 @@ def next_experiment(
     assert noise is not None
     rivals = [replace(r, paths=_free(r)) if k is None else replace(r, paths=k.paths) for r, k in zip(rivals, known)]
     chosen = designs_of(plant) if designs is None else tuple(designs)
-    proposals = []
+    length, proposals = min(_FIRST * minutes[0], minutes[1]), []
     for number, design in enumerate(chosen):
-        progress(number / len(chosen), design.title)
-        proposals.append(_proposal(design, plant, rivals, known, noise, minutes, seed))
+        progress(0.8 * number / len(chosen), design.title)
+        proposals.append(_proposal(design, plant, rivals, known, noise, length, minutes, seed))
+    proposals.sort(key=_order)
+    for number, first in enumerate(proposals[:_REFINED]):
+        progress(0.8 + 0.2 * number / _REFINED, first.design.title)
+        if np.isfinite(first.minutes) and abs(np.log(first.minutes / length)) > 0.2:
+            again = _proposal(first.design, plant, rivals, known, noise, first.minutes, minutes, seed)
+            proposals[number] = first if again.reason else again
     progress(1.0, "done")
-    return tuple(sorted(proposals, key=lambda p: (p.minutes, -p.evidence, bool(p.reason))))
+    return tuple(sorted(proposals, key=_order))
 
 
-def write_experiment(
-    proposal: Proposal, plant: Plant, rivals: Sequence[Rival], folder: Path, most: float = 60.0, name: str = FILE
-) -> Path:
-    """Write a design as a campaign over the rivals, with their vehicle files beside it; the campaign file's path.
+def minutes_of(plant: Plant) -> tuple[float, float]:
+    """How long an experiment with a vehicle should at least, and may at most, take."""
+    return _MINUTES.get(plant.family.name, _MINUTES.get(plant.family.kind, (2.0, 60.0)))
 
-    most: minutes of a design that is not expected to tell them apart.
-    """
-    length = proposal.minutes if np.isfinite(proposal.minutes) else most
+
+def _order(proposal: Proposal) -> tuple[float, float, bool]:
+    return (proposal.minutes, -proposal.evidence, bool(proposal.reason))
+
+
+def write_experiment(proposal: Proposal, plant: Plant, rivals: Sequence[Rival], folder: Path, name: str = FILE) -> Path:
+    """Write a design as a campaign over the rivals, with their vehicle files beside it; the campaign file's path."""
+    length = proposal.minutes if np.isfinite(proposal.minutes) else minutes_of(plant)[1]
     files = [f"{Path(name).stem}_{number + 1}.toml" for number in range(len(rivals))]
     for rival, file in zip(rivals, files, strict=True):
-        save_vehicle(rival.plant, folder / file, {p: "of one explanation of a record" for p in rival.paths})
+        save_vehicle(rival.plant, folder / file, dict.fromkeys(rival.paths, "of one explanation of a record"))
     told = " or ".join(rival.title for rival in rivals)
     text = campaign_text(
-        Path(name).stem, f"{proposal.design.title}, to tell apart {told}", _tables(proposal.design, plant, length), files
+        Path(name).stem,
+        f"{proposal.design.title}, to tell apart {told}",
+        _tables(proposal.design, plant, length),
+        files,
     )
     with replacing(folder / name) as new:
         new.write_text(text, encoding="utf-8")
@@ -149,31 +164,23 @@ def _proposal(
     rivals: Sequence[Rival],
     known: Sequence[Knowledge | None],
     noise: Noise,
+    length: float,
     minutes: tuple[float, float],
     seed: int,
 ) -> Proposal:
-    """What a design promises, simulated at first for a fair time and then once more for what that foretells."""
-    length = float(np.sqrt(minutes[0] * minutes[1]))
-    found = Proposal(design, inf, 0.0, length, ("", ""))
-    for _ in range(2):
-        flown = [_flown(design, plant, rival.plant, length, seed) for rival in rivals]
-        reasons = [f"{rivals[k].title}: {f}" for k, f in enumerate(flown) if isinstance(f, str)]
-        if reasons:
-            return found if np.isfinite(found.minutes) else replace(found, reason=reasons[0])
-        least, pair = inf, ("", "")
-        for i, j in permutations(range(len(rivals)), 2):
-            runs = flown[i]
-            assert not isinstance(runs, str)
-            size = separation(runs, rivals[i].plant, rivals[j].plant, rivals[j].paths, noise, known[j])
+    """What a design promises, by simulations of `length` minutes; what is told of one rival is told of the other."""
+    least, pair, simulated = inf, ("", ""), 0.0
+    for i, rival in enumerate(rivals[:-1]):
+        runs = _flown(design, plant, rival.plant, length, seed)
+        if isinstance(runs, str):
+            return Proposal(design, inf, 0.0, simulated, ("", ""), f"{rival.title}: {runs}")
+        simulated = sum(r.duration_s for r in runs) / 60.0
+        for j in range(i + 1, len(rivals)):
+            size = separation(runs, rival.plant, rivals[j].plant, rivals[j].paths, noise, known[j])
             if size < least:
-                least, pair = size, (rivals[i].title, rivals[j].title)
-        expected = max(length * ENOUGH / least, minutes[0]) if least > 0.0 else inf
-        simulated = sum(r.duration_s for r in flown[0] if isinstance(r, Record)) / 60.0
-        found = Proposal(design, float(np.ceil(expected)) if expected <= minutes[1] else inf, least, simulated, pair)
-        if not np.isfinite(found.minutes) or abs(np.log(found.minutes / length)) < 0.1:
-            break
-        length = found.minutes
-    return found
+                least, pair = size, (rival.title, rivals[j].title)
+    expected = max(length * ENOUGH / least, minutes[0]) if least > 0.0 else inf
+    return Proposal(design, float(np.ceil(expected)) if expected <= minutes[1] else inf, least, simulated, pair)
 
 
 def _flown(design: Design, plant: Plant, truth: Plant, minutes: float, seed: int) -> list[Record] | str:

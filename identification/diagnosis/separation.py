@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import pairwise
 from math import inf
 
 import numpy as np
@@ -143,7 +144,7 @@ def _whitened_parts(problem: Shooting, point: Point, paths: tuple[str, ...], sig
     white = whitened(problem, np.concatenate([(point.residual / sigma)[None], linear.columns]), phi) / innovation
     starts = whitened(problem, linear.starts, phi) / innovation
     edges = np.r_[problem.offsets, problem.runs.rows]
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         basis = np.linalg.qr(_scaled(starts[:, a:b].reshape(len(starts), -1).T))[0]
         block = white[:, a:b].reshape(len(white), -1)
         white[:, a:b] = (block - (block @ basis) @ basis.T).reshape(white[:, a:b].shape)
@@ -162,9 +163,9 @@ def _restarted(problem: Shooting, point: Point, sigma: np.ndarray) -> Point:
         return point
     linear, starts = problem.linearise(point, (), sigma), point.starts.copy()
     edges = np.r_[problem.offsets, problem.runs.rows]
-    for w, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for w, (a, b) in enumerate(pairwise(edges)):
         columns = linear.starts[:, a:b].reshape(len(linear.starts), -1).T
         wanted = np.where(problem.finite[a:b], point.residual[a:b] / sigma, 0.0).ravel()
         starts[w, problem.start_states] += np.linalg.lstsq(columns, wanted, rcond=1e-8)[0]
     moved = problem.point(point.vector, starts)
-    return moved if np.isfinite(moved.cost) else replace(point)
+    return moved if np.isfinite(moved.cost) else point
