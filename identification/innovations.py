@@ -27,9 +27,9 @@ Form = Literal["output error", "innovations"]
 _PASSES = 4  # linearisations, each about the states that the filter of the one before found
 _SETTLED = 0.02  # standard errors: a step of the parameters that is the last
 _FIRST_GUESSES = 10.0 ** np.arange(-8.0, 1.0)  # of the disturbances, over the mean square of a velocity, 1/s
-_SEARCH = 12  # steps towards the best noises, after each linearisation
+_SEARCH = (12, 4)  # steps towards the best noises, after the first linearisation and after each other one
 _NOISE_STEP = 1e-3  # of the logarithms of deviations, for their gradient
-_LIMITS = (np.log(1e-9), np.log(1e6))
+_WIDE = np.log(1e4)  # how far a search may take a noise from where it begins
 _COLOURED = 1e-3  # p value of the whiteness test, over all channels, below which free runs leave colour
 _BETTER = 10.0  # in Akaike's criterion
 
@@ -106,7 +106,7 @@ class InnovationsForm:
             path_, reference = along(self.problem, plant, self.states, starts, reference, paths)
             if number == 0 and form == "innovations":
                 logs = self._seeded(path_, logs)
-            logs = self._best_noise(path_, logs)
+            logs = self._best_noise(path_, logs, _SEARCH[min(number, 1)])
             result = self._filter(path_, logs[None])
             change = result.change[0]
             limits = np.array([spec_at(self.plant, p).bounds for p in paths]).reshape(-1, 2)
@@ -127,8 +127,8 @@ class InnovationsForm:
         form = choose_form(free, disturbed)
         p = min(w.p_value for w in free.whiteness.values())
         words = (
-            f"Free runs leave {'coloured' if p < _COLOURED else 'white'} residuals (least p {p:.2g}); with disturbances "
-            f"Akaike's criterion is {free.aic - disturbed.aic:.3g} lower: {form}."
+            f"Free runs leave {'coloured' if p < _COLOURED else 'white'} residuals (least p {p:.2g}); disturbances "
+            f"lower Akaike's criterion by {free.aic - disturbed.aic:.3g}: {form}."
         )
         return Choice(form, free, disturbed, words)
 
@@ -145,7 +145,7 @@ class InnovationsForm:
         tried = np.array([[*logs, *np.log(sizes * np.sqrt(share))] for share in _FIRST_GUESSES])
         return tried[int(np.argmax(self._filter(path, tried).profile))]
 
-    def _best_noise(self, path: Path, logs: np.ndarray) -> np.ndarray:
+    def _best_noise(self, path: Path, logs: np.ndarray, steps: int) -> np.ndarray:
         """The noises of greatest likelihood, the parameters at their best for each."""
 
         def cost(values: np.ndarray) -> tuple[float, np.ndarray]:
@@ -153,8 +153,9 @@ class InnovationsForm:
             profile = self._filter(path, tried).profile
             return -profile[0], -(profile[1:] - profile[0]) / _NOISE_STEP
 
-        options = {"maxiter": _SEARCH, "ftol": 1e-6}
-        found = minimize(cost, logs, jac=True, method="L-BFGS-B", bounds=[_LIMITS] * logs.size, options=options)
+        bounds = [(value - _WIDE, value + _WIDE) for value in logs]
+        options = {"maxiter": steps, "ftol": 1e-6}
+        found = minimize(cost, logs, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
         return found.x if np.isfinite(found.fun) else logs
 
     def _filter(self, path: Path, logs: np.ndarray) -> Filtered:

@@ -10,16 +10,22 @@ from pathlib import Path
 
 import numpy as np
 
+from auv_gym.channels import truth_of
+from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant, save_vehicle
 from auv_gym.record import Record
 from auv_gym.writing import replacing
-from identification.campaign.perform import perform
+from identification.campaign.perform import status_of
 from identification.campaign.plan import plan
 from identification.campaign.reading import read_campaign
+from identification.campaign.settings import EnvExperiment, RunSettings
+from identification.campaign.staging import make_controller, make_env
 from identification.diagnosis.designs import Design, campaign_text, designs_of
 from identification.diagnosis.separation import Knowledge, Noise, knowledge_of, noise_of, separation
 from identification.diagnosis.verdict import Diagnosis
+from identification.driving import drive
+from identification.missions import fly
 from identification.windows import free_run_windows
 
 ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
@@ -192,17 +198,22 @@ def _flown(design: Design, plant: Plant, truth: Plant, minutes: float, seed: int
             text = campaign_text(design.name, "", _tables(design, plant, minutes), ["vehicle.toml"])
             (folder / "campaign.toml").write_text(text, encoding="utf-8")
             runs = plan(read_campaign(folder / "campaign.toml", seed))
-        except ValueError as error:
-            return str(error)
-        records = []
-        for number, run in enumerate(runs):
-            outcome = perform(run)
-            if outcome.status != "done":
-                return f"{outcome.status}: {outcome.reason}"
-            file = folder / f"{number}.nc"
-            file.write_bytes(outcome.content)
-            records.append(Record.load(file))
-    return records
+            return [_run(run.settings, truth, folder) for run in runs]
+        except (ValueError, Diverged) as error:
+            return " ".join(str(error).split())
+
+
+def _run(settings: RunSettings, truth: Plant, folder: Path) -> Record:
+    """The record of one run of a campaign, with the true states; raises where it was cut short."""
+    experiment = settings.experiment
+    if not isinstance(experiment, EnvExperiment):
+        return fly(truth, np.random.default_rng(settings.seed), **getattr(experiment, "settings", {}))
+    env = make_env(settings, folder)
+    controller = make_controller(settings, env, folder)
+    run = drive(env, controller, seed=settings.seed, targets=experiment.steps, start=experiment.start)
+    if status_of(run.reason) != "done":
+        raise ValueError(f"the run was cut short: {run.reason}")
+    return run.record.with_channels({truth_of(name): run.truth[name] for name in run.truth.names})
 
 
 def _tables(design: Design, plant: Plant, minutes: float) -> dict:
