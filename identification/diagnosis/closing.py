@@ -20,7 +20,7 @@ from controllers.pid import float_depth_pid, heading_pid
 from identification.diagnosis.verdict import Diagnosis, quantity
 from identification.missions import fly
 
-MOST_SAMPLES = 5000  # of a log that are run again; the rest would only take time
+MOST_SAMPLES = 4000  # of a log that are run again; the rest would only take time
 
 
 @dataclass(frozen=True)

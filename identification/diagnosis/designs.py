@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -69,7 +70,7 @@ def campaign_text(name: str, description: str, tables: Tables, vehicles: Sequenc
 
 def _table(name: str, content: Mapping[str, Any], many: bool = False) -> list[str]:
     head = f"[[{name}]]" if many else f"[{name}]"
-    return ["", head, *(f"{_value(key)} = {_value(value)}" for key, value in content.items())]
+    return ["", head, *(f"{_key(key)} = {_value(value)}" for key, value in content.items())]
 
 
 @lru_cache(maxsize=4)
@@ -79,10 +80,16 @@ def _cruise(plant: Plant) -> Cruise:
 
 def _value(value: Any) -> str:
     if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_value(key)} = {_value(inner)}" for key, inner in value.items()) + " }"
+        return "{ " + ", ".join(f"{_key(key)} = {_value(inner)}" for key, inner in value.items()) + " }"
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
+    if isinstance(value, float):
+        return repr(float(f"{value:.10g}"))
     return json.dumps(value, ensure_ascii=False)
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[\w-]+", name, re.ASCII) else json.dumps(name)
 
 
 def _mission(**settings: Any) -> Tables:

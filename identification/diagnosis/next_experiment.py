@@ -32,7 +32,7 @@ ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
 FILE = "next_experiment.toml"
 # the least and the most by family or kind; others: 2 to 60
 _MINUTES = {"float_oil": (600.0, 40000.0), "float_piston": (5.0, 240.0), "torpedo": (1.0, 30.0)}
-_FIRST = 3.0  # of the least minutes: how long the first simulations are
+_FIRST = 2.0  # of the least minutes: how long the first simulations are
 _REFINED = 2  # designs that are simulated once more, for as long as they are expected to take
 
 
@@ -133,7 +133,7 @@ def minutes_of(plant: Plant) -> tuple[float, float]:
 
 
 def _order(proposal: Proposal) -> tuple[float, float, bool]:
-    return (proposal.minutes, -proposal.evidence, bool(proposal.reason))
+    return (proposal.minutes, -proposal.evidence / max(proposal.simulated, 1e-9), bool(proposal.reason))
 
 
 def write_experiment(proposal: Proposal, plant: Plant, rivals: Sequence[Rival], folder: Path, name: str = FILE) -> Path:

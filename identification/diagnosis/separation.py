@@ -17,7 +17,7 @@ from auv_gym.record import Record
 from identification.shooting import Point, Shooting, colour, whitened
 from identification.windows import free_run_windows
 
-_REFITS = 4  # steps of Gauss and Newton; the rivals start close to each other's data
+_REFITS = 3  # steps of Gauss and Newton; the rivals start close to each other's data
 _WORTH = 0.01  # of the evidence that is left: a step that gains less is the last
 
 

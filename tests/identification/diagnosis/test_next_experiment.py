@@ -4,14 +4,23 @@ import numpy as np
 import pytest
 
 from auv_gym.cli import main
-from auv_gym.param import replace_at, spec_at
+from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from controllers.pid import heading_pid
 from identification.campaign.plan import plan
 from identification.campaign.reading import read_campaign
 from identification.campaign.staging import check_run
+from identification.diagnosis import diagnose
 from identification.diagnosis.designs import designs_of
-from identification.diagnosis.next_experiment import ENOUGH, Proposal, Rival, next_experiment, words, write_experiment
+from identification.diagnosis.next_experiment import (
+    ENOUGH,
+    Proposal,
+    Rival,
+    next_experiment,
+    rivals_of,
+    words,
+    write_experiment,
+)
 from identification.diagnosis.separation import Noise, separation
 from identification.experiment import closed_loop
 from identification.shooting import Shooting
@@ -58,6 +67,28 @@ def test_another_speed_tells_a_rudder_offset_from_a_yaw_moment(tie):
     assert best[0].minutes <= 10.0
     assert best[-1].evidence < best[0].evidence
     assert f"{best[0].minutes:.0f} minutes" in words(best)
+
+
+def test_the_rivals_are_what_a_diagnosis_ties(tie):
+    plant, record, _ = tie
+    ((one, other),) = rivals_of(diagnose(record, plant))
+    assert {one.paths[-1], other.paths[-1]} == {OFFSET, MOMENT}
+    for rival in (one, other):
+        assert abs(value_at(rival.plant, rival.paths[-1])) > spec_at(plant, rival.paths[-1]).probe
+
+
+@pytest.mark.slow
+def test_the_command_writes_the_campaign_and_says_how_long(tie, tmp_path, capsys):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    _, record, _ = tie
+    record.save(tmp_path / "log.nc")
+    out = tmp_path / "out"
+    command = ["diagnose", str(tmp_path / "log.nc"), "--vehicle", "ganeshblue", "--out", str(out), "--next-experiment"]
+    assert main(command) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "To tell them apart, run" in said
+    assert "minutes are expected to do" in said
+    assert len(plan(read_campaign(out / "next_experiment.toml"))) >= 2
 
 
 def test_what_acts_alike_everywhere_cannot_be_told_apart():
