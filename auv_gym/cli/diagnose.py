@@ -11,6 +11,7 @@ from rich.table import Table
 from auv_gym.cli import logs
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar, table
+from auv_gym.cli.next_experiment import propose, tell
 
 if TYPE_CHECKING:
     from auv_gym.record import Record
@@ -36,6 +37,9 @@ def diagnose(
         ),
     ] = None,
     cut_gaps: logs.CutGaps = False,
+    next_experiment: Annotated[
+        bool, typer.Option("--next-experiment", help="For a tie, write the campaign that would tell its effects apart.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Kept with the result; the diagnosis itself draws nothing.")] = 0,
     cache_dir: Annotated[
         Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
@@ -74,6 +78,7 @@ def diagnose(
         )
         progress(0.9, "writing the report")
         written = write_diagnosis(diagnosis, out)
+        planned = propose(diagnosis, out, lambda fraction, text: progress(0.9, text)) if next_experiment else []
         progress(1.0, "done")
     output.print()
     output.print(diagnosis.summary(), markup=False)
@@ -81,7 +86,9 @@ def diagnose(
     output.print(_error_table(diagnosis))
     if diagnosis.effects:
         output.print(_effect_table(diagnosis))
-    for path in written.values():
+    if next_experiment:
+        tell(planned)
+    for path in (*written.values(), *(plan.file for plan in planned)):
         output.print(str(path), markup=False, soft_wrap=True)
 
 

@@ -1,0 +1,196 @@
+"""The closed loop before and after a diagnosis: what the vehicle's own set points make of each of its models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from auv_gym.channels import channel, set_point_of, wrap
+from auv_gym.cruise import command_limits
+from auv_gym.model import outputs_of
+from auv_gym.plant import Plant
+from auv_gym.record import Record
+from controllers.autopilots import TARGETS, autopilot
+from controllers.controller import Controller
+from controllers.pid import float_depth_pid, heading_pid
+from identification.diagnosis.verdict import Diagnosis, quantity
+from identification.missions import fly
+
+MOST_SAMPLES = 4000  # of a log that are run again; the rest would only take time
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """How a model's run under the log's own set points agrees with the log, in one channel.
+
+    logged: rms of the log's tracking error.  tracking: rms of the model's, as given, before and after.  given, before,
+    after: rms of the difference of the two.  NaN where nothing could be run; `words` then say why.
+    """
+
+    channel: str
+    unit: str
+    logged: float
+    given: float
+    before: float
+    after: float
+    tracking: Mapping[str, float]
+    words: str
+
+
+def closed_loop(diagnosis: Diagnosis) -> tuple[ClosedLoop, ...]:
+    """The closed loop with each model of a diagnosis, for each channel that has set points in the log.
+
+    The vehicle's autopilot steers the model by the log's set points.  What the logged commands have beside those of
+    this autopilot at the logged readings, such as an excitation or another controller's habits, is added to its
+    commands: a model that is right then repeats the log, whatever steered the vehicle.
+    """
+    plant, record = diagnosis.given.plant, diagnosis.record
+    targets = targets_of(plant, record)
+    stages = {"given": diagnosis.given.plant, "before": diagnosis.before.plant, "after": diagnosis.after.plant}
+    reason = "" if targets else f"The log has no set points ({', '.join(map(set_point_of, _targets(plant)))})."
+    controller = None
+    if not reason:
+        try:
+            controller = controller_of(plant, targets)
+        except ValueError as error:
+            reason = f"No autopilot is known for {plant.name}: {error}"
+    if controller is None:
+        first = _targets(plant)[0] if _targets(plant) else plant.outputs[0]
+        nothing = dict.fromkeys(stages, np.nan)
+        return (ClosedLoop(first, channel(first).unit, np.nan, np.nan, np.nan, np.nan, nothing, reason),)
+    record = _beginning(record)
+    runs = {name: steered(model, controller, record, targets) for name, model in stages.items()}
+    return tuple(_judged(name, record, {stage: run[name] for stage, run in runs.items()}) for name in targets)
+
+
+def closed_loop_error(
+    true_like: Plant, believed: Plant, rng: np.random.Generator, **settings: Any
+) -> dict[str, dict[str, float]]:
+    """By channel, how a believed model's closed loop differs from that of one that is like the truth.
+
+    Both are steered through the vehicle's standard mission (settings: its own).  logged, model: rms tracking errors;
+    difference: rms of their difference.
+    """
+    record = _beginning(fly(true_like, rng, **settings))
+    targets = targets_of(believed, record)
+    if not targets:
+        raise ValueError(
+            f"The standard mission of {believed.name} follows no set points: the closed loop needs a vehicle with a "
+            "rudder, planes or a piston."
+        )
+    run = steered(believed, controller_of(believed, targets), record, targets)
+    found = {}
+    for name in targets:
+        logged, model = _errors(name, record, record[name]), _errors(name, record, run[name])
+        found[name] = {"logged": _rms(logged), "model": _rms(model), "difference": _rms(_apart(name, model, logged))}
+    return found
+
+
+def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
+    """The channels that the vehicle can be steered in and that the log has readings of and set points for."""
+    return tuple(
+        name
+        for name in _targets(plant)
+        if record.has(name) and record.has(set_point_of(name)) and np.isfinite(record[set_point_of(name)]).any()
+    )
+
+
+def controller_of(plant: Plant, targets: tuple[str, ...]) -> Controller:
+    """The vehicle's controller for these channels; raises ValueError where there is none."""
+    if plant.family.kind == "glider":
+        return heading_pid(plant)
+    if plant.family.kind == "float":
+        return float_depth_pid(plant)
+    return autopilot(plant, targets=targets)
+
+
+def steered(model: Plant, controller: Controller, record: Record, targets: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """A model's outputs in the targets' channels, (n,) each, under the log's set points; infinite once it diverged."""
+    wanted = {name: record[set_point_of(name)] for name in targets}
+    names = [name for name in model.outputs if record.has(name)]
+    logged = {name: record[name] for name in names}
+    inputs = np.array(
+        [record[n] if record.has(n) else np.full(len(record), model.constants[n]) for n in model.inputs]
+    ).T
+    limits, time, told = _limits(model), record.time, outputs_of(model, record)
+    found = np.full((len(record), len(targets)), inf)
+    at = [model.outputs.index(name) for name in targets]
+    for segment in record.segments:
+        x, (own, its) = model.initial(told[segment.start]), (controller.start(), controller.start())
+        for k in range(segment.start, segment.stop):
+            outputs = model.output(x)
+            found[k] = outputs[at]
+            if not np.isfinite(outputs).all():
+                found[k : segment.stop] = inf
+                break
+            goal = {name: float(values[k]) for name, values in wanted.items() if np.isfinite(values[k])}
+            step = float(time[k] - time[k - 1]) if k > segment.start else model.dt
+            reading = dict(zip(model.outputs, outputs.tolist(), strict=True)) | {"dt_s": step}
+            seen = reading | {name: float(values[k]) for name, values in logged.items() if np.isfinite(values[k])}
+            command, own = controller.act(own, reading, goal)
+            at_log, its = controller.act(its, seen, goal)
+            u = inputs[k].copy()
+            for index, name in enumerate(model.inputs):
+                if name in command and name in limits:
+                    extra = u[index] - np.clip(at_log[name], *limits[name])
+                    u[index] = np.clip(np.clip(command[name], *limits[name]) + extra, *limits[name])
+            if k + 1 < segment.stop:
+                x = model.step_over(x, u, float(time[k + 1] - time[k]))
+    return {name: found[:, column] for column, name in enumerate(targets)}
+
+
+def _targets(plant: Plant) -> tuple[str, ...]:
+    if plant.family.kind == "float" and "piston_m" not in plant.family.required:
+        return ()
+    return TARGETS[plant.family.kind]
+
+
+def _limits(plant: Plant) -> dict[str, tuple[float, float]]:
+    """The lowest and the highest of each command."""
+    if plant.family.kind == "glider":
+        return {"rudder_rad": (-plant.hull.rudder_limit, plant.hull.rudder_limit)}
+    if plant.family.kind == "float":
+        return {"piston_m": (plant.hull.piston_low, plant.hull.piston_high)}
+    largest = command_limits(plant)
+    found = {name: (-float(largest[i]), float(largest[i])) for i, name in enumerate(plant.inputs)}
+    return found | {plant.inputs[3]: (0.0, float(largest[3]))}
+
+
+def _beginning(record: Record) -> Record:
+    """The first samples of a long record."""
+    return record if len(record) <= MOST_SAMPLES else record.select(np.arange(len(record)) < MOST_SAMPLES)
+
+
+def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray]) -> ClosedLoop:
+    logged = _errors(name, record, record[name])
+    errors = {stage: _errors(name, record, run) for stage, run in runs.items()}
+    apart = {stage: inf if np.isinf(runs[stage]).any() else _rms(_apart(name, errors[stage], logged)) for stage in runs}
+    unit = channel(name).unit
+    said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
+    words = (
+        f"In closed loop {channel(name).label} kept its set point to {quantity(_rms(logged), unit)} in the log; the "
+        f"model's run differs from that by {said['before']} before and {said['after']} after."
+    )
+    tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}
+    return ClosedLoop(name, unit, _rms(logged), apart["given"], apart["before"], apart["after"], tracking, words)
+
+
+def _errors(name: str, record: Record, values: np.ndarray) -> np.ndarray:
+    error = values - record[set_point_of(name)]
+    with np.errstate(invalid="ignore"):
+        return wrap(error) if channel(name).angle else error
+
+
+def _apart(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore"):
+        return wrap(one - other) if channel(name).angle else one - other
+
+
+def _rms(values: np.ndarray) -> float:
+    """Root mean square of what was measured while there was a set point."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

@@ -1,0 +1,55 @@
+"""The closed loop before and after: better with the right model, and said plainly where nothing can be run."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from identification.diagnosis.closing import closed_loop, closed_loop_error
+from identification.missions import fly
+
+CASES = [
+    ("slocum", {"effects.yaw.moment": 0.02}, {"duration": 300.0}, ("heading_rad",)),
+    ("qiandao_float", {"effects.volume.compressibility": 4e-7}, {"duration": 400.0}, ("depth_m",)),
+    ("remus100", {"effects.rudder.offset": 0.08}, {"duration": 40.0}, ("depth_m", "heading_rad", "u_mps")),
+]
+
+
+def told(record, given, after):
+    """What the closed loop needs of a diagnosis."""
+    stages = {name: SimpleNamespace(plant=plant) for name, plant in (("given", given), ("before", given))}
+    return SimpleNamespace(record=record, after=SimpleNamespace(plant=after), **stages)
+
+
+@pytest.mark.parametrize("vehicle, effects, settings, channels", CASES, ids=[case[0] for case in CASES])
+def test_the_corrected_vehicle_repeats_the_logged_loop(vehicle, effects, settings, channels):
+    given = load_vehicle(vehicle)
+    truth = replace_at(given, effects)
+    record = fly(truth, np.random.default_rng(0), **settings)
+    found = closed_loop(told(record, given, truth))
+    assert tuple(loop.channel for loop in found) == channels
+    loop = next(loop for loop in found if loop.channel in ("heading_rad", "depth_m") and loop.before > 1.2 * loop.after)
+    assert loop.after < 0.1 * loop.logged
+    assert loop.tracking["after"] == pytest.approx(loop.logged, rel=0.1)
+    assert "before" in loop.words
+
+
+def test_a_believed_model_that_is_wrong_differs_from_the_truth():
+    given = load_vehicle("slocum")
+    truth = replace_at(given, "effects.yaw.moment", 0.02)
+    right = closed_loop_error(truth, truth, np.random.default_rng(1), duration=200.0)["heading_rad"]
+    wrong = closed_loop_error(truth, given, np.random.default_rng(1), duration=200.0)["heading_rad"]
+    assert wrong["difference"] > 2.0 * right["difference"]
+    assert wrong["logged"] == right["logged"]
+
+
+def test_a_log_without_set_points_gives_a_reason():
+    given = load_vehicle("slocum")
+    record = fly(given, np.random.default_rng(0), duration=60.0).without(["heading_cmd_rad"])
+    (loop,) = closed_loop(told(record, given, given))
+    assert np.isnan(loop.after)
+    assert "no set points (heading_cmd_rad)" in loop.words
+    with pytest.raises(ValueError, match="follows no set points"):
+        closed_loop_error(load_vehicle("mermaid"), load_vehicle("mermaid"), np.random.default_rng(0))
