@@ -65,9 +65,10 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
     runs are compared with those of the record as declared, in half of the windows and again in the other half.
     settle: s at the windows' starts that are left out, for logs that begin in the middle of a manoeuvre.
     """
-    fitted, judged = (_excited(record, plant, part, settle) for part in (windows[0::2], windows[1::2]))
-    if fitted is None or judged is None:
+    masks = [_excited(record, plant, part, settle) for part in (windows[0::2], windows[1::2])]
+    if not all(mask.any() for mask in masks):
         return ()
+    fitted, judged = (record.select(mask) for mask in masks)
     paths = _free(plant)
     declared = _match(fitted, plant, paths)
     if all(e <= POOR for e in declared.errors.values()):
@@ -75,9 +76,9 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
     before = _match(judged, declared.plant)
     suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, declared)]
     found = []
-    for slip in _ranked(suspects, fitted, plant):
-        here = _match(undone(fitted, slip, plant), plant, paths)
-        there = _match(undone(judged, slip, plant), here.plant)
+    for slip, changed in _ranked(suspects, record, masks[0], plant):
+        here = _match(changed.select(masks[0]), plant, paths)
+        there = _match(changed.select(masks[1]), here.plant)
         gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
         if gain >= GAIN and max(here.total, there.total) <= LEFT:
             found.append((there.total, gain, slip))
@@ -110,22 +111,22 @@ def _free(plant: Plant) -> tuple[str, ...]:
     return tuple(p for p in plant.family.coefficients if value_at(plant, p) != 0.0)
 
 
-def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> Record | None:
-    """The record of those pieces of the windows in which the inputs move most, each a segment; None without any."""
+def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:
+    """Which samples are in those pieces of the windows in which the inputs move most, as a mask; pieces never touch."""
     pieces = []
     for w in windows:
         start = int(np.searchsorted(record.time[w], record.time[w.start] + settle)) + w.start
         # one sample is left out, so that neighbours stay apart
         pieces += [slice(a, b - 1) for a, b in pairwise([*range(start, w.stop, ROWS), w.stop]) if b - a > 8]
     names = [name for name in plant.family.required if record.has(name)]
+    mask = np.zeros(len(record), dtype=bool)
     if not pieces or not names:
-        return None
+        return mask
     moves = np.stack([[np.std(record[name][p]) for name in names] for p in pieces])
     order = np.argsort(-np.sum(moves / np.maximum(moves.max(axis=0), 1e-12), axis=1), kind="stable")
-    mask = np.zeros(len(record), dtype=bool)
     for k in order[:PIECES]:
         mask[pieces[k]] = True
-    return record.select(mask)
+    return mask
 
 
 def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: int = 4) -> Match:
@@ -213,15 +214,19 @@ def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
     return all(poor) if slip.exchanged else any(poor)
 
 
-def _ranked(suspects: Sequence[Slip], record: Record, plant: Plant) -> list[Slip]:
-    """The most promising slips; where there are many, by runs from measured starts with the coefficients as given."""
+def _ranked(suspects: Sequence[Slip], record: Record, mask: np.ndarray, plant: Plant) -> list[tuple[Slip, Record]]:
+    """The most promising slips and the record without them, by runs with the coefficients as given.
+
+    These start from what is measured, and from fitted states where there are some that nobody knows.
+    """
     scores = []
     for number, slip in enumerate(suspects):
         changed = undone(record, slip, plant)
-        if _possible(changed):
-            here = _match(changed, plant, iterations=3) if plant.family.shared else _glance(changed, plant)
-            scores.append((here.total, number, slip))
-    return [slip for *_, slip in sorted(scores, key=lambda item: item[:2])[:SHORTLIST]]
+        part = changed.select(mask)
+        if _possible(part):
+            here = _match(part, plant, iterations=3) if plant.family.shared else _glance(part, plant)
+            scores.append((here.total, number, slip, changed))
+    return [(slip, changed) for *_, slip, changed in sorted(scores, key=lambda item: item[:2])[:SHORTLIST]]
 
 
 def _glance(record: Record, plant: Plant) -> Match:
@@ -245,13 +250,17 @@ def _glance(record: Record, plant: Plant) -> Match:
 
 
 def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
-    """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad."""
+    """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad.
+
+    Infinite where a sensor's signals hardly move, so that nothing can be said.
+    """
     whole = before.total / max(after.total, FLOOR)
     if slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs):
         return whole
     own = [n for n in slip.channels if n in before.errors and n in after.errors]
-    worst = max((before.errors[n] for n in own), default=0.0)
-    left = max((after.errors[n] for n in own), default=np.inf)
-    if worst < BAD or left > BAD or after.total > before.total:
+    if after.total > before.total + FLOOR:
         return whole
-    return max(whole, worst / max(left, FLOOR))
+    if not own:
+        return np.inf
+    worst, left = (max(match.errors[n] for n in own) for match in (before, after))
+    return whole if worst < BAD or left > BAD else max(whole, worst / max(left, FLOOR))
