@@ -63,7 +63,7 @@ class Motion:
 
     def slope(self, values: np.ndarray) -> np.ndarray:
         """Rate of change at the samples by central differences over about `SPAN`, short ones at the ends."""
-        time, reach = self.record.time, max(int(round(0.5 * SPAN / self.record.sample_interval)), 1)
+        time, reach = self.record.time, max(round(0.5 * SPAN / self.record.sample_interval), 1)
         rows = np.arange(len(values))
         before, after = np.maximum(rows - reach, 0), np.minimum(rows + reach, len(values) - 1)
         return (values[after] - values[before]) / (time[after] - time[before])

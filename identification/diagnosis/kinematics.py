@@ -17,6 +17,7 @@ BLOCK = 20.0  # s, over which signals are integrated; each block has a constant 
 LEAST = 12  # samples of a block
 FEWEST = 4  # blocks that an interval takes
 SUPPORTED = 16.0  # evidence from which kinematics speaks of an effect: 4 standard errors
+NEARLY = 0.8  # share of the most evidence that makes another effect a rival
 TIED = 9.0  # difference in evidence below which two effects are not told apart
 CLEARED = 3.0  # probes within which the interval of a sensor that is cleared lies
 MOST = 6
@@ -94,12 +95,17 @@ def kinematics_of(record: Record, plant: Plant) -> Kinematics:
     ties: list[list[int]] = []
     gains: list[float] = []
     for _ in range(MOST):
+        least = [0.5 * spec_at(plant, path).probe for path in system.paths]
         rest = [k for k in range(len(system.paths)) if k not in chosen]
+        rest = [k for k in rest if abs(_estimate(system, [*chosen, k], k)[0]) > least[k]]
         evidence = {k: _evidence(system, chosen, k) for k in rest}
-        best = max(rest, key=lambda k: evidence[k], default=None)
-        if best is None or evidence[best] < SUPPORTED:
+        top = max(evidence.values(), default=0.0)
+        if top < SUPPORTED:
             break
-        ties.append([k for k in rest if k != best and evidence[k] > max(evidence[best] - TIED, SUPPORTED)])
+        # among those that do nearly as much the likelihood decides: it sees the equations that weigh little
+        loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * top}
+        best = min(loss, key=lambda k: loss[k])
+        ties.append([k for k in loss if k != best and loss[k] < loss[best] + TIED])
         gains.append(evidence[best])
         chosen.append(best)
     mismatches = [
@@ -158,10 +164,8 @@ def _system(record: Record, plant: Plant) -> _System | None:
 
 
 def _blocks(record: Record) -> list[slice]:
-    samples = max(int(round(BLOCK / record.sample_interval)), LEAST)
-    return [
-        slice(a, a + samples) for s in record.segments for a in range(s.start, s.stop - samples + 1, samples)
-    ]
+    samples = max(round(BLOCK / record.sample_interval), LEAST)
+    return [slice(a, a + samples) for s in record.segments for a in range(s.start, s.stop - samples + 1, samples)]
 
 
 def _whitened(found: list[tuple[Equation, slice]], paths: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -208,6 +212,12 @@ def _residual(system: _System, chosen: Sequence[int]) -> np.ndarray:
     return system.y - x @ np.linalg.lstsq(x, system.y, rcond=1e-9)[0]
 
 
+def _loss(system: _System, chosen: Sequence[int]) -> float:
+    """Minus twice the log-likelihood of the chosen effects, up to a constant."""
+    rest = _residual(system, chosen)
+    return len(rest) * float(np.log(max(float(rest @ rest), 1e-300)))
+
+
 def _estimate(system: _System, chosen: Sequence[int], k: int) -> tuple[float, float]:
     """The value of an effect beside the chosen ones, and half its 95 % interval, from the scatter of the blocks."""
     x = system.x[:, list(chosen)]
@@ -227,8 +237,7 @@ def _estimate(system: _System, chosen: Sequence[int], k: int) -> tuple[float, fl
 
 def _evidence(system: _System, chosen: Sequence[int], k: int) -> float:
     """Twice the gain in log-likelihood by one more effect, no more than its scatter over the blocks bears out."""
-    before, after = (float(np.sum(_residual(system, part) ** 2)) for part in (chosen, [*chosen, k]))
+    gain = _loss(system, chosen) - _loss(system, [*chosen, k])
     value, half = _estimate(system, [*chosen, k], k)
     error = half / stats.t.ppf(0.975, max(int(system.block.max()), 1))
-    gain = len(system.y) * np.log(before / after) if after > 0.0 else np.inf
     return float(min(gain, (value / error) ** 2 if error > 0.0 else 0.0))

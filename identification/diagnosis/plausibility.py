@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -21,7 +22,7 @@ GAIN = 4.0  # factor in squared error by which a slip must beat the record as de
 LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
 POOR = 0.1  # error from which a run is poor: squared, over the signal's variance in a window
 BAD = 0.5  # error from which a sensor may have slipped by itself
-FOREIGN = 0.3  # mean error from which a log is of another vehicle
+FOREIGN = 0.55  # mean error from which a log is of another vehicle
 FLOOR = 0.01  # mean error below which there is nothing to gain
 FACTOR = 3.0  # by which a coefficient may differ from its given value
 ROWS, PIECES, SHORTLIST = 80, 4, 3
@@ -61,8 +62,8 @@ class Match:
 def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: float = 0.0) -> tuple[Doubt, ...]:
     """What is wrong with the log itself, if anything; empty for a log that a vehicle of this kind can have made.
 
-    Each slip is undone in turn, starts and coefficients are fitted, these within `FACTOR` and with their signs, and free
-    runs are compared with those of the record as declared, in half of the windows and again in the other half.
+    Each slip is undone in turn, starts and coefficients are fitted, these within `FACTOR` and with their signs, and
+    free runs are compared with those of the record as declared, in half of the windows and again in the other half.
     settle: s at the windows' starts that are left out, for logs that begin in the middle of a manoeuvre.
     """
     masks = [_excited(record, plant, part, settle) for part in (windows[0::2], windows[1::2])]
@@ -136,10 +137,8 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
     problem = Shooting(plant, record, record.segments)
     found, point = plant, problem.point(plant.vector, problem.first_guess)
     if np.isfinite(point.cost):
-        try:
+        with suppress(np.linalg.LinAlgError):  # a run on the brink of diverging has slopes that are no numbers
             found, point = _fitted(problem, plant, paths, iterations)
-        except np.linalg.LinAlgError:  # a run on the brink of diverging has slopes that are no numbers
-            pass
     errors, known = {}, np.isfinite(point.cost)
     for c, name in enumerate(problem.channels):
         if problem.counts[c] == 0:

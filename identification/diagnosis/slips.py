@@ -68,7 +68,7 @@ class Slip:
 def slips_of(record: Record, plant: Plant) -> tuple[Slip, ...]:
     """The slips that can have happened to a record of this plant, in the channels that the plant runs on."""
     used = {name for name in (*plant.inputs, *plant.outputs, "depth_m", "pitch_rad") if record.has(name)}
-    return tuple([*_signs(used, plant), *_units(used), *_exchanges(used), *_clocks()])
+    return (*_signs(used, plant), *_units(used), *_exchanges(used), *_clocks())
 
 
 def undone(record: Record, slip: Slip, plant: Plant) -> Record:
