@@ -95,9 +95,8 @@ def kinematics_of(record: Record, plant: Plant) -> Kinematics:
     ties: list[list[int]] = []
     gains: list[float] = []
     for _ in range(MOST):
-        least = [0.5 * spec_at(plant, path).probe for path in system.paths]
         rest = [k for k in range(len(system.paths)) if k not in chosen]
-        rest = [k for k in rest if abs(_estimate(system, [*chosen, k], k)[0]) > least[k]]
+        rest = [k for k in rest if _sensible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
         evidence = {k: _evidence(system, chosen, k) for k in rest}
         top = max(evidence.values(), default=0.0)
         if top < SUPPORTED:
@@ -121,6 +120,12 @@ def kinematics_of(record: Record, plant: Plant) -> Kinematics:
             clears.append(Clear(system.paths[k], value, (value - half, value + half)))
     order = sorted(mismatches, key=lambda m: -m.evidence)
     return Kinematics(tuple(order), tuple(clears), system.titles)
+
+
+def _sensible(plant: Plant, path: str, value: float) -> bool:
+    """Whether a value is worth telling, and one that the effect can have."""
+    spec = spec_at(plant, path)
+    return abs(value) > 0.5 * spec.probe and spec.bounds[0] <= value <= spec.bounds[1]
 
 
 def _mismatch(system: _System, plant: Plant, chosen: list[int], k: int, tied: Sequence[int], gain: float) -> Mismatch:

@@ -17,6 +17,7 @@ from auv_gym.record import Record
 from identification.diagnosis.residual import noise_floor
 from identification.diagnosis.slips import Slip, slips_of, undone
 from identification.shooting import RATES, Shooting
+from identification.windows import held_out
 
 GAIN = 4.0  # factor in squared error by which a slip must beat the record as declared
 LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
@@ -66,7 +67,8 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
     free runs are compared with those of the record as declared, in half of the windows and again in the other half.
     settle: s at the windows' starts that are left out, for logs that begin in the middle of a manoeuvre.
     """
-    masks = [_excited(record, plant, part, settle) for part in (windows[0::2], windows[1::2])]
+    windows = windows or record.windows(plant.window)  # none is under water in a log whose depth is upside down
+    masks = [_excited(record, plant, part, settle) for part in held_out(plant, record, windows)]
     if not all(mask.any() for mask in masks):
         return ()
     fitted, judged = (record.select(mask) for mask in masks)
@@ -114,13 +116,18 @@ def _free(plant: Plant) -> tuple[str, ...]:
 
 def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:
     """Which samples are in those pieces of the windows in which the inputs move most, as a mask; pieces never touch."""
-    pieces = []
+    mask, pieces = np.zeros(len(record), dtype=bool), []
+    if plant.family.shared:  # whole dives: each has an unknown of its own, which pieces of it would not share
+        for s in record.segments:
+            inside = [w for w in windows if s.start <= w.start < s.stop]
+            if inside:
+                mask[inside[0].start : inside[-1].stop] = True
+        return mask
     for w in windows:
         start = int(np.searchsorted(record.time[w], record.time[w.start] + settle)) + w.start
         # one sample is left out, so that neighbours stay apart
         pieces += [slice(a, b - 1) for a, b in pairwise([*range(start, w.stop, ROWS), w.stop]) if b - a > 8]
     names = [name for name in plant.family.required if record.has(name)]
-    mask = np.zeros(len(record), dtype=bool)
     if not pieces or not names:
         return mask
     moves = np.stack([[np.std(record[name][p]) for name in names] for p in pieces])
@@ -137,7 +144,10 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
     problem = Shooting(plant, record, record.segments)
     found, point = plant, problem.point(plant.vector, problem.first_guess)
     if np.isfinite(point.cost):
-        with suppress(np.linalg.LinAlgError):  # a run on the brink of diverging has slopes that are no numbers
+        with (
+            suppress(np.linalg.LinAlgError),
+            np.errstate(all="ignore"),
+        ):  # a run on the brink of diverging has slopes that are no numbers
             found, point = _fitted(problem, plant, paths, iterations)
     errors, known = {}, np.isfinite(point.cost)
     for c, name in enumerate(problem.channels):
@@ -251,8 +261,12 @@ def _glance(record: Record, plant: Plant) -> Match:
 def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
     """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad.
 
-    Infinite where a sensor's signals hardly move, so that nothing can be said.
+    Infinite where a sensor's signals hardly move, so that nothing can be said; zero where the slip would only put a
+    signal that hardly moves in the place of one that does.
     """
+    lost = {name for name, error in before.errors.items() if error != _WILD} - after.errors.keys()
+    if lost:
+        return 0.0
     whole = before.total / max(after.total, FLOOR)
     if slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs):
         return whole

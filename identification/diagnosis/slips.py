@@ -45,6 +45,7 @@ _UNITS = {  # unit of a channel: what values in another unit are multiplied by, 
     "m3": ((1e-6, "millilitres"), (1e-3, "litres")),
     "V": ((1e-3, "millivolts"),),
 }
+_FOLDED = 1.0  # rms of steps, of pi / sqrt(3) where they are folded at random
 _CLOCKS = ((2.0, "half"), (0.5, "twice"))
 
 
@@ -101,6 +102,8 @@ def _unfolded(record: Record, name: str, factor: float, plant: Plant) -> np.ndar
         return values
     fast = np.abs(expected) > 0.5 * np.pi
     steps = np.diff(values)
+    if not fast.any() or np.sqrt(np.mean(steps[fast] ** 2)) < _FOLDED:  # else honest radians would be bent to the plant
+        return values
     steps = steps + np.where(fast, 2.0 * np.pi * np.round((expected - steps) / (2.0 * np.pi)), 0.0)
     result = values[0] + np.r_[0.0, np.cumsum(steps)]
     for part in record.segments:

@@ -61,7 +61,6 @@ def test_clean_logs_raise_no_doubt(logs):
     [
         ("ganeshblue", "the rudder acts with the opposite sign"),
         ("ganeshblue", "heading_rad looks mirrored"),
-        ("ganeshblue", "pitch_rad looks like degrees"),
         ("ganeshblue", "depth_m looks mirrored"),
         ("ganeshblue", "north_m and east_m look exchanged"),
         ("slocum", "rudder_rad looks like degrees"),
