@@ -1,0 +1,279 @@
+"""Doubts about the log itself: slips that explain a disagreement better than any change of the vehicle does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.model import outputs_of
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant, Runs
+from auv_gym.record import Record
+from identification.diagnosis.residual import noise_floor
+from identification.diagnosis.slips import Slip, slips_of, undone
+from identification.shooting import RATES, Shooting
+from identification.windows import held_out
+
+GAIN = 4.0  # factor in squared error by which a slip must beat the record as declared
+LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
+POOR = 0.1  # error from which a run is poor: squared, over the signal's variance in a window
+BAD = 0.5  # error from which a sensor may have slipped by itself
+FOREIGN = 0.55  # mean error from which a log is of another vehicle
+FLOOR = 0.01  # mean error below which there is nothing to gain
+FACTOR = 3.0  # by which a coefficient may differ from its given value
+ROWS, PIECES, SHORTLIST = 80, 4, 3
+FASTEST, STEEPEST = 15.0, 0.5 * np.pi + 0.1  # m/s, rad; beyond, a channel is not what it says
+_WILD = 9.0  # error of a run that has left the finite numbers
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason to distrust the log.
+
+    text: what looks wrong.  gain: squared error as declared over that with the slip undone, in windows that fitted
+    nothing.  mend: what to do.  slip: for `undone`; None where no slip mends it.  instead: what would do the same.
+    """
+
+    text: str
+    channels: tuple[str, ...]
+    gain: float
+    mend: str
+    slip: Slip | None = None
+    instead: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """How far free runs of a plant are from a record: by channel, squared error over the signal's variance."""
+
+    plant: Plant
+    errors: dict[str, float]
+
+    @property
+    def total(self) -> float:
+        """The mean over the channels of e/(1 + e), so that one wild channel counts as one."""
+        return float(np.mean([e / (1.0 + e) for e in self.errors.values()])) if self.errors else 0.0
+
+
+def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: float = 0.0) -> tuple[Doubt, ...]:
+    """What is wrong with the log itself, if anything; empty for a log that a vehicle of this kind can have made.
+
+    Each slip is undone in turn, starts and coefficients are fitted, these within `FACTOR` and with their signs, and
+    free runs are compared with those of the record as declared, in half of the windows and again in the other half.
+    settle: s at the windows' starts that are left out, for logs that begin in the middle of a manoeuvre.
+    """
+    windows = windows or record.windows(plant.window)  # none is under water in a log whose depth is upside down
+    masks = [_excited(record, plant, part, settle) for part in held_out(plant, record, windows)]
+    if not all(mask.any() for mask in masks):
+        return ()
+    fitted, judged = (record.select(mask) for mask in masks)
+    paths = _free(plant)
+    declared = _match(fitted, plant, paths)
+    if all(e <= POOR for e in declared.errors.values()):
+        return ()
+    before = _match(judged, declared.plant)
+    suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, declared)]
+    found = []
+    for slip, changed in _ranked(suspects, record, masks[0], plant):
+        here = _match(changed.select(masks[0]), plant, paths)
+        there = _match(changed.select(masks[1]), here.plant)
+        gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
+        if gain >= GAIN and max(here.total, there.total) <= LEFT:
+            found.append((there.total, gain, slip))
+    if found:
+        return (_doubt(sorted(found, key=lambda item: item[0])),)
+    if min(declared.total, before.total) > FOREIGN:
+        return (_foreign(plant, declared, before),)
+    return ()
+
+
+def _doubt(found: list[tuple[float, float, Slip]]) -> Doubt:
+    least, gain, slip = found[0]
+    instead = tuple(other.text for total, _, other in found[1:] if total <= 1.3 * least + 0.3 * FLOOR)
+    return Doubt(slip.text, slip.channels, gain, slip.mend, slip, instead)
+
+
+def _foreign(plant: Plant, *matches: Match) -> Doubt:
+    names = [n for n in matches[0].errors if all(m.errors.get(n, 0.0) > BAD for m in matches)]
+    signals = ", ".join(channel(n).label for n in names) or "its signals"
+    text = (
+        f"this does not look like a log of {plant.name}: {signals} move otherwise, whatever its coefficients within a "
+        f"factor of {FACTOR:g}, and no single slip of sign, unit, column or clock mends it"
+    )
+    mend = "check that log and vehicle belong together; if they do, check signs, units and columns of all channels"
+    return Doubt(text, tuple(names), 1.0, mend)
+
+
+def _free(plant: Plant) -> tuple[str, ...]:
+    """The coefficients that a fit may change by a factor."""
+    return tuple(p for p in plant.family.coefficients if value_at(plant, p) != 0.0)
+
+
+def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:
+    """Which samples are in those pieces of the windows in which the inputs move most, as a mask; pieces never touch."""
+    mask, pieces = np.zeros(len(record), dtype=bool), []
+    if plant.family.shared:  # whole dives: each has an unknown of its own, which pieces of it would not share
+        for s in record.segments:
+            inside = [w for w in windows if s.start <= w.start < s.stop]
+            if inside:
+                mask[inside[0].start : inside[-1].stop] = True
+        return mask
+    for w in windows:
+        start = int(np.searchsorted(record.time[w], record.time[w.start] + settle)) + w.start
+        # one sample is left out, so that neighbours stay apart
+        pieces += [slice(a, b - 1) for a, b in pairwise([*range(start, w.stop, ROWS), w.stop]) if b - a > 8]
+    names = [name for name in plant.family.required if record.has(name)]
+    if not pieces or not names:
+        return mask
+    moves = np.stack([[np.std(record[name][p]) for name in names] for p in pieces])
+    order = np.argsort(-np.sum(moves / np.maximum(moves.max(axis=0), 1e-12), axis=1), kind="stable")
+    for k in order[:PIECES]:
+        mask[pieces[k]] = True
+    return mask
+
+
+def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: int = 4) -> Match:
+    """Free runs over the segments of a record from fitted starts, with coefficients fitted within `FACTOR`."""
+    if not _possible(record):
+        return Match(plant, {name: _WILD for name in (*plant.outputs, "depth_m", "pitch_rad") if record.has(name)})
+    problem = Shooting(plant, record, record.segments)
+    found, point = plant, problem.point(plant.vector, problem.first_guess)
+    if np.isfinite(point.cost):
+        with (
+            suppress(np.linalg.LinAlgError),
+            np.errstate(all="ignore"),
+        ):  # a run on the brink of diverging has slopes that are no numbers
+            found, point = _fitted(problem, plant, paths, iterations)
+    errors, known = {}, np.isfinite(point.cost)
+    for c, name in enumerate(problem.channels):
+        if problem.counts[c] == 0:
+            continue
+        error = float(np.nanmean(point.residual[:, c] ** 2)) if known else np.inf
+        _add(errors, name, problem.measured[:, c], error, problem.window_of_row)
+    if "depth_m" not in plant.outputs:
+        errors |= _sinking(record, problem.window_of_row)
+    return Match(found, errors)
+
+
+def _fitted(problem: Shooting, plant: Plant, paths: Sequence[str], iterations: int):
+    point = problem.solve(plant, paths, max_iterations=iterations)
+    found = problem.plant_at(point, paths)
+    held = {}
+    for path in paths:
+        given, ratio = value_at(plant, path), value_at(found, path) / value_at(plant, path)
+        if not 1.0 / FACTOR <= ratio <= FACTOR:
+            low, high = spec_at(plant, path).bounds
+            held[path] = float(np.clip(given * (FACTOR if ratio > FACTOR else 1.0 / FACTOR), low, high))
+    if held:
+        rest = [p for p in paths if p not in held]
+        point = problem.solve(replace_at(found, held), (), max_iterations=iterations)
+        found = replace_at(problem.plant_at(point, rest), held)
+    return found, point
+
+
+def _add(errors: dict[str, float], name: str, values: np.ndarray, error: float, window: np.ndarray) -> None:
+    """Puts a channel's error in, unless the signal is mostly noise."""
+    keep = np.isfinite(values)
+    counts = np.bincount(window[keep], minlength=window[-1] + 1)
+    means = np.bincount(window[keep], values[keep], minlength=window[-1] + 1) / np.maximum(counts, 1)
+    variance, noise = float(np.mean((values - means[window])[keep] ** 2)), noise_floor(values, window) ** 2
+    if variance > 4.0 * noise and variance > 0.0:
+        excess = max(error - noise, 0.0) / (variance - noise)
+        errors[name] = excess if np.isfinite(excess) else _WILD
+
+
+def _sinking(record: Record, window: np.ndarray) -> dict[str, float]:
+    """The error of depth by speed and pitch, for a plant that does not say it."""
+    if not all(record.has(name) for name in ("depth_m", "pitch_rad", "u_mps")):
+        return {}
+    rate = -record["u_mps"] * np.sin(record["pitch_rad"])
+    if record.has("w_mps"):
+        rate = rate + record["w_mps"] * np.cos(record["pitch_rad"])
+    total = 0.0
+    for part in record.segments:
+        steps = 0.5 * (rate[part][1:] + rate[part][:-1]) * np.diff(record.time[part])
+        rest = record["depth_m"][part] - np.r_[0.0, np.cumsum(steps)]
+        total += float(np.sum((rest - rest.mean()) ** 2))
+    errors: dict[str, float] = {}
+    _add(errors, "depth_m", record["depth_m"], total / len(record), window)
+    return errors
+
+
+def _possible(record: Record) -> bool:
+    """Whether angles, depth and speed are what a vehicle can have."""
+    for name in ("pitch_rad", "rudder_rad", "stern_plane_rad", "bow_plane_rad"):
+        if record.has(name) and np.quantile(np.abs(record[name]), 0.95) > STEEPEST:
+            return False
+    if record.has("roll_rad") and np.quantile(np.abs(record["roll_rad"]), 0.95) > 2.0 * np.pi:
+        return False
+    below = not record.has("depth_m") or float(np.median(record["depth_m"])) > -1.0
+    return below and (not record.has("u_mps") or 0.0 < float(np.median(record["u_mps"])) < FASTEST)
+
+
+def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
+    """Whether a slip can have done what is seen: one of an input or of the clock, or of a sensor that is off."""
+    if slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs):
+        return True
+    poor = [declared.errors.get(name, 0.0) > POOR for name in slip.channels]
+    return all(poor) if slip.exchanged else any(poor)
+
+
+def _ranked(suspects: Sequence[Slip], record: Record, mask: np.ndarray, plant: Plant) -> list[tuple[Slip, Record]]:
+    """The most promising slips and the record without them, by runs with the coefficients as given.
+
+    These start from what is measured, and from fitted states where there are some that nobody knows.
+    """
+    scores = []
+    for number, slip in enumerate(suspects):
+        changed = undone(record, slip, plant)
+        part = changed.select(mask)
+        if _possible(part):
+            here = _match(part, plant, iterations=3) if plant.family.shared else _glance(part, plant)
+            scores.append((here.total, number, slip, changed))
+    return [(slip, changed) for *_, slip, changed in sorted(scores, key=lambda item: item[:2])[:SHORTLIST]]
+
+
+def _glance(record: Record, plant: Plant) -> Match:
+    """A match without any fit: the runs start from what is measured, and their mean error does not count."""
+    measured, names = outputs_of(plant, record), plant.family.states
+    starts = np.zeros((1, len(record.segments), len(names)))
+    for w, part in enumerate(record.segments):
+        starts[0, w] = plant.initial(measured[part.start])[: len(names)]
+        for rate, signal in RATES.items():
+            if rate in names and not record.has(rate) and record.has(signal):
+                head = slice(part.start, part.start + 4)
+                starts[0, w, names.index(rate)] = np.polyfit(record.time[head], record[signal][head], 1)[0]
+    residual = measured - plant.run_many(Runs.over(plant, record, record.segments), plant.vector[None], starts)[0]
+    window, errors = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments]), {}
+    for c, name in enumerate(plant.outputs):
+        if record.has(name) and np.isfinite(measured[:, c]).any():
+            parts = [residual[s, c] for s in record.segments]
+            error = float(np.mean([np.nanvar(e) for e in parts]))
+            _add(errors, name, measured[:, c], error, window)
+    return Match(plant, errors if "depth_m" in plant.outputs else errors | _sinking(record, window))
+
+
+def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
+    """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad.
+
+    Infinite where a sensor's signals hardly move, so that nothing can be said; zero where the slip would only put a
+    signal that hardly moves in the place of one that does.
+    """
+    lost = {name for name, error in before.errors.items() if error != _WILD} - after.errors.keys()
+    if lost:
+        return 0.0
+    whole = before.total / max(after.total, FLOOR)
+    if slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs):
+        return whole
+    own = [n for n in slip.channels if n in before.errors and n in after.errors]
+    if after.total > before.total + FLOOR:
+        return whole
+    if not own:
+        return np.inf
+    worst, left = (max(match.errors[n] for n in own) for match in (before, after))
+    return whole if worst < BAD or left > BAD else max(whole, worst / max(left, FLOOR))

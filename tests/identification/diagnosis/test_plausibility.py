@@ -1,0 +1,148 @@
+"""Doubts about a log: slips are named, honest logs pass."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import load_vehicle
+from auv_gym.record import Record
+from identification.diagnosis.plausibility import FACTOR, GAIN, doubts_of
+from identification.diagnosis.slips import Slip, slips_of, undone
+from identification.missions import fly
+from identification.windows import free_run_windows
+
+DIVES = {"target_depths": [60.0, 20.0, 50.0, 10.0, 40.0, 5.0], "duration": 1500.0}
+
+
+def log_of(plant, seed=1):
+    settings = DIVES if plant.family.name == "float_piston" else {}
+    if plant.family.kind == "torpedo":
+        settings = {"duration": 200.0}
+    return fly(plant, np.random.default_rng(seed), **settings)
+
+
+def doubts(record, plant):
+    seconds = 25.0 if plant.family.kind == "torpedo" else plant.window
+    return doubts_of(record, plant, free_run_windows(plant, record, seconds))
+
+
+def made(record, slip, plant):
+    """The record with a slip in it, read again as if from a file."""
+    undoing = replace(
+        slip,
+        factors=tuple(1.0 / f for f in slip.factors),
+        offset=-slip.offset / slip.factors[0] if slip.factors else 0.0,
+        clock=1.0 / slip.clock,
+    )
+    wrong = undone(record, undoing, plant)
+    segments = wrong.dataset["segment"].values
+    return Record.from_arrays(wrong.time, {name: wrong[name] for name in wrong.names}, segments)
+
+
+def slip_called(record, plant, text) -> Slip:
+    return next(s for s in slips_of(record, plant) if s.text.startswith(text))
+
+
+@pytest.fixture(scope="module")
+def logs():
+    plants = {name: load_vehicle(name) for name in ("ganeshblue", "slocum", "qiandao_float", "mermaid", "vt690")}
+    return {name: (plant, log_of(plant)) for name, plant in plants.items()}
+
+
+def test_clean_logs_raise_no_doubt(logs):
+    for plant, record in logs.values():
+        assert doubts(record, plant) == (), plant.name
+
+
+@pytest.mark.parametrize(
+    "vehicle, text",
+    [
+        ("ganeshblue", "the rudder acts with the opposite sign"),
+        ("ganeshblue", "heading_rad looks mirrored"),
+        ("ganeshblue", "depth_m looks mirrored"),
+        ("ganeshblue", "north_m and east_m look exchanged"),
+        ("slocum", "rudder_rad looks like degrees"),
+        ("slocum", "u_mps looks like knots, not"),
+        ("slocum", "time runs at half the rate"),
+        ("qiandao_float", "piston_m looks mirrored"),
+        ("qiandao_float", "the piston moves the wrong way"),
+        ("qiandao_float", "depth_m looks mirrored"),
+        ("mermaid", "oil_volume_m3 looks mirrored"),
+    ],
+)
+def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
+    plant, record = logs[vehicle]
+    slip = slip_called(record, plant, text)
+    wrong = made(record, slip, plant)
+    (doubt,) = doubts(wrong, plant)
+    assert doubt.text == slip.text
+    assert doubt.gain >= GAIN
+    assert doubt.channels == slip.channels
+    mended = undone(wrong, doubt.slip, plant)
+    for name in slip.channels:
+        assert mended[name] == pytest.approx(record[name], abs=1e-9 * np.ptp(record[name]) + 1e-12)
+    assert doubts(mended, plant) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "text",
+    [
+        "the rudder acts with the opposite sign",
+        "the stern plane acts with the opposite sign",
+        "rudder_rad and stern_plane_rad look exchanged",
+        "roll_rad and pitch_rad look exchanged",
+        "u_mps and v_mps look exchanged",
+        "heading_rad looks like degrees",
+        "q_radps looks mirrored",
+        "depth_m looks ten times too large",
+        "time runs at half the rate",
+        "time runs at twice the rate",
+    ],
+)
+def test_a_slip_in_six_degrees_of_freedom_is_named(logs, text):
+    plant, record = logs["vt690"]
+    slip = slip_called(record, plant, text)
+    (doubt,) = doubts(made(record, slip, plant), plant)
+    assert slip.text in (doubt.text, *doubt.instead)
+
+
+@pytest.mark.parametrize(
+    "vehicle, path, value",
+    [
+        ("ganeshblue", "effects.rudder.gain", 1.6),
+        ("ganeshblue", "effects.rudder.offset", 0.06),
+        ("ganeshblue", "effects.rudder.dead_time", 3.0),
+        ("ganeshblue", "effects.current.east", 0.06),
+        ("slocum", "effects.compass.bias", 0.12),
+        ("slocum", "effects.compass.lag", 3.0),
+        ("qiandao_float", "effects.piston.gain", 1.6),
+        ("qiandao_float", "effects.piston.dead_time", 12.0),
+        ("mermaid", "effects.oil.pump_gain", -0.12),
+        ("mermaid", "effects.water.gradient", 6e-3),
+    ],
+)
+def test_effects_and_wrong_coefficients_are_no_slips(logs, vehicle, path, value):
+    plant, _ = logs[vehicle]
+    wrong = {name: 0.8 * value_at(plant, name) for name in plant.family.coefficients}
+    assert doubts(log_of(replace_at(plant, {**wrong, path: value}), seed=2), plant) == ()
+
+
+def test_a_coefficient_within_its_factor_is_no_slip(logs):
+    plant, _ = logs["ganeshblue"]
+    path = plant.family.coefficients[-1]
+    low, high = spec_at(plant, path).bounds
+    strong = float(np.clip(0.7 * FACTOR * value_at(plant, path), low, high))
+    assert doubts(log_of(replace_at(plant, path, strong)), plant) == ()
+
+
+def test_degrees_taken_as_radians_are_unfolded(logs):
+    plant, record = logs["slocum"]  # turns by more than 180 degrees over 57.3 from sample to sample
+    slip = slip_called(record, plant, "heading_rad looks like degrees")
+    wrong = made(record, slip, plant)
+    assert np.abs(np.diff(np.degrees(record["heading_rad"]))).max() > np.pi
+    error = undone(wrong, slip, plant)["heading_rad"] - record["heading_rad"]
+    assert np.median(np.abs(np.diff(error))) < 1e-9  # a step wrong now and then, by a turn of 2 pi degrees
+    assert np.abs(np.diff(error)).max() < np.radians(4.1 * np.pi)
