@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 ENVIRONMENTS = {"glider": "auv_gym/GliderHeading-v0", "float": "auv_gym/FloatDepth-v0"}
 MEANINGS = {
     "none": "The refitted vehicle agrees with this log as far as the log can tell.",
+    "doubted": "The log itself looks wrong. Nothing is said of the vehicle until that is cleared up.",
     "coefficients": "The refitted vehicle agrees with this log; some coefficients were not what they were given as.",
     "named": "Adding these effects explains most of the disagreement, also in data that took no part in the fit.",
     "tied": "Something is missing, its size is known, but several causes would explain this log equally well.",

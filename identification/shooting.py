@@ -108,6 +108,7 @@ class Shooting:
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
         self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
         self.index, self.doubt = positions(plant), doubt
+        self._bounds: dict[str, tuple[float, float]] = {}
         self.steps = plant.family.differences
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
@@ -121,26 +122,29 @@ class Shooting:
 
     def scale(self, path: str) -> float:
         """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
-        if path in self.scales:
-            return self.scales[path]
-        spec = spec_at(self.plant, path)
-        value = abs(value_at(self.plant, path))
-        return (
-            0.1 * value if path in self.plant.family.coefficients and value > 0.0 else spec.probe or 0.1 * value or 1.0
-        )
+        if path not in self.scales:
+            spec, value = spec_at(self.plant, path), abs(value_at(self.plant, path))
+            own = 0.1 * value if path in self.plant.family.coefficients else 0.0
+            self.scales[path] = own or spec.probe or 0.1 * value or 1.0
+        return self.scales[path]
+
+    def bounds(self, path: str) -> tuple[float, float]:
+        """The least and the most that a parameter may be."""
+        if path not in self._bounds:
+            self._bounds[path] = spec_at(self.plant, path).bounds
+        return self._bounds[path]
 
     def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """How far the paths are from the given plant, in standard deviations of it, and 1 over those, in scales.
 
         Shape (len(paths),) both; 0 where nothing is known of a path beforehand.
         """
-        rates = np.zeros(len(paths))
-        for i, path in enumerate(paths):
-            given = abs(value_at(self.plant, path))
-            if path in self.plant.family.coefficients and given > 0.0:
-                rates[i] = self.scale(path) / (self.doubt * given)
-        moved = [(vector[self.index[p]] - self.plant.vector[self.index[p]]) / self.scale(p) for p in paths]
-        return rates * np.array(moved).reshape(len(paths)), rates
+        values = np.array([vector[self.index[p]] for p in paths]).reshape(len(paths))
+        given = np.array([self.plant.vector[self.index[p]] for p in paths]).reshape(len(paths))
+        scales = np.array([self.scale(p) for p in paths]).reshape(len(paths))
+        own = np.array([p in self.plant.family.coefficients for p in paths], dtype=bool) & (given != 0.0)
+        rates = np.where(own, scales / (self.doubt * np.where(own, np.abs(given), 1.0)), 0.0)
+        return rates * (values - given) / scales, rates
 
     @cached_property
     def first_guess(self) -> np.ndarray:
@@ -266,7 +270,7 @@ class Shooting:
         """A vector and starts moved by a share of a step, within the bounds of the paths."""
         (change, start_change), vector, starts = step, vector.copy(), starts.copy()
         for path, size in zip(paths, change[: len(paths)], strict=True):
-            low, high = spec_at(self.plant, path).bounds
+            low, high = self.bounds(path)
             i = self.index[path]
             vector[i] = min(max(vector[i] + share * size * self.scale(path), low), high)
         starts[:, self.start_states] += share * start_change
@@ -370,7 +374,7 @@ class Shooting:
         each = [step] * len(paths) if isinstance(step, int | float) else step
         for path, step in zip(paths, each, strict=True):
             i, size = self.index[path], step * self.scale(path)
-            if point.vector[i] + size > spec_at(self.plant, path).bounds[1]:
+            if point.vector[i] + size > self.bounds(path)[1]:
                 size = -size
             vector = point.vector.copy()
             vector[i] += size

@@ -9,6 +9,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
 from identification.diagnosis.candidates import SEEN, Candidate
+from identification.diagnosis.kinematics import Mismatch
 from identification.diagnosis.ties import ALIKE, Likeness, best_of, likenesses, tied
 from identification.diagnosis.trials import Progress, Trial, judged, trials_of
 from identification.diagnosis.workbench import State, Workbench
@@ -28,9 +29,16 @@ class Round:
 
 
 def attribute(
-    bench: Workbench, start: State, candidates: Sequence[Candidate], most: int, progress: Progress
+    bench: Workbench,
+    start: State,
+    candidates: Sequence[Candidate],
+    most: int,
+    sensors: Sequence[Mismatch],
+    progress: Progress,
 ) -> tuple[State, list[Round]]:
     """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
+
+    sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.
 
     Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
     and accepts the one with most evidence if the held-out windows repeat it.
@@ -47,12 +55,24 @@ def attribute(
         others = [t for t in trials if t is not chosen]
         alike = likenesses(bench, chosen, others)
         others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
-        group = tuple(t for t in others if tied(bench, chosen, t, alike[t.candidate]))
-        rounds.append(Round((chosen, *others), chosen, group, _angles(alike)))
+        group = [t for t in others if tied(bench, chosen, t, alike[t.candidate])]
+        trials = [chosen, *others]
+        chosen, group = _by_kinematics(chosen, group, sensors)
+        rounds.append(Round(tuple(trials), chosen, tuple(group), _angles(alike)))
         assert chosen.state is not None
         state = bench.fit(chosen.state.plant, chosen.state.paths, chosen.state)
         left = [c for c in left if c is not chosen.candidate]
     return state, rounds
+
+
+def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch]) -> tuple[Trial, list[Trial]]:
+    """The chosen one of a tie and the rest of it, once kinematics has spoken."""
+    for mismatch in sensors:
+        possible = {mismatch.path, *mismatch.tied}
+        kept = [t for t in (chosen, *group) if not possible.isdisjoint(t.candidate.paths)]
+        if kept and not any(t.objection for t in kept):
+            return kept[0], kept[1:]
+    return chosen, group
 
 
 def _angles(alike: dict[Candidate, list[Likeness]]) -> dict[Candidate, float]:

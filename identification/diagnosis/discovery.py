@@ -12,6 +12,7 @@ from auv_gym.channels import channel
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.terms import Fitted, Found, gains, interval_of, search
+from identification.diagnosis.trials import HELD_CHANCE, MANY_WINDOWS, SURE, chance_of_none
 from identification.diagnosis.verdict import quantity
 from identification.shooting import Point, Shooting
 from identification.validation import free_runs
@@ -19,8 +20,6 @@ from identification.validation import free_runs
 MOST_TERMS = 2
 FALSE_ALARM = 1e-3  # probability of a false term on a log without any, over the library
 HELD_LEAST, HELD_SHARE = 6.6, 0.1  # evidence from the held-out windows alone, and as a share of the fitted ones'
-MANY_WINDOWS, HELD_RANKS = 8, 0.01  # held-out windows from which on a signed-rank test judges them, and its level
-SURE = 3.0  # standard errors by which a term must differ from zero
 _PER = {
     "depth": "metre of depth", "time": "second", "temperature": "kelvin", "pitch": "radian of pitch",
     "the rudder angle": "radian of rudder",
@@ -171,7 +170,7 @@ def _objection(held: Shooting, before: Fitted, after: Fitted, term: Term, count:
     if len(better) < MANY_WINDOWS:
         holds = better.sum() > 0.0
     else:
-        holds = bool(np.asarray(stats.wilcoxon(better, alternative="greater"))[1] < HELD_RANKS)
+        holds = chance_of_none(better) < HELD_CHANCE
     return "" if holds else "free runs in the held-out windows did not improve"
 
 

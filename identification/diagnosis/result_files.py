@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from auv_gym.param import list_paths, spec_at, value_at
-from auv_gym.plant import save_vehicle
+from auv_gym.param import list_paths, replace_at, spec_at, value_at
+from auv_gym.plant import Plant, save_vehicle
+from auv_gym.record import Record
+from auv_gym.vehicles import FAMILIES
 from auv_gym.writing import replacing
+from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.verdict import Diagnosis, Stage
 
 SIMILAR = 60.0  # degrees between signatures below which the angle is told
@@ -113,17 +118,93 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             ]
             for r in d.rounds
         ],
+        "unexplained": d.unexplained,
+        "doubts": [
+            {"text": x.text, "channels": list(x.channels), "gain": _finite(x.gain), "mend": x.mend} for x in d.doubts
+        ],
+        "kinematics": _kinematics(d),
+        "discovered": _discovered(d),
+        "habitat": d.habitat.summary() if d.habitat is not None else None,
+        "process_noise": _form(d),
+        "closed_loop": [_plain(asdict(loop)) for loop in d.loops],
         "remains": d.remains,
         "vehicle": {
             "name": d.given.plant.name,
             "family": d.given.plant.family.name,
+            "dt_s": d.given.plant.dt,
+            "longest_step_s": d.given.plant.longest_step,
+            "window_s": d.given.plant.window,
+            "settle_s": d.given.plant.settle,
             "parameters": {p: value_at(d.given.plant, p) for p in list_paths(d.given.plant)},
             "units": {p: spec_at(d.given.plant, p).unit for p in list_paths(d.given.plant)},
         },
+        "asked": asdict(d.asked),
+        "record_sha256": digest_of(d.record),
         "source": d.source,
         "seed": d.seed,
         "versions": d.versions,
     }
+
+
+def again(file: str | os.PathLike, record: Record) -> Diagnosis:
+    """The diagnosis of a diagnosis.json file made anew; raises ValueError if the record is another one."""
+    try:
+        told = json.loads(Path(file).read_text(encoding="utf-8"))
+        vehicle, asked, digest = told["vehicle"], told["asked"], told["record_sha256"]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ValueError(f"{file} is no diagnosis.json of this version ({error}): make one by a diagnosis.") from error
+    if digest != digest_of(record):
+        raise ValueError(f"{file} is of another record, or of one read otherwise: give the same log, mapping and cuts.")
+    family = FAMILIES[vehicle["family"]]
+    times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
+    plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times), vehicle["parameters"])
+    return diagnose(record, plant, source=told["source"], **asked)
+
+
+def digest_of(record: Record) -> str:
+    """A number of the record's times and channels, by which two readings of one log can be told to be the same."""
+    found = hashlib.sha256(np.ascontiguousarray(record.time).tobytes())
+    for name in sorted(record.names):
+        found.update(name.encode() + np.ascontiguousarray(record[name]).tobytes())
+    return found.hexdigest()
+
+
+def _kinematics(d: Diagnosis) -> dict[str, Any] | None:
+    if d.kinematics is None:
+        return None
+    return {
+        "mismatches": [_plain(asdict(m)) for m in d.kinematics.mismatches],
+        "cleared": [c.path for c in d.kinematics.clears],
+        "compared": list(d.kinematics.equations),
+    }
+
+
+def _discovered(d: Diagnosis) -> dict[str, Any] | None:
+    if d.discovery is None:
+        return None
+    terms = [_plain(asdict(t)) | {"words": t.words} for t in d.discovery.terms]
+    rejected = [_plain(asdict(t)) | {"words": t.words} for t in d.discovery.rejected]
+    return {"holds": d.discovery.holds, "terms": terms, "rejected": rejected}
+
+
+def _form(d: Diagnosis) -> dict[str, Any] | None:
+    if d.form is None:
+        return None
+    values = {e.path: {"value": _finite(e.value), "ci95": _plain(list(e.ci95))} for e in d.form.fit.estimates}
+    return {"form": d.form.form, "words": d.form.words, "values": values}
+
+
+def _plain(value: Any) -> Any:
+    """Plain data without numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    return _finite(value) if isinstance(value, float) else value
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
 
 
 def _errors(stage: Stage) -> dict[str, dict[str, float]]:

@@ -39,7 +39,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     """
     found: dict[Candidate, list[Likeness]] = {t.candidate: [] for t in others}
     single = [t.candidate for t in others if len(t.candidate.paths) == 1]
-    if len(chosen.candidate.paths) > 1 or not single:
+    if len(chosen.candidate.paths) != 1 or not single:
         return found
     assert chosen.state is not None
     path, here, problem = chosen.candidate.paths[0], chosen.state.train, bench.train

@@ -22,7 +22,8 @@ HELD_CHANCE = 0.01  # chance, over resampled blocks of held-out windows, that fr
 BLOCK, RESAMPLED = 2, 2000  # windows in a block; resamples
 LEAST_TRACE = 0.2  # of the bar: what a candidate must promise before it is fitted
 SHORT_LIST, FINALISTS = 12, 4
-CLOSE = 0.5  # of the best one's evidence: nearer ones are on the list whatever its length
+CLOSE, CLOSER = 0.5, 0.8  # of the best one's evidence: nearer ones are on the list, or finalists, however many
+FEW_STATES = 4  # that are fitted at a window's start, up to which fits begin from every first value
 FIRST_ITERATIONS, ITERATIONS = 4, 15  # of the short list, and then of the finalists
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on candidates are also sought from its given value
 SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
@@ -170,22 +171,26 @@ def _short_list(promises: Sequence[_Promise], bar: float) -> list[_Promise]:
 
 def _begun(bench: Workbench, state: State, promise: _Promise) -> tuple[_Promise, Point]:
     """The promise with the best point after a few iterations from each of several first values."""
-    paths, found = (*state.paths, *promise.candidate.free), []
-    for point in promise.points[:2]:
-        if np.isfinite(point.cost):
-            plant = bench.train.plant_at(point, paths)
-            found.append(bench.train.solve(plant, paths, point.starts, FIRST_ITERATIONS, 1e-5))
+    problem, paths = bench.train, (*state.paths, *promise.candidate.free)
+    points = list(promise.points[:2])
     period = {promise.candidate.period: promise.screening.period} if promise.candidate.period else {}
     for values in _first_values(state.plant, promise.screening):
         plant = replace_at(state.plant, dict(zip(promise.candidate.paths, values, strict=True)) | period)
-        found.append(bench.train.solve(plant, paths, state.train.starts, FIRST_ITERATIONS, 1e-5))
+        points.append(problem.point(plant.vector, state.train.starts, paths))
+    points = sorted((p for p in points if np.isfinite(p.cost)), key=lambda p: p.cost) or points[:1]
+    # a vehicle of many states shows at once which start is good, and its fits are dear
+    few = len(problem.start_states) <= FEW_STATES
+    found = [
+        problem.solve(problem.plant_at(p, paths), paths, p.starts, FIRST_ITERATIONS, 1e-5)
+        for p in (points if few else points[:2])
+    ]
     return promise, min(found, key=lambda point: point.cost)
 
 
 def _finalists(state: State, begun: Sequence[tuple[_Promise, Point]]) -> list[tuple[_Promise, Point]]:
     finite = sorted((b for b in begun if np.isfinite(b[1].cost)), key=lambda b: b[1].cost)
     best = state.train.cost - finite[0][1].cost if finite else 0.0
-    return [b for i, b in enumerate(finite) if i < FINALISTS or state.train.cost - b[1].cost >= CLOSE * best]
+    return [b for i, b in enumerate(finite) if i < FINALISTS or state.train.cost - b[1].cost >= CLOSER * best]
 
 
 def _with_given_coefficients(bench: Workbench, state: State) -> State | None:
@@ -249,9 +254,7 @@ def _holds(bench: Workbench, before: State, after: State) -> bool:
     """
     if len(bench.held.windows) < MANY_WINDOWS:
         return True
-    unit = bench.held.sigma(after.held) ** 2
-    better = ((bench.free_run_errors(before.plant) - bench.free_run_errors(after.plant)) / unit).sum(axis=1)
-    return chance_of_none(better) < HELD_CHANCE
+    return chance_of_none(bench.improvements(before, after)) < HELD_CHANCE
 
 
 def chance_of_none(better: np.ndarray) -> float:

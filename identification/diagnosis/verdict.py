@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -15,7 +15,15 @@ from identification.diagnosis.candidates import Screening
 from identification.diagnosis.workbench import State
 from identification.validation import FreeRuns, Score, Whiteness
 
-Verdict = Literal["none", "coefficients", "named", "tied", "unexplained"]
+if TYPE_CHECKING:
+    from identification.diagnosis.closing import ClosedLoop
+    from identification.diagnosis.discovery import Discovery
+    from identification.diagnosis.habitat import Habitat
+    from identification.diagnosis.kinematics import Kinematics
+    from identification.diagnosis.plausibility import Doubt
+    from identification.innovations import Choice
+
+Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
 
 
 @dataclass(frozen=True)
@@ -73,6 +81,18 @@ class Stage:
     whiteness: dict[str, Whiteness]
 
 
+@dataclass(frozen=True)
+class Asked:
+    """How `diagnose` was called: what it takes to call it again."""
+
+    window: float | None = None
+    settle: float | None = None
+    seed: int = 0
+    most: int = 3
+    doubt: float = 0.1
+    trust: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
     """The result of comparing a record with a vehicle; `summary` says it in a paragraph.
@@ -80,6 +100,8 @@ class Diagnosis:
     given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
     tied: groups of paths that the record cannot tell apart.  explained: share of the held-out squared error in excess
     of the measurement noise that the effects remove.  windows: (training, held-out) slices of the record.
+    doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
+    form: whether the residuals want process noise.  loops: the closed loop with each of the vehicles.
     """
 
     verdict: Verdict
@@ -100,8 +122,20 @@ class Diagnosis:
     window: float
     settle: float
     seed: int
+    asked: Asked = field(default_factory=Asked)
+    doubts: tuple[Doubt, ...] = ()
+    kinematics: Kinematics | None = None
+    discovery: Discovery | None = None
+    habitat: Habitat | None = None
+    form: Choice | None = None
+    loops: tuple[ClosedLoop, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether something is left that neither the effects nor a refit explain."""
+        return self.verdict == "unexplained" or self.discovery is not None
 
     @property
     def reach(self) -> str:
@@ -118,11 +152,15 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The verdict in plain words, with the error before and after."""
-        return " ".join([_sentence(self), _error_sentence(self)])
+        parts = [_sentence(self), _rest_sentence(self), _error_sentence(self)]
+        return " ".join(part for part in parts if part)
 
 
 def _sentence(d: Diagnosis) -> str:
     names = [f"{e.title} ({quantity(e.value, e.unit)}, 95 % interval {interval(e.ci95, e.unit)})" for e in d.effects]
+    if d.verdict == "doubted":
+        doubt = d.doubts[0]
+        return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."
     if d.verdict == "none":
         return "No effect is missing that this record could show."
     wrong = [
@@ -142,6 +180,17 @@ def _sentence(d: Diagnosis) -> str:
     titles |= {c.path: c.title for c in d.coefficients}
     groups = [" or ".join(titles.get(p, p) for p in group) for group in d.tied]
     return f"The vehicle lacks {_listed(names)}. This record cannot tell apart: {'; '.join(groups)}."
+
+
+def _rest_sentence(d: Diagnosis) -> str:
+    """What is said of the part that nothing explains."""
+    if d.discovery is None:
+        return ""
+    begin = "" if d.verdict == "unexplained" else "Something is left that they do not explain. "
+    if d.discovery.holds:
+        terms = _listed([t.words for t in d.discovery.terms])
+        begin += f"A term found in the data, which held-out windows confirm, takes part of it: {terms}. "
+    return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
 
 
 def _error_sentence(d: Diagnosis) -> str:

@@ -16,7 +16,7 @@ from identification.shooting import Point, Shooting, colour, covariance, evidenc
 from identification.validation import head_windows
 from identification.windows import LEAST_SAMPLES, free_run_windows
 
-MOST_GROWTH = 400.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
+MOST_GROWTH = 150.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
 FINE = 0.02  # of the noise: how far a coarser step of integration may move the outputs
 
 
@@ -35,7 +35,8 @@ class Workbench:
     """A record in training and held-out windows, and the fits made on it.
 
     plant: as given, integrated in the longest steps that change its runs by less than the noise would show.
-    doubt: standard deviation of its coefficients, relative.
+    doubt: standard deviation of its coefficients, relative.  steady: whether free runs from states that are fitted to
+    their first seconds say anything; those of an unstable vehicle end anywhere.
     """
 
     def __init__(
@@ -46,7 +47,9 @@ class Workbench:
         held: Sequence[slice],
         settle: float,
         doubt: float = np.inf,
+        steady: bool = True,
     ):
+        self.steady = steady
         self.plant = _brisk(plant, record, train)
         self.heads = Shooting(self.plant, record, head_windows(record, held, settle))
         self.train = Shooting(self.plant, record, train, doubt=doubt)
@@ -77,6 +80,16 @@ class Workbench:
         past = np.arange(self.held.runs.rows) - self.held.offsets[self.held.window_of_row]
         settled = past >= (self.heads.runs.stop - self.heads.runs.begin)[self.held.window_of_row]
         return np.add.reduceat(squares * settled[:, None], self.held.offsets, axis=0)
+
+    def improvements(self, before: State, after: State) -> np.ndarray:
+        """By how much the squared errors of each held-out window fell, in units of the channels' variances, (W,)."""
+        unit = self.held.sigma(after.held) ** 2
+        if self.steady:
+            fell = self.free_run_errors(before.plant) - self.free_run_errors(after.plant)
+        else:
+            white = np.zeros(len(unit))
+            fell = window_costs(self.held, before.held, white) - window_costs(self.held, after.held, white)
+        return (fell / unit).sum(axis=1)
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         """Value, standard error and half width of the 95 % interval of each fitted path."""

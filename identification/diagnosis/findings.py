@@ -1,0 +1,103 @@
+"""What a diagnosis found: effects with intervals, wrong coefficients, and what the record could have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auv_gym.param import spec_at, value_at
+from auv_gym.plant import Plant
+from identification.diagnosis.attribution import Round
+from identification.diagnosis.candidates import Screening
+from identification.diagnosis.trials import threshold
+from identification.diagnosis.verdict import Coefficient, Detectable, Effect
+from identification.diagnosis.workbench import State
+
+LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
+BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it does is as likely
+
+
+def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], list[tuple[str, ...]]]:
+    effects, groups = [], []
+    for r in rounds:
+        if r.chosen is None:
+            continue
+        own = tuple(p for p in r.chosen.candidate.paths if p in state.paths)
+        others = tuple(p for t in r.tied for p in t.candidate.paths)
+        if others:
+            groups.append((*own, *others))
+        period = r.chosen.candidate.period
+        with_period = f" with a period of {value_at(state.plant, period):.3g} s" if period else ""
+        for path in own:
+            spec = spec_at(state.plant, path)
+            effects.append(
+                Effect(
+                    path=path,
+                    title=spec.title + with_period,
+                    value=sizes[path][0],
+                    neutral=spec.neutral,
+                    unit=spec.unit,
+                    ci95=_span(sizes[path]),
+                    evidence_train=r.chosen.train,
+                    evidence_held=r.chosen.held,
+                    tied_with=others,
+                )
+            )
+    return effects, groups
+
+
+def coefficient_of(plant: Plant, path: str, size: tuple[float, float, float], count: int) -> Coefficient:
+    """A refitted coefficient; wrong where it left its given value by a little, and surely."""
+    spec, given, (value, error, _) = spec_at(plant, path), value_at(plant, path), size
+    moved = abs(value - given)
+    wrong = moved > LEAST_CHANGE * abs(given) and moved > np.sqrt(threshold(count)) * error
+    return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong))
+
+
+def twins_of(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
+    """Wrong coefficients as which an effect acts, each with that effect."""
+    wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
+    return [
+        (effect, path)
+        for effect, path in plant.family.twins.items()
+        if path in wrong and abs(wrong[path].value / wrong[path].given - 1.0) > spec_at(plant, effect).probe
+    ]
+
+
+def twin_effects(groups, effects, found, plant, gains: tuple[float, float]) -> list[Effect]:
+    """Effects that act as a coefficient does which left its bounds: the record does not tell which it was."""
+    added = []
+    for group in groups:
+        path = group[0]
+        c = next(c for c in found if c.path == group[-1])
+        if any(e.path == path for e in effects) or abs(c.value / c.given - 1.0) <= BEYOND:
+            continue
+        spec = spec_at(plant, path)
+        shift = spec.neutral - 1.0  # gains are neutral at one, errors at zero
+        low, high = sorted(shift + v / c.given for v in c.ci95)
+        limits = (low, high)
+        added.append(
+            Effect(path, spec.title, shift + c.value / c.given, spec.neutral, spec.unit, limits, *gains, group[1:])
+        )
+    return added
+
+
+def detectable_of(
+    plant: Plant, screening: Sequence[Screening], rounds: Sequence[Round], named: set[str]
+) -> tuple[Detectable, ...]:
+    result = []
+    for s in screening:
+        for path, size in zip(s.candidate.paths, s.detectable, strict=True):
+            if path in named:
+                continue
+            spec = spec_at(plant, path)
+            reason = ""
+            if not np.isfinite(size):
+                reason = s.unseen or "changes nothing that was measured"
+            result.append(Detectable(path, spec.title, spec.unit, float(size), reason))
+    return tuple(result)
+
+
+def _span(size: tuple[float, float, float]) -> tuple[float, float]:
+    return (size[0] - size[2], size[0] + size[2])
