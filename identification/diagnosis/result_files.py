@@ -120,7 +120,14 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         ],
         "unexplained": d.unexplained,
         "doubts": [
-            {"text": x.text, "channels": list(x.channels), "gain": _finite(x.gain), "mend": x.mend} for x in d.doubts
+            {
+                "text": x.text,
+                "channels": list(x.channels),
+                "gain": _finite(x.gain),
+                "mend": x.mend,
+                "slip": x.slip is not None,
+            }
+            for x in d.doubts
         ],
         "kinematics": _kinematics(d),
         "discovered": _discovered(d),

@@ -11,8 +11,9 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
-from identification.diagnosis.attribution import threshold
 from identification.diagnosis.candidates import TOGETHER, Candidate, candidates_of, screen
+from identification.diagnosis.trials import threshold
+from identification.diagnosis.workbench import calm_length
 from identification.shooting import Shooting, colour
 from identification.windows import free_run_windows, held_out
 from scripts.blind.logs import Conditions, effects_of, log_of
@@ -149,7 +150,8 @@ def detectable_sizes(plant: Plant, clean: Record, paths: list[str], window: floa
 
     Infinite where none would; in the parameter's unit.
     """
-    train, _ = held_out(plant, clean, free_run_windows(plant, clean, window or plant.window))
+    length = calm_length(plant, clean, window or plant.window)
+    train, _ = held_out(plant, clean, free_run_windows(plant, clean, length))
     problem = Shooting(plant, clean, train)
     point = problem.solve(plant, plant.family.coefficients)
     bar = threshold(len(candidates_of(plant, clean)))

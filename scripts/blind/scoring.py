@@ -18,6 +18,7 @@ from scripts.blind.sealing import read_truth
 
 CONFIDENT = ("named", "tied")
 FAILED = ("timeout", "crash", REFUSED)
+AGREED = ("none", "coefficients")
 
 
 def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None = None) -> dict[str, Any]:
@@ -34,15 +35,17 @@ def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None
     excused = set(actual) | set(wrong)
     false = [p for p in named if not _meant(p, groups) & {_whole(q) for q in excused}]
     coefficients = [c["path"] if isinstance(c, Mapping) else c for c in said.get("coefficients_wrong") or ()]
-    found = [p for p in actual if any(_whole(p) in _meant(q, groups) for q in named)]
+    found = [p for p in actual if any(_whole(p) in _meant(q, groups) for q in named) or any(p in g for g in groups)]
     helped = bool((said.get("discovered") or {}).get("holds"))
     kind = truth["case"]["kind"]
+    slipped = any(doubt["slip"] for doubt in said.get("doubts", ()))
+    flagged = (verdict == "unexplained" or bool(said.get("unexplained")) or verdict == "doubted") and not slipped
     if kind == "outside":
-        right = verdict == "unexplained" or helped
+        right = flagged or helped
     elif actual:
         right = len(found) == len(actual)
     else:
-        right = not false and verdict not in FAILED and (verdict != "unexplained")
+        right = not false and verdict in AGREED
     covered = {
         p: e["ci95"][0] <= actual[p] <= e["ci95"][1]
         for p, e in named.items()
@@ -59,7 +62,7 @@ def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None
         "tied": [sorted(group) for group in groups],
         "right": bool(right),
         "false": sorted(false),
-        "confident": bool(kind == "outside" and verdict in CONFIDENT and not helped),
+        "confident": bool(kind == "outside" and (slipped or (verdict in CONFIDENT and not flagged and not helped))),
         "coefficients_found": sorted(set(coefficients) & set(wrong)),
         "coefficients_false": sorted(set(coefficients) - set(wrong)),
         "covered": covered,
@@ -73,9 +76,8 @@ def score_folders(log: Path, truth: Path, said: Mapping[str, Any]) -> dict[str, 
     sealed = read_truth(truth)
     ratio = None
     if "error" in said and not sealed["cause"]:
-        frame = sealed["case"]
         record, plant = Record.load(log / "log.nc"), load_vehicle(truth / "vehicle.toml")
-        ratio = error_ratio(said["error"]["after"], record, plant, frame["window"], frame["settle"])
+        ratio = error_ratio(said["error"]["after"], record, plant, said["error"]["window_s"], said["error"]["settle_s"])
     return score(said, sealed, ratio)
 
 
