@@ -333,7 +333,7 @@ def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
 def most_improved(d: Diagnosis) -> str:
     """The output whose held-out error shrank most; the first where nothing was added to the vehicle."""
     names = d.after.held.channels
-    if not d.effects:
+    if not d.changed:
         return names[0]
     return max(names, key=lambda name: d.before.scores[name].rmse / max(d.after.scores[name].rmse, 1e-12))
 
@@ -371,7 +371,7 @@ def series(d: Diagnosis) -> list[tuple[str, Stage, dict[str, Any]]]:
     """What to draw of the model: name, stage and look; one entry where nothing was added to the vehicle."""
     before = {"color": BEFORE, "linewidth": 2.2, "linestyle": (0, (4, 1.2))}  # wider, to be seen below the other
     after = {"color": AFTER, "linewidth": 1.3}
-    if d.effects:
+    if d.changed:
         return [("model before", d.before, before), ("model after", d.after, after)]
     return [("refitted model", d.after, after)]
 

@@ -11,7 +11,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
-from identification import figures
+from identification import figures, figures_rest
 from identification.diagnosis.attribution import Round
 from identification.diagnosis.candidates import candidates_of
 from identification.diagnosis.trials import Trial, threshold
@@ -109,6 +109,13 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         "something that the model lacks.",
     ),
     (
+        "habitat",
+        figures_rest.habitat_figure,
+        "Where the residual lives: shares of the squared error and of the samples, and its growth within a run.",
+        "Where what is left lives. Bars: share of the squared error and share of the samples, by the quantity that it "
+        "goes with most; line: how it grows while the model runs alone.",
+    ),
+    (
         "autocorrelation",
         figures.autocorrelation_figure,
         "Autocorrelation of the residual with the 95 % band of noise.",
@@ -182,7 +189,11 @@ def _content(d: Diagnosis) -> dict[str, Any]:
         "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],
         "environment": ENVIRONMENTS.get(plant.family.kind, ""),
         "glossary": GLOSSARY,
-        "changed": bool(d.effects),
+        "changed": d.changed,
+        "rest": _rest(d),
+        "sensors": [m.text for m in d.kinematics.mismatches] if d.kinematics is not None else [],
+        "compared": "; ".join(d.kinematics.equations) if d.kinematics is not None else "",
+        "loops": [loop.words for loop in d.loops],
         "as_given_is_before": d.before is d.given,
     }
 
@@ -199,12 +210,13 @@ def _figures(d: Diagnosis) -> dict[str, Drawing | None]:
         "improved": channel(figures.most_improved(d)).label,
         "left": channel(figures.least_explained(d)).label,
         "input": channel(d.given.plant.family.required[0]).label,
-        "model": "before and after the named effects" if d.effects else "with its coefficients refitted",
+        "model": "before and after what was added to it" if d.changed else "with its coefficients refitted",
     }
     lacking = {
         "track": not {"north_m", "east_m"} <= set(d.after.held.channels),
         "inputs": not figures.varying_inputs(d),
         "correlate": not figures.correlated_outputs(d),
+        "habitat": d.habitat is None or not d.habitat.shares,
     }
     made: dict[str, Drawing | None] = {}
     for key, draw, label, caption in PICTURES:
@@ -240,6 +252,24 @@ def _less(before: float, after: float) -> str:
     if abs(share) < 0.5:
         return "unchanged"
     return f"{abs(share):.0f} % {'less' if share > 0.0 else 'more'}"
+
+
+def _rest(d: Diagnosis) -> list[str]:
+    """Paragraphs on what no effect explains, and on process noise."""
+    said = [f"The log itself: {doubt.text}. What to do: {doubt.mend}." for doubt in d.doubts]
+    if d.discovery is not None:
+        said.append(d.discovery.summary())
+    if d.habitat is not None:
+        said.append(d.habitat.summary())
+    if d.form is not None:
+        said.append(d.form.words)
+        if d.form.form == "innovations":
+            values = [
+                f"{spec_at(d.given.plant, e.path).title} {quantity(e.value, e.unit)} ({span(e.ci95, e.unit)})"
+                for e in d.form.fit.estimates
+            ]
+            said.append(f"With process noise: {'; '.join(values)}.")
+    return said
 
 
 def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:

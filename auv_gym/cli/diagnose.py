@@ -37,6 +37,13 @@ def diagnose(
         ),
     ] = None,
     cut_gaps: logs.CutGaps = False,
+    doubt: Annotated[
+        float, typer.Option(help="Standard deviation of the vehicle's own coefficients, relative; they are refitted.")
+    ] = 0.1,
+    trust: Annotated[bool, typer.Option("--trust", help="Go on where the log itself looks mislabelled.")] = False,
+    again: Annotated[
+        Path | None, typer.Option(help="A diagnosis.json of the same log: repeat it, vehicle and settings included.")
+    ] = None,
     next_experiment: Annotated[
         bool, typer.Option("--next-experiment", help="For a tie, write the campaign that would tell its effects apart.")
     ] = False,
@@ -50,6 +57,7 @@ def diagnose(
         progress(0.0, "starting")
         from auv_gym.density import read_profiles, with_density
         from auv_gym.plant import load_vehicle
+        from identification.diagnosis import again as diagnose_again
         from identification.diagnosis import diagnose as diagnose_record
         from identification.diagnosis import write_diagnosis
         from identification.diagnosis.result_files import writable_folder
@@ -68,14 +76,23 @@ def diagnose(
                     f"--profile serves vehicles that feel the water's density; {plant.name} does not: drop it."
                 )
             record = with_density(record, read_profiles(profile))
-        diagnosis = diagnose_record(
-            record,
-            plant,
-            window=window,
-            seed=seed,
-            source=Path(log).name,
-            progress=lambda fraction, text: progress(0.05 + 0.85 * fraction, text),
-        )
+
+        def told(fraction: float, text: str) -> None:
+            progress(0.05 + 0.85 * fraction, text)
+
+        if again is not None:
+            diagnosis = diagnose_again(again, record, progress=told)
+        else:
+            diagnosis = diagnose_record(
+                record,
+                plant,
+                window=window,
+                seed=seed,
+                doubt=doubt,
+                trust=trust,
+                source=Path(log).name,
+                progress=told,
+            )
         progress(0.9, "writing the report")
         written = write_diagnosis(diagnosis, out)
         planned = propose(diagnosis, out, lambda fraction, text: progress(0.9, text)) if next_experiment else []
@@ -84,6 +101,8 @@ def diagnose(
     output.print(diagnosis.summary(), markup=False)
     output.print()
     output.print(_error_table(diagnosis))
+    for loop in diagnosis.loops:
+        output.print(loop.words, markup=False)
     if diagnosis.effects:
         output.print(_effect_table(diagnosis))
     if next_experiment:
@@ -115,8 +134,8 @@ def _error_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.channels import channel
     from identification.diagnosis.verdict import quantity
 
-    stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.effects else [])]
-    heads = ["as given>", "before>" if diagnosis.effects else "refitted>", "after>"][: len(stages)]
+    stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.changed else [])]
+    heads = ["as given>", "before>" if diagnosis.changed else "refitted>", "after>"][: len(stages)]
     shown = table(f"Root mean square error of free runs {diagnosis.reach}, held out", "channel", *heads)
     for name in diagnosis.before.scores:
         unit = channel(name).unit

@@ -153,7 +153,9 @@ class _Regression:
         self.left = residual - self.basis @ (self.basis.T @ residual)
 
     def _flat(self, columns: np.ndarray) -> np.ndarray:
-        return (whitened(self.problem, columns, self.colour) / self.scale).reshape(len(columns), -1)
+        return (whitened(self.problem, columns, self.colour) / self.scale).reshape(
+            len(columns), columns[0].size if len(columns) else 0
+        )
 
     def of(self, candidates: Sequence[Candidate], point: Point) -> list[Screening]:
         """A screening for each candidate, in their order; point: where the signatures are taken."""

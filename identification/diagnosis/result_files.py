@@ -18,6 +18,7 @@ from auv_gym.record import Record
 from auv_gym.vehicles import FAMILIES
 from auv_gym.writing import replacing
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.trials import Progress
 from identification.diagnosis.verdict import Diagnosis, Stage
 
 SIMILAR = 60.0  # degrees between signatures below which the angle is told
@@ -153,7 +154,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     }
 
 
-def again(file: str | os.PathLike, record: Record) -> Diagnosis:
+def again(file: str | os.PathLike, record: Record, progress: Progress = lambda fraction, text: None) -> Diagnosis:
     """The diagnosis of a diagnosis.json file made anew; raises ValueError if the record is another one."""
     try:
         told = json.loads(Path(file).read_text(encoding="utf-8"))
@@ -165,7 +166,7 @@ def again(file: str | os.PathLike, record: Record) -> Diagnosis:
     family = FAMILIES[vehicle["family"]]
     times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
     plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times), vehicle["parameters"])
-    return diagnose(record, plant, source=told["source"], **asked)
+    return diagnose(record, plant, source=told["source"], progress=progress, **asked)
 
 
 def digest_of(record: Record) -> str:

@@ -133,6 +133,11 @@ class Diagnosis:
     versions: dict[str, str] = field(default_factory=dict)
 
     @property
+    def changed(self) -> bool:
+        """Whether anything was added to the vehicle: named effects, or a term found in the data."""
+        return bool(self.effects) or (self.discovery is not None and self.discovery.holds)
+
+    @property
     def unexplained(self) -> bool:
         """Whether something is left that neither the effects nor a refit explain."""
         return self.verdict == "unexplained" or self.discovery is not None
@@ -198,7 +203,7 @@ def _error_sentence(d: Diagnosis) -> str:
     for name, before in d.before.scores.items():
         after = d.after.scores[name]
         label, unit = channel(name).label, channel(name).unit
-        if d.effects:
+        if d.changed:
             parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:
             parts.append(f"{label} {quantity(before.rmse, unit)}")

@@ -16,7 +16,7 @@ from identification.shooting import Point, Shooting, colour, covariance, evidenc
 from identification.validation import head_windows
 from identification.windows import LEAST_SAMPLES, free_run_windows
 
-MOST_GROWTH = 150.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
+MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
 FINE = 0.02  # of the noise: how far a coarser step of integration may move the outputs
 
 

@@ -16,6 +16,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.record import Record, concat
 from identification import figures
 from identification.diagnosis import diagnose
+from identification.diagnosis.plausibility import Doubt
 from identification.experiment import closed_loop
 from identification.report import MEANINGS, amount, diagnosis_page, number, span
 from identification.validation import FreeRuns
@@ -24,7 +25,7 @@ from tests.identification.outline import Outline
 pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
 pytest.importorskip("jinja2", reason="the extra `render` is not installed")
 
-SECTIONS = ("the-log", "before-after", "remains", "candidates", "effects", "detectable", "method")
+SECTIONS = ("the-log", "before-after", "remains", "sensors", "loop", "candidates", "effects", "detectable", "method")
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
@@ -122,6 +123,11 @@ def test_each_verdict_has_its_page(diagnosis, no_figures, verdict):
     group = (diagnosis.effects[0].path, "effects.rudder.offset")
     changed = {
         "none": {"effects": (), "tied": (), "after": diagnosis.before},
+        "doubted": {
+            "effects": (),
+            "tied": (),
+            "doubts": (Doubt("the rudder is mirrored", ("rudder_rad",), 9.0, "turn it"),),
+        },
         "coefficients": {"effects": (), "tied": (), "coefficients": (replace(diagnosis.coefficients[0], wrong=True),)},
         "named": {"tied": ()},
         "tied": {"tied": (group,), "effects": (replace(diagnosis.effects[0], tied_with=group[1:]),)},
@@ -132,7 +138,7 @@ def test_each_verdict_has_its_page(diagnosis, no_figures, verdict):
     assert MEANINGS[verdict] in found.text
     assert ("section", {"class": f"verdict {verdict}", "aria-label": "Verdict"}) in found.tags
     assert ("cannot tell apart" in found.text) == (verdict == "tied")
-    assert ("No effect was named." in found.text) == (verdict in ("none", "coefficients", "unexplained"))
+    assert ("No effect was named." in found.text) == (verdict in ("none", "coefficients", "unexplained", "doubted"))
 
 
 def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosis, no_figures):

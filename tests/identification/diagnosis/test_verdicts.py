@@ -1,0 +1,93 @@
+"""Verdicts on torpedoes, wrong coefficients, mislabelled logs and causes outside the library; and their repetition."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, value_at
+from auv_gym.plant import load_vehicle
+from auv_gym.record import Record
+from identification.diagnosis import again, as_json, diagnose, write_diagnosis
+from identification.missions import fly
+
+
+def torpedo_log(seed: int, vehicle: str = "vt690", wrong: float = 0.0, duration: float = 60.0, **effects: float):
+    """A log of a torpedo whose coefficients differ from those given by a share, with effects."""
+    given, rng = load_vehicle(vehicle), np.random.default_rng(seed)
+    values = {p: value_at(given, p) * (1.0 + wrong * rng.choice([-1, 1])) for p in given.family.coefficients}
+    true = replace_at(given, values | {f"effects.{path.replace('__', '.')}": v for path, v in effects.items()})
+    return given, fly(true, np.random.default_rng(seed), duration=duration)
+
+
+def names(diagnosis) -> set[str]:
+    found = {e.path for e in diagnosis.effects}
+    return found | {p for group in diagnosis.tied for p in group if not found.isdisjoint(group)}
+
+
+@pytest.mark.parametrize(
+    "wrong, effects",
+    [(0.0, {"current__east": 0.05}), pytest.param(0.1, {"load__net_buoyancy": 0.6}, marks=pytest.mark.slow)],
+)
+def test_a_torpedo_lacks_what_was_put_in(wrong, effects):
+    given, record = torpedo_log(2, wrong=wrong, **effects)
+    found = diagnose(record, given, window=10.0, settle=2.0)
+    assert found.verdict in ("named", "tied")
+    assert f"effects.{next(iter(effects)).replace('__', '.')}" in names(found)
+    assert found.explained > 0.8
+    assert not found.unexplained
+
+
+@pytest.mark.slow
+def test_coefficients_that_were_wrong_are_a_finding_of_their_own():
+    given, record = torpedo_log(3, wrong=0.1)
+    found = diagnose(record, given, window=10.0, settle=2.0)
+    assert found.verdict == "coefficients"
+    assert not found.effects
+    wrong = {c.path for c in found.coefficients if c.wrong}
+    assert {"hull.rudder.moment", "hull.surge.u_u"} <= wrong
+    assert "coefficients were wrong" in found.summary()
+    assert set(as_json(found)["coefficients_wrong"]) == wrong
+
+
+def test_a_mirrored_rudder_is_said_plainly_and_nothing_is_named():
+    record = fly(load_vehicle("slocum"), np.random.default_rng(1), duration=900.0)
+    mirrored = record.with_channels({"rudder_rad": -record["rudder_rad"]})
+    found = diagnose(mirrored, load_vehicle("slocum"))
+    assert found.verdict == "doubted"
+    assert not found.effects
+    assert "opposite sign" in found.summary()
+    assert as_json(found)["doubts"][0]["channels"] == ["rudder_rad"]
+    trusted = diagnose(mirrored, load_vehicle("slocum"), trust=True)
+    assert trusted.verdict != "doubted"
+
+
+def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat():
+    given = load_vehicle("slocum")
+    true = replace_at(given, "effects.discovered.yaw.sin_2heading", 0.02)
+    record = fly(true, np.random.default_rng(2), duration=2400.0)
+    found = diagnose(record, given)
+    assert found.unexplained
+    assert found.discovery is not None
+    assert found.discovery.holds
+    assert "sin_2heading" in found.discovery.terms[0].path
+    assert value_at(found.after.plant, found.discovery.terms[0].path) == pytest.approx(0.02, rel=0.2)
+    assert found.after.scores["heading_rad"].rmse < 0.7 * found.before.scores["heading_rad"].rmse
+    assert "A term found in the data" in found.summary()
+
+
+def test_the_file_is_enough_to_repeat_a_diagnosis(tmp_path):
+    true = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05)
+    record = fly(true, np.random.default_rng(1), duration=600.0)
+    found = diagnose(record, load_vehicle("slocum"), window=100.0, seed=3)
+    file = write_diagnosis(found, tmp_path)["diagnosis.json"]
+    told = json.loads(file.read_text())
+    repeated = json.loads(json.dumps(as_json(again(file, record))))
+    assert told.pop("versions") == repeated.pop("versions")
+    assert told == repeated
+    shifted = Record.from_arrays(record.time, {n: record[n] + 0.01 for n in record.names})
+    with pytest.raises(ValueError, match="of another record"):
+        again(file, shifted)
+    file.write_text("{}")
+    with pytest.raises(ValueError, match=r"no diagnosis\.json of this version"):
+        again(file, record)
