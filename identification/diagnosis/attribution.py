@@ -44,7 +44,7 @@ def attribute(
     and accepts the one with most evidence if the held-out windows repeat it.
     """
     state, rounds, left, count = start, [], list(candidates), len(candidates)
-    for number in range(most + 1):
+    for number in range(most + 1 if left else 0):
         done, share = number / (most + 1), 1.0 / (most + 1)
         trials = trials_of(bench, state, left, count, lambda f, text, d=done, s=share: progress(d + s * f, text))
         accepted = [t for t in trials if not t.objection]

@@ -153,12 +153,13 @@ class _Regression:
         self.left = residual - self.basis @ (self.basis.T @ residual)
 
     def _flat(self, columns: np.ndarray) -> np.ndarray:
-        return (whitened(self.problem, columns, self.colour) / self.scale).reshape(
-            len(columns), columns[0].size if len(columns) else 0
-        )
+        scaled = whitened(self.problem, columns, self.colour) / self.scale
+        return scaled.reshape(len(columns), scaled.shape[1] * scaled.shape[2])
 
     def of(self, candidates: Sequence[Candidate], point: Point) -> list[Screening]:
         """A screening for each candidate, in their order; point: where the signatures are taken."""
+        if not candidates:
+            return []
         paths = [p for c in candidates for p in c.paths]
         probes = self.problem.linearise(point, paths, self.sigma, step=1.0)
         kept = (probes.columns**2).sum(axis=(1, 2)) / np.maximum(probes.raw**2, 1e-30)

@@ -93,6 +93,8 @@ class Workbench:
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         """Value, standard error and half width of the 95 % interval of each fitted path."""
+        if not state.paths:
+            return {}
         linear = self.train.linearise(state.train, state.paths, self.train.sigma(state.train))
         matrix, freedom = covariance(self.train, state.train, state.paths, linear, state.colour)
         errors = np.sqrt(np.maximum(np.diag(matrix), 0.0))
@@ -141,7 +143,7 @@ def _brisk(plant: Plant, record: Record, windows: Sequence[slice]) -> Plant:
     problem = Shooting(plant, record, windows)
     noise = _noise(problem)
     given, starts = problem.point(plant.vector, problem.first_guess).residual, problem.first_guess
-    for parts in (1, 2):
+    for parts in (1, 2, 4, 8):
         step = record.sample_interval / parts
         if step <= plant.longest_step:
             return plant

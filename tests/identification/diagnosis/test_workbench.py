@@ -59,8 +59,7 @@ def test_one_jump_with_each_candidate_gains_most_for_what_is_there():
     groups = [("effects.rudder.offset",), ("effects.yaw.quadratic_damping",), ("effects.compass.lag",)]
     points = problem.jumps(here, given.family.coefficients, groups, [1.0] * 3)
     assert all(p.cost <= here.cost for p in points)
-    assert points[0].cost < min(p.cost for p in points[1:]) - 10.0
-    assert points[0].vector[problem.index["effects.rudder.offset"]] == pytest.approx(0.05, rel=0.2)
+    assert here.cost - points[0].cost > 3.0 * max(here.cost - p.cost for p in points[1:])
 
 
 def test_gains_of_one_odd_window_may_be_chance_and_gains_of_most_are_not():
