@@ -51,7 +51,8 @@ def closed_loop(diagnosis: Diagnosis) -> tuple[ClosedLoop, ...]:
     plant, record = diagnosis.given.plant, diagnosis.record
     targets = targets_of(plant, record)
     stages = {"given": diagnosis.given.plant, "before": diagnosis.before.plant, "after": diagnosis.after.plant}
-    reason = "" if targets else f"The log has no set points ({', '.join(map(set_point_of, _targets(plant)))})."
+    wanted = ", ".join(map(set_point_of, _targets(plant)))
+    reason = "" if targets else f"The log has no set points{f' ({wanted})' if wanted else ''}."
     controller = None
     if not reason:
         try:
