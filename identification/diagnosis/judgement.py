@@ -10,7 +10,7 @@ from identification.diagnosis.verdict import Stage, Verdict
 from identification.diagnosis.workbench import Workbench
 
 WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
-EXCESS = 0.5  # of the noise variance: a coloured residual smaller than this is left to the noise
+EXCESS = 0.05  # of the noise variance: a coloured residual smaller than this is left to the noise
 EXPLAINED = 0.5  # share of the excess error that named effects must remove to count as the explanation
 
 
