@@ -49,7 +49,8 @@ def read_record(
 
     mapping: their column to our channel or to '' (left out), as a dict or the path of a flat TOML file; '*' stands for
     all columns not named.  A target's suffix is the column's unit: {"Hdg": "heading_deg"} gives heading_rad.  A number
-    is the value of a channel that was constant and not logged: {"speed_cmd_kn": 3.0}.
+    is the value of a channel that was constant and not logged: {"speed_cmd_kn": 3.0}.  A minus turns the sign:
+    {"fin": "-rudder_rad"}.
     required: channels that must be there.  max_gap_s: see Record.split_gaps.  long_runs: see Record.from_arrays.
     Columns segment, dive_id and run divide the file.  Times beyond 1e8 s, and dates, become s since the first; the
     attribute `start_epoch_s` keeps that.  Raises ValueError on anything that cannot be read or does not fit.
@@ -168,6 +169,8 @@ def _mapped(table: Table, mapping: Mapping[str, str]) -> Table:
     units: dict[str, str] = {}
     for theirs, values in table.columns.items():
         ours = mapping.get(theirs, mapping.get("*", theirs))
+        if ours.startswith("-"):
+            ours, values = ours[1:], -_numbers(theirs, values)
         if not ours:
             continue
         if ours in columns:

@@ -112,6 +112,8 @@ def test_a_mapping_renames_converts_and_leaves_out(tmp_path):
         read_record(path, {"Time": ["time_s"]})
     steady = read_record(path, {"Time": "time_s", "Hdg": "heading_deg", "speed_cmd_kn": 2.0, "*": ""})
     assert steady["speed_cmd_mps"] == pytest.approx([2.0 * 1852.0 / 3600.0] * 3)
+    mirrored = read_record(path, {"Time": "time_s", "Hdg": "-heading_deg", "*": ""})
+    assert np.diff(mirrored["heading_rad"]) == pytest.approx(-np.diff(steady["heading_rad"]))
     with pytest.raises(ValueError, match="makes 'heading_deg' constant, but the file has it"):
         read_record(path, {"Time": "time_s", "Hdg": "heading_deg", "heading_deg": 90.0})
     with pytest.raises(ValueError, match="can only be ''"):

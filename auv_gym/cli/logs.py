@@ -15,7 +15,7 @@ ColumnNames = Annotated[
     Path | None,
     typer.Option(
         help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'; a number, as in "
-        "speed_cmd_mps = 1.5, is the value of a channel that was constant and not logged."
+        "speed_cmd_mps = 1.5, is the value of a channel that was constant and not logged; '-rudder_rad' turns the sign."
     ),
 ]
 CutGaps = Annotated[

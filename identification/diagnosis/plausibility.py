@@ -27,6 +27,7 @@ FOREIGN = 0.55  # mean error from which a log is of another vehicle
 FLOOR = 0.01  # mean error below which there is nothing to gain
 FACTOR = 3.0  # by which a coefficient may differ from its given value
 ROWS, PIECES, SHORTLIST = 80, 4, 3
+DIVES = 4  # of a log, where each is taken whole
 FASTEST, STEEPEST = 15.0, 0.5 * np.pi + 0.1  # m/s, rad; beyond, a channel is not what it says
 _WILD = 9.0  # error of a run that has left the finite numbers
 
@@ -118,7 +119,7 @@ def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: flo
     """Which samples are in those pieces of the windows in which the inputs move most, as a mask; pieces never touch."""
     mask, pieces = np.zeros(len(record), dtype=bool), []
     if plant.family.shared:  # whole dives: each has an unknown of its own, which pieces of it would not share
-        for s in record.segments:
+        for s in record.segments[:: max(len(record.segments) // DIVES, 1)]:
             inside = [w for w in windows if s.start <= w.start < s.stop]
             if inside:
                 mask[inside[0].start : inside[-1].stop] = True
