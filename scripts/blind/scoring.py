@@ -18,7 +18,6 @@ from scripts.blind.sealing import read_truth
 
 CONFIDENT = ("named", "tied")
 FAILED = ("timeout", "crash", REFUSED)
-AGREED = ("none", "coefficients")
 
 
 def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None = None) -> dict[str, Any]:
@@ -45,7 +44,7 @@ def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None
     elif actual:
         right = len(found) == len(actual)
     else:
-        right = not false and verdict in AGREED
+        right = not false and verdict not in (*FAILED, "unexplained", "doubted")
     covered = {
         p: e["ci95"][0] <= actual[p] <= e["ci95"][1]
         for p, e in named.items()

@@ -41,7 +41,11 @@ def ammonite():
 
 @pytest.mark.parametrize(
     "vehicle, effect",
-    [(v, e) for v in VEHICLES for e in (CLEAN, *effects_of(v))],
+    [
+        pytest.param(v, e, marks=() if v == VEHICLES[0] or e == CLEAN else pytest.mark.slow)
+        for v in VEHICLES
+        for e in (CLEAN, *effects_of(v))
+    ],
     ids=lambda x: x.removeprefix("effects."),
 )
 def test_an_undeclared_effect_is_named_or_in_the_named_tie(vehicle, effect):

@@ -10,6 +10,7 @@ from identification.diagnosis import diagnose
 COMPRESSIBILITY, GRADIENT = "effects.volume.compressibility", "effects.water.gradient"
 
 
+@pytest.mark.slow
 def test_free_drift_dives_need_lift_that_grows_with_depth(shared_data):
     record = read_record(shared_data / "mermaid" / "free_drift_dives.csv")
     d = diagnose(record, load_vehicle("mermaid"))

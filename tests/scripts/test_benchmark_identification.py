@@ -222,6 +222,7 @@ def test_a_fit_that_does_not_end_is_stopped(tmp_path, capfd):
     assert line["left"] == 4
 
 
+@pytest.mark.slow
 def test_an_environment_that_cannot_be_made_is_told(broken_peer, monkeypatch):
     monkeypatch.setattr(environments, "PEERS", environments.PEERS[1:2])
     with pytest.raises(ValueError, match=r"pip could not install llsi==0\.5\.0 in .*llsi: no module named llsi"):

@@ -96,12 +96,12 @@ def named(vehicle, effects, seeds):
     return {row["effect"]: row["right"] / row["logs"] for row in rows}
 
 
-@pytest.mark.parametrize("effect", [CLEAN, "effects.depth.lag"])
+@pytest.mark.parametrize("effect", [CLEAN, pytest.param("effects.depth.lag", marks=pytest.mark.slow)])
 def test_effects_of_a_float_with_a_piston_are_named(effect):
     assert named("qiandao_float", [effect], [0]) == {effect: 1.0}
 
 
-@pytest.mark.parametrize("effect", [CLEAN, "effects.volume.compressibility"])
+@pytest.mark.parametrize("effect", [CLEAN, pytest.param("effects.volume.compressibility", marks=pytest.mark.slow)])
 def test_effects_of_a_float_with_oil_are_named(effect):
     assert named("mermaid", [effect], [0]) == {effect: 1.0}
 
