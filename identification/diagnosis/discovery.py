@@ -11,9 +11,10 @@ from scipy import stats
 from auv_gym.channels import channel
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
-from identification.diagnosis.terms import Fitted, Found, gains, interval_of, search
+from identification.diagnosis.terms import Found, gains, interval_of, search
 from identification.diagnosis.trials import HELD_CHANCE, MANY_WINDOWS, SURE, chance_of_none
 from identification.diagnosis.verdict import quantity
+from identification.diagnosis.workbench import State
 from identification.shooting import Point, Shooting
 from identification.validation import free_runs
 
@@ -108,7 +109,7 @@ def library_of(plant: Plant) -> tuple[str, ...]:
 def discover(
     train: Shooting,
     held: Shooting,
-    state: Fitted,
+    state: State,
     library: Sequence[str],
     rng: np.random.Generator,
     settle: float | None = None,
@@ -151,14 +152,14 @@ def _digits(*values: float) -> list[str]:
     return [f"{value:.3g}" for value in values]
 
 
-def _term(train: Shooting, held: Shooting, before: Fitted, found: Found) -> Term:
+def _term(train: Shooting, held: Shooting, before: State, found: Found) -> Term:
     spec = spec_at(before.plant, found.path)
     value, limits = interval_of(train, found)
     evidence = gains(train, held, before, found.state, found.state.colour)
     return Term(found.path, spec.title, spec.unit, value, limits, found.frequency, *evidence, found.alike)
 
 
-def _objection(held: Shooting, before: Fitted, after: Fitted, term: Term, count: int, settle: float) -> str:
+def _objection(held: Shooting, before: State, after: State, term: Term, count: int, settle: float) -> str:
     if term.evidence_train + term.evidence_held < float(stats.chi2.isf(FALSE_ALARM / count, 1)):
         return "it is not significant"
     if term.evidence_held < max(HELD_LEAST, HELD_SHARE * term.evidence_train):

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from auv_gym.param import replace_at, value_at
-from auv_gym.plant import Plant
 from identification.diagnosis.stability import Selection, select
+from identification.diagnosis.workbench import State
 from identification.estimate import half_width
 from identification.shooting import Point, Shooting, colour, covariance, evidence, whitened
 
@@ -26,32 +25,6 @@ NEAR = 0.1  # share of the best one's gain in cost within which a contender is f
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on terms are also sought from its given value
 
 
-class Fitted(Protocol):
-    """A vehicle with its free parameters fitted in the training windows, and its runs in both sets of windows."""
-
-    @property
-    def plant(self) -> Plant: ...
-    @property
-    def paths(self) -> tuple[str, ...]: ...
-    @property
-    def train(self) -> Point: ...
-    @property
-    def held(self) -> Point: ...
-    @property
-    def colour(self) -> np.ndarray: ...
-
-
-@dataclass(frozen=True, eq=False)
-class Solved:
-    """A state of the search; see `Fitted`."""
-
-    plant: Plant
-    paths: tuple[str, ...]
-    train: Point
-    held: Point
-    colour: np.ndarray
-
-
 @dataclass(frozen=True, eq=False)
 class Found:
     """A term fitted jointly with all else.
@@ -60,14 +33,14 @@ class Found:
     """
 
     path: str
-    state: Solved
+    state: State
     frequency: float
     alike: tuple[str, ...]
     scales: Mapping[str, float]
 
 
 def search(
-    train: Shooting, held: Shooting, state: Fitted, library: Sequence[str], rng: np.random.Generator
+    train: Shooting, held: Shooting, state: State, library: Sequence[str], rng: np.random.Generator
 ) -> tuple[Found | None, dict[str, float]]:
     """The term that explains most beside what is fitted, if one is chosen stably; and how often each was chosen."""
     best, often = None, dict.fromkeys(library, 0.0)
@@ -82,7 +55,7 @@ def search(
 
 
 def selection_of(
-    train: Shooting, state: Fitted, library: Sequence[str], rng: np.random.Generator
+    train: Shooting, state: State, library: Sequence[str], rng: np.random.Generator
 ) -> tuple[Selection, dict[str, float]]:
     """The stability selection of the residual on the terms' signatures, and each term's size that shifts by one sigma.
 
@@ -108,7 +81,7 @@ def selection_of(
     return selection, dict(zip(library, scales.tolist(), strict=True))
 
 
-def gains(train: Shooting, held: Shooting, before: Fitted, after: Fitted, colours: np.ndarray) -> tuple[float, float]:
+def gains(train: Shooting, held: Shooting, before: State, after: State, colours: np.ndarray) -> tuple[float, float]:
     """Evidence for the change in the fitted and in the held-out windows."""
     return evidence(train, before.train, after.train, colours), evidence(held, before.held, after.held, colours)
 
@@ -125,7 +98,7 @@ def interval_of(train: Shooting, found: Found) -> tuple[float, tuple[float, floa
     return value, (value - half, value + half)
 
 
-def _with_given_coefficients(train: Shooting, state: Fitted) -> list[Solved]:
+def _with_given_coefficients(train: Shooting, state: State) -> list[State]:
     """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there.
 
     Coefficients that were fitted without the term may be so wrong that its signature at them means nothing.
@@ -137,7 +110,7 @@ def _with_given_coefficients(train: Shooting, state: Fitted) -> list[Solved]:
     point = train.solve(plant, (), state.train.starts, ITERATIONS, 1e-5)
     if not np.isfinite(point.cost):
         return []
-    return [Solved(plant, tuple(state.paths), point, state.held, colour(train, point))]
+    return [State(plant, tuple(state.paths), point, state.held, colour(train, point))]
 
 
 def _blocks(problem: Shooting) -> np.ndarray:
@@ -153,7 +126,7 @@ def _blocks(problem: Shooting) -> np.ndarray:
 
 
 def _best(
-    train: Shooting, held: Shooting, state: Fitted, base: Fitted, library: Sequence[str], selection: Selection, scales
+    train: Shooting, held: Shooting, state: State, base: State, library: Sequence[str], selection: Selection, scales
 ) -> Found | None:
     """The simplest of the terms that explain all windows best, fitted with everything else from a base."""
     stable = np.where(selection.frequency >= STABLE, selection.evidence, 0.0)
@@ -172,7 +145,7 @@ def _best(
         return None
     least = min(point.cost for point in first.values())
     bar = least + max(NEAR * (state.train.cost - least), TIE)
-    ended: dict[int, Solved] = {}
+    ended: dict[int, State] = {}
     for k, point in first.items():
         after = _fitted(problem, held, state, library[k], point) if point.cost <= bar else None
         if after is not None:
@@ -187,7 +160,7 @@ def _best(
     return Found(library[tied[0]], ended[tied[0]], float(selection.frequency[tied[0]]), alike, scales)
 
 
-def _first_fit(problem: Shooting, state: Fitted, base: Fitted, path: str, size: float) -> Point | None:
+def _first_fit(problem: Shooting, state: State, base: State, path: str, size: float) -> Point | None:
     """A few iterations from a base with a term of what its signature promises, or less; None if that gains nothing."""
     for share in (1.0, 0.2, 0.02):
         plant = replace_at(base.plant, path, share * size)
@@ -197,13 +170,13 @@ def _first_fit(problem: Shooting, state: Fitted, base: Fitted, path: str, size: 
     return None
 
 
-def _fitted(problem: Shooting, held: Shooting, state: Fitted, path: str, near: Point) -> Solved | None:
+def _fitted(problem: Shooting, held: Shooting, state: State, path: str, near: Point) -> State | None:
     """The state with a term, fitted to the end from a point near by; None without a stable run in held-out windows."""
     paths = (*state.paths, path)
     point = problem.solve(problem.plant_at(near, paths), paths, near.starts, ITERATIONS, 1e-6)
     plant = problem.plant_at(point, paths)
     there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6)
-    return Solved(plant, paths, point, there, colour(problem, point)) if np.isfinite(there.cost) else None
+    return State(plant, paths, point, there, colour(problem, point)) if np.isfinite(there.cost) else None
 
 
 def _degree(path: str) -> float:

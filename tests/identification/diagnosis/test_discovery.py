@@ -10,7 +10,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from auv_gym.vehicles.glider import yaw_inertia, yaw_rates
 from identification.diagnosis.discovery import Discovery, Term, discover, library_of
-from identification.diagnosis.terms import Solved
+from identification.diagnosis.workbench import State
 from identification.missions import fly
 from identification.shooting import Shooting, colour
 from identification.windows import free_run_windows, held_out
@@ -24,7 +24,7 @@ def searched(plant, record, window=None, settle=None, seed=0) -> Discovery:
     paths = plant.family.coefficients
     point = fitted.solve(plant, paths, fitted.solve(plant, ()).starts)
     refitted = fitted.plant_at(point, paths)
-    state = Solved(refitted, paths, point, other.solve(refitted, ()), colour(fitted, point))
+    state = State(refitted, paths, point, other.solve(refitted, ()), colour(fitted, point))
     return discover(fitted, other, state, library_of(plant), np.random.default_rng(seed), settle)
 
 
@@ -131,4 +131,4 @@ def test_without_a_library_there_is_nothing_to_search():
     plant = load_vehicle("slocum")
     assert len(library_of(plant)) == 18
     with pytest.raises(ValueError, match="needs some to choose from"):
-        discover(*[None] * 2, Solved(plant, (), *[None] * 3), (), np.random.default_rng(0))  # type: ignore[arg-type]
+        discover(*[None] * 2, State(plant, (), *[None] * 3), (), np.random.default_rng(0))  # type: ignore[arg-type]
