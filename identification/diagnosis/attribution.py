@@ -14,6 +14,8 @@ from identification.diagnosis.ties import ALIKE, Likeness, best_of, likenesses, 
 from identification.diagnosis.trials import Progress, Trial, judged, trials_of
 from identification.diagnosis.workbench import State, Workbench
 
+PLAIN = 100.0  # evidence by kinematics alone from which on a sensor's error is settled before forces are sought
+
 
 @dataclass(frozen=True, eq=False)
 class Round:
@@ -38,16 +40,19 @@ def attribute(
 ) -> tuple[State, list[Round]]:
     """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
 
-    sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.
+    sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.  What kinematics
+    shows plainly comes before any force.
 
     Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
     and accepts the one with most evidence if the held-out windows repeat it.
     """
     state, rounds, left, count = start, [], list(candidates), len(candidates)
+    plain = {path for m in sensors if m.evidence >= PLAIN for path in (m.path, *m.tied)}
     for number in range(most + 1 if left else 0):
         done, share = number / (most + 1), 1.0 / (most + 1)
-        trials = trials_of(bench, state, left, count, lambda f, text, d=done, s=share: progress(d + s * f, text))
+        trials = trials_of(bench, state, left, count, lambda f, text, d=done, s=share: progress(d + s * f, text), plain)
         accepted = [t for t in trials if not t.objection]
+        accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
         if not accepted or number == most:
             rounds.append(Round(tuple(trials), None, (), {}))
             break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,16 +78,26 @@ def threshold(candidates: int, parameters: int = 1) -> float:
     return float(stats.chi2.isf(FALSE_ALARM / max(candidates, 1), parameters))
 
 
-def trials_of(bench: Workbench, state: State, left: Sequence[Candidate], count: int, progress: Progress) -> list[Trial]:
-    """A trial for each candidate beside what was fitted before, most evidence first; count: of all candidates."""
+def trials_of(
+    bench: Workbench,
+    state: State,
+    left: Sequence[Candidate],
+    count: int,
+    progress: Progress,
+    plain: Collection[str] = (),
+) -> list[Trial]:
+    """A trial for each candidate beside what was fitted before, most evidence first.
+
+    count: of all candidates.  plain: paths that are fitted to the end whatever they promise.
+    """
     progress(0.0, "screening")
     promises = _promises(bench, state, left, threshold(count))
-    listed = _short_list(promises, threshold(count))
+    listed = _short_list(promises, threshold(count), plain)
     begun = []
     for number, promise in enumerate(listed):
         progress(0.2 + 0.5 * number / len(listed), promise.candidate.title)
         begun.append(_begun(bench, state, promise))
-    finalists = _finalists(state, begun)
+    finalists = _finalists(state, begun, plain)
     trials = []
     for number, (promise, point) in enumerate(finalists):
         progress(0.7 + 0.3 * number / len(finalists), promise.candidate.title)
@@ -162,11 +172,12 @@ def _jumped(bench: Workbench, state: State, base: State, seen: Sequence[Screenin
     return result
 
 
-def _short_list(promises: Sequence[_Promise], bar: float) -> list[_Promise]:
+def _short_list(promises: Sequence[_Promise], bar: float, plain: Collection[str]) -> list[_Promise]:
     """The candidates that are worth a fit, most promising first."""
     worth = [p for p in promises if p.points and p.evidence >= LEAST_TRACE * bar]
     best = worth[0].evidence if worth else 0.0
-    return [p for i, p in enumerate(worth) if i < SHORT_LIST or p.evidence >= CLOSE * best]
+    known = [not set(plain).isdisjoint(p.candidate.paths) for p in worth]
+    return [p for i, p in enumerate(worth) if i < SHORT_LIST or p.evidence >= CLOSE * best or known[i]]
 
 
 def _begun(bench: Workbench, state: State, promise: _Promise) -> tuple[_Promise, Point]:
@@ -187,10 +198,15 @@ def _begun(bench: Workbench, state: State, promise: _Promise) -> tuple[_Promise,
     return promise, min(found, key=lambda point: point.cost)
 
 
-def _finalists(state: State, begun: Sequence[tuple[_Promise, Point]]) -> list[tuple[_Promise, Point]]:
+def _finalists(
+    state: State, begun: Sequence[tuple[_Promise, Point]], plain: Collection[str]
+) -> list[tuple[_Promise, Point]]:
     finite = sorted((b for b in begun if np.isfinite(b[1].cost)), key=lambda b: b[1].cost)
     best = state.train.cost - finite[0][1].cost if finite else 0.0
-    return [b for i, b in enumerate(finite) if i < FINALISTS or state.train.cost - b[1].cost >= CLOSER * best]
+    known = [not set(plain).isdisjoint(b[0].candidate.paths) for b in finite]
+    return [
+        b for i, b in enumerate(finite) if i < FINALISTS or state.train.cost - b[1].cost >= CLOSER * best or known[i]
+    ]
 
 
 def _with_given_coefficients(bench: Workbench, state: State) -> State | None:
