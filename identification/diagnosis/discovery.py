@@ -6,20 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import stats
 
 from auv_gym.channels import channel
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.terms import Found, gains, interval_of, search
-from identification.diagnosis.trials import HELD_CHANCE, MANY_WINDOWS, SURE, chance_of_none
+from identification.diagnosis.trials import HELD_CHANCE, MANY_WINDOWS, SURE, chance_of_none, threshold
 from identification.diagnosis.verdict import quantity
 from identification.diagnosis.workbench import State
 from identification.shooting import Point, Shooting
 from identification.validation import free_runs
 
 MOST_TERMS = 2
-FALSE_ALARM = 1e-3  # probability of a false term on a log without any, over the library
 HELD_LEAST, HELD_SHARE = 6.6, 0.1  # evidence from the held-out windows alone, and as a share of the fitted ones'
 _PER = {
     "depth": "metre of depth", "time": "second", "temperature": "kelvin", "pitch": "radian of pitch",
@@ -160,7 +158,7 @@ def _term(train: Shooting, held: Shooting, before: State, found: Found) -> Term:
 
 
 def _objection(held: Shooting, before: State, after: State, term: Term, count: int, settle: float) -> str:
-    if term.evidence_train + term.evidence_held < float(stats.chi2.isf(FALSE_ALARM / count, 1)):
+    if term.evidence_train + term.evidence_held < threshold(count):
         return "it is not significant"
     if term.evidence_held < max(HELD_LEAST, HELD_SHARE * term.evidence_train):
         return "it does not hold in the held-out windows"

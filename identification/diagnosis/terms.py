@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, value_at
 from identification.diagnosis.stability import Selection, select
-from identification.diagnosis.workbench import State
+from identification.diagnosis.workbench import State, given_values
 from identification.estimate import half_width
 from identification.shooting import Point, Shooting, colour, covariance, evidence, whitened
 
@@ -22,7 +22,6 @@ KIN = 0.5  # cosine to the leading term from which on a term contends with it
 TIE = 9.0  # evidence below which two terms are not told apart: three standard errors
 FIRST_ITERATIONS, ITERATIONS = 6, 20  # of each contender's fit, and then of those near the best
 NEAR = 0.1  # share of the best one's gain in cost within which a contender is fitted to the end
-FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on terms are also sought from its given value
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +102,8 @@ def _with_given_coefficients(train: Shooting, state: State) -> list[State]:
 
     Coefficients that were fitted without the term may be so wrong that its signature at them means nothing.
     """
-    given = {p: value_at(train.plant, p) for p in state.paths if p in train.plant.family.coefficients}
-    if all(abs(value_at(state.plant, p) - v) <= FAR_FROM_GIVEN * abs(v) for p, v in given.items()):
+    given = given_values(train.plant, state)
+    if not given:
         return []
     plant = replace_at(state.plant, given)
     point = train.solve(plant, (), state.train.starts, ITERATIONS, 1e-5)

@@ -11,7 +11,7 @@ from scipy import stats
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.candidates import SEEN, Candidate, Screening, screen
-from identification.diagnosis.workbench import State, Workbench
+from identification.diagnosis.workbench import State, Workbench, given_values
 from identification.shooting import Point, colour, evidence
 
 FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
@@ -25,7 +25,6 @@ SHORT_LIST, FINALISTS = 12, 4
 CLOSE, CLOSER = 0.5, 0.8  # of the best one's evidence: nearer ones are on the list, or finalists, however many
 FEW_STATES = 4  # that are fitted at a window's start, up to which fits begin from every first value
 FIRST_ITERATIONS, ITERATIONS = 4, 15  # of the short list, and then of the finalists
-FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on candidates are also sought from its given value
 SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
 SMALL = "smaller than its probe"  # no name of its own, but it may be what a tie is with
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral
@@ -51,15 +50,6 @@ class Trial:
     def total(self) -> float:
         """Evidence from all windows, less what a second component or a sought period is expected to gain by chance."""
         return self.train + self.held - 2.0 * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
-
-
-@dataclass(frozen=True, eq=False)
-class Round:
-    """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it."""
-
-    trials: tuple[Trial, ...]
-    chosen: Trial | None
-    tied: tuple[Trial, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,9 +204,8 @@ def _with_given_coefficients(bench: Workbench, state: State) -> State | None:
 
     Coefficients that were fitted without the missing effect may be so wrong that its signature at them means nothing.
     """
-    coefficients = [p for p in state.paths if p in bench.plant.family.coefficients]
-    given = {p: value_at(bench.plant, p) for p in coefficients}
-    if all(abs(value_at(state.plant, p) - v) <= FAR_FROM_GIVEN * abs(v) for p, v in given.items()):
+    given = given_values(bench.plant, state)
+    if not given:
         return None
     other = bench.fit(replace_at(state.plant, given), (), state)
     return other if np.isfinite(other.train.cost) else None

@@ -17,6 +17,7 @@ from identification.validation import head_windows
 from identification.windows import LEAST_SAMPLES, free_run_windows
 
 MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
+FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on a search also begins at its given value
 FINE = 0.02  # of the noise: how far a coarser step of integration may move the outputs
 
 
@@ -115,6 +116,13 @@ class Workbench:
             unit = window_costs(problem, against, reference.colour).sum(axis=0) / np.maximum(problem.counts, 1)
             parts.append((window_costs(problem, point, reference.colour) / (unit + 1e-30)).sum(axis=1))
         return np.concatenate(parts)
+
+
+def given_values(given: Plant, state: State) -> dict[str, float]:
+    """The fitted coefficients as the vehicle was given, if the fit has taken one of them far from there; else none."""
+    values = {p: value_at(given, p) for p in state.paths if p in given.family.coefficients}
+    far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
+    return values if far else {}
 
 
 def calm_length(plant: Plant, record: Record, seconds: float) -> float:

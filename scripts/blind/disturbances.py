@@ -110,3 +110,13 @@ def slipped(time: np.ndarray, rng: np.random.Generator, size: float, spacing: fl
     rates = size * rng.uniform(0.5, 1.0, edges.size) * rng.choice([-1.0, 1.0], edges.size)
     gained = np.concatenate([[0.0], np.cumsum(rates[:-1] * np.diff(edges))])
     return time + np.interp(time, edges, gained) - np.interp(time[0], edges, gained)
+
+
+@dataclass(frozen=True)
+class Around:
+    """What is around a vehicle, or wrong with it; None: absent."""
+
+    gusts: Gusts | None = None
+    sticking: Sticking | None = None
+    tripping: Tripping | None = None
+    tether: Slack | None = None

@@ -10,7 +10,7 @@ from auv_gym.record import Record
 from identification.shooting import Shooting
 from identification.windows import free_run_windows
 from scripts.blind import own_float, own_torpedo
-from scripts.blind.disturbances import Gusts, Slack, Sticking, Tripping, slipped
+from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
 from scripts.blind.logs import Conditions, log_of, torpedo_excitation, torpedo_noise
 from scripts.blind.own_glider import OwnGlider
 
@@ -79,17 +79,17 @@ def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.rand
 
 def _float(plant: Plant, cause: str, size: float, rng: np.random.Generator):
     deep = plant.family.name == "float_oil"
-    around = own_float.Around()
+    around = Around()
     if cause == "drag":
         low, high = (0.05, 0.09) if deep else (0.03, 0.08)
-        around = own_float.Around(tripping=Tripping(0.5 * size, low, high))
+        around = Around(tripping=Tripping(0.5 * size, low, high))
     elif cause == "current":
         spacing, length = (1e4, _MERMAID_DAYS) if deep else (240.0, 2500.0)
-        around = own_float.Around(gusts=Gusts.draw(rng, length, 0.01 * size, spacing, "vertical"))
+        around = Around(gusts=Gusts.draw(rng, length, 0.01 * size, spacing, "vertical"))
     elif cause == "tether":
-        around = own_float.Around(tether=Slack(2e-4 * size, 500.0) if deep else Slack(0.004 * size, 25.0))
+        around = Around(tether=Slack(2e-4 * size, 500.0) if deep else Slack(0.004 * size, 25.0))
     elif cause == "fin":
-        around = own_float.Around(sticking=Sticking.draw(rng, 2500.0, 2e-3 * size, 300.0, 40.0 * size))
+        around = Around(sticking=Sticking.draw(rng, 2500.0, 2e-3 * size, 300.0, 40.0 * size))
     begun = iter(np.cumsum(rng.uniform(2e4, 4e4, 64)) if deep else [0.0])
 
     def start(given: Plant, depth: float, rate: float = 0.0, volume: float = 0.0) -> own_float.OwnSwim:
@@ -98,18 +98,16 @@ def _float(plant: Plant, cause: str, size: float, rng: np.random.Generator):
     return start
 
 
-def _around_torpedo(
-    plant: Plant, cause: str, size: float, duration: float, rng: np.random.Generator
-) -> own_torpedo.Around:
+def _around_torpedo(plant: Plant, cause: str, size: float, duration: float, rng: np.random.Generator) -> Around:
     speed, length = find_cruise(plant).speed, plant.hull.length
     if cause == "drag":
-        return own_torpedo.Around(tripping=Tripping(0.06 * size, 0.78 * speed, 0.9 * speed))
+        return Around(tripping=Tripping(0.06 * size, 0.78 * speed, 0.9 * speed))
     if cause == "current":
-        return own_torpedo.Around(gusts=Gusts.draw(rng, duration, 0.025 * size, 40.0, "horizontal"))
+        return Around(gusts=Gusts.draw(rng, duration, 0.025 * size, 40.0, "horizontal"))
     if cause == "tether":
         distance = float(np.hypot(0.85 * own_torpedo.FOLLOW * speed, 15.0 * length))
         push = abs(plant.hull.surge.u_u) * speed**2  # N
-        return own_torpedo.Around(tether=Slack(0.001 * size * push, distance * rng.uniform(0.6, 0.8)))
+        return Around(tether=Slack(0.001 * size * push, distance * rng.uniform(0.6, 0.8)))
     if cause == "fin":
-        return own_torpedo.Around(sticking=Sticking.draw(rng, duration, 0.02 * size, 30.0, 3.0 * size))
-    return own_torpedo.Around()
+        return Around(sticking=Sticking.draw(rng, duration, 0.02 * size, 30.0, 3.0 * size))
+    return Around()

@@ -10,21 +10,11 @@ from dataclasses import dataclass, replace
 from math import ceil, sqrt
 
 from auv_gym.plant import Plant
-from scripts.blind.disturbances import Gusts, Slack, Sticking, Tripping
+from scripts.blind.disturbances import Around
 
 _STEP = 0.1  # s; a float without inertia takes `_SLOW_STEP`
 _SLOW_STEP = 10.0
 _GRAVITY = 9.81
-
-
-@dataclass(frozen=True)
-class Around:
-    """What is around a float, or wrong with it; None: absent."""
-
-    gusts: Gusts | None = None
-    sticking: Sticking | None = None
-    tripping: Tripping | None = None
-    tether: Slack | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from auv_gym.record import Record
 from controllers.autopilots import autopilot
 from controllers.excited import Excited
 from identification.torpedo_experiment import draw_manoeuvres
-from scripts.blind.disturbances import Gusts, Slack, Sticking, Tripping
+from scripts.blind.disturbances import Around, Slack
 from scripts.blind.own_forces import Hull, cross
 
 _SUBSTEPS = 2
@@ -32,16 +32,6 @@ _SENSORS = {  # the outputs of each, in the order of a reading
     "depth": ("depth_m",),
 }
 FOLLOW = 20.0  # s, with which a boat above follows the vehicle
-
-
-@dataclass(frozen=True)
-class Around:
-    """What is around a torpedo, or wrong with it; None: absent."""
-
-    gusts: Gusts | None = None
-    sticking: Sticking | None = None
-    tripping: Tripping | None = None
-    tether: Slack | None = None
 
 
 def own_manoeuvres(

@@ -13,13 +13,12 @@ from identification.experiment import closed_loop
 from identification.float_experiment import depth_control, oil_mission
 from scripts.blind.cases import KINDS, PERIOD_OF, Undrawn, detectable_sizes, draw, sketch
 from scripts.blind.diagnosing import diagnose_folder
-from scripts.blind.disturbances import Gusts, Slack, Sticking, Tripping, slipped
+from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
 from scripts.blind.logs import Conditions, log_of
 from scripts.blind.outside import causes_of, excess, outside_log
-from scripts.blind.own_float import Around as AroundFloat
 from scripts.blind.own_float import OwnSwim
 from scripts.blind.own_glider import OwnGlider
-from scripts.blind.own_torpedo import Around, own_manoeuvres
+from scripts.blind.own_torpedo import own_manoeuvres
 from scripts.blind.scoring import score, score_folders
 from scripts.blind.sealing import log_folder, seal, truth_folder
 from scripts.blind.tables import summary, wilson
@@ -40,7 +39,7 @@ def test_the_own_glider_is_the_plant_where_nothing_is_the_matter(vehicle):
 
 
 def own_float(plant, depth, rate=0.0, volume=0.0):
-    return OwnSwim(plant, AroundFloat(), depth, rate, volume)
+    return OwnSwim(plant, Around(), depth, rate, volume)
 
 
 def test_the_own_floats_are_the_plants_where_nothing_is_the_matter():
