@@ -159,13 +159,18 @@ class Plant:
         return self.dt * np.arange(1 - self.history, 2.0)
 
     def initial(self, y0: np.ndarray) -> np.ndarray:
-        """A state with these outputs where they are finite, zero otherwise; actuators at rest, sensors settled."""
+        """A state with these outputs where they are finite, zero otherwise; actuators at rest, sensors settled.
+
+        Where the reading of a speed through the water is missing, that over ground stands in for it.
+        """
         x = np.zeros(self._size)
         x[len(self.family.states) :][self._of_actuators] = self._rest
         known = dict(zip(self.outputs, np.asarray(y0, dtype=float), strict=True))
         for index, name in enumerate(self.family.states):
-            if np.isfinite(known.get(name, np.nan)):
-                x[index] = known[name]
+            for output in (name, self.family.nearly.get(name, name)):
+                if np.isfinite(known.get(output, np.nan)):
+                    x[index] = known[output]
+                    break
         for _ in range(3):  # what the compass lags behind depends on the heading where it deviates: a fixed point
             self.programs.settle(x, self.derived)
             x = self.correct(x, y0)

@@ -161,8 +161,10 @@ class Shooting:
             starts[w] = self.plant.initial(full)[: len(family.states)]
             head = slice(offset, min(offset + 4, offset + self.runs.stop[w] - self.runs.begin[w]))
             rows = slice(offset, offset + self._first_rows[w])
-            for c, name in enumerate(self.channels):
-                if name in family.states and self.finite[rows, c].sum() >= LEAST_LINE:
+            for name in family.states:
+                told = next((n for n in (name, family.nearly.get(name)) if n in self.channels), None)
+                c = self.channels.index(told) if told else 0
+                if told and self.finite[rows, c].sum() >= LEAST_LINE:
                     fine = self.finite[rows, c]
                     t = self.record.time[self.windows[w]][: self._first_rows[w]][fine]
                     line = np.polyfit(t - self.record.time[self.windows[w].start], self.measured[rows, c][fine], 1)

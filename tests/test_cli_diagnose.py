@@ -8,8 +8,10 @@ import pytest
 from auv_gym.cli import main
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from auv_gym.reading import read_record
 from auv_gym.record import Record
 from auv_gym.slocum import shipped_log
+from identification.diagnosis.result_files import digest_of
 from identification.experiment import closed_loop
 
 
@@ -49,6 +51,15 @@ def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
     assert [e["path"] for e in content["effects"]] == ["effects.rudder.deadband"]
     assert {p.name for p in out.iterdir()} == {"diagnosis.json", "vehicle.toml", "report.html"}
     assert load_vehicle(out / "vehicle.toml").effects.rudder.deadband == pytest.approx(0.06, rel=0.2)  # its interval
+
+
+def test_a_log_can_be_thinned(log, tmp_path):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    out = tmp_path / "out"
+    assert run(write_csv(tmp_path / "mission.csv", columns_of(log)), out, "--resample", "8") == 0
+    diagnosed = json.loads((out / "diagnosis.json").read_text())["record_sha256"]
+    path = tmp_path / "mission.csv"
+    assert diagnosed == digest_of(read_record(path).resample(8.0)) != digest_of(read_record(path))
 
 
 def bad_logs(record):

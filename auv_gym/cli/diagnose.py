@@ -25,6 +25,9 @@ def diagnose(
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
     min_depth: Annotated[float | None, typer.Option(help="Use the log below this depth only, m.")] = None,
     max_depth: Annotated[float | None, typer.Option(help="Use the log above this depth only, m.")] = None,
+    resample: Annotated[
+        float | None, typer.Option(help="Sample time, s, to thin a log to that is finer than the vehicle moves.")
+    ] = None,
     window: Annotated[
         float | None,
         typer.Option(help="Length of the free runs, s; default: the vehicle's. Every other one, or dive, is held out."),
@@ -70,6 +73,8 @@ def diagnose(
         progress(0.0, "reading the log")
         record = logs.read_log(log, mapping, cache_dir, (plant.family.leading, *plant.family.required), cut_gaps)
         record = _between_depths(record, min_depth, max_depth)
+        if resample is not None:
+            record = record.resample(resample)
         if profile is not None:
             if "density_kgpm3" not in plant.inputs:
                 raise ValueError(

@@ -62,6 +62,8 @@ class Family:
     measured: Mapping[str, str] = field(default_factory=dict)
     # lowest and highest that a record's channel can be, as numbers or paths of parameters
     ranges: Mapping[str, tuple[float | str, float | str]] = field(default_factory=dict)
+    # outputs that tell a state nearly, for its first value where its own reading is missing
+    nearly: Mapping[str, str] = field(default_factory=dict)
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""

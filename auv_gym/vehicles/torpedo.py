@@ -412,6 +412,7 @@ def _family(name: str, propulsion: str, title: str) -> Family:
             *("hull.rudder.moment", "hull.stern_plane.moment"),
         ),
         main_output="heading_rad",
+        nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
         twins={"effects.hull.damping_surge": "hull.surge.u_u"},
         derived=N_DERIVED,
         problem=mass_problem,

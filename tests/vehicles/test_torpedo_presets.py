@@ -385,3 +385,13 @@ def test_the_vehicle_in_the_guide_loads_and_drives(tmp_path):
     path.write_text(text.replace('value = -2.0, unit = "kg"', 'value = -2.0, unit = "kg m"'), encoding="utf-8")
     with pytest.raises(ValueError, match=r"hull\.added_mass\.x_udot is in kg"):
         load_vehicle(path)
+
+
+def test_a_speed_over_ground_stands_in_for_a_missing_one_through_the_water():
+    plant = load_vehicle("vt690")
+    given = {"u_dvl_mps": 1.4, "v_dvl_mps": -0.1, "heading_rad": 1.0}
+    x = plant.initial(np.array([given.get(name, np.nan) for name in plant.outputs]))
+    assert dict(zip(plant.outputs, plant.output(x), strict=True))["u_mps"] == pytest.approx(1.4)
+    both = {**given, "u_mps": 1.6}
+    x = plant.initial(np.array([both.get(name, np.nan) for name in plant.outputs]))
+    assert plant.output(x)[plant.outputs.index("u_mps")] == pytest.approx(1.6)
