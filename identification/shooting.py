@@ -28,6 +28,9 @@ FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start
 LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 PIECE = 6  # samples of the short runs from which shared states are first guessed
 JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
+REACH = (
+    5.0  # standard deviations of a coefficient that a fit may move it: beyond, it would stand in for what is missing
+)
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 _NO_SCALES: Mapping[str, float] = MappingProxyType({})
@@ -129,9 +132,14 @@ class Shooting:
         return self.scales[path]
 
     def bounds(self, path: str) -> tuple[float, float]:
-        """The least and the most that a parameter may be."""
+        """The least and the most that a parameter may be; `REACH` deviations from its given value if that is doubted."""
         if path not in self._bounds:
-            self._bounds[path] = spec_at(self.plant, path).bounds
+            low, high = spec_at(self.plant, path).bounds
+            if path in self.plant.family.coefficients and np.isfinite(self.doubt):
+                value = value_at(self.plant, path)
+                far = REACH * self.doubt * abs(value) or np.inf
+                low, high = max(low, value - far), min(high, value + far)
+            self._bounds[path] = (low, high)
         return self._bounds[path]
 
     def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -310,6 +318,9 @@ class Shooting:
             pulled, rates = self.pulls(here.vector, paths)
             normal[: len(paths), : len(paths)] += np.diag(rates**2)
             gradient[: len(paths)] -= rates * pulled
+            held = self._at_edge(here.vector, paths, gradient)
+            normal[held], normal[:, held], gradient[held], cross[:, :, held] = 0.0, 0.0, 0.0, 0.0
+            normal[held, held] = 1.0
             improved, tries = False, 0
             while not improved and tries < TRIES:
                 step = _block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
@@ -328,6 +339,15 @@ class Shooting:
                     break
                 damping, steps = 1e-3, steps[1:]
         return here
+
+    def _at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
+        """Numbers of the paths at a bound that the cost would push them over: a step leaves these alone."""
+        held = []
+        for number, path in enumerate(paths):
+            value, (low, high) = vector[self.index[path]], self.bounds(path)
+            if (value <= low and gradient[number] < 0.0) or (value >= high and gradient[number] > 0.0):
+                held.append(number)
+        return held
 
     def sigma(self, point: Point) -> np.ndarray:
         """Root mean square of each channel's residual, shape (C,)."""

@@ -13,6 +13,7 @@ from identification.diagnosis.candidates import Screening
 from identification.diagnosis.trials import threshold
 from identification.diagnosis.verdict import Coefficient, Detectable, Effect
 from identification.diagnosis.workbench import State
+from identification.shooting import REACH
 
 LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
 BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it does is as likely
@@ -47,12 +48,13 @@ def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], 
     return effects, groups
 
 
-def coefficient_of(plant: Plant, path: str, size: tuple[float, float, float], count: int) -> Coefficient:
+def coefficient_of(plant: Plant, path: str, size: tuple[float, float, float], count: int, doubt: float) -> Coefficient:
     """A refitted coefficient; wrong where it left its given value by a little, and surely."""
     spec, given, (value, error, _) = spec_at(plant, path), value_at(plant, path), size
     moved = abs(value - given)
     wrong = moved > LEAST_CHANGE * abs(given) and moved > np.sqrt(threshold(count)) * error
-    return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong))
+    limited = moved >= 0.999 * REACH * doubt * abs(given) > 0.0
+    return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong), bool(limited))
 
 
 def twins_of(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:

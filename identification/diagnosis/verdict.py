@@ -43,7 +43,10 @@ class Effect:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient of the vehicle, as given and as refitted; wrong: surely not what was given."""
+    """A coefficient of the vehicle, as given and as refitted.
+
+    wrong: surely not what was given.  limited: as far from there as its doubt lets a fit go.
+    """
 
     path: str
     title: str
@@ -52,6 +55,7 @@ class Coefficient:
     value: float
     ci95: tuple[float, float]
     wrong: bool = False
+    limited: bool = False
 
 
 @dataclass(frozen=True)
@@ -157,7 +161,7 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The verdict in plain words, with the error before and after."""
-        parts = [_sentence(self), _rest_sentence(self), _error_sentence(self)]
+        parts = [_sentence(self), _limit_sentence(self), _rest_sentence(self), _error_sentence(self)]
         return " ".join(part for part in parts if part)
 
 
@@ -185,6 +189,17 @@ def _sentence(d: Diagnosis) -> str:
     titles |= {c.path: c.title for c in d.coefficients}
     groups = [" or ".join(titles.get(p, p) for p in group) for group in d.tied]
     return f"The vehicle lacks {_listed(names)}. This record cannot tell apart: {'; '.join(groups)}."
+
+
+def _limit_sentence(d: Diagnosis) -> str:
+    """What is said of coefficients that a fit took as far as it may: something is missing, or they are not known so well."""
+    limited = [c.title for c in d.coefficients if c.limited]
+    if not limited:
+        return ""
+    return (
+        f"A doubt of {100.0 * d.asked.doubt:g} % in the vehicle's own coefficients held back {_listed(limited)}: "
+        "allow more if they are known less well."
+    )
 
 
 def _rest_sentence(d: Diagnosis) -> str:
