@@ -11,7 +11,8 @@ from auv_gym.param import replace_at, value_at
 from identification.diagnosis.stability import Selection, select
 from identification.diagnosis.workbench import State, given_values
 from identification.estimate import half_width
-from identification.shooting import Point, Shooting, colour, covariance, evidence, whitened
+from identification.likelihood import colour, covariance, evidence, whitened
+from identification.shooting import Point, Shooting
 
 STABLE = 0.8  # share of the halves that must choose a term
 BLOCKS, LEAST_BLOCK = 24, 8  # blocks to resample, if they hold as many samples

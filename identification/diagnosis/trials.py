@@ -12,7 +12,8 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.candidates import SEEN, Candidate, Screening, screen
 from identification.diagnosis.workbench import State, Workbench, given_values
-from identification.shooting import Point, colour, evidence
+from identification.likelihood import colour, evidence
+from identification.shooting import Point
 
 FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
 HELD_LEAST = 2.7  # evidence from the held-out windows alone: the 5 % point of one parameter, one-sided
