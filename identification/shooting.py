@@ -8,6 +8,7 @@ Source: Bock 1983, "Recent advances in parameter identification techniques for O
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -22,15 +23,20 @@ from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
 
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
+_START_STEP = 1e-4  # of a start, for its slopes
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
 LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 PIECE = 6  # samples of the short runs from which shared states are first guessed
 JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
+STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 _NO_SCALES: Mapping[str, float] = MappingProxyType({})
+REMEMBERED = 2  # points of which the slopes are kept
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
+
+_Move = tuple[str | int, float]  # of a path or of the state of a number, and by how much
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,12 +118,18 @@ class Shooting:
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
         self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
-        self.start_states = self._revealed()
+        self._known: dict[Point, dict[_Move, np.ndarray]] = {}
 
     @property
     def nuisances(self) -> int:
         """How many unknowns there are besides the parameters: starts of windows, shared values of segments."""
         return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
+
+    def scaled(self, scales: Mapping[str, float]) -> Shooting:
+        """The same problem with other scales, in place of all that were given."""
+        other = copy(self)
+        other.scales, other._known = dict(scales), {}
+        return other
 
     def scale(self, path: str) -> float:
         """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
@@ -152,7 +164,7 @@ class Shooting:
         Measured where they are measured; rates of measured signals from their first samples; shared states from runs
         over a few samples, in which a wrong value does little; else zero.
         """
-        family = self.plant.family
+        family, time = self.plant.family, self.record.time
         starts = np.zeros((len(self.windows), len(family.states)))
         for w, offset in enumerate(self.offsets):
             full = np.full(len(family.outputs), np.nan)
@@ -163,14 +175,14 @@ class Shooting:
             for c, name in enumerate(self.channels):
                 if name in family.states and self.finite[rows, c].sum() >= LEAST_LINE:
                     fine = self.finite[rows, c]
-                    t = self.record.time[self.windows[w]][: self._first_rows[w]][fine]
-                    line = np.polyfit(t - self.record.time[self.windows[w].start], self.measured[rows, c][fine], 1)
+                    t = time[self.windows[w]][: self._first_rows[w]][fine]
+                    line = _line(t - time[self.windows[w].start], self.measured[rows, c][fine])
                     starts[w, family.states.index(name)] = line[1]
             for rate, angle in RATES.items():
                 if rate in family.states and rate not in self.channels and angle in self.channels:
-                    times = self.record.time[self.windows[w]][: head.stop - head.start]
+                    times = time[self.windows[w]][: head.stop - head.start]
                     values = self.measured[head, self.channels.index(angle)]
-                    starts[w, family.states.index(rate)] = np.polyfit(times - times[0], values, 1)[0]
+                    starts[w, family.states.index(rate)] = _line(times - times[0], values)[0]
         return self._with_shared(starts, self.plant)
 
     @cached_property
@@ -183,7 +195,8 @@ class Shooting:
     @cached_property
     def _first_rows(self) -> list[int]:
         """How many samples of each window lie in its first second."""
-        times = [self.record.time[w] for w in self.windows]
+        time = self.record.time
+        times = [time[w] for w in self.windows]
         return [int(np.searchsorted(t, t[0] + LINE)) for t in times]
 
     def _with_shared(self, starts: np.ndarray, plant: Plant) -> np.ndarray:
@@ -216,8 +229,9 @@ class Shooting:
         flat, start_columns = self._differences(point, paths, sigma, step)
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
-        rest = flat - np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
-        count = len(paths)
+        rest, count = flat.copy(), len(paths)
+        for rows, own in zip(self._window_rows, gain, strict=True):
+            rest[:, rows] -= np.tensordot(own, start_columns[:, rows], axes=(0, 0))
         columns, shared = rest[:count], rest[count:]
         if len(shared):
             shared = shared.reshape(len(shared), -1)
@@ -295,35 +309,36 @@ class Shooting:
         if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
             others.append(self._with_shared(self.first_guess, plant))
         here = min([here, *(self.point(plant.vector, other, paths) for other in others)], key=lambda point: point.cost)
-        damping, steps, kept = 1e-3, list(self.steps), None
+        damping, steps, slopes = 1e-3, list(self.steps if paths or self.shared else self.steps[:1]), None
         for _ in range(max_iterations):
             sigma = self.sigma(here)
-            columns, start_slopes = self._slopes(here, paths, steps[0], kept)
-            flat, start_columns = columns / sigma, start_slopes / sigma
+            stale = slopes is not None
+            slopes = slopes or self._slopes(here, paths, steps[0], {})
+            flat, start_columns = (values / sigma for values in slopes)
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
-            normal = np.einsum("prc,qrc->pq", flat, flat)
-            gradient = np.einsum("prc,rc->p", flat, weighted)
+            flat = flat.reshape(len(flat), weighted.size)
+            normal, gradient = flat @ flat.T, flat @ weighted.ravel()
             pulled, rates = self.pulls(here.vector, paths)
             normal[: len(paths), : len(paths)] += np.diag(rates**2)
             gradient[: len(paths)] -= rates * pulled
             improved, tries = False, 0
-            while not improved and tries < TRIES:
+            while not improved and tries < (STALE_TRIES if stale else TRIES):
                 step = _block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
                 there = self.point(*self._moved(here.vector, here.starts, paths, step), paths)
                 improved, tries = there.cost < here.cost, tries + 1
             damping *= TIGHTER ** (tries if not improved else tries - 1)
             gain = here.cost - there.cost if improved else 0.0
+            slopes = self._secant(slopes, here, there, paths) if improved and tries == 1 else None
             if improved:
                 here, damping = there, max(damping / 12.0, 1e-9)
-            stale, kept = kept is not None, start_slopes if paths and improved and tries == 1 else None
             if gain < tolerance * max(self.finite.sum(), 1):
                 if stale:
-                    kept = None
+                    slopes = None
                     continue
                 if len(steps) == 1:
                     break
-                damping, steps = 1e-3, steps[1:]
+                damping, steps, slopes = 1e-3, steps[1:], None
         return here
 
     def sigma(self, point: Point) -> np.ndarray:
@@ -342,7 +357,8 @@ class Shooting:
         # An angle's residual is continuous in a window and starts within half a turn; beyond that it is not wrapped.
         turns = np.round(residual[:, self.offsets][:, :, self.angles] / (2.0 * np.pi))
         turns = np.where(np.isfinite(turns), turns, 0.0)
-        residual[:, :, self.angles] -= 2.0 * np.pi * turns[:, self.window_of_row]
+        if turns.any():
+            residual[:, :, self.angles] -= 2.0 * np.pi * turns[:, self.window_of_row]
         return residual
 
     def _cost(self, residual: np.ndarray) -> float:
@@ -359,79 +375,104 @@ class Shooting:
         """Columns over sigma: (P + S, rows, C) of the paths, per scale, and of the S shared values, per unit; starts'.
 
         step: in scales, one for all or one for each path.  The second array holds those of the windows' starts,
-        (F, rows, C).
+        (F, rows, C).  What was run at the last points is not run again.
         """
-        columns, starts = self._slopes(point, paths, step)
+        while point not in self._known and len(self._known) >= REMEMBERED:
+            del self._known[next(iter(self._known))]
+        columns, starts = self._slopes(point, paths, step, self._known.setdefault(point, {}))
         return columns / sigma, starts / sigma
 
     def _slopes(
-        self, point: Point, paths: Sequence[str], step: float | Sequence[float], starts: np.ndarray | None = None
+        self, point: Point, paths: Sequence[str], step: float | Sequence[float], known: dict[_Move, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What `_differences` gives, in the channels' units; starts: those by the windows' starts, if known."""
-        moves, sizes = [], []
+        """What `_differences` gives, in the channels' units; known: slopes at the point; new ones join."""
         one = step if isinstance(step, int | float) else self.steps[0]
         each = [step] * len(paths) if isinstance(step, int | float) else step
-        for path, step in zip(paths, each, strict=True):
-            i, size = self.index[path], step * self.scale(path)
-            if point.vector[i] + size > self.bounds(path)[1]:
-                size = -size
-            vector = point.vector.copy()
-            vector[i] += size
-            moves.append((vector, point.starts))
-            sizes.append(step if size > 0 else -step)
-        for state in self.start_states if starts is None else ():
-            moved = point.starts.copy()
-            moved[:, state] += 1e-4
-            moves.append((point.vector, moved))
-            sizes.append(1e-4)
-        for state, unit in self.shared:
-            moved = point.starts.copy()
-            moved[:, state] += one * unit
-            moves.append((point.vector, moved))
-            sizes.append(one)
-        if not moves:
-            return np.zeros((0, *self.measured.shape)), np.zeros(
-                (0, *self.measured.shape)
-            ) if starts is None else starts
-        vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
-        residuals = self._residuals(vectors, all_starts)
-        with np.errstate(invalid="ignore", over="ignore"):
-            slopes = np.where(self.finite, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None]
-        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-        count = len(paths)
-        first_shared = len(slopes) - len(self.shared)
+        own = list(zip(paths, each, strict=True))
+        starts, shared = [(int(s), _START_STEP) for s in self.start_states], [(state, one) for state, _ in self.shared]
+        new = [move for move in dict.fromkeys([*own, *starts, *shared]) if move not in known]
+        if new:
+            moved = [self._nudged(point, *move) for move in new]
+            residuals = self._residuals(np.array([m[0] for m in moved]), np.array([m[1] for m in moved]))
+            with np.errstate(invalid="ignore", over="ignore"):
+                slopes = (point.residual - residuals) / np.array([m[2] for m in moved])[:, None, None]
+            slopes[~(np.isfinite(slopes) & self.finite)] = 0.0
+            known.update(zip(new, slopes, strict=True))
         of_row = self.segments[self.window_of_row]
-        apart = [
-            slopes[k] * (of_row == g)[:, None] for k in range(first_shared, len(slopes)) for g in range(of_row[-1] + 1)
-        ]
-        columns = np.array([*slopes[:count], *apart]).reshape(-1, *self.measured.shape)
-        return columns, slopes[count:first_shared] if starts is None else starts
+        apart = [known[move] * (of_row == g)[:, None] for move in shared for g in range(of_row[-1] + 1)]
+        columns = np.array([*(known[move] for move in own), *apart]).reshape(-1, *self.measured.shape)
+        return columns, np.array([known[move] for move in starts]).reshape(-1, *self.measured.shape)
+
+    def _nudged(self, point: Point, what: str | int, step: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """The vector and the starts with a path, or the state of a number, moved by a step, and the step with its sign.
+
+        A path's step is in its scales and points into its bounds; a shared state's is in its units.
+        """
+        vector, starts = point.vector.copy(), point.starts.copy()
+        if isinstance(what, str):
+            i, size = self.index[what], step * self.scale(what)
+            step, size = (step, size) if vector[i] + size <= self.bounds(what)[1] else (-step, -size)
+            vector[i] += size
+        else:
+            starts[:, what] += step * dict(self.shared).get(what, 1.0)
+        return vector, starts, step
+
+    def _secant(
+        self, slopes: tuple[np.ndarray, np.ndarray], here: Point, there: Point, paths: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The slopes as what was seen from one point to another corrects them, window by window.
+
+        What they missed is shared out by how much each move did.  Source: Broyden 1965, Mathematics of Computation 19.
+        """
+        count, sigma = len(slopes[0]), self.sigma(there)
+        every = np.concatenate(slopes)
+        moved = [(there.vector[self.index[p]] - here.vector[self.index[p]]) / self.scale(p) for p in paths]
+        gone, first = there.starts - here.starts, np.unique(self.segments, return_index=True)[1]
+        moved += [float(size) for state, unit in self.shared for size in gone[first, state] / unit]
+        change = np.where(self.finite, here.residual - there.residual, 0.0)
+        for rows, own in zip(self._window_rows, gone[:, self.start_states], strict=True):
+            moves = np.array([*moved, *own])
+            share = np.einsum("prc,c->p", every[:, rows] ** 2, sigma**-2.0) * moves
+            if share @ moves > 0.0:
+                missed = change[rows] - np.tensordot(moves, every[:, rows], axes=1)
+                every[:, rows] += (share / (share @ moves))[:, None, None] * missed
+        return every[:count], every[count:]
+
+    @cached_property
+    def _window_rows(self) -> list[slice]:
+        """The rows of each window."""
+        return [slice(a, b) for a, b in pairwise([*self.offsets.tolist(), len(self.measured)])]
 
     def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
         """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""
-
-        def summed(values):
-            return np.add.reduceat(values, self.offsets, axis=0)
-
-        gram = summed(np.einsum("frc,grc->rfg", start_columns, start_columns))
-        gram += 1e-12 * np.eye(gram.shape[1]) * np.maximum(np.einsum("wff->w", gram), 1e-12)[:, None, None]
-        cross = summed(np.einsum("frc,prc->rfp", start_columns, flat))
-        gradient = None if residual is None else summed(np.einsum("frc,rc->rf", start_columns, residual))
+        windows, count = len(self.windows), len(start_columns)
+        gram, cross = np.empty((windows, count, count)), np.empty((windows, count, len(flat)))
+        gradient = None if residual is None else np.empty((windows, count))
+        for w, rows in enumerate(self._window_rows):
+            size = (rows.stop - rows.start) * len(self.channels)
+            own = start_columns[:, rows].reshape(count, size)
+            gram[w] = own @ own.T
+            cross[w] = own @ flat[:, rows].reshape(len(flat), size).T
+            if residual is not None and gradient is not None:
+                gradient[w] = own @ residual[rows].ravel()
+        gram += 1e-12 * np.eye(count) * np.maximum(np.einsum("wff->w", gram), 1e-12)[:, None, None]
         return gram, cross, gradient
 
-    def _revealed(self) -> np.ndarray:
-        """States whose start changes a measured output for longer than a sample; the rest stay as guessed."""
+    @cached_property
+    def start_states(self) -> np.ndarray:
+        """Indices of the states whose start changes a measured output for longer than a sample; others stay guessed."""
         starts, names = self.first_guess, self.plant.family.states
-        base = self._outputs(self.plant.vector[None], starts[None])[0]
-        revealed = []
-        for state in [names.index(name) for name in names if name not in self.plant.family.shared]:
-            moved = starts.copy()
-            moved[:, state] += _START_PROBE
-            change = self._outputs(self.plant.vector[None], moved[None])[0] - base
-            seen = np.nanmax(np.abs(np.where(self.finite, change[:, self.columns], 0.0))) > 1e-9
-            if seen and not self._forgotten(names[state], change):
-                revealed.append(state)
-        return np.array(revealed, dtype=int)
+        states = [names.index(name) for name in names if name not in self.plant.family.shared]
+        moved = np.repeat(starts[None], len(states) + 1, axis=0)
+        for k, state in enumerate(states, start=1):
+            moved[k, :, state] += _START_PROBE
+        outputs = self._outputs(np.repeat(self.plant.vector[None], len(moved), axis=0), moved)
+        changes = outputs[1:] - outputs[0]
+        return np.array([s for s, c in zip(states, changes, strict=True) if self._reveals(names[s], c)], dtype=int)
+
+    def _reveals(self, state: str, change: np.ndarray) -> bool:
+        seen = np.nanmax(np.abs(np.where(self.finite, change[:, self.columns], 0.0))) > 1e-9
+        return bool(seen and not self._forgotten(state, change))
 
     def _forgotten(self, state: str, change: np.ndarray) -> bool:
         """Whether a change of a state at the windows' starts is gone one sample later; known of states read out.
@@ -449,6 +490,14 @@ def _pieces(window: slice) -> list[slice]:
     count = max((window.stop - window.start) // PIECE, 1)
     edges = [window.start + PIECE * i for i in range(count)] + [window.stop]
     return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def _line(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Slope of a straight line through values, by least squares, and its value at t = 0."""
+    middle, mean = float(t.mean()), float(y.mean())
+    power = float((t - middle) @ (t - middle))
+    slope = float((t - middle) @ (y - mean)) / power if power > 0.0 else 0.0
+    return slope, mean - slope * middle
 
 
 def unknown_states(plant: Plant) -> dict[str, str]:

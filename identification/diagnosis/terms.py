@@ -62,7 +62,7 @@ def selection_of(
     Signatures are taken at a size far below any effect's, since what size matters is not known before.
     """
     sigma = train.sigma(state.train)
-    unit = Shooting(train.plant, train.record, train.windows, dict.fromkeys(library, 1.0), train.doubt)
+    unit = train.scaled(dict.fromkeys(library, 1.0))
     linear = unit.linearise(state.train, list(library), sigma, step=TINY)
     total = max(int(train.counts.sum()), 1)
     size = linear.raw / np.sqrt(total)
@@ -88,7 +88,7 @@ def gains(train: Shooting, held: Shooting, before: State, after: State, colours:
 
 def interval_of(train: Shooting, found: Found) -> tuple[float, tuple[float, float]]:
     """Value and 95 % interval of the term."""
-    problem = Shooting(train.plant, train.record, train.windows, found.scales, train.doubt)
+    problem = train.scaled(found.scales)
     state = found.state
     linear = problem.linearise(state.train, state.paths, problem.sigma(state.train))
     matrix, freedom = covariance(problem, state.train, state.paths, linear, state.colour)
@@ -135,7 +135,7 @@ def _best(
     lead = int(np.argmax(stable))
     order = np.argsort(-np.where(np.abs(selection.cosine[lead]) > KIN, selection.evidence, 0.0))
     kin = [int(k) for k in order if k != lead and abs(selection.cosine[lead, k]) > KIN and selection.evidence[k] > 0.0]
-    problem = Shooting(train.plant, train.record, train.windows, scales, train.doubt)
+    problem = train.scaled(scales)
     first: dict[int, Point] = {}
     for k in [lead, *kin][:CONTENDERS]:
         point = _first_fit(problem, state, base, library[k], float(selection.estimate[k]) * scales[library[k]])
