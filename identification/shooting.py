@@ -29,11 +29,12 @@ FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start
 LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 PIECE = 6  # samples of the short runs from which shared states are first guessed
 JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
+HOPE = 1.0  # gain in cost that a whole step must promise for its shares to be tried
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
 STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 _NO_SCALES: Mapping[str, float] = MappingProxyType({})
-REMEMBERED = 2  # points of which the slopes are kept
+REMEMBERED = 3  # points of which the slopes are kept
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
 
 _Move = tuple[str | int, float]  # of a path or of the state of a number, and by how much
@@ -126,9 +127,10 @@ class Shooting:
         return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
 
     def scaled(self, scales: Mapping[str, float]) -> Shooting:
-        """The same problem with other scales, in place of all that were given."""
+        """The same problem with other scales of these paths."""
         other = copy(self)
-        other.scales, other._known = dict(scales), {}
+        other.scales = self.scales | dict(scales)
+        other._known = {p: {m: v for m, v in k.items() if m[0] not in scales} for p, k in self._known.items()}
         return other
 
     def scale(self, path: str) -> float:
@@ -229,9 +231,7 @@ class Shooting:
         flat, start_columns = self._differences(point, paths, sigma, step)
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
-        rest, count = flat.copy(), len(paths)
-        for rows, own in zip(self._window_rows, gain, strict=True):
-            rest[:, rows] -= np.tensordot(own, start_columns[:, rows], axes=(0, 0))
+        rest, count = flat - self._in_rows(gain.transpose(0, 2, 1) @ self._by_window(start_columns)), len(paths)
         columns, shared = rest[:count], rest[count:]
         if len(shared):
             shared = shared.reshape(len(shared), -1)
@@ -260,18 +260,19 @@ class Shooting:
         own, rest = slice(len(moved), len(moved) + len(fitted)), list(range(len(moved), len(flat)))
         normal[own, own] += np.diag(rates**2)
         gradient[own] -= rates * pulled
-        ways, row = [], 0
+        found, row = [], 0
         for group in groups:
             used = [*range(row, row + len(group)), *rest]
             row += len(group)
             square, right = normal[np.ix_(used, used)], gradient[used]
-            ways.append(_block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING))
+            found.append((used, _block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING)))
         best: list[Point] = [point] * len(groups)
+        hoped = [0.5 * float(gradient[used] @ way[0] + (start_gradient * way[1]).sum()) for used, way in found]
         for share in JUMPS:
-            tried = [i for i, reached in enumerate(best) if reached is point]
+            tried = [i for i, reached in enumerate(best) if reached is point and (share == 1.0 or hoped[i] > HOPE)]
             if not tried:
                 break
-            moves = [self._moved(point.vector, point.starts, [*groups[i], *fitted], ways[i], share) for i in tried]
+            moves = [self._moved(point.vector, point.starts, [*groups[i], *fitted], found[i][1], share) for i in tried]
             residuals = self._residuals(np.array([m[0] for m in moves]), np.array([m[1] for m in moves]))
             for i, (vector, starts), residual in zip(tried, moves, residuals, strict=True):
                 there = Point(vector, starts, residual, self._cost(residual) + self._pull(vector, fitted))
@@ -298,9 +299,12 @@ class Shooting:
         starts: np.ndarray | None = None,
         max_iterations: int = 40,
         tolerance: float = 1e-7,
+        near: Point | None = None,
     ) -> Point:
         """The point of least cost over the paths and the starts, from the plant's values; Levenberg-Marquardt.
 
+        near: a point whose slopes, if known, do for the first steps.  Slopes follow secants while steps succeed; where
+        these stop gaining, the slopes are taken anew.
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
@@ -310,6 +314,9 @@ class Shooting:
             others.append(self._with_shared(self.first_guess, plant))
         here = min([here, *(self.point(plant.vector, other, paths) for other in others)], key=lambda point: point.cost)
         damping, steps, slopes = 1e-3, list(self.steps if paths or self.shared else self.steps[:1]), None
+        if near is not None:
+            self._slopes(near, (), steps[0], self._remembered(near))
+            slopes = self._slopes(here, paths, steps[0], dict(self._remembered(near)))
         for _ in range(max_iterations):
             sigma = self.sigma(here)
             stale = slopes is not None
@@ -377,10 +384,15 @@ class Shooting:
         step: in scales, one for all or one for each path.  The second array holds those of the windows' starts,
         (F, rows, C).  What was run at the last points is not run again.
         """
-        while point not in self._known and len(self._known) >= REMEMBERED:
-            del self._known[next(iter(self._known))]
-        columns, starts = self._slopes(point, paths, step, self._known.setdefault(point, {}))
+        columns, starts = self._slopes(point, paths, step, self._remembered(point))
         return columns / sigma, starts / sigma
+
+    def _remembered(self, point: Point) -> dict[_Move, np.ndarray]:
+        """The slopes that are known at a point, to be added to; those of points that were not asked for lately go."""
+        self._known[point] = self._known.pop(point, {})
+        while len(self._known) > REMEMBERED:
+            del self._known[next(iter(self._known))]
+        return self._known[point]
 
     def _slopes(
         self, point: Point, paths: Sequence[str], step: float | Sequence[float], known: dict[_Move, np.ndarray]
@@ -430,32 +442,44 @@ class Shooting:
         gone, first = there.starts - here.starts, np.unique(self.segments, return_index=True)[1]
         moved += [float(size) for state, unit in self.shared for size in gone[first, state] / unit]
         change = np.where(self.finite, here.residual - there.residual, 0.0)
-        for rows, own in zip(self._window_rows, gone[:, self.start_states], strict=True):
-            moves = np.array([*moved, *own])
-            share = np.einsum("prc,c->p", every[:, rows] ** 2, sigma**-2.0) * moves
-            if share @ moves > 0.0:
-                missed = change[rows] - np.tensordot(moves, every[:, rows], axes=1)
-                every[:, rows] += (share / (share @ moves))[:, None, None] * missed
+        parts = self._by_window(every)
+        own = gone[:, self.start_states]
+        moves = np.concatenate([np.broadcast_to(np.array(moved), (len(own), count)), own], axis=1)
+        share = parts**2 @ np.tile(sigma**-2.0, self._filled.shape[1]) * moves
+        whole = (share * moves).sum(axis=1, keepdims=True)
+        share = np.divide(share, whole, out=np.zeros_like(share), where=whole > 0.0)
+        missed = self._by_window(change[None]) - moves[:, None] @ parts
+        every = self._in_rows(parts + share[:, :, None] * missed)
         return every[:count], every[count:]
 
     @cached_property
-    def _window_rows(self) -> list[slice]:
-        """The rows of each window."""
-        return [slice(a, b) for a, b in pairwise([*self.offsets.tolist(), len(self.measured)])]
+    def _filled(self) -> np.ndarray:
+        """Which rows of windows that are all as long as the longest hold data, (W, L)."""
+        lengths = self.runs.stop - self.runs.begin
+        return np.arange(lengths.max()) < lengths[:, None]
+
+    def _by_window(self, values: np.ndarray) -> np.ndarray:
+        """Values (n, rows, C) as (W, n, L * C), zero past the end of shorter windows."""
+        (windows, longest), (count, _, channels) = self._filled.shape, values.shape
+        if self._filled.all():
+            parts = values.reshape(count, windows, longest, channels)
+        else:
+            parts = np.zeros((count, windows, longest, channels))
+            parts[:, self._filled] = values
+        return parts.transpose(1, 0, 2, 3).reshape(windows, count, longest * channels)
+
+    def _in_rows(self, parts: np.ndarray) -> np.ndarray:
+        """Values (W, n, L * C) as (n, rows, C)."""
+        parts = parts.reshape(*parts.shape[:2], self._filled.shape[1], len(self.channels))
+        return parts.transpose(1, 0, 2, 3)[:, self._filled]
 
     def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
         """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""
-        windows, count = len(self.windows), len(start_columns)
-        gram, cross = np.empty((windows, count, count)), np.empty((windows, count, len(flat)))
-        gradient = None if residual is None else np.empty((windows, count))
-        for w, rows in enumerate(self._window_rows):
-            size = (rows.stop - rows.start) * len(self.channels)
-            own = start_columns[:, rows].reshape(count, size)
-            gram[w] = own @ own.T
-            cross[w] = own @ flat[:, rows].reshape(len(flat), size).T
-            if residual is not None and gradient is not None:
-                gradient[w] = own @ residual[rows].ravel()
-        gram += 1e-12 * np.eye(count) * np.maximum(np.einsum("wff->w", gram), 1e-12)[:, None, None]
+        own = self._by_window(start_columns)
+        gram = own @ own.transpose(0, 2, 1)
+        gram += 1e-12 * np.eye(gram.shape[1]) * np.maximum(np.einsum("wff->w", gram), 1e-12)[:, None, None]
+        cross = own @ self._by_window(flat).transpose(0, 2, 1)
+        gradient = None if residual is None else (own @ self._by_window(residual[None]).transpose(0, 2, 1))[:, :, 0]
         return gram, cross, gradient
 
     @cached_property

@@ -164,7 +164,7 @@ def _first_fit(problem: Shooting, state: State, base: State, path: str, size: fl
     """A few iterations from a base with a term of what its signature promises, or less; None if that gains nothing."""
     for share in (1.0, 0.2, 0.02):
         plant = replace_at(base.plant, path, share * size)
-        point = problem.solve(plant, (*state.paths, path), base.train.starts, FIRST_ITERATIONS, 1e-5)
+        point = problem.solve(plant, (*state.paths, path), base.train.starts, FIRST_ITERATIONS, 1e-5, base.train)
         if np.isfinite(point.cost) and point.cost < state.train.cost:
             return point
     return None
@@ -173,9 +173,9 @@ def _first_fit(problem: Shooting, state: State, base: State, path: str, size: fl
 def _fitted(problem: Shooting, held: Shooting, state: State, path: str, near: Point) -> State | None:
     """The state with a term, fitted to the end from a point near by; None without a stable run in held-out windows."""
     paths = (*state.paths, path)
-    point = problem.solve(problem.plant_at(near, paths), paths, near.starts, ITERATIONS, 1e-6)
+    point = problem.solve(problem.plant_at(near, paths), paths, near.starts, ITERATIONS, 1e-6, state.train)
     plant = problem.plant_at(point, paths)
-    there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6)
+    there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6, state.held)
     return State(plant, paths, point, there, colour(problem, point)) if np.isfinite(there.cost) else None
 
 
