@@ -12,7 +12,8 @@ from auv_gym.plant import Plant
 from auv_gym.record import Record, concat
 from identification.checks import check_ranges
 from identification.estimate import Estimate, half_width
-from identification.shooting import Shooting, colour, covariance
+from identification.likelihood import colour, covariance
+from identification.shooting import Shooting
 from identification.windows import free_run_windows
 
 SAMPLES_PER_UNKNOWN = 2

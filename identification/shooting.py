@@ -8,13 +8,13 @@ Source: Bock 1983, "Recent advances in parameter identification techniques for O
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
-from scipy.signal import lfilter
 
 from auv_gym.channels import channel
 from auv_gym.model import outputs_of
@@ -23,18 +23,22 @@ from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
 
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
+_START_STEP = 1e-4  # of a start, for its slopes
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
 LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 PIECE = 6  # samples of the short runs from which shared states are first guessed
 JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
-REACH = (
-    5.0  # standard deviations of a coefficient that a fit may move it: beyond, it would stand in for what is missing
-)
+REACH = 5.0  # standard deviations of a coefficient, the most that a fit may move it, lest it stand in for an effect
+HOPE = 1.0  # gain in cost that a whole step must promise for its shares to be tried
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
+STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
 _NO_SCALES: Mapping[str, float] = MappingProxyType({})
+REMEMBERED = 3  # points of which the slopes are kept
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
+
+_Move = tuple[str | int, float]  # of a path or of the state of a number, and by how much
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,12 +120,19 @@ class Shooting:
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
         self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
-        self.start_states = self._revealed()
+        self._known: dict[Point, dict[_Move, np.ndarray]] = {}
 
     @property
     def nuisances(self) -> int:
         """How many unknowns there are besides the parameters: starts of windows, shared values of segments."""
         return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
+
+    def scaled(self, scales: Mapping[str, float]) -> Shooting:
+        """The same problem with other scales of these paths."""
+        other = copy(self)
+        other.scales = self.scales | dict(scales)
+        other._known = {p: {m: v for m, v in k.items() if m[0] not in scales} for p, k in self._known.items()}
+        return other
 
     def scale(self, path: str) -> float:
         """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
@@ -132,7 +143,7 @@ class Shooting:
         return self.scales[path]
 
     def bounds(self, path: str) -> tuple[float, float]:
-        """The least and the most that a parameter may be; `REACH` deviations from its given value if that is doubted."""
+        """The least and the most that a parameter may be; `REACH` deviations from given where it is doubted."""
         if path not in self._bounds:
             low, high = spec_at(self.plant, path).bounds
             if path in self.plant.family.coefficients and np.isfinite(self.doubt):
@@ -161,7 +172,7 @@ class Shooting:
         Measured where they are measured; rates of measured signals from their first samples; shared states from runs
         over a few samples, in which a wrong value does little; else zero.
         """
-        family = self.plant.family
+        family, time = self.plant.family, self.record.time
         starts = np.zeros((len(self.windows), len(family.states)))
         for w, offset in enumerate(self.offsets):
             full = np.full(len(family.outputs), np.nan)
@@ -174,14 +185,14 @@ class Shooting:
                 c = self.channels.index(told) if told else 0
                 if told and self.finite[rows, c].sum() >= LEAST_LINE:
                     fine = self.finite[rows, c]
-                    t = self.record.time[self.windows[w]][: self._first_rows[w]][fine]
-                    line = np.polyfit(t - self.record.time[self.windows[w].start], self.measured[rows, c][fine], 1)
+                    t = time[self.windows[w]][: self._first_rows[w]][fine]
+                    line = _line(t - time[self.windows[w].start], self.measured[rows, c][fine])
                     starts[w, family.states.index(name)] = line[1]
             for rate, angle in RATES.items():
                 if rate in family.states and rate not in self.channels and angle in self.channels:
-                    times = self.record.time[self.windows[w]][: head.stop - head.start]
+                    times = time[self.windows[w]][: head.stop - head.start]
                     values = self.measured[head, self.channels.index(angle)]
-                    starts[w, family.states.index(rate)] = np.polyfit(times - times[0], values, 1)[0]
+                    starts[w, family.states.index(rate)] = _line(times - times[0], values)[0]
         return self._with_shared(starts, self.plant)
 
     @cached_property
@@ -194,7 +205,8 @@ class Shooting:
     @cached_property
     def _first_rows(self) -> list[int]:
         """How many samples of each window lie in its first second."""
-        times = [self.record.time[w] for w in self.windows]
+        time = self.record.time
+        times = [time[w] for w in self.windows]
         return [int(np.searchsorted(t, t[0] + LINE)) for t in times]
 
     def _with_shared(self, starts: np.ndarray, plant: Plant) -> np.ndarray:
@@ -227,8 +239,7 @@ class Shooting:
         flat, start_columns = self._differences(point, paths, sigma, step)
         gram, cross, _ = self._blocks(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
-        rest = flat - np.einsum("frc,rfp->prc", start_columns, gain[self.window_of_row])
-        count = len(paths)
+        rest, count = flat - self._in_rows(gain.transpose(0, 2, 1) @ self._by_window(start_columns)), len(paths)
         columns, shared = rest[:count], rest[count:]
         if len(shared):
             shared = shared.reshape(len(shared), -1)
@@ -257,18 +268,19 @@ class Shooting:
         own, rest = slice(len(moved), len(moved) + len(fitted)), list(range(len(moved), len(flat)))
         normal[own, own] += np.diag(rates**2)
         gradient[own] -= rates * pulled
-        ways, row = [], 0
+        found, row = [], 0
         for group in groups:
             used = [*range(row, row + len(group)), *rest]
             row += len(group)
             square, right = normal[np.ix_(used, used)], gradient[used]
-            ways.append(_block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING))
+            found.append((used, _block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING)))
         best: list[Point] = [point] * len(groups)
+        hoped = [0.5 * float(gradient[used] @ way[0] + (start_gradient * way[1]).sum()) for used, way in found]
         for share in JUMPS:
-            tried = [i for i, reached in enumerate(best) if reached is point]
+            tried = [i for i, reached in enumerate(best) if reached is point and (share == 1.0 or hoped[i] > HOPE)]
             if not tried:
                 break
-            moves = [self._moved(point.vector, point.starts, [*groups[i], *fitted], ways[i], share) for i in tried]
+            moves = [self._moved(point.vector, point.starts, [*groups[i], *fitted], found[i][1], share) for i in tried]
             residuals = self._residuals(np.array([m[0] for m in moves]), np.array([m[1] for m in moves]))
             for i, (vector, starts), residual in zip(tried, moves, residuals, strict=True):
                 there = Point(vector, starts, residual, self._cost(residual) + self._pull(vector, fitted))
@@ -295,9 +307,12 @@ class Shooting:
         starts: np.ndarray | None = None,
         max_iterations: int = 40,
         tolerance: float = 1e-7,
+        near: Point | None = None,
     ) -> Point:
         """The point of least cost over the paths and the starts, from the plant's values; Levenberg-Marquardt.
 
+        near: a point whose slopes, if known, do for the first steps.  Slopes follow secants while steps succeed; where
+        these stop gaining, the slopes are taken anew.
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
@@ -306,15 +321,19 @@ class Shooting:
         if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
             others.append(self._with_shared(self.first_guess, plant))
         here = min([here, *(self.point(plant.vector, other, paths) for other in others)], key=lambda point: point.cost)
-        damping, steps, kept = 1e-3, list(self.steps), None
+        damping, steps, slopes = 1e-3, list(self.steps if paths or self.shared else self.steps[:1]), None
+        if near is not None:
+            self._slopes(near, (), steps[0], self._remembered(near))
+            slopes = self._slopes(here, paths, steps[0], dict(self._remembered(near)))
         for _ in range(max_iterations):
             sigma = self.sigma(here)
-            columns, start_slopes = self._slopes(here, paths, steps[0], kept)
-            flat, start_columns = columns / sigma, start_slopes / sigma
+            stale = slopes is not None
+            slopes = slopes or self._slopes(here, paths, steps[0], {})
+            flat, start_columns = (values / sigma for values in slopes)
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
-            normal = np.einsum("prc,qrc->pq", flat, flat)
-            gradient = np.einsum("prc,rc->p", flat, weighted)
+            flat = flat.reshape(len(flat), weighted.size)
+            normal, gradient = flat @ flat.T, flat @ weighted.ravel()
             pulled, rates = self.pulls(here.vector, paths)
             normal[: len(paths), : len(paths)] += np.diag(rates**2)
             gradient[: len(paths)] -= rates * pulled
@@ -322,22 +341,22 @@ class Shooting:
             normal[held], normal[:, held], gradient[held], cross[:, :, held] = 0.0, 0.0, 0.0, 0.0
             normal[held, held] = 1.0
             improved, tries = False, 0
-            while not improved and tries < TRIES:
+            while not improved and tries < (STALE_TRIES if stale else TRIES):
                 step = _block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
                 there = self.point(*self._moved(here.vector, here.starts, paths, step), paths)
                 improved, tries = there.cost < here.cost, tries + 1
             damping *= TIGHTER ** (tries if not improved else tries - 1)
             gain = here.cost - there.cost if improved else 0.0
+            slopes = self._secant(slopes, here, there, paths) if improved and tries == 1 else None
             if improved:
                 here, damping = there, max(damping / 12.0, 1e-9)
-            stale, kept = kept is not None, start_slopes if paths and improved and tries == 1 else None
             if gain < tolerance * max(self.finite.sum(), 1):
                 if stale:
-                    kept = None
+                    slopes = None
                     continue
                 if len(steps) == 1:
                     break
-                damping, steps = 1e-3, steps[1:]
+                damping, steps, slopes = 1e-3, steps[1:], None
         return here
 
     def _at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
@@ -365,7 +384,8 @@ class Shooting:
         # An angle's residual is continuous in a window and starts within half a turn; beyond that it is not wrapped.
         turns = np.round(residual[:, self.offsets][:, :, self.angles] / (2.0 * np.pi))
         turns = np.where(np.isfinite(turns), turns, 0.0)
-        residual[:, :, self.angles] -= 2.0 * np.pi * turns[:, self.window_of_row]
+        if turns.any():
+            residual[:, :, self.angles] -= 2.0 * np.pi * turns[:, self.window_of_row]
         return residual
 
     def _cost(self, residual: np.ndarray) -> float:
@@ -382,79 +402,121 @@ class Shooting:
         """Columns over sigma: (P + S, rows, C) of the paths, per scale, and of the S shared values, per unit; starts'.
 
         step: in scales, one for all or one for each path.  The second array holds those of the windows' starts,
-        (F, rows, C).
+        (F, rows, C).  What was run at the last points is not run again.
         """
-        columns, starts = self._slopes(point, paths, step)
+        columns, starts = self._slopes(point, paths, step, self._remembered(point))
         return columns / sigma, starts / sigma
 
+    def _remembered(self, point: Point) -> dict[_Move, np.ndarray]:
+        """The slopes that are known at a point, to be added to; those of points that were not asked for lately go."""
+        self._known[point] = self._known.pop(point, {})
+        while len(self._known) > REMEMBERED:
+            del self._known[next(iter(self._known))]
+        return self._known[point]
+
     def _slopes(
-        self, point: Point, paths: Sequence[str], step: float | Sequence[float], starts: np.ndarray | None = None
+        self, point: Point, paths: Sequence[str], step: float | Sequence[float], known: dict[_Move, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What `_differences` gives, in the channels' units; starts: those by the windows' starts, if known."""
-        moves, sizes = [], []
+        """What `_differences` gives, in the channels' units; known: slopes at the point; new ones join."""
         one = step if isinstance(step, int | float) else self.steps[0]
         each = [step] * len(paths) if isinstance(step, int | float) else step
-        for path, step in zip(paths, each, strict=True):
-            i, size = self.index[path], step * self.scale(path)
-            if point.vector[i] + size > self.bounds(path)[1]:
-                size = -size
-            vector = point.vector.copy()
-            vector[i] += size
-            moves.append((vector, point.starts))
-            sizes.append(step if size > 0 else -step)
-        for state in self.start_states if starts is None else ():
-            moved = point.starts.copy()
-            moved[:, state] += 1e-4
-            moves.append((point.vector, moved))
-            sizes.append(1e-4)
-        for state, unit in self.shared:
-            moved = point.starts.copy()
-            moved[:, state] += one * unit
-            moves.append((point.vector, moved))
-            sizes.append(one)
-        if not moves:
-            return np.zeros((0, *self.measured.shape)), np.zeros(
-                (0, *self.measured.shape)
-            ) if starts is None else starts
-        vectors, all_starts = np.array([m[0] for m in moves]), np.array([m[1] for m in moves])
-        residuals = self._residuals(vectors, all_starts)
-        with np.errstate(invalid="ignore", over="ignore"):
-            slopes = np.where(self.finite, point.residual - residuals, 0.0) / np.array(sizes)[:, None, None]
-        slopes = np.where(np.isfinite(slopes), slopes, 0.0)
-        count = len(paths)
-        first_shared = len(slopes) - len(self.shared)
+        own = list(zip(paths, each, strict=True))
+        starts, shared = [(int(s), _START_STEP) for s in self.start_states], [(state, one) for state, _ in self.shared]
+        new = [move for move in dict.fromkeys([*own, *starts, *shared]) if move not in known]
+        if new:
+            moved = [self._nudged(point, *move) for move in new]
+            residuals = self._residuals(np.array([m[0] for m in moved]), np.array([m[1] for m in moved]))
+            with np.errstate(invalid="ignore", over="ignore"):
+                slopes = (point.residual - residuals) / np.array([m[2] for m in moved])[:, None, None]
+            slopes[~(np.isfinite(slopes) & self.finite)] = 0.0
+            known.update(zip(new, slopes, strict=True))
         of_row = self.segments[self.window_of_row]
-        apart = [
-            slopes[k] * (of_row == g)[:, None] for k in range(first_shared, len(slopes)) for g in range(of_row[-1] + 1)
-        ]
-        columns = np.array([*slopes[:count], *apart]).reshape(-1, *self.measured.shape)
-        return columns, slopes[count:first_shared] if starts is None else starts
+        apart = [known[move] * (of_row == g)[:, None] for move in shared for g in range(of_row[-1] + 1)]
+        columns = np.array([*(known[move] for move in own), *apart]).reshape(-1, *self.measured.shape)
+        return columns, np.array([known[move] for move in starts]).reshape(-1, *self.measured.shape)
+
+    def _nudged(self, point: Point, what: str | int, step: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """The vector and the starts with a path, or the state of a number, moved by a step, and the step with its sign.
+
+        A path's step is in its scales and points into its bounds; a shared state's is in its units.
+        """
+        vector, starts = point.vector.copy(), point.starts.copy()
+        if isinstance(what, str):
+            i, size = self.index[what], step * self.scale(what)
+            step, size = (step, size) if vector[i] + size <= self.bounds(what)[1] else (-step, -size)
+            vector[i] += size
+        else:
+            starts[:, what] += step * dict(self.shared).get(what, 1.0)
+        return vector, starts, step
+
+    def _secant(
+        self, slopes: tuple[np.ndarray, np.ndarray], here: Point, there: Point, paths: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The slopes as what was seen from one point to another corrects them, window by window.
+
+        What they missed is shared out by how much each move did.  Source: Broyden 1965, Mathematics of Computation 19.
+        """
+        count, sigma = len(slopes[0]), self.sigma(there)
+        every = np.concatenate(slopes)
+        moved = [(there.vector[self.index[p]] - here.vector[self.index[p]]) / self.scale(p) for p in paths]
+        gone, first = there.starts - here.starts, np.unique(self.segments, return_index=True)[1]
+        moved += [float(size) for state, unit in self.shared for size in gone[first, state] / unit]
+        change = np.where(self.finite, here.residual - there.residual, 0.0)
+        parts = self._by_window(every)
+        own = gone[:, self.start_states]
+        moves = np.concatenate([np.broadcast_to(np.array(moved), (len(own), count)), own], axis=1)
+        share = parts**2 @ np.tile(sigma**-2.0, self._filled.shape[1]) * moves
+        whole = (share * moves).sum(axis=1, keepdims=True)
+        share = np.divide(share, whole, out=np.zeros_like(share), where=whole > 0.0)
+        missed = self._by_window(change[None]) - moves[:, None] @ parts
+        every = self._in_rows(parts + share[:, :, None] * missed)
+        return every[:count], every[count:]
+
+    @cached_property
+    def _filled(self) -> np.ndarray:
+        """Which rows of windows that are all as long as the longest hold data, (W, L)."""
+        lengths = self.runs.stop - self.runs.begin
+        return np.arange(lengths.max()) < lengths[:, None]
+
+    def _by_window(self, values: np.ndarray) -> np.ndarray:
+        """Values (n, rows, C) as (W, n, L * C), zero past the end of shorter windows."""
+        (windows, longest), (count, _, channels) = self._filled.shape, values.shape
+        if self._filled.all():
+            parts = values.reshape(count, windows, longest, channels)
+        else:
+            parts = np.zeros((count, windows, longest, channels))
+            parts[:, self._filled] = values
+        return parts.transpose(1, 0, 2, 3).reshape(windows, count, longest * channels)
+
+    def _in_rows(self, parts: np.ndarray) -> np.ndarray:
+        """Values (W, n, L * C) as (n, rows, C)."""
+        parts = parts.reshape(*parts.shape[:2], self._filled.shape[1], len(self.channels))
+        return parts.transpose(1, 0, 2, 3)[:, self._filled]
 
     def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
         """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""
-
-        def summed(values):
-            return np.add.reduceat(values, self.offsets, axis=0)
-
-        gram = summed(np.einsum("frc,grc->rfg", start_columns, start_columns))
+        own = self._by_window(start_columns)
+        gram = own @ own.transpose(0, 2, 1)
         gram += 1e-12 * np.eye(gram.shape[1]) * np.maximum(np.einsum("wff->w", gram), 1e-12)[:, None, None]
-        cross = summed(np.einsum("frc,prc->rfp", start_columns, flat))
-        gradient = None if residual is None else summed(np.einsum("frc,rc->rf", start_columns, residual))
+        cross = own @ self._by_window(flat).transpose(0, 2, 1)
+        gradient = None if residual is None else (own @ self._by_window(residual[None]).transpose(0, 2, 1))[:, :, 0]
         return gram, cross, gradient
 
-    def _revealed(self) -> np.ndarray:
-        """States whose start changes a measured output for longer than a sample; the rest stay as guessed."""
+    @cached_property
+    def start_states(self) -> np.ndarray:
+        """Indices of the states whose start changes a measured output for longer than a sample; others stay guessed."""
         starts, names = self.first_guess, self.plant.family.states
-        base = self._outputs(self.plant.vector[None], starts[None])[0]
-        revealed = []
-        for state in [names.index(name) for name in names if name not in self.plant.family.shared]:
-            moved = starts.copy()
-            moved[:, state] += _START_PROBE
-            change = self._outputs(self.plant.vector[None], moved[None])[0] - base
-            seen = np.nanmax(np.abs(np.where(self.finite, change[:, self.columns], 0.0))) > 1e-9
-            if seen and not self._forgotten(names[state], change):
-                revealed.append(state)
-        return np.array(revealed, dtype=int)
+        states = [names.index(name) for name in names if name not in self.plant.family.shared]
+        moved = np.repeat(starts[None], len(states) + 1, axis=0)
+        for k, state in enumerate(states, start=1):
+            moved[k, :, state] += _START_PROBE
+        outputs = self._outputs(np.repeat(self.plant.vector[None], len(moved), axis=0), moved)
+        changes = outputs[1:] - outputs[0]
+        return np.array([s for s, c in zip(states, changes, strict=True) if self._reveals(names[s], c)], dtype=int)
+
+    def _reveals(self, state: str, change: np.ndarray) -> bool:
+        seen = np.nanmax(np.abs(np.where(self.finite, change[:, self.columns], 0.0))) > 1e-9
+        return bool(seen and not self._forgotten(state, change))
 
     def _forgotten(self, state: str, change: np.ndarray) -> bool:
         """Whether a change of a state at the windows' starts is gone one sample later; known of states read out.
@@ -474,102 +536,20 @@ def _pieces(window: slice) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
+def _line(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Slope of a straight line through values, by least squares, and its value at t = 0."""
+    middle, mean = float(t.mean()), float(y.mean())
+    power = float((t - middle) @ (t - middle))
+    slope = float((t - middle) @ (y - mean)) / power if power > 0.0 else 0.0
+    return slope, mean - slope * middle
+
+
 def unknown_states(plant: Plant) -> dict[str, str]:
     """The states of which each segment has a value of its own that nobody knows, with the effect that acts alike."""
     family = plant.family
     if family.shared_unless and value_at(plant, family.shared_unless) != 0.0:
         return {}
     return dict(family.shared)
-
-
-def colour(problem: Shooting, point: Point) -> np.ndarray:
-    """First-order autocorrelation of each channel's residual within the windows, shape (C,), 0 where it is white.
-
-    A fit of F states per window of n samples takes about F (1 + 2 phi) / n from the estimate (Marriott and Pope 1954,
-    for a mean and a trend); that is put back. Coefficients within 2 standard errors of white count as white.
-    """
-    coefficients = []
-    same = problem.window_of_row[1:] == problem.window_of_row[:-1]
-    for c in range(len(problem.channels)):
-        e = np.where(problem.finite[:, c], point.residual[:, c], 0.0)
-        n, power = int(problem.counts[c]), float(e @ e)
-        length = n / len(problem.windows)
-        raw = float(np.sum(e[1:] * e[:-1] * same)) / power if power > 0.0 else 0.0
-        lost = len(problem.start_states) / len(problem.channels) / length
-        phi = (raw * length / max(length - 1.0, 1.0) + lost) / max(1.0 - 2.0 * lost, 0.5)
-        coefficients.append(0.0 if phi < 2.0 / np.sqrt(max(n, 1)) else min(phi, 0.98))
-    return np.array(coefficients)
-
-
-def whitened(problem: Shooting, values: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-    """Values (..., rows, C) as innovations of a first-order process in each window; unchanged where coefficients are 0.
-
-    Source: Prais and Winsten 1954, with the first sample of a window scaled by sqrt(1 - phi^2).
-    """
-    values = np.where(problem.finite, values, 0.0)
-    before = np.roll(values, 1, axis=-2)
-    first = np.zeros(values.shape[-2], dtype=bool)
-    first[problem.offsets] = True
-    return np.where(first[:, None], values * np.sqrt(1.0 - coefficients**2), values - coefficients * before)
-
-
-def window_costs(problem: Shooting, point: Point, coefficients: np.ndarray) -> np.ndarray:
-    """Sums of squared innovations by window and channel, shape (W, C)."""
-    return np.add.reduceat(whitened(problem, point.residual, coefficients) ** 2, problem.offsets, axis=0)
-
-
-def evidence(problem: Shooting, before: Point, after: Point, coefficients: np.ndarray) -> float:
-    """Twice the gain in log-likelihood from one point to another, residuals taken as first-order processes."""
-    a = window_costs(problem, before, coefficients).sum(axis=0)
-    b = window_costs(problem, after, coefficients).sum(axis=0)
-    return float(np.sum(problem.counts * np.log((a + RESIDUAL_FLOOR) / (b + RESIDUAL_FLOOR))))
-
-
-def covariance(
-    problem: Shooting, point: Point, paths: Sequence[str], linear: Linearisation, coefficients: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Covariance of the parameters in units of their scales, (P, P), and its degrees of freedom.
-
-    Sandwich form for residuals with first-order correlation; it is the usual inverse of the normal matrix for white
-    ones. Slow residuals are what the fitted starts and parameters absorb most: the residuals' variance is raised by
-    what they take of it.  Source: Ljung 1999, sec. 9.3-9.4.
-    """
-    count = linear.columns.shape[0]
-    middle = np.zeros((count, count))
-    gram, mixed = np.zeros((2, len(problem.windows), len(linear.starts), len(linear.starts)))
-    for c, phi in enumerate(coefficients):
-        x, z = linear.columns[:, :, c], linear.starts[:, :, c]
-        middle += _correlated(x, phi, problem.offsets) @ x.T
-        gram += _by_window(z, z, problem.offsets)
-        mixed += _by_window(z, _correlated(z, phi, problem.offsets), problem.offsets)
-    known = np.diag(problem.pulls(point.vector, paths)[1] ** 2)
-    middle += known
-    bread = np.linalg.pinv(linear.information + known, rcond=1e-12, hermitian=True)
-    taken = np.trace(bread @ middle) + np.einsum("wff->", np.linalg.pinv(gram, rcond=1e-12, hermitian=True) @ mixed)
-    total = float(problem.counts.sum())
-    sigma = problem.sigma(point)
-    variance = float(np.mean((sigma * linear.weights) ** 2)) * total / max(total - float(taken), 0.1 * total)
-    fitted = count + problem.nuisances
-    freedom = float(np.sum(problem.counts * (1.0 - coefficients))) - fitted
-    return bread @ middle @ bread * variance, max(freedom, 3.0)
-
-
-def _by_window(x: np.ndarray, y: np.ndarray, offsets: np.ndarray) -> np.ndarray:
-    """x y^T over the rows of each window; x, y: (F, rows); the result is (W, F, F)."""
-    return np.add.reduceat(np.einsum("fr,gr->rfg", x, y), offsets, axis=0)
-
-
-def _correlated(x: np.ndarray, phi: float, offsets: np.ndarray) -> np.ndarray:
-    """x (P, rows) times the Toeplitz matrix phi^|i-j| of each window."""
-    if phi == 0.0:
-        return x
-    result = np.empty_like(x)
-    for start, stop in zip(offsets, np.r_[offsets[1:], x.shape[1]], strict=True):
-        block = x[:, start:stop]
-        forward = lfilter([1.0], [1.0, -phi], block)
-        backward = np.fliplr(lfilter([1.0], [1.0, -phi], np.fliplr(block)))
-        result[:, start:stop] = forward + backward - block
-    return result
 
 
 def _block_step(normal, gradient, gram, cross, start_gradient, damping):

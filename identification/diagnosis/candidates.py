@@ -10,7 +10,8 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from identification.shooting import Point, Shooting, whitened
+from identification.likelihood import whitened
+from identification.shooting import Point, Shooting
 
 # Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
 TOGETHER = (

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -64,7 +64,10 @@ def closed_loop(diagnosis: Diagnosis) -> tuple[ClosedLoop, ...]:
         nothing = dict.fromkeys(stages, np.nan)
         return (ClosedLoop(first, channel(first).unit, np.nan, np.nan, np.nan, np.nan, nothing, reason),)
     record = _beginning(record)
-    runs = {name: steered(model, controller, record, targets) for name, model in stages.items()}
+    told, runs = told_at_log(plant, controller, record, targets), {}
+    for name, model in stages.items():
+        same = next((runs[n] for n in runs if np.array_equal(stages[n].vector, model.vector)), None)
+        runs[name] = steered(model, controller, record, targets, told) if same is None else same
     return tuple(_judged(name, record, {stage: run[name] for stage, run in runs.items()}) for name in targets)
 
 
@@ -109,39 +112,76 @@ def controller_of(plant: Plant, targets: tuple[str, ...]) -> Controller:
     return autopilot(plant, targets=targets)
 
 
-def steered(model: Plant, controller: Controller, record: Record, targets: tuple[str, ...]) -> dict[str, np.ndarray]:
-    """A model's outputs in the targets' channels, (n,) each, under the log's set points; infinite once it diverged."""
-    wanted = {name: record[set_point_of(name)] for name in targets}
+def steered(
+    model: Plant,
+    controller: Controller,
+    record: Record,
+    targets: tuple[str, ...],
+    told: Sequence[Mapping[str, float]] | None = None,
+) -> dict[str, np.ndarray]:
+    """A model's outputs in the targets' channels, (n,) each, under the log's set points; infinite once it diverged.
+
+    told: as `told_at_log`, where known; else the model's outputs stand in for readings that the log lacks.
+    """
     names = [name for name in model.outputs if record.has(name)]
     logged = {name: record[name] for name in names}
     inputs = np.array(
         [record[n] if record.has(n) else np.full(len(record), model.constants[n]) for n in model.inputs]
     ).T
-    limits, time, told = _limits(model), record.time, outputs_of(model, record)
+    limits, time, first = _limits(model), record.time, outputs_of(model, record)
+    goals, steps = _asked(record, targets, model.dt)
     found = np.full((len(record), len(targets)), inf)
     at = [model.outputs.index(name) for name in targets]
     for segment in record.segments:
-        x, (own, its) = model.initial(told[segment.start]), (controller.start(), controller.start())
+        x, (own, its) = model.initial(first[segment.start]), (controller.start(), controller.start())
         for k in range(segment.start, segment.stop):
             outputs = model.output(x)
             found[k] = outputs[at]
             if not np.isfinite(outputs).all():
                 found[k : segment.stop] = inf
                 break
-            goal = {name: float(values[k]) for name, values in wanted.items() if np.isfinite(values[k])}
-            step = float(time[k] - time[k - 1]) if k > segment.start else model.dt
-            reading = dict(zip(model.outputs, outputs.tolist(), strict=True)) | {"dt_s": step}
-            seen = reading | {name: float(values[k]) for name, values in logged.items() if np.isfinite(values[k])}
-            command, own = controller.act(own, reading, goal)
-            at_log, its = controller.act(its, seen, goal)
+            reading = dict(zip(model.outputs, outputs.tolist(), strict=True)) | {"dt_s": steps[k]}
+            command, own = controller.act(own, reading, goals[k])
+            if told is None:
+                seen = reading | {name: float(values[k]) for name, values in logged.items() if np.isfinite(values[k])}
+                at_log, its = controller.act(its, seen, goals[k])
+            else:
+                at_log = told[k]
             u = inputs[k].copy()
             for index, name in enumerate(model.inputs):
                 if name in command and name in limits:
-                    extra = u[index] - np.clip(at_log[name], *limits[name])
-                    u[index] = np.clip(np.clip(command[name], *limits[name]) + extra, *limits[name])
+                    low, high = limits[name]
+                    extra = u[index] - min(max(at_log[name], low), high)
+                    u[index] = min(max(min(max(command[name], low), high) + extra, low), high)
             if k + 1 < segment.stop:
                 x = model.step_over(x, u, float(time[k + 1] - time[k]))
     return {name: found[:, column] for column, name in enumerate(targets)}
+
+
+def told_at_log(
+    plant: Plant, controller: Controller, record: Record, targets: tuple[str, ...]
+) -> list[Mapping[str, float]] | None:
+    """What the controller commands at each of the log's readings; None where these lack any of the plant's outputs."""
+    if not np.isfinite(outputs_of(plant, record)).all():
+        return None
+    goals, steps = _asked(record, targets, plant.dt)
+    rows = np.array([record[name] for name in plant.outputs]).T.tolist()
+    found: list[Mapping[str, float]] = []
+    for segment in record.segments:
+        memory = controller.start()
+        for k in range(segment.start, segment.stop):
+            reading = dict(zip(plant.outputs, rows[k], strict=True)) | {"dt_s": steps[k]}
+            command, memory = controller.act(memory, reading, goals[k])
+            found.append(command)
+    return found
+
+
+def _asked(record: Record, targets: tuple[str, ...], dt: float) -> tuple[list[dict[str, float]], list[float]]:
+    """The set points that there are at each sample, and the time since the one before; dt where a segment begins."""
+    wanted, steps = {name: record[set_point_of(name)].tolist() for name in targets}, np.diff(record.time, prepend=0.0)
+    steps[[segment.start for segment in record.segments]] = dt
+    goals = [{name: v[k] for name, v in wanted.items() if isfinite(v[k])} for k in range(len(record))]
+    return goals, steps.tolist()
 
 
 def _targets(plant: Plant) -> tuple[str, ...]:

@@ -14,7 +14,8 @@ from auv_gym.model import outputs_of
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from identification.shooting import Point, Shooting, colour, whitened
+from identification.likelihood import colour, whitened
+from identification.shooting import Point, Shooting
 from identification.windows import free_run_windows
 
 _REFITS = 3  # steps of Gauss and Newton; the rivals start close to each other's data

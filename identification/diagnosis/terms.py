@@ -11,7 +11,8 @@ from auv_gym.param import replace_at, value_at
 from identification.diagnosis.stability import Selection, select
 from identification.diagnosis.workbench import State, given_values
 from identification.estimate import half_width
-from identification.shooting import Point, Shooting, colour, covariance, evidence, whitened
+from identification.likelihood import colour, covariance, evidence, whitened
+from identification.shooting import Point, Shooting
 
 STABLE = 0.8  # share of the halves that must choose a term
 BLOCKS, LEAST_BLOCK = 24, 8  # blocks to resample, if they hold as many samples
@@ -61,7 +62,7 @@ def selection_of(
     Signatures are taken at a size far below any effect's, since what size matters is not known before.
     """
     sigma = train.sigma(state.train)
-    unit = Shooting(train.plant, train.record, train.windows, dict.fromkeys(library, 1.0), train.doubt)
+    unit = train.scaled(dict.fromkeys(library, 1.0))
     linear = unit.linearise(state.train, list(library), sigma, step=TINY)
     total = max(int(train.counts.sum()), 1)
     size = linear.raw / np.sqrt(total)
@@ -87,7 +88,7 @@ def gains(train: Shooting, held: Shooting, before: State, after: State, colours:
 
 def interval_of(train: Shooting, found: Found) -> tuple[float, tuple[float, float]]:
     """Value and 95 % interval of the term."""
-    problem = Shooting(train.plant, train.record, train.windows, found.scales, train.doubt)
+    problem = train.scaled(found.scales)
     state = found.state
     linear = problem.linearise(state.train, state.paths, problem.sigma(state.train))
     matrix, freedom = covariance(problem, state.train, state.paths, linear, state.colour)
@@ -134,7 +135,7 @@ def _best(
     lead = int(np.argmax(stable))
     order = np.argsort(-np.where(np.abs(selection.cosine[lead]) > KIN, selection.evidence, 0.0))
     kin = [int(k) for k in order if k != lead and abs(selection.cosine[lead, k]) > KIN and selection.evidence[k] > 0.0]
-    problem = Shooting(train.plant, train.record, train.windows, scales, train.doubt)
+    problem = train.scaled(scales)
     first: dict[int, Point] = {}
     for k in [lead, *kin][:CONTENDERS]:
         point = _first_fit(problem, state, base, library[k], float(selection.estimate[k]) * scales[library[k]])
@@ -163,7 +164,7 @@ def _first_fit(problem: Shooting, state: State, base: State, path: str, size: fl
     """A few iterations from a base with a term of what its signature promises, or less; None if that gains nothing."""
     for share in (1.0, 0.2, 0.02):
         plant = replace_at(base.plant, path, share * size)
-        point = problem.solve(plant, (*state.paths, path), base.train.starts, FIRST_ITERATIONS, 1e-5)
+        point = problem.solve(plant, (*state.paths, path), base.train.starts, FIRST_ITERATIONS, 1e-5, base.train)
         if np.isfinite(point.cost) and point.cost < state.train.cost:
             return point
     return None
@@ -172,9 +173,9 @@ def _first_fit(problem: Shooting, state: State, base: State, path: str, size: fl
 def _fitted(problem: Shooting, held: Shooting, state: State, path: str, near: Point) -> State | None:
     """The state with a term, fitted to the end from a point near by; None without a stable run in held-out windows."""
     paths = (*state.paths, path)
-    point = problem.solve(problem.plant_at(near, paths), paths, near.starts, ITERATIONS, 1e-6)
+    point = problem.solve(problem.plant_at(near, paths), paths, near.starts, ITERATIONS, 1e-6, state.train)
     plant = problem.plant_at(point, paths)
-    there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6)
+    there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6, state.held)
     return State(plant, paths, point, there, colour(problem, point)) if np.isfinite(there.cost) else None
 
 

@@ -14,6 +14,7 @@ from identification.diagnosis.workbench import Workbench
 
 ALIKE = 0.99  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
 SAME = 1e-4  # 1 - cosine^2 between signatures below which two effects count as one: difference quotients see no more
+EQUAL = 0.01  # evidence between two candidates that stopped fits alone may make
 TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
 TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standard errors over the windows
 
@@ -70,9 +71,14 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
 
 
 def best_of(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
-    """The accepted trial of least cost over all windows, all measured by one colour and variance of the residuals."""
+    """The accepted trial of least cost over all windows, all measured by one colour and variance of the residuals.
+
+    Of trials that differ by no more than a fit leaves open, the first one in the order of the vehicle's parameters.
+    """
     top = max(accepted, key=lambda t: t.total)
-    return min(accepted, key=lambda t: _extra_cost(bench, top, t).sum() + 2.0 * len(t.candidate.paths))
+    costs = [float(_extra_cost(bench, top, t).sum()) + 2.0 * len(t.candidate.paths) for t in accepted]
+    near = [t for t, cost in zip(accepted, costs, strict=True) if cost <= min(costs) + EQUAL]
+    return min(near, key=lambda t: bench.train.index[t.candidate.paths[0]])
 
 
 def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:

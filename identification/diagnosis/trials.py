@@ -12,7 +12,8 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.candidates import SEEN, Candidate, Screening, screen
 from identification.diagnosis.workbench import State, Workbench, given_values
-from identification.shooting import Point, colour, evidence
+from identification.likelihood import colour, evidence
+from identification.shooting import Point
 
 FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
 HELD_LEAST = 2.7  # evidence from the held-out windows alone: the 5 % point of one parameter, one-sided
@@ -182,7 +183,7 @@ def _begun(bench: Workbench, state: State, promise: _Promise) -> tuple[_Promise,
     # a vehicle of many states shows at once which start is good, and its fits are dear
     few = len(problem.start_states) <= FEW_STATES
     found = [
-        problem.solve(problem.plant_at(p, paths), paths, p.starts, FIRST_ITERATIONS, 1e-5)
+        problem.solve(problem.plant_at(p, paths), paths, p.starts, FIRST_ITERATIONS, 1e-5, state.train)
         for p in (points if few else points[:2])
     ]
     return promise, min(found, key=lambda point: point.cost)
@@ -214,9 +215,9 @@ def _with_given_coefficients(bench: Workbench, state: State) -> State | None:
 def judged(bench, state: State, candidate: Candidate, screening: Screening, plant: Plant, starts, count: int) -> Trial:
     """The trial of a candidate fitted from a plant and its starts."""
     paths = (*state.paths, *candidate.free)
-    best = bench.train.solve(plant, paths, starts, ITERATIONS, 1e-5)
+    best = bench.train.solve(plant, paths, starts, ITERATIONS, 1e-5, state.train)
     plant = bench.train.plant_at(best, paths)
-    held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5)
+    held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5, state.held)
     after = State(plant, paths, best, held, colour(bench.train, best))
     train, test = bench.gains(state, after)
     objection = _objection(bench, state, after, candidate, train, test, count + screening.tried - 1)

@@ -192,7 +192,7 @@ def _sentence(d: Diagnosis) -> str:
 
 
 def _limit_sentence(d: Diagnosis) -> str:
-    """What is said of coefficients that a fit took as far as it may: something is missing, or they are not known so well."""
+    """What is said of coefficients that a fit took as far as it may."""
     limited = [c.title for c in d.coefficients if c.limited]
     if not limited:
         return ""

@@ -12,7 +12,8 @@ from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.diagnosis.residual import noise_floor
 from identification.estimate import half_width
-from identification.shooting import Point, Shooting, colour, covariance, evidence, window_costs
+from identification.likelihood import colour, covariance, evidence, window_costs
+from identification.shooting import Point, Shooting
 from identification.validation import head_windows
 from identification.windows import LEAST_SAMPLES, free_run_windows
 

@@ -14,7 +14,8 @@ from auv_gym.record import Record
 from identification.diagnosis.candidates import TOGETHER, Candidate, candidates_of, screen
 from identification.diagnosis.trials import threshold
 from identification.diagnosis.workbench import calm_length
-from identification.shooting import Shooting, colour
+from identification.likelihood import colour
+from identification.shooting import Shooting
 from identification.windows import free_run_windows, held_out
 from scripts.blind.logs import Conditions, effects_of, log_of
 from scripts.blind.outside import SIZES, VISIBLE, causes_of, excess, outside_log

@@ -7,7 +7,14 @@ import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from identification.diagnosis.closing import closed_loop, closed_loop_error
+from identification.diagnosis.closing import (
+    closed_loop,
+    closed_loop_error,
+    controller_of,
+    steered,
+    targets_of,
+    told_at_log,
+)
 from identification.missions import fly
 
 CASES = [
@@ -53,3 +60,18 @@ def test_a_log_without_set_points_gives_a_reason():
     assert "no set points (heading_cmd_rad)" in loop.words
     with pytest.raises(ValueError, match="follows no set points"):
         closed_loop_error(load_vehicle("mermaid"), load_vehicle("mermaid"), np.random.default_rng(0))
+
+
+def test_the_commands_at_the_log_are_those_of_every_model():
+    given = load_vehicle("remus100")
+    record = fly(replace_at(given, "effects.rudder.offset", 0.05), np.random.default_rng(0), duration=20.0)
+    targets = targets_of(given, record)
+    controller = controller_of(given, targets)
+    at_log = told_at_log(given, controller, record, targets)
+    assert at_log is not None
+    assert len(at_log) == len(record)
+    alone, told_so = (steered(given, controller, record, targets, known) for known in (None, at_log))
+    for name in targets:
+        assert np.array_equal(alone[name], told_so[name])
+    missing = record.without([given.outputs[0]])
+    assert told_at_log(given, controller, missing, targets) is None

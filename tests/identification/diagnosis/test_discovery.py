@@ -11,8 +11,9 @@ from auv_gym.record import Record
 from auv_gym.vehicles.glider import yaw_inertia, yaw_rates
 from identification.diagnosis.discovery import Discovery, Term, discover, library_of
 from identification.diagnosis.workbench import State
+from identification.likelihood import colour
 from identification.missions import fly
-from identification.shooting import Shooting, colour
+from identification.shooting import Shooting
 from identification.windows import free_run_windows, held_out
 
 YAW = "effects.discovered.yaw."

@@ -7,8 +7,9 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis.trials import chance_of_none
 from identification.diagnosis.workbench import Workbench, calm_length
+from identification.likelihood import colour, covariance
 from identification.missions import fly
-from identification.shooting import Shooting, colour, covariance
+from identification.shooting import Shooting
 from identification.windows import free_run_windows, held_out
 
 
