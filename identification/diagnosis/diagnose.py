@@ -22,6 +22,7 @@ from identification.diagnosis.judgement import EXPLAINED, disagrees, explained_s
 from identification.diagnosis.kinematics import kinematics_of
 from identification.diagnosis.plausibility import doubts_of
 from identification.diagnosis.residual import remains_of
+from identification.diagnosis.swaps import Reconsidering
 from identification.diagnosis.trials import Progress, threshold
 from identification.diagnosis.verdict import Asked, Diagnosis, Stage
 from identification.diagnosis.workbench import State, Workbench, calm_length
@@ -86,6 +87,10 @@ def diagnose(
     chosen = [r.chosen for r in rounds if r.chosen is not None]
     state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
     state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
+    if rounds and disagrees(_stage(state.plant, record, windows, held, settle, longest_step)):
+        progress(0.8, "trying other effects in each one's place")
+        state, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
+        state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
     progress(0.82, "scoring free runs")
 
     def stage(of: Plant) -> Stage:
