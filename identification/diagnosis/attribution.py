@@ -50,7 +50,13 @@ def attribute(
     for number in range(most + 1 if left else 0):
         done, share = number / (most + 1), 1.0 / (most + 1)
         made = selected(
-            bench, state, left, count, sensors, lambda f, text, d=done, s=share: progress(d + s * f, text), number < most
+            bench,
+            state,
+            left,
+            count,
+            sensors,
+            lambda f, text, d=done, s=share: progress(d + s * f, text),
+            number < most,
         )
         rounds.append(made)
         if made.chosen is None:

@@ -1,11 +1,9 @@
-"""Second thoughts on a forward selection that leaves something: pairs that work only together, and exchanged effects."""
+"""Second thoughts on a forward selection that leaves something: pairs that work only together, and swaps."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-
-import numpy as np
 
 from auv_gym.param import replace_at, spec_at
 from identification.diagnosis.attribution import Round, selected
@@ -67,14 +65,14 @@ class Reconsidering:
         bar = threshold(len(self.candidates))
         for _ in range(SWEEPS):
             changed = False
-            for number, made in self._numbered(rounds):
+            for number, made in _numbered(rounds):
                 others = [t for t in _chosen(rounds) if t is not made]
                 again = self._selected(self._without(state, made), others)
                 if again.chosen is None or again.chosen.state is None:
                     continue
                 better = sum(self.bench.gains(state, again.chosen.state)) > bar
                 # the first one of a pair has no ties yet, since it was never chosen by itself
-                unjudged = bool(rounds[number].chosen and rounds[number].chosen.objection)
+                unjudged = made.objection != ""
                 if better or (unjudged and again.chosen.candidate is made.candidate):
                     after = again.chosen.state
                     state = self.bench.fit(after.plant, after.paths, after)
@@ -89,9 +87,6 @@ class Reconsidering:
         left = [c for c in self.candidates if c not in used]
         return selected(self.bench, state, left, len(self.candidates), self.sensors)
 
-    def _numbered(self, rounds: Sequence[Round]) -> Iterator[tuple[int, Trial]]:
-        yield from [(i, r.chosen) for i, r in enumerate(rounds) if r.chosen is not None]
-
     def _without(self, state: State, trial: Trial) -> State:
         paths = [p for p in trial.candidate.free if p in state.paths]
         plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
@@ -101,6 +96,10 @@ class Reconsidering:
         if len(self.bench.held.windows) < MANY_WINDOWS:
             return True
         return chance_of_none(self.bench.improvements(before, after)) < HELD_CHANCE
+
+
+def _numbered(rounds: Sequence[Round]) -> list[tuple[int, Trial]]:
+    return [(number, r.chosen) for number, r in enumerate(rounds) if r.chosen is not None]
 
 
 def _chosen(rounds: Sequence[Round]) -> list[Trial]:
