@@ -47,27 +47,53 @@ def attribute(
     and accepts the one with most evidence if the held-out windows repeat it.
     """
     state, rounds, left, count = start, [], list(candidates), len(candidates)
-    plain = {path for m in sensors if m.evidence >= PLAIN for path in (m.path, *m.tied)}
     for number in range(most + 1 if left else 0):
         done, share = number / (most + 1), 1.0 / (most + 1)
-        trials = trials_of(bench, state, left, count, lambda f, text, d=done, s=share: progress(d + s * f, text), plain)
-        accepted = [t for t in trials if not t.objection]
-        accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
-        if not accepted or number == most:
-            rounds.append(Round(tuple(trials), None, (), {}))
+        made = selected(
+            bench,
+            state,
+            left,
+            count,
+            sensors,
+            lambda f, text, d=done, s=share: progress(d + s * f, text),
+            number < most,
+        )
+        rounds.append(made)
+        if made.chosen is None:
             break
-        chosen = best_of(bench, accepted)
-        others = [t for t in trials if t is not chosen]
-        alike = likenesses(bench, chosen, others)
-        others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
-        group = [t for t in others if tied(bench, chosen, t, alike[t.candidate])]
-        trials = [chosen, *others]
-        chosen, group = _by_kinematics(chosen, group, sensors)
-        rounds.append(Round(tuple(trials), chosen, tuple(group), _angles(alike)))
-        assert chosen.state is not None
-        state = bench.fit(chosen.state.plant, chosen.state.paths, chosen.state)
-        left = [c for c in left if c is not chosen.candidate]
+        assert made.chosen.state is not None
+        state = bench.fit(made.chosen.state.plant, made.chosen.state.paths, made.chosen.state)
+        left = [c for c in left if c is not made.chosen.candidate]
     return state, rounds
+
+
+def selected(
+    bench: Workbench,
+    state: State,
+    left: Sequence[Candidate],
+    count: int,
+    sensors: Sequence[Mismatch],
+    progress: Progress = lambda fraction, text: None,
+    more: bool = True,
+) -> Round:
+    """One round beside what was fitted before; nothing is chosen where no trial is accepted or no `more` are wanted.
+
+    count: of all candidates, for the bar.
+    """
+    plain = {path for m in sensors if m.evidence >= PLAIN for path in (m.path, *m.tied)}
+    trials = trials_of(bench, state, left, count, progress, plain)
+    accepted = [t for t in trials if not t.objection]
+    accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
+    if not accepted or not more:
+        return Round(tuple(trials), None, (), {})
+    chosen = best_of(bench, accepted)
+    others = [t for t in trials if t is not chosen]
+    alike = likenesses(bench, chosen, others)
+    others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
+    group = [t for t in others if tied(bench, chosen, t, alike[t.candidate])]
+    trials = [chosen, *others]
+    chosen, group = _by_kinematics(chosen, group, sensors)
+    return Round(tuple(trials), chosen, tuple(group), _angles(alike))
 
 
 def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch]) -> tuple[Trial, list[Trial]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +24,7 @@ LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
 POOR = 0.1  # error from which a run is poor: squared, over the signal's variance in a window
 BAD = 0.5  # error from which a sensor may have slipped by itself
 FOREIGN = 0.55  # mean error from which a log is of another vehicle
+CLEAN = 2.0  # squared error over the noise's variance up to which an undone slip leaves nothing else to explain
 FLOOR = 0.01  # mean error below which there is nothing to gain
 FACTOR = 3.0  # by which a coefficient may differ from its given value
 ROWS, PIECES, SHORTLIST = 80, 4, 3
@@ -38,6 +39,7 @@ class Doubt:
 
     text: what looks wrong.  gain: squared error as declared over that with the slip undone, in windows that fitted
     nothing.  mend: what to do.  slip: for `undone`; None where no slip mends it.  instead: what would do the same.
+    firm: whether effects need not be tried first; a clock or a factor that leaves more than noise may be an effect.
     """
 
     text: str
@@ -46,14 +48,19 @@ class Doubt:
     mend: str
     slip: Slip | None = None
     instead: tuple[str, ...] = ()
+    firm: bool = True
 
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """How far free runs of a plant are from a record: by channel, squared error over the signal's variance."""
+    """How far free runs of a plant are from a record: by channel, squared error over the signal's variance.
+
+    noise: by channel, squared error over the variance of what is white in it, as far as that was worked out.
+    """
 
     plant: Plant
     errors: dict[str, float]
+    noise: dict[str, float] = field(default_factory=dict)
 
     @property
     def total(self) -> float:
@@ -85,7 +92,8 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
         there = _match(changed.select(masks[1]), here.plant)
         gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
         if gain >= GAIN and max(here.total, there.total) <= LEFT:
-            found.append((there.total, gain, slip))
+            noise = max(error for match in (here, there) for error in (0.0, *match.noise.values()))
+            found.append((there.total, gain, slip, not slip.scales or noise <= CLEAN))
     if found:
         return (_doubt(sorted(found, key=lambda item: item[0])),)
     if min(declared.total, before.total) > FOREIGN:
@@ -93,10 +101,10 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
     return ()
 
 
-def _doubt(found: list[tuple[float, float, Slip]]) -> Doubt:
-    least, gain, slip = found[0]
-    instead = tuple(other.text for total, _, other in found[1:] if total <= 1.3 * least + 0.3 * FLOOR)
-    return Doubt(slip.text, slip.channels, gain, slip.mend, slip, instead)
+def _doubt(found: list[tuple[float, float, Slip, bool]]) -> Doubt:
+    least, gain, slip, firm = found[0]
+    instead = tuple(other.text for total, _, other, _ in found[1:] if total <= 1.3 * least + 0.3 * FLOOR)
+    return Doubt(slip.text, slip.channels, gain, slip.mend, slip, instead, firm)
 
 
 def _foreign(plant: Plant, *matches: Match) -> Doubt:
@@ -150,15 +158,16 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
             np.errstate(all="ignore"),
         ):  # a run on the brink of diverging has slopes that are no numbers
             found, point = _fitted(problem, plant, paths, iterations)
-    errors, known = {}, np.isfinite(point.cost)
+    errors, noise, known = {}, {}, np.isfinite(point.cost)
     for c, name in enumerate(problem.channels):
         if problem.counts[c] == 0:
             continue
         error = float(np.nanmean(point.residual[:, c] ** 2)) if known else np.inf
         _add(errors, name, problem.measured[:, c], error, problem.window_of_row)
+        noise[name] = error / noise_floor(point.residual[:, c], problem.window_of_row) ** 2
     if "depth_m" not in plant.outputs:
         errors |= _sinking(record, problem.window_of_row)
-    return Match(found, errors)
+    return Match(found, errors, noise)
 
 
 def _fitted(problem: Shooting, plant: Plant, paths: Sequence[str], iterations: int):

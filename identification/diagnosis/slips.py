@@ -65,6 +65,11 @@ class Slip:
     clock: float = 1.0
     offset: float = 0.0
 
+    @property
+    def scales(self) -> bool:
+        """Whether it only makes something larger or slower, as a gain, a lag or a drag can."""
+        return not self.exchanged and all(f > 0.0 for f in self.factors)
+
 
 def slips_of(record: Record, plant: Plant) -> tuple[Slip, ...]:
     """The slips that can have happened to a record of this plant, in the channels that the plant runs on."""

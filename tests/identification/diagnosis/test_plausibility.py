@@ -8,6 +8,7 @@ import pytest
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
+from identification.diagnosis import diagnose
 from identification.diagnosis.plausibility import FACTOR, GAIN, doubts_of
 from identification.diagnosis.slips import Slip, slips_of, undone
 from identification.missions import fly
@@ -128,6 +129,44 @@ def test_effects_and_wrong_coefficients_are_no_slips(logs, vehicle, path, value)
     plant, _ = logs[vehicle]
     wrong = {name: 0.8 * value_at(plant, name) for name in plant.family.coefficients}
     assert doubts(log_of(replace_at(plant, {**wrong, path: value}), seed=2), plant) == ()
+
+
+@pytest.mark.parametrize("text", ["time runs at twice the rate", "time runs at half the rate"])
+def test_a_slipped_clock_that_leaves_only_noise_is_doubted_firmly(logs, text):
+    plant, record = logs["slocum"]
+    (doubt,) = doubts(made(record, slip_called(record, plant, text), plant), plant)
+    assert doubt.text.startswith(text)
+    assert doubt.firm
+
+
+def test_only_signs_and_columns_are_beyond_any_effect(logs):
+    plant, record = logs["ganeshblue"]
+    assert slip_called(record, plant, "time runs at twice").scales
+    assert slip_called(record, plant, "rudder_rad looks like degrees").scales
+    assert not slip_called(record, plant, "the rudder acts").scales
+    assert not slip_called(record, plant, "north_m and east_m look exchanged").scales
+
+
+def late(plant):
+    """A float whose piston moves too little and too late, which a clock twice too fast nearly explains."""
+    return replace_at(plant, {"effects.piston.gain": 0.35, "effects.piston.dead_time": 10.6})
+
+
+def test_a_clock_that_leaves_more_than_noise_is_doubted_with_reserve(logs):
+    plant, _ = logs["qiandao_float"]
+    (doubt,) = doubts(log_of(late(plant)), plant)
+    assert doubt.text.startswith("time runs at twice")
+    assert not doubt.firm
+
+
+@pytest.mark.slow
+def test_effects_that_explain_all_come_before_the_clock(logs):
+    plant, _ = logs["qiandao_float"]
+    found = diagnose(log_of(late(plant)), plant)
+    named = {path for group in found.tied for path in group} | {effect.path for effect in found.effects}
+    assert found.doubts == ()
+    assert found.verdict in ("named", "tied")
+    assert named.issuperset({"effects.piston.gain", "effects.piston.dead_time"})
 
 
 def test_a_coefficient_within_its_factor_is_no_slip(logs):
