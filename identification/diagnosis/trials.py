@@ -158,9 +158,15 @@ def _jumped(bench: Workbench, state: State, base: State, seen: Sequence[Screenin
     result = []
     for s in seen:
         mine = sorted(points[s.candidate], key=lambda p: p.cost)
-        gained = evidence(bench.train, state.train, mine[0], state.colour) if np.isfinite(mine[0].cost) else 0.0
-        result.append(_Promise(s.candidate, s, tuple(mine), max(gained, s.evidence)))
+        result.append(_Promise(s.candidate, s, tuple(mine), max(_gained(bench, state, mine[0]), s.evidence)))
     return result
+
+
+def _gained(bench: Workbench, state: State, there: Point) -> float:
+    """Evidence for a point by the colour that it leaves: what is missing colours a residual, and would hide itself."""
+    if not np.isfinite(there.cost):
+        return 0.0
+    return evidence(bench.train, state.train, there, np.minimum(state.colour, colour(bench.train, there)))
 
 
 def _short_list(promises: Sequence[_Promise], bar: float, plain: Collection[str]) -> list[_Promise]:
