@@ -39,8 +39,8 @@ def joined_errors(
 ) -> Joined | None:
     """One-step errors over windows joined to at most `seconds`, the paths at their best; None where these diverge.
 
-    windows: short ones, in which free runs hold.  The first of each segment is left out: where the actuators stood
-    before the log began is not known, and a filter must not take their way from there for an error.
+    windows: short ones, in which free runs hold.  The first `seconds` of each segment are left out: where the
+    actuators stood before the log began is not known, and a slow propeller's way from there is no error of the model.
     """
     long = joined_windows(record, windows, seconds)
     covered = [w for w in windows if any(whole.start <= w.start < whole.stop for whole in long)]
@@ -75,11 +75,12 @@ def joined_errors(
 
 
 def joined_windows(record: Record, windows: Sequence[slice], seconds: float) -> list[slice]:
-    """Neighbouring windows as one, up to a length in s; without the first of each segment."""
-    first = {segment.start for segment in record.segments}
+    """Neighbouring windows as one, up to a length in s; without those that begin so soon in their segment."""
+    begins = np.array([segment.start for segment in record.segments])
     found: list[slice] = []
     for w in windows:
-        if w.start in first:
+        begin = begins[np.searchsorted(begins, w.start, side="right") - 1]
+        if record.time[w.start] - record.time[begin] < seconds:
             continue
         last = found[-1] if found else None
         if last and last.stop == w.start and record.time[w.stop - 1] - record.time[last.start] <= seconds:
