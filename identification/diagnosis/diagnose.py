@@ -106,7 +106,7 @@ def diagnose(
     effects, tied = effects_of(state, rounds, sizes)
     explained, from_given = (explained_share(one, after, bench) for one in (before, as_given))
     wrong = any(c.wrong for c in found) and from_given >= EXPLAINED
-    refit_is_all, left = not effects, disagrees(after)
+    refit_is_all, left = not effects, disagrees(after, bench, state.paths, longest)
     if wrong:
         if refit_is_all:
             before, explained = as_given, from_given
@@ -120,9 +120,11 @@ def diagnose(
     elif left or verdict == "unexplained":
         progress(0.85, "looking for a term that no effect is")
         discovery = discover(bench.train, bench.held, state, library_of(state.plant), rng, settle)
+        still = left
         if discovery.holds:
             after = stage(discovery.plant)
-        if disagrees(after):
+            still = disagrees(after, bench, state.paths, longest)
+        if still:
             habitat = habitat_of(after.fitted, record, rng)
     form = None
     if left and effects and plant.family.kind != "torpedo" and bench.train.runs.rows <= FEW_ROWS:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from identification.diagnosis.joined import joined_errors
 from identification.diagnosis.residual import noise_floor
 from identification.diagnosis.trials import MANY_WINDOWS
 from identification.diagnosis.verdict import Stage, Verdict
 from identification.diagnosis.workbench import Workbench
+from identification.validation import whiteness
 
 WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
 EXCESS = 0.05  # of the noise variance: a coloured residual smaller than this is left to the noise
@@ -41,11 +45,23 @@ def verdict_of(effects, tied, explained: float, left: bool, refit_is_all: bool, 
     return "coefficients" if wrong else "none"
 
 
-def disagrees(after: Stage) -> bool:
-    """Whether what remains is coloured, and more than the noise could be."""
-    for c, name in enumerate(after.fitted.channels):
-        floor = noise_floor(after.fitted.residual[:, c], after.fitted.window)
-        excess = float(np.nanmean(after.fitted.residual[:, c] ** 2)) / floor**2 - 1.0
-        if after.whiteness[name].p_value < WHITE and excess > EXCESS:
-            return True
-    return False
+def disagrees(after: Stage, bench: Workbench, paths: Sequence[str], length: float) -> bool:
+    """Whether what remains is coloured, and more than the noise could be.
+
+    What remains: of runs from fitted starts in all windows.  Where windows had to be shortened their starts, twelve
+    numbers to a few tens of samples, take the slow part of it, colour the rest, and leave less than the noise; there
+    it is the one-step errors over windows joined to the length that was asked, s, with the paths at their best.
+    """
+    runs = after.fitted
+    errors, window = runs.residual, runs.window
+    if not bench.steady:
+        windows = sorted((*bench.train.windows, *bench.held.windows), key=lambda w: w.start)
+        joined = joined_errors(after.plant, bench.train.record, windows, paths, length)
+        if joined is not None:
+            errors, window = joined.errors, joined.window
+    return any(_coloured(error, window) for error in errors.T)
+
+
+def _coloured(error: np.ndarray, window: np.ndarray) -> bool:
+    excess = float(np.nanmean(error**2)) / noise_floor(error, window) ** 2 - 1.0
+    return excess > EXCESS and whiteness(error, window).p_value < WHITE

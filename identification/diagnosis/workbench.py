@@ -129,22 +129,32 @@ def given_values(given: Plant, state: State) -> dict[str, float]:
 def calm_length(plant: Plant, record: Record, seconds: float) -> float:
     """Seconds that free runs may last before the noise of their first reading decides them: at most those given.
 
-    Halved until noise in a measured state grows by less than `MOST_GROWTH` on its way to any output.  A vehicle that is
-    unstable in yaw, as many torpedoes are, tells of its model for a few seconds only.
+    Doubled from the shortest while noise in a measured state grows by less than `MOST_GROWTH` on its way to any output.
+    A vehicle that is unstable in yaw, as many torpedoes are, tells of its model for a few seconds only.  From short to
+    long, since long runs of a wrong model leave the record for where it may be stable.
     """
+    lengths = [seconds]
     while True:
-        windows = free_run_windows(plant, record, seconds)
+        windows = free_run_windows(plant, record, lengths[-1] / 2.0)
         if not windows or min(w.stop - w.start for w in windows) < 2 * LEAST_SAMPLES:
-            return seconds
-        problem = Shooting(plant, record, windows)
-        noise, point = _noise(problem), problem.point(plant.vector, problem.first_guess)
-        if np.isfinite(point.cost):
-            grown = np.abs(problem.linearise(point, (), noise).starts).max(axis=(1, 2))
-            states = [plant.family.states[i] for i in problem.start_states]
-            own = np.array([noise[problem.channels.index(s)] if s in problem.channels else 0.0 for s in states])
-            if (grown * own).max(initial=0.0) < MOST_GROWTH:
-                return seconds
-        seconds /= 2.0
+            break
+        lengths.append(lengths[-1] / 2.0)
+    calm = lengths.pop()
+    while lengths and _growth(plant, record, lengths[-1]) < MOST_GROWTH:
+        calm = lengths.pop()
+    return calm
+
+
+def _growth(plant: Plant, record: Record, seconds: float) -> float:
+    """By how much noise in a measured state at the start of a window grows, in noises of the outputs."""
+    problem = Shooting(plant, record, free_run_windows(plant, record, seconds))
+    noise, point = _noise(problem), problem.point(plant.vector, problem.first_guess)
+    if not np.isfinite(point.cost):
+        return np.inf
+    grown = np.abs(problem.linearise(point, (), noise).starts).max(axis=(1, 2))
+    states = [plant.family.states[i] for i in problem.start_states]
+    own = np.array([noise[problem.channels.index(s)] if s in problem.channels else 0.0 for s in states])
+    return float((grown * own).max(initial=0.0))
 
 
 def _brisk(plant: Plant, record: Record, windows: Sequence[slice]) -> Plant:

@@ -23,6 +23,13 @@ def test_windows_are_as_long_as_the_vehicle_bears(torpedoes):
     assert calm_length(load_vehicle("remus100"), torpedoes["remus100"], 25.0) < 10.0  # its yaw is unstable
 
 
+def test_long_runs_that_settle_far_from_the_record_do_not_count_as_calm():
+    plant = load_vehicle("remus100")
+    pushed = replace_at(plant, "effects.load.moment_y", 0.1)
+    record = fly(pushed, np.random.default_rng(4), duration=50.0)
+    assert calm_length(plant, record, 25.0) < 10.0
+
+
 def test_fits_of_a_steady_torpedo_come_down_to_the_noise_in_steps_of_a_sample(torpedoes):
     plant, record = load_vehicle("vt690"), torpedoes["vt690"]
     bench = Workbench(plant, record, *held_out(plant, record, free_run_windows(plant, record, 25.0)), 5.0)
