@@ -88,15 +88,15 @@ def diagnose(
     state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
     state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
     few = len(bench.train.start_states) <= FEW_STATES  # elsewhere it would take minutes
-    if rounds and few and disagrees(_stage(state.plant, record, windows, held, settle, longest_step)):
-        progress(0.8, "trying other effects in each one's place")
-        state, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
-        state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
-    progress(0.82, "scoring free runs")
 
     def stage(of: Plant) -> Stage:
         return _stage(of, record, windows, held, settle, longest_step)
 
+    if rounds and few and disagrees(stage(state.plant), bench, state.paths, longest):
+        progress(0.8, "trying other effects in each one's place")
+        state, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
+        state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
+    progress(0.82, "scoring free runs")
     as_given, before = stage(given.plant), stage(nominal.plant)
     after = before if state is nominal else stage(state.plant)
     count, rest = len(candidates), [] if slipped else candidates_of(state.plant, record)
