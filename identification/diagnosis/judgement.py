@@ -49,16 +49,17 @@ def disagrees(after: Stage, bench: Workbench, paths: Sequence[str], length: floa
     """Whether what remains is coloured, and more than the noise could be.
 
     What remains: of runs from fitted starts in all windows.  Where windows had to be shortened their starts, twelve
-    numbers to a few tens of samples, take the slow part of it, and often leave less than the noise; there it is also
-    the one-step errors over windows joined to the length that was asked, s, with the paths at their best.
+    numbers to a few tens of samples, take the slow part of it, colour the rest, and leave less than the noise; there
+    it is the one-step errors over windows joined to the length that was asked, s, with the paths at their best.
     """
     runs = after.fitted
-    plain = any(_coloured(error, runs.window) for error in runs.residual.T)
-    if plain or bench.steady:
-        return plain
-    windows = sorted((*bench.train.windows, *bench.held.windows), key=lambda w: w.start)
-    joined = joined_errors(after.plant, bench.train.record, windows, paths, length)
-    return joined is not None and any(_coloured(error, joined.window) for error in joined.errors.T)
+    errors, window = runs.residual, runs.window
+    if not bench.steady:
+        windows = sorted((*bench.train.windows, *bench.held.windows), key=lambda w: w.start)
+        joined = joined_errors(after.plant, bench.train.record, windows, paths, length)
+        if joined is not None:
+            errors, window = joined.errors, joined.window
+    return any(_coloured(error, window) for error in errors.T)
 
 
 def _coloured(error: np.ndarray, window: np.ndarray) -> bool:
