@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from identification.diagnosis.candidates import SEEN, Candidate
 from identification.diagnosis.kinematics import Mismatch
-from identification.diagnosis.ties import ALIKE, Likeness, best_of, likenesses, tied
+from identification.diagnosis.ties import ALIKE, Likeness, ahead_of, best_of, likenesses, tied
 from identification.diagnosis.trials import Progress, Trial, judged, trials_of
 from identification.diagnosis.workbench import State, Workbench
 
@@ -21,7 +21,7 @@ PLAIN = 100.0  # evidence by kinematics alone from which on a sensor's error is 
 class Round:
     """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it.
 
-    angles: between the signatures of the chosen one and of others, degrees, by candidate; of one component each.
+    angles: between the signatures of the chosen one and of others, degrees, by candidate.
     """
 
     trials: tuple[Trial, ...]
@@ -86,12 +86,17 @@ def selected(
     accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
     if not accepted or not more:
         return Round(tuple(trials), None, (), {})
-    chosen = best_of(bench, accepted)
-    others = [t for t in trials if t is not chosen]
-    alike = likenesses(bench, chosen, others)
-    others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
+    best = best_of(bench, accepted)
+    while True:  # an effect like the chosen one may do better once it starts from there
+        chosen = best
+        others = [t for t in trials if t.candidate is not chosen.candidate]
+        alike = likenesses(bench, chosen, others)
+        others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
+        best = ahead_of(bench, chosen, [t for t in others if not t.objection and t not in accepted])
+        trials = [chosen, *others]
+        if best is chosen:
+            break
     group = [t for t in others if tied(bench, chosen, t, alike[t.candidate])]
-    trials = [chosen, *others]
     chosen, group = _by_kinematics(chosen, group, sensors)
     return Round(tuple(trials), chosen, tuple(group), _angles(alike))
 
@@ -108,7 +113,7 @@ def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch
 
 def _angles(alike: dict[Candidate, list[Likeness]]) -> dict[Candidate, float]:
     """Degrees between signatures, with what else was fitted refitted where that leaves anything."""
-    return {c: float(np.rad2deg(np.arccos(min(abs(w[-1].cosine), 1.0)))) for c, w in alike.items() if w}
+    return {c: float(np.rad2deg(np.arccos(w[-1].cosine))) for c, w in alike.items() if w}
 
 
 def _beside(
@@ -119,19 +124,20 @@ def _beside(
     Two effects with one signature explain a record equally well, and a fit of one of them that stopped early, or a
     screening that saw no trace of it where the other was missing, must not hide that.
     """
-    ways = [way for way in alike if abs(way.cosine) >= ALIKE]
+    ways = [way for way in alike if way.cosine >= ALIKE]
     if not ways or trial.screening.seen < SEEN or tied(bench, chosen, trial, alike):
         return trial
     assert chosen.state is not None
-    path, other = chosen.candidate.paths[0], trial.candidate.paths[0]
+    own, others = chosen.candidate.paths, trial.candidate.paths
     found = [trial]
     for way in ways:
-        values = {path: value_at(state.plant, path), other: spec_at(state.plant, other).neutral + way.size}
+        values = {p: value_at(state.plant, p) for p in own}
+        values |= {p: spec_at(state.plant, p).neutral + x for p, x in zip(others, way.sizes, strict=True)}
         values |= {p: value_at(chosen.state.plant, p) + move for p, move in way.moves.items()}
         bounded = {p: float(np.clip(value, *spec_at(state.plant, p).bounds)) for p, value in values.items()}
         plant, starts = replace_at(chosen.state.plant, bounded), chosen.state.train.starts
         found.append(judged(bench, state, trial.candidate, trial.screening, plant, starts, count))
-    return max(found, key=lambda t: t.total)
+    return max(found, key=lambda t: (not t.objection, t.total))
 
 
 def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.model import Diverged
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.terms import Found, gains, interval_of, search
@@ -164,7 +165,10 @@ def _objection(held: Shooting, before: State, after: State, term: Term, count: i
         return "it does not hold in the held-out windows"
     if abs(term.value) < SURE / 1.96 * (term.ci95[1] - term.value):
         return "its size is too uncertain"
-    better = _squares(held, before.plant, settle) - _squares(held, after.plant, settle)
+    try:
+        better = _squares(held, before.plant, settle) - _squares(held, after.plant, settle)
+    except Diverged:
+        return "free runs in the held-out windows diverge with it"
     better = (better / held.sigma(after.held) ** 2).sum(axis=1)
     if len(better) < MANY_WINDOWS:
         holds = better.sum() > 0.0

@@ -12,7 +12,7 @@ from identification.diagnosis.candidates import Candidate
 from identification.diagnosis.trials import MANY_WINDOWS, SMALL, Trial
 from identification.diagnosis.workbench import Workbench
 
-ALIKE = 0.99  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
+ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
 SAME = 1e-4  # 1 - cosine^2 between signatures below which two effects count as one: difference quotients see no more
 EQUAL = 0.01  # evidence between two candidates that stopped fits alone may make
 TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
@@ -23,12 +23,12 @@ TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standa
 class Likeness:
     """How alike two effects act at the solution with one of them: by the angle between their signatures.
 
-    size: of the other one, from neutral, that does the same.  evidence: what the difference between them amounts to.
-    moves: changes of what else was fitted that go with it.
+    sizes: of the other one's components, from neutral, that do most nearly the same.  evidence: what the difference
+    between them amounts to.  moves: changes of what else was fitted that go with it.
     """
 
     cosine: float
-    size: float
+    sizes: tuple[float, ...]
     evidence: float
     moves: Mapping[str, float]
 
@@ -36,37 +36,43 @@ class Likeness:
 def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict[Candidate, list[Likeness]]:
     """The likenesses of others to the chosen one, by themselves, and with all else that is fitted refitted.
 
-    None where an effect has more components.  A pump's gain is a valve's only if the drag may change with it.
+    The chosen one acts as it was fitted; an effect of several components may use them all to do the same.  A pump's
+    gain is a valve's only if the drag may change with it.
     """
     found: dict[Candidate, list[Likeness]] = {t.candidate: [] for t in others}
-    single = [t.candidate for t in others if len(t.candidate.paths) == 1]
-    if len(chosen.candidate.paths) != 1 or not single:
+    others = [t for t in others if not t.candidate.period]  # while it is neutral, its signature has any period
+    if not others:
         return found
     assert chosen.state is not None
-    path, here, problem = chosen.candidate.paths[0], chosen.state.train, bench.train
-    beside = [p for p in chosen.state.paths if p != path]
-    paths = [path, *beside, *(c.paths[0] for c in single)]
+    own, here, problem = chosen.candidate.paths, chosen.state.train, bench.train
+    beside = [p for p in chosen.state.paths if p not in own]
+    paths = [*own, *beside, *(p for t in others for p in t.candidate.paths)]
     signatures = problem.linearise(here, paths, problem.sigma(here), problem.steps[-1]).columns
-    flat, apart = signatures.reshape(len(paths), -1), 1 + len(beside)
-    own, given, theirs = flat[:1], flat[1:apart], flat[apart:]
-    moved = value_at(chosen.state.plant, path) - spec_at(problem.plant, path).neutral
-    moved /= problem.scale(path)
-    nothing: list[str] = []
-    for fitted, basis in [(nothing, given[:0]), (beside, given)]:
-        columns = np.concatenate([own, theirs])
-        imitated = np.linalg.lstsq(basis.T, columns.T, rcond=1e-10)[0]
-        rest = columns - imitated.T @ basis
-        sizes, whole = np.linalg.norm(rest, axis=1), np.linalg.norm(columns, axis=1)
-        for k, candidate in enumerate(single, start=1):
-            least, most = min(sizes[0], sizes[k]), max(whole[0], whole[k])
-            if least < 1e-9 or (fitted and least < SAME * most) or candidate.paths[0] in beside:
+    flat = signatures.reshape(len(paths), -1)
+    moved = np.array([value_at(chosen.state.plant, p) - spec_at(problem.plant, p).neutral for p in own])
+    moved /= [problem.scale(p) for p in own]
+    scale = float(np.linalg.norm(moved)) or 1.0
+    basis = flat[len(own) : len(own) + len(beside)]
+    for fitted, given in (([], basis[:0]), (beside, basis)):
+        columns = np.concatenate([(moved / scale) @ flat[: len(own)][None], flat[len(own) + len(beside) :]])
+        imitated = np.linalg.lstsq(given.T, columns.T, rcond=1e-10)[0]
+        rest, row = columns - imitated.T @ given, 1
+        size, whole = float(np.linalg.norm(rest[0])), float(np.linalg.norm(columns[0]))
+        for t in others:
+            rows = range(row, row + len(t.candidate.paths))
+            row += len(rows)
+            theirs = rest[rows]
+            least = min(size, float(np.linalg.norm(theirs)))
+            most = max(whole, float(np.linalg.norm(columns[rows])))
+            if least < 1e-9 or (fitted and least < SAME * most) or not set(beside).isdisjoint(t.candidate.paths):
                 continue
-            cosine = float(rest[0] @ rest[k] / (sizes[0] * sizes[k]))
-            size = cosine * moved * sizes[0] / sizes[k]
-            changes = moved * imitated[:, 0] - size * imitated[:, k]
+            share = np.linalg.lstsq(theirs.T, rest[0], rcond=1e-10)[0]
+            cosine = min(float(np.linalg.norm(share @ theirs)) / size, 1.0)
+            changes = scale * (imitated[:, 0] - imitated[:, rows] @ share)
             moves = {p: float(c) * problem.scale(p) for p, c in zip(fitted, changes, strict=True)}
-            evidence = float((1.0 - cosine**2) * (moved * sizes[0]) ** 2)
-            found[candidate].append(Likeness(cosine, size * problem.scale(candidate.paths[0]), evidence, moves))
+            sizes = [float(scale * x) * problem.scale(p) for p, x in zip(t.candidate.paths, share, strict=True)]
+            evidence = float((1.0 - cosine**2) * (scale * size) ** 2)
+            found[t.candidate].append(Likeness(cosine, tuple(sizes), evidence, moves))
     return found
 
 
@@ -79,6 +85,14 @@ def best_of(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
     costs = [float(_extra_cost(bench, top, t).sum()) + 2.0 * len(t.candidate.paths) for t in accepted]
     near = [t for t, cost in zip(accepted, costs, strict=True) if cost <= min(costs) + EQUAL]
     return min(near, key=lambda t: bench.train.index[t.candidate.paths[0]])
+
+
+def ahead_of(bench: Workbench, chosen: Trial, rivals: Sequence[Trial]) -> Trial:
+    """The rival that costs least, if by more than what a tie may differ; else the chosen one."""
+    if not rivals:
+        return chosen
+    best = best_of(bench, [chosen, *rivals])
+    return best if _extra_cost(bench, best, chosen).sum() > TIE else chosen
 
 
 def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
