@@ -161,7 +161,7 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The verdict in plain words, with the error before and after."""
-        parts = [_sentence(self), _limit_sentence(self), _rest_sentence(self), _error_sentence(self)]
+        parts = [_sentence(self), _rest_sentence(self), _error_sentence(self), _limit_sentence(self)]
         return " ".join(part for part in parts if part)
 
 
