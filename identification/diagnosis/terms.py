@@ -9,6 +9,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, value_at
 from identification.diagnosis.stability import Selection, select
+from identification.diagnosis.ties import TIE
 from identification.diagnosis.workbench import State, given_values
 from identification.estimate import half_width
 from identification.likelihood import colour, covariance, evidence, whitened
@@ -20,7 +21,6 @@ TINY = 1e-6  # size of a term, in its unit, for its signature: far below any eff
 IMITATED = 1e-5  # share of a signature below which nothing is left beside the initial states
 CONTENDERS = 5  # terms that are fitted in earnest, of those whose signature promises most
 KIN = 0.5  # cosine to the leading term from which on a term contends with it
-TIE = 9.0  # evidence below which two terms are not told apart: three standard errors
 FIRST_ITERATIONS, ITERATIONS = 6, 20  # of each contender's fit, and then of those near the best
 NEAR = 0.1  # share of the best one's gain in cost within which a contender is fitted to the end
 
