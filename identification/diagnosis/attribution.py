@@ -15,6 +15,7 @@ from identification.diagnosis.trials import Progress, Trial, judged, trials_of
 from identification.diagnosis.workbench import State, Workbench
 
 PLAIN = 100.0  # evidence by kinematics alone from which on a sensor's error is settled before forces are sought
+LEADERS = 3  # that a round may have one after the other
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +88,7 @@ def selected(
     if not accepted or not more:
         return Round(tuple(trials), None, (), {})
     best = best_of(bench, accepted)
-    while True:  # an effect like the chosen one may do better once it starts from there
+    for _ in range(LEADERS):  # an effect like the chosen one may do better once it starts from there
         chosen = best
         others = [t for t in trials if t.candidate is not chosen.candidate]
         alike = likenesses(bench, chosen, others)
