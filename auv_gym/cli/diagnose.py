@@ -43,6 +43,7 @@ def diagnose(
     doubt: Annotated[
         float, typer.Option(help="Standard deviation of the vehicle's own coefficients, relative; they are refitted.")
     ] = 0.1,
+    most: Annotated[int, typer.Option(min=1, help="How many effects may be named at once.")] = 3,
     trust: Annotated[bool, typer.Option("--trust", help="Go on where the log itself looks mislabelled.")] = False,
     again: Annotated[
         Path | None, typer.Option(help="A diagnosis.json of the same log: repeat it, vehicle and settings included.")
@@ -93,6 +94,7 @@ def diagnose(
                 plant,
                 window=window,
                 seed=seed,
+                most=most,
                 doubt=doubt,
                 trust=trust,
                 source=Path(log).name,
