@@ -153,5 +153,4 @@ def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[st
     ]
     if not idle:
         return state
-    plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in idle})
-    return bench.fit(plant, [p for p in state.paths if p not in idle], state)
+    return bench.without(state, idle)

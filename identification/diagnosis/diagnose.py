@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from auv_gym.param import replace_at, spec_at
+from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.checks import check_excitation, check_ranges
@@ -87,18 +87,22 @@ def diagnose(
     chosen = [r.chosen for r in rounds if r.chosen is not None]
     state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
     state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
-    few = len(bench.train.start_states) <= FEW_STATES  # elsewhere it would take minutes
 
     def stage(of: Plant) -> Stage:
         return _stage(of, record, windows, held, settle, longest_step)
 
-    if rounds and few and disagrees(stage(state.plant), bench, state.paths, longest):
-        progress(0.8, "trying other effects in each one's place")
-        state, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
-        state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
-    progress(0.82, "scoring free runs")
-    as_given, before = stage(given.plant), stage(nominal.plant)
-    after = before if state is nominal else stage(state.plant)
+    progress(0.8, "scoring free runs")
+    after = stage(state.plant)
+    left = disagrees(after, bench, state.paths, longest)
+    few = len(bench.train.start_states) <= FEW_STATES  # elsewhere it would take minutes
+    if rounds and few and left:
+        progress(0.82, "trying other effects in each one's place")
+        again, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
+        again, rounds = _pruned(bench, nominal, again, rounds, len(candidates))
+        if again is not state:
+            state, after = again, stage(again.plant)
+            left = disagrees(after, bench, state.paths, longest)
+    as_given, before = stage(given.plant), after if state is nominal else stage(nominal.plant)
     count, rest = len(candidates), [] if slipped else candidates_of(state.plant, record)
     screening = tuple(screen(bench.train, state.train, state.paths, rest, state.colour, threshold(count)))
     sizes = bench.intervals(state)
@@ -106,7 +110,7 @@ def diagnose(
     effects, tied = effects_of(state, rounds, sizes)
     explained, from_given = (explained_share(one, after, bench) for one in (before, as_given))
     wrong = any(c.wrong for c in found) and from_given >= EXPLAINED
-    refit_is_all, left = not effects, disagrees(after, bench, state.paths, longest)
+    refit_is_all = not effects
     if wrong:
         if refit_is_all:
             before, explained = as_given, from_given
@@ -226,8 +230,7 @@ def _pruned(
         return state, rounds
     for trial in chosen[:-1]:
         paths = tuple(p for p in trial.candidate.free if p in state.paths)
-        plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
-        without = bench.fit(plant, [p for p in state.paths if p not in paths], state)
+        without = bench.without(state, paths)
         if sum(bench.gains(without, state)) < threshold(count, len(paths)):
             state = without
             rounds = [r for r in rounds if r.chosen is not trial]

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from auv_gym.param import replace_at, spec_at
 from identification.diagnosis.attribution import Round, selected
 from identification.diagnosis.candidates import Candidate
 from identification.diagnosis.kinematics import Mismatch
-from identification.diagnosis.trials import HELD_CHANCE, MANY_WINDOWS, Trial, chance_of_none, threshold
+from identification.diagnosis.trials import Trial, holds, threshold
 from identification.diagnosis.workbench import State, Workbench
 
 HOPEFUL = 3  # refused trials beside which a second effect is sought
@@ -44,7 +43,7 @@ class Reconsidering:
             if second.chosen is None or second.chosen.state is None:
                 continue
             after = second.chosen.state
-            if sum(self.bench.gains(state, after)) >= bar and self._holds(state, after):
+            if sum(self.bench.gains(state, after)) >= bar and holds(self.bench, state, after):
                 found.append((after.train.cost + after.held.cost, first, second, after))
         if not found:
             return state, rounds
@@ -88,14 +87,7 @@ class Reconsidering:
         return selected(self.bench, state, left, len(self.candidates), self.sensors)
 
     def _without(self, state: State, trial: Trial) -> State:
-        paths = [p for p in trial.candidate.free if p in state.paths]
-        plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
-        return self.bench.fit(plant, [p for p in state.paths if p not in paths], state)
-
-    def _holds(self, before: State, after: State) -> bool:
-        if len(self.bench.held.windows) < MANY_WINDOWS:
-            return True
-        return chance_of_none(self.bench.improvements(before, after)) < HELD_CHANCE
+        return self.bench.without(state, [p for p in trial.candidate.free if p in state.paths])
 
 
 def _numbered(rounds: Sequence[Round]) -> list[tuple[int, Trial]]:

@@ -53,8 +53,8 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     moved /= [problem.scale(p) for p in own]
     scale = float(np.linalg.norm(moved)) or 1.0
     basis = flat[len(own) : len(own) + len(beside)]
+    columns = np.concatenate([(moved / scale) @ flat[: len(own)][None], flat[len(own) + len(beside) :]])
     for fitted, given in (([], basis[:0]), (beside, basis)):
-        columns = np.concatenate([(moved / scale) @ flat[: len(own)][None], flat[len(own) + len(beside) :]])
         imitated = np.linalg.lstsq(given.T, columns.T, rcond=1e-10)[0]
         rest, row = columns - imitated.T @ given, 1
         size, whole = float(np.linalg.norm(rest[0])), float(np.linalg.norm(columns[0]))

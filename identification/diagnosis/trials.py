@@ -242,7 +242,7 @@ def _objection(bench, before: State, after: State, candidate: Candidate, train: 
         return "not significant"
     if held < max(HELD_LEAST, HELD_SHARE * train):
         return "does not hold in the held-out windows"
-    if not _holds(bench, before, after):
+    if not holds(bench, before, after):
         return "free runs in the held-out windows did not improve in enough of them"
     if at_bound:
         return "only helps at the limit of what is physical"
@@ -256,7 +256,7 @@ def _objection(bench, before: State, after: State, candidate: Candidate, train: 
     return ""
 
 
-def _holds(bench: Workbench, before: State, after: State) -> bool:
+def holds(bench: Workbench, before: State, after: State) -> bool:
     """Whether free runs through the held-out windows got surely better; True where these are few.
 
     In a few windows the noise of their first seconds, to which the initial states are fitted, decides; there the

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_gym.param import value_at
+from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.diagnosis.residual import noise_floor
@@ -63,6 +63,11 @@ class Workbench:
         fitted = self.train.plant_at(train, paths)
         held = self.held.solve(fitted, (), near.held.starts if near else None)
         return State(fitted, tuple(paths), train, held, colour(self.train, train))
+
+    def without(self, state: State, paths: Sequence[str]) -> State:
+        """The state fitted again with effects at their neutral values and no longer free."""
+        plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
+        return self.fit(plant, [p for p in state.paths if p not in paths], state)
 
     def gains(self, before: State, after: State) -> tuple[float, float]:
         """Evidence for the change in the training and in the held-out windows; what is known of coefficients counts."""
