@@ -82,7 +82,8 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     """
     torch.set_num_threads(1)  # networks this small lose time on more
     chosen = training.chosen
-    clock = Clock(make_many(training.env, chosen.n_envs, training.on, **training.options))
+    options = {**chosen.env_kwargs, **training.options}
+    clock = Clock(make_many(training.env, chosen.n_envs, training.on, **options))
     if not isinstance(clock.action_space, gymnasium.spaces.Box) or len(clock.observation_space.shape or ()) != 1:
         raise ValueError(
             f"Training needs observations in one row and actions that are numbers, got {clock.observation_space} and "
@@ -138,10 +139,6 @@ def _networks(training: Training) -> dict[str, Any]:
     given = {name: value for name, value in given.items() if value is not None}
     if "activation_fn" in given:
         given["activation_fn"] = _ACTIVATIONS[given["activation_fn"]]
-    only = {"ppo": ("log_std_init", "ortho_init"), "sac": ("log_std_init", "n_critics"), "td3": ("n_critics",)}
-    for name in given:
-        if name not in ("net_arch", "activation_fn", *only[training.algorithm]):
-            raise ValueError(f"policy_kwargs.{name} says nothing to {training.algorithm}: leave it out.")
     return given
 
 

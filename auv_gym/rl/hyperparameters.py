@@ -62,10 +62,14 @@ class Networks(_Table):
 
 
 class Hyperparameters(_Table):
-    """What all algorithms have; names are those of stable-baselines3 and RL Zoo."""
+    """What all algorithms have; names are those of stable-baselines3 and RL Zoo.
+
+    env_kwargs: options of the environments that it learns in, such as shorter episodes; the policy is judged without.
+    """
 
     n_timesteps: Count
     n_envs: Count = 1
+    env_kwargs: dict[str, Any] = {}
     policy: Literal["MlpPolicy"] = "MlpPolicy"
     normalize: bool | Normalize = False
     policy_kwargs: Networks = Networks()
@@ -83,7 +87,7 @@ class Hyperparameters(_Table):
     def agent_settings(self) -> dict[str, Any]:
         """What the algorithm's constructor takes besides policy, network and schedules, as far as it was given."""
         own = self.model_dump(exclude_unset=True)
-        for name in ("n_timesteps", "n_envs", "policy", "normalize", "policy_kwargs", "learning_rate"):
+        for name in ("n_timesteps", "n_envs", "env_kwargs", "policy", "normalize", "policy_kwargs", "learning_rate"):
             own.pop(name, None)
         return {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
 
@@ -170,6 +174,9 @@ def checked(algorithm: str, values: Any, where: str = "hyperparameters") -> Hype
         made = table.model_validate(values)
     except ValidationError as error:
         raise ValueError(f"{where}: {'; '.join(_words(one, table) for one in error.errors())}.") from None
+    only = {"ppo": ("log_std_init", "ortho_init"), "sac": ("log_std_init", "n_critics"), "td3": ("n_critics",)}
+    for name in made.policy_kwargs.model_fields_set - {"net_arch", "activation_fn", *only[algorithm]}:
+        raise ValueError(f"{where}: policy_kwargs.{name} says nothing to {algorithm}: leave it out.")
     if isinstance(made, Ppo) and made.n_steps * made.n_envs < 2:
         raise ValueError(f"{where}: n_steps times n_envs needs to be 2 or more, got 1: raise n_steps.")
     episodic = isinstance(made, _OffPolicy) and isinstance(made.train_freq, tuple) and made.train_freq[1] == "episode"

@@ -130,13 +130,9 @@ def described(training: Training, folder: Path) -> dict[str, Any]:
 
 def _kept(model: Model, folder: Path, stem: str) -> dict[str, str]:
     """Name and digest of the file to which a model is written."""
-    suffix = ".toml" if isinstance(model, Plant) and model.learned is None else ".npz"
-    path = folder / f"{stem}{suffix}"
-    aside = folder / f".{stem}{suffix}"
-    save_model(model, aside)
-    digest = content_digest(aside)
-    aside.replace(path)
-    return {"name": path.name, "sha256": digest}
+    path = folder / f"{stem}{'.toml' if isinstance(model, Plant) and model.learned is None else '.npz'}"
+    save_model(model, path)
+    return {"name": path.name, "sha256": content_digest(path)}
 
 
 def content_digest(path: Path) -> str:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 import platform
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import Any
 
@@ -174,11 +176,15 @@ class _Watch:
 
 def _begun(training: Training, folder: Path) -> dict[str, Any]:
     """What the settings of a training say: those in the folder if it is the same, else new ones, written."""
-    wanted = json.loads(json.dumps(described(training, folder)))
-    if not (folder / SETTINGS).is_file():
-        settings = {**wanted, "versions": _versions(), "complete": False}
-        _write(folder, settings)
-        return settings
+    with TemporaryDirectory() as aside:  # nothing of another training in the folder is written over
+        wanted = json.loads(json.dumps(described(training, Path(aside))))
+        if not (folder / SETTINGS).is_file():
+            for kept in wanted["files"].values():
+                with replacing(folder / kept["name"]) as new:
+                    shutil.copyfile(Path(aside) / kept["name"], new)
+            settings = {**wanted, "versions": _versions(), "complete": False}
+            _write(folder, settings)
+            return settings
     there = read_settings(folder)
     other = [name for name, value in wanted.items() if there.get(name) != value]
     if other:
@@ -198,7 +204,9 @@ def _made(out: str | os.PathLike) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ValueError(f"Cannot make the folder {folder}: {error.strerror or error}.") from None
-    if not (folder / SETTINGS).is_file() and any(not path.name.startswith(".") for path in folder.iterdir()):
+    if not (folder / SETTINGS).is_file() and any(
+        path.stem not in ("trained_on", "vehicle") and not path.name.startswith(".") for path in folder.iterdir()
+    ):
         raise ValueError(f"{folder} holds other files and no {SETTINGS}: give a new or an empty folder.")
     return folder
 
