@@ -131,9 +131,13 @@ class Policy:
             trained["vehicle"] = self.folder / self.settings["files"]["vehicle"]["name"]
         if env is not None:
             trained = {name: value for name, value in trained.items() if name == "vehicle"}
-        for name, value in options.items():
-            if value is not None:
-                trained[name] = value
+        if (
+            not isinstance(on, str) or on != TRUE
+        ):  # effects of the vehicle end where another drives, those of sensors not
+            for name in ("effects", "randomise"):
+                kept = {path: v for path, v in trained.pop(name, {}).items() if path.startswith("effects.sampling.")}
+                trained |= {name: kept} if kept else {}
+        trained |= {name: value for name, value in options.items() if value is not None}
         made = make_env(env or self.settings["env"], on, render_mode, **trained)
         sizes = (made.observation_space.shape, made.action_space.shape)
         own = ((self.weights[0].shape[1],), (self.weights[-1].shape[0],))

@@ -101,6 +101,11 @@ def make_env(env: str, on: str | os.PathLike | Model = TRUE, render_mode: str | 
 def described(training: Training, folder: Path) -> dict[str, Any]:
     """What `settings.json` says of a training, all but how it went; the files that it names are put into the folder."""
     env = make_env(training.env, training.on, **training.options)
+    actions = env.action_space
+    if not isinstance(actions, gymnasium.spaces.Box) or (actions.low != -1.0).any() or (actions.high != 1.0).any():
+        raise ValueError(
+            f"Training needs actions from -1 to 1, got {actions} of {training.env}: wrap it, see Gymnasium."
+        )
     files: dict[str, dict[str, str]] = {}
     model = getattr(env.unwrapped, "model", None)
     if model is not None:
