@@ -23,7 +23,7 @@ from auv_gym.compiled import JIT
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, Runs, load_vehicle
 from auv_gym.record import Record
-from scripts import benchmark_env, benchmark_identification, benchmark_kernel, benchmark_recursion
+from scripts import benchmark_env, benchmark_identification, benchmark_kernel, benchmark_recursion, benchmark_rl
 
 PLAIN_SAMPLES = 100
 COMPILED_SAMPLES = 5000
@@ -52,6 +52,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     kernel = commands.add_parser("kernel", help="kernel regression, beside scikit-learn")
     benchmark_kernel.add_arguments(kernel)
     kernel.set_defaults(measure=benchmark_kernel.measure, show=benchmark_kernel.show)
+    learning = commands.add_parser("rl", help="PPO in our environments, beside Gymnasium's pendulum")
+    benchmark_rl.add_arguments(learning)
+    learning.set_defaults(measure=benchmark_rl.measure)
     for command in commands.choices.values():
         command.add_argument("--json", action="store_true", help="print JSON")
     arguments = parser.parse_args(argv)

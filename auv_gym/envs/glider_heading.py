@@ -17,8 +17,8 @@ from auv_gym.plant import Plant, without_effects
 
 _STEP = (radians(20.0), radians(70.0))  # size of a drawn change of the target, rad; the sign is drawn too
 _HOLD = (60.0, 180.0)  # time between drawn changes, s; the slowest preset turns 45 deg in 72 s
-_HEADING_LIMIT = 1e6  # rad; beyond it a heading no longer resolves an angle well, and the run counts as diverged
-_RUDDER_TRAVEL_WEIGHT = 0.05
+HEADING_LIMIT = 1e6  # rad; beyond it a heading no longer resolves an angle well, and the run counts as diverged
+RUDDER_TRAVEL_WEIGHT = 0.05
 OBSERVATIONS = ("error_sin", "error_cos", "turn_rate", "rudder", "speed")
 
 
@@ -82,14 +82,14 @@ class GliderHeading(gymnasium.Env):
         self.turn_rate_scale = 2.0 * _steady_turn_rate(plant)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (1,), np.float32)
         self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (len(OBSERVATIONS),), np.float32)
-        self._steps = max(round(self.duration / plant.dt), 1)
-        self._heading = self.model.outputs.index("heading_rad")
-        self._rudder = self.model.inputs.index("rudder_rad")
-        self._speed_index = self.model.inputs.index("u_mps") if "u_mps" in self.model.inputs else None
+        self.steps = max(round(self.duration / plant.dt), 1)
+        self.heading_at = self.model.outputs.index("heading_rad")
+        self.rudder_at = self.model.inputs.index("rudder_rad")
+        self.speed_at = self.model.inputs.index("u_mps") if "u_mps" in self.model.inputs else None
         constants = {**plant.constants, **getattr(self.model, "constants", {})}
-        self._inputs = np.array([constants.get(name, 0.0) for name in self.model.inputs])
+        self.inputs = np.array([constants.get(name, 0.0) for name in self.model.inputs])
         states = list(self.model.states)
-        self._true_heading = states.index("heading_rad") if "heading_rad" in states else None
+        self.true_heading_at = states.index("heading_rad") if "heading_rad" in states else None
         self._position = [states.index(name) for name in ("north_m", "east_m") if name in states]
         self._terminated = True
 
@@ -102,10 +102,7 @@ class GliderHeading(gymnasium.Env):
         """
         super().reset(seed=seed)
         options = options or {}
-        for name, value in options.items():
-            if name not in ("heading", "target"):
-                raise ValueError(f"reset has the options 'heading' and 'target', got {name!r}.")
-            check_number(f"reset option {name!r}", value, "rad")
+        check_reset_options(options)
         drawn = float(self.np_random.uniform(-pi, pi))
         heading = float(options.get("heading", drawn))
         low, high = self.speed_range
@@ -113,11 +110,11 @@ class GliderHeading(gymnasium.Env):
         self._target = heading if self.target is None else self.target
         self._change_at = 0.0
         self._time, self._count, self._action = 0.0, 0, 0.0
-        u = self._inputs.copy()
-        if self._speed_index is not None:
-            u[self._speed_index] = self._speed
+        u = self.inputs.copy()
+        if self.speed_at is not None:
+            u[self.speed_at] = self._speed
         self._u = u
-        start = np.where(np.arange(len(self.model.outputs)) == self._heading, heading, 0.0)
+        start = np.where(np.arange(len(self.model.outputs)) == self.heading_at, heading, 0.0)
         self._x = np.asarray(self.model.initial(start), dtype=float)
         self._advance_target()
         if "target" in options:
@@ -138,28 +135,28 @@ class GliderHeading(gymnasium.Env):
             raise ValueError(f"An action needs one finite number in [-1, 1], got {action!r}.")
         value = min(max(value, -1.0), 1.0)
         change, self._action = abs(value - self._action), value
-        self._u[self._rudder] = value * self.rudder_limit
+        self._u[self.rudder_at] = value * self.rudder_limit
         x = np.asarray(self.model.step(self._x, self._u), dtype=float)
         self._count += 1
         self._time = self._count * self.model.dt
-        reason = self._fault(x)
+        reason = self.fault(x, self._time)
         if reason:
             self._terminated = True
-            left = self._steps - self._count + 1
-            terms = {"heading": -1.0 * left, "rudder_travel": -_RUDDER_TRAVEL_WEIGHT * left}
+            left = self.steps - self._count + 1
+            terms = {"heading": -1.0 * left, "rudder_travel": -RUDDER_TRAVEL_WEIGHT * left}
             return self._observation(), sum(terms.values()), True, False, self._info(terms, reason)
         self._x = x
         reading = self._read()
-        self._rate = _wrapped(reading - self._reading) / self.model.dt
+        self._rate = wrapped(reading - self._reading) / self.model.dt
         self._reading = reading
         # The target is the one that the action was chosen for; a new one counts from the next step.
         terms = {
-            "heading": -abs(_wrapped(self._target - self._heading_now())) / pi,
-            "rudder_travel": -_RUDDER_TRAVEL_WEIGHT * 0.5 * change,
+            "heading": -abs(wrapped(self._target - self._heading_now())) / pi,
+            "rudder_travel": -RUDDER_TRAVEL_WEIGHT * 0.5 * change,
         }
         self._advance_target()
         self._move()
-        truncated = self._count >= self._steps
+        truncated = self._count >= self.steps
         self._terminated = truncated
         return self._observation(), sum(terms.values()), False, truncated, self._info(terms)
 
@@ -183,28 +180,26 @@ class GliderHeading(gymnasium.Env):
         )
 
     def _read(self) -> float:
-        reading = float(self.model.output(self._x)[self._heading])
+        reading = float(self.model.output(self._x)[self.heading_at])
         return reading + self.compass_noise * float(self.np_random.standard_normal())
 
     def _heading_now(self) -> float:
-        if self._true_heading is None:
-            return float(self.model.output(self._x)[self._heading])
-        return float(self._x[self._true_heading])
+        if self.true_heading_at is None:
+            return float(self.model.output(self._x)[self.heading_at])
+        return float(self._x[self.true_heading_at])
 
-    def _fault(self, x: np.ndarray) -> str:
-        """Why this state ends the run, or nothing."""
+    def fault(self, x: np.ndarray, time: float) -> str:
+        """Why a state at a time, s, ends the run, or nothing."""
         if not np.isfinite(x).all():
-            return f"diverged at {self._time:g} s: {self.model.states[int(np.argmin(np.isfinite(x)))]} is not finite"
-        heading = float(self.model.output(x)[self._heading])
-        if not abs(heading) < _HEADING_LIMIT:
-            return f"diverged at {self._time:g} s: heading_rad is {heading:.3g}"
+            return f"diverged at {time:g} s: {self.model.states[int(np.argmin(np.isfinite(x)))]} is not finite"
+        heading = float(self.model.output(x)[self.heading_at])
+        if not abs(heading) < HEADING_LIMIT:
+            return f"diverged at {time:g} s: heading_rad is {heading:.3g}"
         return ""
 
     def _advance_target(self) -> None:
         if self.target is None and self._time >= self._change_at - 1e-9:
-            size = self.np_random.uniform(*_STEP) * (1.0 if self.np_random.random() < 0.5 else -1.0)
-            self._target = float(_wrapped(self._target + size))
-            self._change_at = self._time + float(self.np_random.uniform(*_HOLD))
+            self._target, self._change_at = draw_change(self.np_random, self._target, self._time)
 
     def _move(self) -> None:
         if self.render_mode is None:
@@ -282,5 +277,20 @@ def _speed_range(speed: float | tuple[float, float] | None, nominal: float) -> t
     return float(low), float(high)
 
 
-def _wrapped(angle: float) -> float:
+def check_reset_options(options: Mapping[str, Any]) -> None:
+    """Raises unless these are options that `reset` has."""
+    for name, value in options.items():
+        if name not in ("heading", "target"):
+            raise ValueError(f"reset has the options 'heading' and 'target', got {name!r}.")
+        check_number(f"reset option {name!r}", value, "rad")
+
+
+def draw_change(generator: np.random.Generator, target: float, time: float) -> tuple[float, float]:
+    """The target after this one, rad, and when the one after it comes, s."""
+    size = generator.uniform(*_STEP) * (1.0 if generator.random() < 0.5 else -1.0)
+    return float(wrapped(target + size)), time + float(generator.uniform(*_HOLD))
+
+
+def wrapped(angle: Any) -> Any:
+    """An angle, or angles, from -pi to pi."""
     return (angle + pi) % (2.0 * pi) - pi

@@ -8,7 +8,10 @@ _ONE, _MANY = "auv_gym.envs.task_env:TaskEnv", "auv_gym.envs.vector_env:TaskVect
 
 # Name to what gymnasium's `register` takes besides.
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "auv_gym/GliderHeading-v0": {"entry_point": "auv_gym.envs.glider_heading:GliderHeading"},
+    "auv_gym/GliderHeading-v0": {
+        "entry_point": "auv_gym.envs.glider_heading:GliderHeading",
+        "vector_entry_point": "auv_gym.envs.glider_vector:GliderHeadingVector",
+    },
     **{
         f"auv_gym/{task}-v0": {
             "entry_point": _ONE,

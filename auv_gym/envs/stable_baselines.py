@@ -101,6 +101,82 @@ class StableBaselinesVecEnv(VecEnv):
         return [None] * self.num_envs
 
 
+class SingleEnvs(VecEnv):
+    """Environments stepped one after the other, for what no vector environment does, such as a model in Python.
+
+    As stable-baselines3's DummyVecEnv, which copies all infos in each step; here an info is there where an environment
+    has ended, and those of the others are empty.
+    """
+
+    def __init__(self, envs: Sequence[gymnasium.Env]):
+        self.envs = list(envs)
+        super().__init__(len(self.envs), self.envs[0].observation_space, self.envs[0].action_space)
+        self._actions: np.ndarray | None = None
+
+    def reset(self) -> np.ndarray:
+        """First observations, shape (num_envs, ...); seeds and options as `seed` and `set_options` have left them."""
+        found = [
+            env.reset(seed=seed, options=options or None)
+            for env, seed, options in zip(self.envs, self._seeds, self._options, strict=True)
+        ]
+        self.reset_infos = [info for _, info in found]
+        self._reset_seeds()
+        self._reset_options()
+        return np.stack([observation for observation, _ in found])
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Observations, rewards, whether episodes have ended, and infos; ended environments have begun again."""
+        if self._actions is None:
+            raise ValueError("step_wait needs the actions of a step_async before it: call step.")
+        observations, infos = [], []
+        rewards, ended = np.empty(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
+        for i, (env, action) in enumerate(zip(self.envs, self._actions, strict=True)):
+            observation, rewards[i], terminated, truncated, info = env.step(action)
+            told: dict[str, Any] = {"TimeLimit.truncated": bool(truncated and not terminated)}
+            ended[i] = terminated or truncated
+            if ended[i]:
+                told = {**info, **told, "terminal_observation": observation}
+                observation, self.reset_infos[i] = env.reset()
+            observations.append(observation)
+            infos.append(told)
+        return np.stack(observations), rewards, ended, infos
+
+    def close(self) -> None:
+        """Close the environments."""
+        for env in self.envs:
+            env.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """The attribute of each environment."""
+        return [env.get_wrapper_attr(attr_name) for env in self._chosen(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of environments."""
+        for env in self._chosen(indices):
+            env.set_wrapper_attr(attr_name, value)
+
+    def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
+        """What a method of each environment returns."""
+        return [env.get_wrapper_attr(method_name)(*method_args, **method_kwargs) for env in self._chosen(indices)]
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """Whether each environment has a wrapper."""
+        from stable_baselines3.common.env_util import is_wrapped  # pyright: ignore[reportMissingImports]
+
+        return [is_wrapped(env, wrapper_class) for env in self._chosen(indices)]
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """The pictures of environments made with a render mode."""
+        return [env.render() for env in self.envs]  # pyright: ignore[reportReturnType]
+
+    def _chosen(self, indices: Any) -> list[gymnasium.Env]:
+        return [self.envs[i] for i in self._get_indices(indices)]
+
+
 def _one_of(infos: dict[str, Any], i: int | np.intp) -> dict[str, Any]:
     """The info of one environment out of those of all."""
     found: dict[str, Any] = {}

@@ -24,6 +24,7 @@ def test_recursions_are_timed(capsys):
     [
         (["recursion", "--samples", "10"], "--samples needs 100 or more"),
         (["env", "--envs", "0"], "--envs and --rounds need 1 or more"),
+        (["rl", "--steps", "10"], "--steps needs 2048 or more"),
         (["env", "--vehicle", "slocum"], "six degrees of freedom, got 'slocum'"),
         (["env", "--vehicle", "remus10"], "Did you mean 'remus100'"),
     ],
@@ -32,6 +33,17 @@ def test_what_cannot_be_measured_is_refused(arguments, message, capsys):
     with pytest.raises(SystemExit):
         benchmark.main(arguments)
     assert message in capsys.readouterr().err
+
+
+def test_learning_is_timed(capsys):
+    pytest.importorskip("stable_baselines3")
+    assert benchmark.main(["rl", "--json", "--rounds", "1", "--steps", "2048"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    assert min(numbers.values()) > 0.0
+    assert numbers["depth_64_over_pendulum_8"] == pytest.approx(
+        numbers["depth_64_steps_per_s"] / numbers["pendulum_8_steps_per_s"]
+    )
+    assert max(value for name, value in numbers.items() if "share" in name) < 1.0
 
 
 @pytest.mark.slow  # compiles the batch that only this needs, and starts processes that compile all anew

@@ -1,0 +1,70 @@
+"""`auv-gym train`: a policy learned in an environment, on the true vehicle or on an identified model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from auv_gym.cli import environment
+from auv_gym.cli.application import app
+from auv_gym.cli.console import errors, output, progress_bar, table
+
+if TYPE_CHECKING:
+    from auv_gym.rl import Trained
+
+
+@app.command()
+def train(
+    env: Annotated[str, typer.Option(help="The environment, such as Depth-v0; see docs/environments.md.")],
+    out: Annotated[Path, typer.Option(help="Folder for policy and learning curve; one that was stopped goes on.")],
+    algo: Annotated[str, typer.Option(help="ppo, sac or td3.")] = "ppo",
+    on: environment.On = "true",
+    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
+    steps: Annotated[int | None, typer.Option(help="Steps to learn from; default: as tuned.")] = None,
+    envs: Annotated[int | None, typer.Option(help="Environments at once; default: as tuned.")] = None,
+    vehicle: environment.Vehicle = None,
+    effect: environment.Effects = None,
+    randomise: environment.Randomise = None,
+    dt: environment.Dt = None,
+    duration: environment.Duration = None,
+    hyperparameters: Annotated[
+        Path | None, typer.Option(help="File of hyperparameters (.yml), see docs/rl.md; default: the shipped ones.")
+    ] = None,
+    tensorboard: Annotated[bool, typer.Option("--tensorboard", help="Also write logs for TensorBoard.")] = False,
+) -> None:
+    """Train a policy with stable-baselines3, and keep the best one on episodes set aside.
+
+    Exit code: 130 where the training was stopped; the same command goes on.
+    """
+    options = environment.options_of(vehicle, effect, randomise, dt, duration)
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        from auv_gym.rl import Training, hyperparameters_for
+        from auv_gym.rl import train as learn
+
+        chosen = None if hyperparameters is None else hyperparameters_for(algo, env, hyperparameters)
+        training = Training(env, algo, on, seed, steps, envs, options, chosen)
+        try:
+            trained = learn(training, out, progress, tensorboard=tensorboard)
+        except KeyboardInterrupt:
+            errors.print(f"Stopped. What is done is in {out}; the same command goes on from there.", soft_wrap=True)
+            raise typer.Exit(130) from None
+    _tell(trained)
+
+
+def _tell(trained: Trained) -> None:
+    shown = table("Learning curve, returns on episodes set aside", "steps>", "time, s>", "mean>", "lowest>", "highest>")
+    for row in trained.curve:
+        numbers = (row["mean_return"], row["lowest_return"], row["highest_return"])
+        shown.add_row(f"{row['steps']:.0f}", f"{row['seconds']:.1f}", *(f"{value:.4g}" for value in numbers))
+    output.print(shown)
+    result = trained.result
+    output.print(
+        f"Best mean return {result['best_mean_return']:.4g}, after {result['best_steps']} steps. "
+        f"{result['steps_per_s']:.0f} steps/s, {100.0 * result['share_of_time_in_env']:.0f} % of the time in the "
+        f"environment.",
+        soft_wrap=True,
+    )
+    output.print(f"Written to {trained.folder}", markup=False, soft_wrap=True)

@@ -1,0 +1,160 @@
+"""Agents of stable-baselines3 with their environments, and the networks in them as arrays. Needs the extra `rl`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor, VecNormalize
+from torch import nn
+
+from auv_gym.envs.stable_baselines import SingleEnvs, StableBaselinesVecEnv
+from auv_gym.rl.evaluation import TRAINING, fresh_seeds
+from auv_gym.rl.hyperparameters import Ppo, Td3
+from auv_gym.rl.policy import Policy, Scaling
+from auv_gym.rl.settings import TRUE, Training, make_env
+
+_ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+_ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
+_NOISES: dict[str, Any] = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
+
+
+class Clock(VecEnvWrapper):
+    """The environments, with the time that they take."""
+
+    def __init__(self, venv: VecEnv):
+        super().__init__(venv)
+        self._seconds = 0.0
+
+    def reset(self) -> Any:
+        """As the environments."""
+        began = perf_counter()
+        observations = self.venv.reset()
+        self._seconds += perf_counter() - began
+        return observations
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """As the environments."""
+        began = perf_counter()
+        self.venv.step_async(actions)
+        self._seconds += perf_counter() - began
+
+    def step_wait(self) -> Any:
+        """As the environments."""
+        began = perf_counter()
+        found = self.venv.step_wait()
+        self._seconds += perf_counter() - began
+        return found
+
+    def taken(self) -> float:
+        """Seconds since the last call."""
+        seconds, self._seconds = self._seconds, 0.0
+        return seconds
+
+
+def make_many(env: str, count: int, on: Any = TRUE, **options: Any) -> VecEnv:
+    """Environments as stable-baselines3 takes them: the native vector environment, else single ones."""
+    one = make_env(env, on, **options)  # also for its errors
+    spec, episodes = one.spec, getattr(one.unwrapped, "episodes", None)
+    if spec is None or spec.vector_entry_point is None or getattr(episodes, "by_model", False):
+        return SingleEnvs([one, *(make_env(env, on, **options) for _ in range(count - 1))])
+    if on != TRUE or not isinstance(on, str):
+        options = {**options, "model": on}
+    given = {name: value for name, value in options.items() if value is not None}
+    return StableBaselinesVecEnv(
+        gymnasium.make_vec(
+            spec.id, num_envs=count, vectorization_mode="vector_entry_point", autoreset_mode="SameStep", **given
+        )
+    )
+
+
+def make_agent(training: Training, tensorboard: Path | None = None, steps_before: int = 0) -> tuple[Any, Clock]:
+    """The agent with its environments, and the clock of these; one thread, on the processor.
+
+    steps_before: of a training that goes on; its episodes and noise are drawn anew from there.
+    """
+    torch.set_num_threads(1)  # networks this small lose time on more
+    chosen = training.chosen
+    options = {**chosen.env_kwargs, **training.options}
+    clock = Clock(make_many(training.env, chosen.n_envs, training.on, **options))
+    if not isinstance(clock.action_space, gymnasium.spaces.Box) or len(clock.observation_space.shape or ()) != 1:
+        raise ValueError(
+            f"Training needs observations in one row and actions that are numbers, got {clock.observation_space} and "
+            f"{clock.action_space}."
+        )
+    envs: VecEnv = VecMonitor(clock)
+    normalizer = chosen.normalizer
+    if normalizer is not None:
+        envs = VecNormalize(envs, gamma=chosen.gamma, **normalizer.model_dump())
+    seeds = fresh_seeds(training.seed + steps_before, chosen.n_envs, TRAINING)
+    agent = _ALGORITHMS[training.algorithm](
+        chosen.policy,
+        envs,
+        learning_rate=_scheduled(chosen.learning_rate),
+        policy_kwargs=_networks(training),
+        tensorboard_log=None if tensorboard is None else str(tensorboard),
+        seed=seeds[0],
+        device="cpu",
+        **_settings(training, clock.action_space.shape),
+    )
+    clock.venv._seeds = list(seeds)  # those of the constructor lie side by side
+    return agent, clock
+
+
+def network_of(agent: Any) -> Policy:
+    """What the agent does without noise, as arrays; the scaling is that of this moment."""
+    policy = agent.policy
+    if isinstance(agent, PPO):
+        layers, last = [*policy.mlp_extractor.policy_net, policy.action_net], "none"
+    elif isinstance(agent, SAC):
+        layers, last = [*policy.actor.latent_pi, policy.actor.mu], "tanh"
+    else:
+        layers, last = list(policy.actor.mu), "tanh"
+    flat = [part for layer in layers for part in (layer if isinstance(layer, nn.Sequential) else [layer])]
+    linear = [part for part in flat if isinstance(part, nn.Linear)]
+    between = {type(part) for part in flat} - {nn.Linear, nn.Tanh if last == "tanh" else nn.Linear, nn.Hardtanh}
+    names = [name for name, made in _ACTIVATIONS.items() if made in between]
+    normalizer, scaling = agent.get_vec_normalize_env(), None
+    if normalizer is not None and normalizer.norm_obs:
+        moments: Any = normalizer.obs_rms
+        scaling = Scaling(moments.mean.copy(), moments.var.copy(), normalizer.clip_obs, normalizer.epsilon)
+    return Policy(
+        tuple(part.weight.detach().numpy().copy() for part in linear),
+        tuple(part.bias.detach().numpy().copy() for part in linear),
+        names[0] if names else "tanh",
+        last,
+        scaling,
+    )
+
+
+def _networks(training: Training) -> dict[str, Any]:
+    given = training.chosen.policy_kwargs.model_dump(exclude_unset=True)
+    given = {name: value for name, value in given.items() if value is not None}
+    if "activation_fn" in given:
+        given["activation_fn"] = _ACTIVATIONS[given["activation_fn"]]
+    return given
+
+
+def _settings(training: Training, actions: tuple[int, ...]) -> dict[str, Any]:
+    chosen = training.chosen
+    settings = chosen.agent_settings
+    if isinstance(chosen, Ppo):
+        settings["clip_range"] = _scheduled(chosen.clip_range)
+    if isinstance(chosen, Td3) and chosen.noise_type is not None:
+        settings["action_noise"] = _NOISES[chosen.noise_type](np.zeros(actions), np.full(actions, chosen.noise_std))
+    return settings
+
+
+def _scheduled(value: float | str) -> float | Callable[[float], float]:
+    """The number, or what falls from it to 0 over the training."""
+    if not isinstance(value, str):
+        return value
+    first = float(value.partition("_")[2])
+    return lambda left: left * first

@@ -1,0 +1,157 @@
+"""Where a training stands, as files from which it goes on; a kill at any moment leaves the last whole one."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auv_gym.writing import replacing
+
+if TYPE_CHECKING:
+    from auv_gym.rl.policy import Policy
+
+LATEST = "latest"
+_STATE = "state.json"
+_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+@dataclass
+class Checkpoint:
+    """What a training has come to; `state.json` is written last, and names the files that belong to it.
+
+    seconds: of all, of which in_env and evaluating.  curve: rows of the learning curve.  resumed: how many times.
+    """
+
+    folder: Path
+    steps: int = 0
+    updates: int = 0
+    seconds: float = 0.0
+    seconds_in_env: float = 0.0
+    seconds_evaluating: float = 0.0
+    best_mean: float = -np.inf
+    best_steps: int = 0
+    curve: list[dict[str, float]] = field(default_factory=list)
+    resumed: int = 0
+
+    @classmethod
+    def read(cls, folder: Path) -> Checkpoint:
+        """The checkpoint of a folder, or that of a training which has not begun."""
+        path = folder / _STATE
+        if not path.is_file():
+            return cls(folder)
+        try:
+            state = json.loads(path.read_text(encoding="utf-8"))
+            found = cls(folder, **state)
+        except (OSError, TypeError, ValueError) as error:
+            raise ValueError(
+                f"{path} is damaged ({error}): delete the folder {folder.parent}, and train anew."
+            ) from None
+        found.resumed += 1
+        return found
+
+    def write(self, agent: Any) -> None:
+        """Put the agent, what normalises for it, and its replay buffer beside one another, and only then say so."""
+        self.folder.mkdir(exist_ok=True)
+        self.steps, self.updates = agent.num_timesteps, agent._n_updates
+        agent.save(self._agent)
+        arrays = _normalizer_arrays(agent) | _buffer_arrays(agent)
+        if arrays:
+            with self._arrays.open("wb") as file:
+                np.savez(file, allow_pickle=False, **arrays)
+        state = {name: value for name, value in asdict(self).items() if name != "folder"}
+        with replacing(self.folder / _STATE) as new:
+            new.write_text(json.dumps(state), encoding="utf-8")
+        keep = {_STATE, self._agent.name, self._arrays.name, self._best.name}
+        for path in self.folder.iterdir():
+            if path.name not in keep:
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+
+    def put_into(self, agent: Any) -> None:
+        """Give the agent what was written of it; no code that files may hold is run."""
+        from stable_baselines3.common.save_util import load_from_zip_file
+
+        _, parameters, variables = load_from_zip_file(self._agent, device=agent.device, load_data=False)
+        agent.set_parameters(parameters, device=agent.device)
+        for name, value in (variables or {}).items():  # such as SAC's temperature
+            getattr(agent, name).data = value.data
+        agent.num_timesteps, agent._n_updates = self.steps, self.updates
+        if self._arrays.is_file():
+            with np.load(self._arrays, allow_pickle=False) as arrays:
+                _set_normalizer(agent, arrays)
+                _set_buffer(agent, arrays)
+
+    def keep_best(self, agent: Any, policy: Policy) -> None:
+        """Keep the policy as the best one; it counts once the state is written."""
+        self._best.mkdir(parents=True, exist_ok=True)
+        agent.save(self._best / "policy.zip")
+        policy.save(self._best)
+
+    def publish(self, folder: Path, name: str) -> None:
+        """Copy the best policy into the folder of the training."""
+        for path in self._best.iterdir():
+            with replacing(folder / (name if path.suffix == ".zip" else path.name)) as new:
+                shutil.copyfile(path, new)
+
+    def clear(self) -> None:
+        """Delete what only a stopped training needs."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    @property
+    def _agent(self) -> Path:
+        return self.folder / f"agent-{self.steps}.zip"
+
+    @property
+    def _arrays(self) -> Path:
+        return self.folder / f"arrays-{self.steps}.npz"
+
+    @property
+    def _best(self) -> Path:
+        return self.folder / f"best-{self.best_steps}"
+
+
+def _normalizer_arrays(agent: Any) -> dict[str, np.ndarray]:
+    normalizer = agent.get_vec_normalize_env()
+    if normalizer is None:
+        return {}
+    found = {}
+    for name, moments in _moments(normalizer):
+        for part in ("mean", "var", "count"):
+            found[f"{name}_{part}"] = np.asarray(getattr(moments, part))
+    return found
+
+
+def _moments(normalizer: Any) -> list[tuple[str, Any]]:
+    """Running moments by name; without normalised observations there are none of these."""
+    return [(name, getattr(normalizer, name)) for name in ("obs_rms", "ret_rms") if hasattr(normalizer, name)]
+
+
+def _set_normalizer(agent: Any, arrays: Any) -> None:
+    normalizer = agent.get_vec_normalize_env()
+    if normalizer is not None:
+        for name, moments in _moments(normalizer):
+            for part in ("mean", "var"):
+                setattr(moments, part, arrays[f"{name}_{part}"].copy())
+            moments.count = float(arrays[f"{name}_count"])
+
+
+def _buffer_arrays(agent: Any) -> dict[str, np.ndarray]:
+    buffer = getattr(agent, "replay_buffer", None)
+    if buffer is None:
+        return {}
+    filled = buffer.buffer_size if buffer.full else buffer.pos
+    found = {f"buffer_{name}": getattr(buffer, name)[:filled] for name in _BUFFER}
+    return {**found, "buffer_at": np.array([buffer.pos, buffer.full])}
+
+
+def _set_buffer(agent: Any, arrays: Any) -> None:
+    buffer = getattr(agent, "replay_buffer", None)
+    if buffer is not None:
+        for name in _BUFFER:
+            values = arrays[f"buffer_{name}"]
+            getattr(buffer, name)[: len(values)] = values
+        buffer.pos, buffer.full = int(arrays["buffer_at"][0]), bool(arrays["buffer_at"][1])

@@ -1,0 +1,15 @@
+"""The error of a package that the extra `rl` would bring."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def needs(what: str) -> Iterator[None]:
+    """Imports in the block fail with an error that names the extra; what: `Training needs stable-baselines3`."""
+    try:
+        yield
+    except ImportError as error:
+        raise ImportError(f"{what} ({error}): pip install 'auv-gym[rl]'.") from error

@@ -1,0 +1,221 @@
+"""Hyperparameters of the learning algorithms, by environment: YAML in the form of RL Zoo, checked key by key."""
+
+from __future__ import annotations
+
+import os
+from importlib.resources import files
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from auv_gym.param import did_you_mean
+from auv_gym.rl.extra import needs
+
+ALGORITHMS = ("ppo", "sac", "td3")
+_LINEAR = "lin_"
+
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class _Table(BaseModel):
+    # not strict: YAML reads 3e-4 as text, and 1e6 as a number with a fraction
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def _schedule(value: float | str) -> float | str:
+    if isinstance(value, str) and value.startswith(_LINEAR):
+        number = value.removeprefix(_LINEAR)
+    else:
+        number = value
+    try:
+        fine = float(number) > 0.0
+    except ValueError:
+        fine = False
+    if not fine:
+        raise ValueError(f"needs a number above 0, or one that falls to 0 such as lin_3e-4, got {value!r}")
+    return value if number is not value else float(number)
+
+
+Schedule = Annotated[float | str, AfterValidator(_schedule)]
+
+
+class Normalize(_Table):
+    """What is divided by its running standard deviation while training; a policy keeps that of the observations."""
+
+    norm_obs: bool = True
+    norm_reward: bool = True
+    clip_obs: Positive = 10.0
+    clip_reward: Positive = 10.0
+
+
+class Networks(_Table):
+    """The `policy_kwargs`: sizes of the hidden layers, their activation, and the size of the first actions' noise."""
+
+    net_arch: list[Count] | dict[Literal["pi", "vf", "qf"], list[Count]] | None = None
+    activation_fn: Literal["tanh", "relu", "elu"] | None = None
+    log_std_init: float | None = None
+    ortho_init: bool | None = None
+    n_critics: Count | None = None
+
+
+class Hyperparameters(_Table):
+    """What all algorithms have; names are those of stable-baselines3 and RL Zoo.
+
+    env_kwargs: options of the environments that it learns in, such as shorter episodes; the policy is judged without.
+    """
+
+    n_timesteps: Count
+    n_envs: Count = 1
+    env_kwargs: dict[str, Any] = {}
+    policy: Literal["MlpPolicy"] = "MlpPolicy"
+    normalize: bool | Normalize = False
+    policy_kwargs: Networks = Networks()
+    learning_rate: Schedule = 3e-4
+    gamma: Share = 0.99
+
+    @property
+    def normalizer(self) -> Normalize | None:
+        """What is normalised, if anything."""
+        if isinstance(self.normalize, Normalize):
+            return self.normalize
+        return Normalize() if self.normalize else None
+
+    @property
+    def agent_settings(self) -> dict[str, Any]:
+        """What the algorithm's constructor takes besides policy, network and schedules, as far as it was given."""
+        own = self.model_dump(exclude_unset=True)
+        for name in ("n_timesteps", "n_envs", "env_kwargs", "policy", "normalize", "policy_kwargs", "learning_rate"):
+            own.pop(name, None)
+        return {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
+
+
+class Ppo(Hyperparameters):
+    """Proximal policy optimisation (Schulman et al. 2017)."""
+
+    n_steps: Count = 2048
+    batch_size: Count = 64
+    n_epochs: Count = 10
+    gae_lambda: Share = 0.95
+    clip_range: Schedule = 0.2
+    ent_coef: float = Field(0.0, ge=0.0)
+    vf_coef: float = Field(0.5, ge=0.0)
+    max_grad_norm: float = Field(0.5, gt=0.0)
+    normalize_advantage: bool = True
+    target_kl: float | None = Field(None, gt=0.0)
+    use_sde: bool = False
+    sde_sample_freq: int = Field(-1, ge=-1)
+
+
+class _OffPolicy(Hyperparameters):
+    buffer_size: Count = 1_000_000
+    learning_starts: int = Field(100, ge=0)
+    batch_size: Count = 256
+    tau: float = Field(0.005, gt=0.0, le=1.0)
+    train_freq: Count | tuple[Count, Literal["step", "episode"]] = 1
+    gradient_steps: int = Field(1, ge=-1)
+
+
+class Sac(_OffPolicy):
+    """Soft actor-critic (Haarnoja et al. 2018)."""
+
+    ent_coef: float | Annotated[str, Field(pattern=r"^auto(_[0-9.]+)?$")] = "auto"
+    target_update_interval: Count = 1
+    target_entropy: float | Literal["auto"] = "auto"
+    use_sde: bool = False
+    use_sde_at_warmup: bool = False
+    sde_sample_freq: int = Field(-1, ge=-1)
+
+
+class Td3(_OffPolicy):
+    """Twin delayed deep deterministic policy gradient (Fujimoto et al. 2018)."""
+
+    policy_delay: Count = 2
+    target_policy_noise: float = Field(0.2, ge=0.0)
+    target_noise_clip: float = Field(0.5, ge=0.0)
+    noise_type: Literal["normal", "ornstein-uhlenbeck"] | None = None
+    noise_std: float = Field(0.1, gt=0.0)
+
+    @property
+    def agent_settings(self) -> dict[str, Any]:
+        """As of all; the noise is an object, which the training makes."""
+        return {k: v for k, v in super().agent_settings.items() if k not in ("noise_type", "noise_std")}
+
+
+_TABLES: dict[str, type[Hyperparameters]] = {"ppo": Ppo, "sac": Sac, "td3": Td3}
+
+
+def hyperparameters_for(algorithm: str, env: str, file: str | os.PathLike | None = None) -> Hyperparameters:
+    """The hyperparameters of an algorithm in an environment, of a file of the same form or of those that are shipped.
+
+    env: `auv_gym/Depth-v0` or `Depth-v0`.  Raises on an unknown key or value by its name, and where there are none.
+    """
+    _check_algorithm(algorithm)
+    tables = _read(algorithm, file)
+    name = env.rpartition("/")[2]
+    where = f"{file}" if file is not None else f"{algorithm}.yml"
+    if name not in tables:
+        raise ValueError(
+            f"{where} has no hyperparameters for {name!r}. {did_you_mean(name, tables)}It has {', '.join(tables)}: "
+            f"write a file with the key {name} and give it."
+        )
+    return checked(algorithm, tables[name], f"{where}, {name}")
+
+
+def checked(algorithm: str, values: Any, where: str = "hyperparameters") -> Hyperparameters:
+    """The hyperparameters of a mapping; raises with every key that is wrong."""
+    _check_algorithm(algorithm)
+    if not isinstance(values, dict):
+        raise ValueError(f"{where}: needs keys and values, got {values!r}.")
+    table = _TABLES[algorithm]
+    try:
+        made = table.model_validate(values)
+    except ValidationError as error:
+        raise ValueError(f"{where}: {'; '.join(_words(one, table) for one in error.errors())}.") from None
+    only = {"ppo": ("log_std_init", "ortho_init"), "sac": ("log_std_init", "n_critics"), "td3": ("n_critics",)}
+    for name in made.policy_kwargs.model_fields_set - {"net_arch", "activation_fn", *only[algorithm]}:
+        raise ValueError(f"{where}: policy_kwargs.{name} says nothing to {algorithm}: leave it out.")
+    if isinstance(made, Ppo) and made.n_steps * made.n_envs < 2:
+        raise ValueError(f"{where}: n_steps times n_envs needs to be 2 or more, got 1: raise n_steps.")
+    episodic = isinstance(made, _OffPolicy) and isinstance(made.train_freq, tuple) and made.train_freq[1] == "episode"
+    if episodic and made.n_envs > 1:
+        raise ValueError(
+            f"{where}: train_freq in episodes needs n_envs 1, got {made.n_envs}: count it in steps, such as [1, step]."
+        )
+    return made
+
+
+def _check_algorithm(algorithm: str) -> None:
+    if algorithm not in _TABLES:
+        raise ValueError(
+            f"No algorithm {algorithm!r}. {did_you_mean(algorithm, ALGORITHMS)}There are {', '.join(ALGORITHMS)}."
+        )
+
+
+def _read(algorithm: str, file: str | os.PathLike | None) -> dict[str, Any]:
+    with needs("Hyperparameters in YAML need pyyaml"):
+        import yaml
+    try:
+        source = files("auv_gym.rl") / f"{algorithm}.yml" if file is None else Path(file)
+        tables = yaml.safe_load(source.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ValueError(f"Cannot read hyperparameters from {file}: {error}. Give a .yml file.") from None
+    except yaml.YAMLError as error:
+        raise ValueError(f"{file} is no YAML: {' '.join(str(error).split())}.") from None
+    if not isinstance(tables, dict) or not all(isinstance(name, str) for name in tables):
+        raise ValueError(f"{file} needs environments as keys, such as Depth-v0, with hyperparameters below each.")
+    return tables
+
+
+def _words(error: Any, table: type[Hyperparameters]) -> str:
+    path = ".".join(str(part) for part in error["loc"])
+    if error["type"] == "extra_forbidden":
+        name = str(error["loc"][-1])
+        known = Networks if "policy_kwargs" in error["loc"] else Normalize if "normalize" in error["loc"] else table
+        return f"unknown key {path}. {did_you_mean(name, known.model_fields)}Keys: {', '.join(known.model_fields)}"
+    if error["type"] == "missing":
+        return f"{path} is needed"
+    message = error["msg"].removeprefix("Value error, ")
+    return f"{path}: {message[:1].lower()}{message[1:]}, got {error['input']!r}"

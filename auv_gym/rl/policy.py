@@ -1,0 +1,178 @@
+"""A trained policy: what it saw scaled, and its network as plain arrays; needs numpy only."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_gym import __version__
+from auv_gym.rl.settings import FORMAT, SETTINGS, TRUE, VERSION, make_env
+from auv_gym.writing import replacing
+
+NETWORK, SCALING = "network.npz", "scaling.npz"
+
+
+def _elu(values: np.ndarray) -> np.ndarray:
+    return np.where(values > 0.0, values, np.expm1(np.minimum(values, 0.0)))
+
+
+_ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "tanh": np.tanh,
+    "relu": lambda values: np.maximum(values, 0.0),
+    "elu": _elu,
+    "none": lambda values: values,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Observations minus their mean over their standard deviation, within `clip`, as the training saw them."""
+
+    mean: np.ndarray
+    variance: np.ndarray
+    clip: float = 10.0
+    epsilon: float = 1e-8
+
+    def __call__(self, observation: np.ndarray) -> np.ndarray:
+        scaled = (observation - self.mean) / np.sqrt(self.variance + self.epsilon)
+        return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class Policy:
+    """The action for an observation, without noise; a multilayer perceptron in single precision.
+
+    weights: of each layer, (outputs, inputs).  activation: between layers.  last: after the last one; actions beyond
+    [-1, 1] are clipped.  scaling: of observations, or None.  settings: what `settings.json` says of the training.
+    """
+
+    weights: tuple[np.ndarray, ...]
+    biases: tuple[np.ndarray, ...]
+    activation: str = "tanh"
+    last: str = "none"
+    scaling: Scaling | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    folder: Path | None = None
+
+    def act(self, observation: np.ndarray) -> np.ndarray:
+        """The action for one observation, shape (actions,), or for several, shape (n, actions); float32."""
+        x = np.asarray(observation, dtype=np.float32)
+        if x.shape[-1:] != self.weights[0].shape[1:]:
+            raise ValueError(
+                f"The policy needs observations of {self.weights[0].shape[1]} numbers, got shape {x.shape}: it was "
+                f"trained in {self.settings.get('env', 'another environment')}."
+            )
+        x = x if self.scaling is None else self.scaling(x)
+        between = _ACTIVATIONS[self.activation]
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
+            x = between(x @ weight.T + bias)
+        x = _ACTIVATIONS[self.last](x @ self.weights[-1].T + self.biases[-1])
+        return np.clip(x, -1.0, 1.0)
+
+    def begin(self, env: Any) -> Callable[[np.ndarray, Mapping[str, Any]], np.ndarray]:
+        """What acts through an episode, see `auv_gym.rl.evaluation.Agent`; a policy remembers nothing."""
+        return lambda observation, info: self.act(observation)
+
+    @classmethod
+    def load(cls, folder: str | os.PathLike) -> Policy:
+        """The policy that `train` left in a folder; raises with what is wrong in it. Runs no code of the files."""
+        folder = Path(folder)
+        settings = read_settings(folder)
+        if not settings.get("complete"):
+            raise ValueError(f"The training in {folder} was stopped: give the same command again, which goes on.")
+        network = _arrays(folder / NETWORK)
+        scaling = _arrays(folder / SCALING) if (folder / SCALING).is_file() else None
+        try:
+            layers = range(int(network["layers"]))
+            policy = cls(
+                tuple(network[f"weight_{i}"] for i in layers),
+                tuple(network[f"bias_{i}"] for i in layers),
+                str(network["activation"]),
+                str(network["last"]),
+                None if scaling is None else Scaling(scaling["mean"], scaling["variance"], float(scaling["clip"])),
+                settings,
+                folder,
+            )
+        except KeyError as error:
+            raise ValueError(f"{folder} holds no whole policy ({error} is missing): train it again.") from None
+        if policy.activation not in _ACTIVATIONS or policy.last not in _ACTIVATIONS:
+            raise ValueError(f"{folder / NETWORK} has an activation that this version does not know: update auv-gym.")
+        return policy
+
+    def save(self, folder: Path) -> None:
+        """Write network and scaling into a folder, whole or not at all; the settings are the training's to write."""
+        layers = {f"weight_{i}": w for i, w in enumerate(self.weights)} | {
+            f"bias_{i}": b for i, b in enumerate(self.biases)
+        }
+        with replacing(folder / NETWORK) as new, new.open("wb") as file:
+            names = {"activation": np.array(self.activation), "last": np.array(self.last)}
+            np.savez(file, allow_pickle=False, layers=np.array(len(self.weights)), **names, **layers)
+        if self.scaling is not None:
+            with replacing(folder / SCALING) as new, new.open("wb") as file:
+                np.savez(file, mean=self.scaling.mean, variance=self.scaling.variance, clip=np.array(self.scaling.clip))
+
+    def env(self, on: Any = TRUE, *, env: str | None = None, render_mode: str | None = None, **options: Any) -> Any:
+        """The environment that it was trained in, driven by the vehicle or by what is `on`.
+
+        options: in place of those of the training.  env: another one; then no option of the training counts but the
+        vehicle.  Raises where its observations or actions are not the policy's.
+        """
+        if self.folder is None:
+            raise ValueError("This policy was not loaded from a folder, so its environment is not known: make it.")
+        trained = dict(self.settings["options"])
+        if "vehicle" in self.settings["files"]:
+            trained["vehicle"] = self.folder / self.settings["files"]["vehicle"]["name"]
+        if env is not None:
+            trained = {name: value for name, value in trained.items() if name == "vehicle"}
+        if (
+            not isinstance(on, str) or on != TRUE
+        ):  # effects of the vehicle end where another drives, those of sensors not
+            for name in ("effects", "randomise"):
+                kept = {path: v for path, v in trained.pop(name, {}).items() if path.startswith("effects.sampling.")}
+                trained |= {name: kept} if kept else {}
+        trained |= {name: value for name, value in options.items() if value is not None}
+        made = make_env(env or self.settings["env"], on, render_mode, **trained)
+        sizes = (made.observation_space.shape, made.action_space.shape)
+        own = ((self.weights[0].shape[1],), (self.weights[-1].shape[0],))
+        if sizes != own:
+            raise ValueError(
+                f"The policy has {own[0][0]} observations and {own[1][0]} actions, and the environment {sizes[0]} and "
+                f"{sizes[1]}: evaluate it in the one it was trained in, {self.settings['env']}."
+            )
+        return made
+
+
+def read_settings(folder: Path) -> dict[str, Any]:
+    """What `settings.json` of a training's folder says; raises where it is none."""
+    path = folder / SETTINGS
+    if not path.is_file():
+        raise ValueError(f"There is no {path}: give a folder that `auv-gym train` wrote.")
+    try:
+        settings = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ValueError(f"{path} is damaged ({error}): train again.") from None
+    if not isinstance(settings, dict) or settings.get("format") != FORMAT:
+        raise ValueError(f"{path} says nothing of a policy: give a folder that `auv-gym train` wrote.")
+    if not isinstance(settings.get("version"), int) or settings["version"] > VERSION:
+        raise ValueError(
+            f"{path} has version {settings.get('version')!r} of its format, and this is auv-gym {__version__}, which "
+            f"reads up to {VERSION}: update auv-gym."
+        )
+    return settings
+
+
+def _arrays(path: Path) -> dict[str, np.ndarray]:
+    try:
+        with np.load(path, allow_pickle=False) as content:
+            return {name: content[name] for name in content.files}
+    except FileNotFoundError:
+        raise ValueError(f"There is no {path}: train again, or copy the whole folder.") from None
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path} is damaged ({error}): train again.") from None

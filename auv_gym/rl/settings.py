@@ -1,0 +1,170 @@
+"""What a training depends on, the environments it is done in, and the file that says so."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+import auv_gym.envs  # noqa: F401  (registers)
+from auv_gym.model import Model
+from auv_gym.model_files import save_model
+from auv_gym.param import did_you_mean
+from auv_gym.plant import Plant, list_vehicles, load_vehicle
+from auv_gym.rl.hyperparameters import Hyperparameters, checked, hyperparameters_for
+
+FORMAT, VERSION = "auv-gym policy", 1
+SETTINGS = "settings.json"
+TRUE = "true"
+
+
+@dataclass(frozen=True)
+class Training:
+    """What a training depends on; with these, it is the same on the same machine and versions.
+
+    env: `auv_gym/Depth-v0` or `Depth-v0`.  on: "true" for the vehicle of the environment, else what drives it in the
+    vehicle's place, a Model or a model or vehicle file.  steps, envs: in place of those of the hyperparameters.
+    options: of the environment, such as {"vehicle": "npsauv", "effects": {...}, "randomise": {...}}.
+    hyperparameters: in place of the shipped ones.  evaluations: that many while training, each over `episodes`.
+    """
+
+    env: str
+    algorithm: str = "ppo"
+    on: str | os.PathLike | Model = TRUE
+    seed: int = 0
+    steps: int | None = None
+    envs: int | None = None
+    options: Mapping[str, Any] = field(default_factory=dict)
+    hyperparameters: Hyperparameters | Mapping[str, Any] | None = None
+    evaluations: int = 20
+    episodes: int = 16
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "env", full_name(self.env))
+        for name in ("evaluations", "episodes"):
+            _check_count(name, getattr(self, name), 1)
+        _check_count("seed", self.seed, 0)
+        for name in ("model", "render_mode"):
+            if name in self.options:
+                raise ValueError(f"options holds {name}, which training sets itself: {_INSTEAD[name]}.")
+        given = self.hyperparameters
+        if given is None:
+            found = hyperparameters_for(self.algorithm, self.env)
+        else:
+            values = given.model_dump(exclude_unset=True) if isinstance(given, Hyperparameters) else dict(given)
+            found = checked(self.algorithm, values)
+        changes = {"n_timesteps": self.steps, "n_envs": self.envs}
+        for label, value in zip(("steps", "envs"), changes.values()):
+            if value is not None:
+                _check_count(label, value, 1)
+        kept = found.model_dump(exclude_unset=True) | {k: v for k, v in changes.items() if v is not None}
+        object.__setattr__(self, "hyperparameters", checked(self.algorithm, kept))
+
+    @property
+    def chosen(self) -> Hyperparameters:
+        """The hyperparameters with `steps` and `envs` put into them."""
+        assert isinstance(self.hyperparameters, Hyperparameters)
+        return self.hyperparameters
+
+
+_INSTEAD = {"model": "give it as `on`", "render_mode": "pictures are drawn of the trained policy"}
+
+
+def full_name(env: str) -> str:
+    """The name that Gymnasium knows: `auv_gym/Depth-v0` for `Depth-v0` or `Depth`; raises on others."""
+    known = list(gymnasium.registry)
+    for name in (env, f"auv_gym/{env}", f"auv_gym/{env}-v0"):
+        if name in known:
+            return name
+    ours = [name for name in known if name.startswith("auv_gym/")]
+    raise ValueError(f"No environment {env!r}. {did_you_mean(env, known)}Ours are {', '.join(ours)}.")
+
+
+def make_env(env: str, on: str | os.PathLike | Model = TRUE, render_mode: str | None = None, **options: Any) -> Any:
+    """A single environment, driven by its vehicle or by what is `on`; options are the environment's."""
+    if not isinstance(on, str) or on != TRUE:
+        options = {**options, "model": on}
+    given = {name: value for name, value in options.items() if value is not None}
+    try:
+        return gymnasium.make(full_name(env), disable_env_checker=True, render_mode=render_mode, **given)
+    except TypeError as error:
+        if "unexpected keyword" not in str(error):
+            raise
+        raise ValueError(f"{full_name(env)} does not take these options: {error}. See docs/environments.md.") from None
+
+
+def described(training: Training, folder: Path) -> dict[str, Any]:
+    """What `settings.json` says of a training, all but how it went; the files that it names are put into the folder."""
+    env = make_env(training.env, training.on, **training.options)
+    actions = env.action_space
+    if not isinstance(actions, gymnasium.spaces.Box) or (actions.low != -1.0).any() or (actions.high != 1.0).any():
+        raise ValueError(
+            f"Training needs actions from -1 to 1, got {actions} of {training.env}: wrap it, see Gymnasium."
+        )
+    files: dict[str, dict[str, str]] = {}
+    model = getattr(env.unwrapped, "model", None)
+    if model is not None:
+        files["trained_on"] = _kept(model, folder, "trained_on")
+    options = dict(training.options)
+    vehicle = options.get("vehicle")
+    if isinstance(vehicle, Plant) or (vehicle is not None and os.fspath(vehicle) not in list_vehicles()):
+        plant = vehicle if isinstance(vehicle, Plant) else load_vehicle(vehicle)
+        files["vehicle"] = _kept(plant, folder, "vehicle")
+        options["vehicle"] = files["vehicle"]["name"]
+    given = training.on
+    on = str(given) if isinstance(given, str | os.PathLike) else type(given).__name__
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "env": training.env,
+        "on": on if on == TRUE else Path(on).name,
+        "options": _plain(options),
+        "algorithm": training.algorithm,
+        "seed": training.seed,
+        "hyperparameters": _plain(training.chosen.model_dump(exclude_unset=True)),
+        "evaluations": training.evaluations,
+        "episodes": training.episodes,
+        "files": files,
+    }
+
+
+def _kept(model: Model, folder: Path, stem: str) -> dict[str, str]:
+    """Name and digest of the file to which a model is written."""
+    path = folder / f"{stem}{'.toml' if isinstance(model, Plant) and model.learned is None else '.npz'}"
+    save_model(model, path)
+    return {"name": path.name, "sha256": content_digest(path)}
+
+
+def content_digest(path: Path) -> str:
+    """The hash of what a file holds; of a .npz, of its arrays, since the archive has the time of its writing."""
+    import numpy as np
+
+    found = sha256()
+    if path.suffix == ".npz":
+        with np.load(path, allow_pickle=False) as content:
+            for name in sorted(content.files):
+                found.update(name.encode() + content[name].tobytes())
+    else:
+        found.update(path.read_bytes())
+    return found.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    """The value as JSON has it."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(one) for name, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    return value.item() if hasattr(value, "item") else value
+
+
+def _check_count(name: str, value: Any, least: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ValueError(f"{name} needs a whole number from {least} on, got {value!r}.")

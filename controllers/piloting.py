@@ -1,0 +1,60 @@
+"""A controller at the wheel of an environment, as an agent beside trained policies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from auv_gym.plant import without_effects
+from controllers.autopilots import KINDS, TARGETS, autopilot
+from controllers.controller import Controller
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """A controller in the place of a policy: it acts on the readings and targets that the infos have."""
+
+    controller: Controller
+
+    def begin(self, env: Any) -> Callable[[np.ndarray, Mapping[str, Any]], np.ndarray]:
+        """What gives an action for each observation and info of one new episode, see `auv_gym.rl.evaluation.Agent`."""
+        inner: Any = env.unwrapped
+        controller, memory = self.controller, self.controller.start()
+        before: float | None = None
+
+        def act(observation: np.ndarray, info: Mapping[str, Any]) -> np.ndarray:
+            nonlocal memory, before
+            time = info["time_s"]
+            dt = info.get("dt_s", inner.plant.dt) if before is None else time - before
+            command, memory = controller.act(memory, {**dict(info["reading"]), "dt_s": dt}, dict(info["target"]))
+            before = time
+            return inner.action_for(command)
+
+        return act
+
+
+def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
+    """The autopilot of an environment's vehicle for the environment's target; raises where there is none.
+
+    kind: "pid", "s_plane" (or "s-plane"), "gpc".  It knows the vehicle without its effects.  settings: as `autopilot`.
+    """
+    kind = kind.replace("-", "_")
+    inner: Any = env.unwrapped
+    plant = getattr(inner, "plant", None)
+    if plant is None:
+        raise ValueError(f"{inner} has no vehicle, so no controller is known for it: leave out {kind}.")
+    if kind not in KINDS:
+        raise ValueError(f"No autopilot of kind {kind!r}. Kinds: {', '.join(KINDS)}.")
+    known = TARGETS[plant.family.kind]
+    _, info = env.reset(seed=0)
+    targets = tuple(info["target"])
+    if not targets or not set(targets) <= set(known):
+        raise ValueError(
+            f"No controller follows the target of this environment ({', '.join(targets) or 'a path'}); of "
+            f"{plant.name} they follow {', '.join(known)}: compare in another environment."
+        )
+    chosen = targets if plant.family.kind == "torpedo" else None
+    return Pilot(autopilot(without_effects(plant), kind, chosen, **settings))

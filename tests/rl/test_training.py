@@ -1,0 +1,286 @@
+"""Small trainings: what they leave, how they go on, and policies without the code that trained them."""
+
+import csv
+import json
+import subprocess
+import sys
+
+import gymnasium
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from auv_gym.linear import StateSpace
+from auv_gym.model_files import load_model, save_model
+from auv_gym.plant import load_vehicle
+from auv_gym.rl import Policy, Training, evaluate, fresh_seeds, train
+from auv_gym.rl.agents import make_agent, make_many, network_of
+
+SMALL = {
+    "ppo": {"n_timesteps": 256, "n_envs": 4, "n_steps": 16, "batch_size": 32, "n_epochs": 2, "normalize": True},
+    "sac": {"n_timesteps": 160, "n_envs": 2, "learning_starts": 20, "batch_size": 16, "buffer_size": 500},
+    "td3": {"n_timesteps": 160, "n_envs": 2, "learning_starts": 20, "batch_size": 16, "noise_type": "normal"},
+}
+LINEAR = StateSpace(
+    np.array([[0.9, 0.0], [1.0, 1.0]]), np.array([[0.02], [0.0]]), np.eye(2)[1:], ("rudder_rad",), ("heading_rad",), 4.0
+)
+
+
+def small(algorithm="ppo", env="GliderHeading-v0", hyperparameters=None, **settings):
+    options = {"duration": 40.0} | settings.pop("options", {})
+    chosen = SMALL[algorithm] | {"policy_kwargs": {"net_arch": [8]}} | (hyperparameters or {})
+    training = {"evaluations": 4, "episodes": 2, "seed": 3} | settings
+    return Training(env, algorithm, options=options, hyperparameters=chosen, **training)
+
+
+@pytest.fixture(scope="module", params=list(SMALL))
+def trained(request, tmp_path_factory):
+    return train(small(request.param), tmp_path_factory.mktemp("policies") / request.param)
+
+
+def test_the_folder_says_all(trained):
+    folder, algorithm = trained.folder, trained.policy.settings["algorithm"]
+    names = {
+        "policy.zip",
+        "network.npz",
+        "settings.json",
+        "learning_curve.csv",
+        "learning_curve.png",
+        "trained_on.toml",
+    }
+    assert {path.name for path in folder.iterdir()} == names | ({"scaling.npz"} if algorithm == "ppo" else set())
+    settings = json.loads((folder / "settings.json").read_text())
+    assert settings["complete"]
+    assert settings["env"] == "auv_gym/GliderHeading-v0"
+    assert settings["options"] == {"duration": 40.0}
+    assert settings["versions"]["stable-baselines3"] != "none"
+    result = settings["result"]
+    assert result["steps"] >= SMALL[algorithm]["n_timesteps"]
+    assert 0.0 < result["share_of_time_in_env"] < 1.0
+    with (folder / "learning_curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert float(rows[0]["steps"]) == 0.0
+    assert float(rows[-1]["steps"]) == result["steps"]
+    assert len(rows) == 5
+    assert max(float(row["mean_return"]) for row in rows) == pytest.approx(result["best_mean_return"], rel=1e-9)
+    assert load_model(folder / "trained_on.toml").name == "slocum"
+
+
+def test_a_policy_is_the_best_of_the_curve(trained):
+    seeds = fresh_seeds(3, 2, 1)
+    found = evaluate(trained.policy, trained.policy.env(), seeds)
+    assert found.summary.mean == pytest.approx(trained.result["best_mean_return"], rel=1e-12)
+
+
+def test_a_policy_acts_as_the_agent_did_and_needs_numpy_only(trained):
+    from stable_baselines3 import PPO, SAC, TD3
+
+    algorithm = trained.policy.settings["algorithm"]
+    agent = {"ppo": PPO, "sac": SAC, "td3": TD3}[algorithm].load(trained.folder / "policy.zip", device="cpu")
+    observations = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 5)).astype(np.float32)
+    scaling = trained.policy.scaling
+    seen = observations if scaling is None else scaling(observations)
+    expected, _ = agent.predict(seen, deterministic=True)
+    # single precision, summed in another order
+    np.testing.assert_allclose(trained.policy.act(observations), expected, atol=2e-6)
+    np.testing.assert_allclose(trained.policy.act(observations[3]), expected[3], atol=2e-6)
+    code = (
+        "import sys, numpy as np\nfrom auv_gym.rl import Policy\n"
+        f"policy = Policy.load({str(trained.folder)!r})\n"
+        "observations = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 5)).astype(np.float32)\n"
+        "print(policy.act(observations).tobytes().hex())\n"
+        "print([m for m in ('torch', 'stable_baselines3', 'matplotlib') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split("\n")[:2] == [trained.policy.act(observations).tobytes().hex(), "[]"]
+
+
+def test_a_policy_drives_an_episode(trained):
+    env = gymnasium.make("auv_gym/GliderHeading-v0", duration=40.0)
+    observation, _ = env.reset(seed=0)
+    ended = False
+    while not ended:
+        action = trained.policy.act(observation)
+        assert env.action_space.contains(action)
+        observation, _, terminated, truncated, _ = env.step(action)
+        ended = terminated or truncated
+
+
+class Stop(Exception):
+    pass
+
+
+@pytest.mark.parametrize("algorithm", list(SMALL))
+def test_a_stopped_training_goes_on_to_its_end(algorithm, tmp_path, monkeypatch):
+    monkeypatch.setattr("auv_gym.rl.training._SHOWN_EVERY", 0.0)
+    out = tmp_path / "policy"
+
+    def stop_at(share):
+        def progress(done, words):
+            if done > share:
+                raise Stop
+
+        return progress
+
+    with pytest.raises(Stop):
+        train(small(algorithm), out, stop_at(0.6))
+    with pytest.raises(ValueError, match="was stopped"):
+        Policy.load(out)
+    before = json.loads((out / "latest" / "state.json").read_text())
+    assert 0 < before["steps"] < SMALL[algorithm]["n_timesteps"]
+    trained = train(small(algorithm), out)
+    assert trained.result["times_resumed"] == 1
+    assert trained.result["steps"] >= SMALL[algorithm]["n_timesteps"]
+    steps = [row["steps"] for row in trained.curve]
+    assert steps == sorted(set(steps))
+    assert list(trained.curve[: len(before["curve"])]) == before["curve"]
+    assert not (out / "latest").exists()
+    again = train(small(algorithm), out)  # nothing is left to do
+    assert again.result == trained.result
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_a_checkpoint_holds_all_that_learns(algorithm, tmp_path):
+    from auv_gym.rl.checkpoint import Checkpoint
+
+    agent, _ = make_agent(small(algorithm))
+    agent.learn(64)
+    Checkpoint(tmp_path / "latest").write(agent)
+    other, _ = make_agent(small(algorithm), steps_before=64)
+    checkpoint = Checkpoint.read(tmp_path / "latest")
+    checkpoint.put_into(other)
+    assert other.num_timesteps == agent.num_timesteps
+    observations = np.random.default_rng(0).uniform(-1.0, 1.0, (9, 5)).astype(np.float32)
+    np.testing.assert_array_equal(network_of(other).act(observations), network_of(agent).act(observations))
+    mine, other_state = (one.policy.optimizer if algorithm == "ppo" else one.critic.optimizer for one in (agent, other))
+    for one, two in zip(mine.state_dict()["state"].values(), other_state.state_dict()["state"].values(), strict=True):
+        np.testing.assert_array_equal(one["exp_avg"].numpy(), two["exp_avg"].numpy())
+    if algorithm == "sac":
+        assert other.log_ent_coef.item() == agent.log_ent_coef.item() != 0.0
+        assert other.replay_buffer.pos == agent.replay_buffer.pos > 0
+        filled = slice(0, agent.replay_buffer.pos)
+        np.testing.assert_array_equal(other.replay_buffer.rewards[filled], agent.replay_buffer.rewards[filled])
+
+
+def test_the_same_seed_trains_the_same_policy(tmp_path):
+    one, two, other = (train(small(seed=seed), tmp_path / name) for name, seed in (("a", 5), ("b", 5), ("c", 6)))
+    for mine, same in zip(one.policy.weights, two.policy.weights, strict=True):
+        np.testing.assert_array_equal(mine, same)
+    assert not np.array_equal(one.policy.weights[0], other.policy.weights[0])
+
+
+@pytest.mark.parametrize("env", ["GliderHeading-v0", "Heading-v0"])
+def test_a_model_in_place_of_the_vehicle(env, tmp_path):
+    dt = 4.0 if env.startswith("Glider") else 0.1
+    a = np.array([[0.5, 0.0], [dt, 1.0]])
+    more = (
+        []
+        if env.startswith("Glider")
+        else ["v_mps", "r_radps", "roll_rad", "u_mps", "depth_m", "pitch_rad", "w_mps", "q_radps"]
+    )
+    model = StateSpace(
+        np.block([[a, np.zeros((2, len(more)))], [np.zeros((len(more), 2)), 0.9 * np.eye(len(more))]]),
+        np.vstack([[[0.02], [0.0]], np.zeros((len(more), 1))]),
+        np.eye(2 + len(more))[1:],
+        ("rudder_rad",),
+        ("heading_rad", *more),
+        dt,
+    )
+    path = tmp_path / "surrogate.npz"
+    save_model(model, path)
+    options = {"duration": 10.0 * dt}
+    trained = train(small(env=env, on=path, options=options), tmp_path / "policy")
+    assert trained.policy.settings["on"] == "surrogate.npz"
+    np.testing.assert_array_equal(load_model(tmp_path / "policy" / "trained_on.npz").a, model.a)
+    for on in ("true", path):
+        assert evaluate(trained.policy, trained.policy.env(on), [0, 1]).steps.tolist() == [10, 10]
+    by_model = trained.policy.env(path).unwrapped
+    assert isinstance(by_model.model, StateSpace)
+
+
+def test_a_vehicle_of_ones_own_lies_beside_the_policy(tmp_path):
+    from dataclasses import replace
+
+    mine = replace(load_vehicle("slocum"), name="mine")
+    trained = train(small(options={"vehicle": mine, "effects": {"effects.rudder.offset": 0.1}}), tmp_path / "policy")
+    env = trained.policy.env()
+    assert env.unwrapped.plant.name == "mine"
+    assert env.unwrapped.plant.effects.rudder.offset == 0.1
+    assert trained.policy.env(effects={"effects.rudder.offset": 0.0}).unwrapped.plant.effects.rudder.offset == 0.0
+
+
+def test_single_environments_do_what_the_dummy_of_stable_baselines_does():
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    from auv_gym.envs.stable_baselines import SingleEnvs
+
+    def one():
+        return gymnasium.make("auv_gym/Depth-v0", duration=0.5)
+
+    dummy, ours = DummyVecEnv([one] * 2), SingleEnvs([one(), one()])
+    dummy.seed(4), ours.seed(4)
+    np.testing.assert_array_equal(dummy.reset(), ours.reset())
+    draws = np.random.default_rng(0)
+    for _ in range(12):
+        actions = draws.uniform(-1.0, 1.0, (2, 1)).astype(np.float32)
+        expected, found = dummy.step(actions), ours.step(actions)
+        for mine, theirs in zip(found[:3], expected[:3], strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+        for mine, theirs in zip(found[3], expected[3], strict=True):
+            assert mine["TimeLimit.truncated"] == theirs["TimeLimit.truncated"]
+            np.testing.assert_array_equal(mine.get("terminal_observation"), theirs.get("terminal_observation"))
+    assert [plant.name for plant in ours.get_attr("plant")] == ["remus100"] * 2
+    assert ours.env_is_wrapped(gymnasium.wrappers.TimeLimit) == [False, False]
+    ours.close()
+
+
+def test_native_environments_are_taken_where_there_are_any():
+    from auv_gym.envs.stable_baselines import SingleEnvs, StableBaselinesVecEnv
+
+    assert isinstance(make_many("Depth", 2), StableBaselinesVecEnv)
+    assert isinstance(make_many("GliderHeading", 2, LINEAR), StableBaselinesVecEnv)
+    assert isinstance(make_many("Pendulum-v1", 2), SingleEnvs)
+
+
+@pytest.mark.parametrize(
+    "settings, words",
+    [
+        ({"env": "Depht-v0"}, "No environment 'Depht-v0'. Did you mean|Ours are"),
+        ({"env": "GliderHeading-v0", "algorithm": "ppp"}, "No algorithm 'ppp'"),
+        ({"env": "GliderHeading-v0", "seed": -1}, "seed needs"),
+        ({"env": "GliderHeading-v0", "steps": 0}, "steps needs"),
+        ({"env": "GliderHeading-v0", "envs": 1.5}, "envs needs"),
+        ({"env": "GliderHeading-v0", "options": {"model": "x"}}, "give it as `on`"),
+        ({"env": "GliderHeading-v0", "hyperparameters": {"n_timesteps": 5, "lr": 1}}, "unknown key lr"),
+    ],
+)
+def test_bad_settings_are_refused(settings, words):
+    with pytest.raises(ValueError, match=words):
+        Training(**settings)
+
+
+def test_what_cannot_be_trained_is_said_before_anything_is_written(tmp_path):
+    for settings, words in (
+        ({"options": {"vehicle": "remus100"}}, "family 'glider'"),
+        ({"on": tmp_path / "none.npz"}, "There is no file"),
+        ({"options": {"durations": 3.0}}, "does not take these options"),
+        ({"hyperparameters": {"policy_kwargs": {"n_critics": 3}}}, "n_critics says nothing to ppo"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            train(small(**settings), tmp_path / "policy")
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("x")
+    with pytest.raises(ValueError, match="holds other files"):
+        train(small(), tmp_path / "full")
+
+
+def test_another_training_in_the_same_folder_is_refused(trained):
+    with pytest.raises(ValueError, match=r"holds another training \(seed 3, now 4\)"):
+        train(small(trained.policy.settings["algorithm"], seed=4), trained.folder)
+
+
+def test_without_stable_baselines_the_error_names_the_extra(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "stable_baselines3", None)
+    with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
+        train(small(), tmp_path / "policy")
