@@ -1,4 +1,4 @@
-# make demo: the whole loop on a real glider log.  make test: all checks.  Both make .venv and install by themselves.
+# make demo: the whole loop on a real glider log.  make docs: the documentation.  make test: all checks.  All make .venv and install by themselves.
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -17,7 +17,7 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
 
-.PHONY: demo test test-slow lint format install slocum-cache clean
+.PHONY: demo docs test test-slow lint format install slocum-cache clean
 .DEFAULT_GOAL := test
 
 demo: $(VENV)/.installed-demo
@@ -35,6 +35,12 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check --quiet
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
+
+# Nothing is fetched, neither here nor by who reads it. Searching needs a server: python3 -m http.server -d site
+docs: export NO_MKDOCS_2_WARNING := 1
+docs: $(VENV)/.installed-dev
+	$(BIN)/mkdocs build --quiet --strict
+	@echo "The documentation: $(CURDIR)/site/index.html"
 
 format: $(VENV)/.installed-dev
 	$(BIN)/ruff format
@@ -76,5 +82,5 @@ $(VENV)/.slocum-cache: $(VENV)/.installed-dev
 	@touch $@
 
 clean:
-	rm -rf $(VENV) $(DEMO_OUT) .pytest_cache .ruff_cache .import_linter_cache .hypothesis build dist
+	rm -rf $(VENV) $(DEMO_OUT) .pytest_cache .ruff_cache .import_linter_cache .hypothesis build dist site
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
