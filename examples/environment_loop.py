@@ -3,7 +3,7 @@
 #
 # A REMUS 100 holds and changes its depth with the stern plane. Three controllers are driven through the same episode:
 # none at all, two lines of proportional control, and the PID that comes with the vehicle. Then the vehicle is made
-# lighter by 6 N than anybody thinks.
+# lighter by 2 N than anybody thinks.
 
 # %%
 import gymnasium

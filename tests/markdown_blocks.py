@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 _PARTS = re.compile(
     r"^<!-- setup\n(?P<setup>.*?)^-->$"
-    r"|^<!-- (?P<mark>not run: [^\n]*?|slow) -->$"
+    r"|^ *<!-- (?P<mark>not run: [^\n]*?|slow) -->$"
     r"|^(?P<indent> *)```(?P<info>[^\n]*)\n(?P<text>.*?)^(?P=indent)```$",
     re.MULTILINE | re.DOTALL,
 )

@@ -17,6 +17,7 @@ import pytest
 
 from auv_gym.cli import main
 from auv_gym.plant import load_vehicle
+from auv_gym.rl.hyperparameters import checked
 from identification.campaign.reading import read_campaign
 from tests.markdown_blocks import Block, blocks_of
 
@@ -28,6 +29,8 @@ BLOCKS = {str(page.relative_to(ROOT)): blocks_of(page.read_text()) for page in P
 RUN = [name for name, blocks in BLOCKS.items() if any(b.runs and not b.slow for b in blocks)]
 SLOW = [name for name, blocks in BLOCKS.items() if any(b.runs and b.slow for b in blocks)]
 TOML = [(name, b) for name, blocks in BLOCKS.items() for b in blocks if b.kind == "toml"]
+
+YAML = [(name, b) for name, blocks in BLOCKS.items() for b in blocks if b.kind == "yaml"]
 
 
 @pytest.fixture
@@ -68,6 +71,13 @@ def test_settings_are_valid(page, block, tmp_path):
         assert load_vehicle(file).name == content["name"]
 
 
+@pytest.mark.parametrize("page, block", [pytest.param(p, b, id=f"{p}:{b.line}") for p, b in YAML])
+def test_hyperparameters_are_valid(page, block):
+    yaml = pytest.importorskip("yaml", reason="the extra `rl` is not installed")
+    for name, values in yaml.safe_load(block.text).items():
+        assert checked("ppo", values, name).n_timesteps > 0
+
+
 def test_what_is_not_run_says_why():
     """Only what installs, learns for minutes, or needs a file that is not here."""
     unrun = {name: [b.mark for b in blocks if b.mark.startswith("not run")] for name, blocks in BLOCKS.items()}
@@ -77,7 +87,7 @@ def test_what_is_not_run_says_why():
 
 
 def test_every_block_of_code_has_a_language_that_is_checked():
-    known = {"setup", "python", "sh", "toml", "text", "diff"}
+    known = {"setup", "python", "sh", "toml", "yaml", "text", "diff"}
     assert [(name, b.line, b.kind) for name, blocks in BLOCKS.items() for b in blocks if b.kind not in known] == []
 
 

@@ -15,11 +15,14 @@ LEAVES = {
     "campaign": {"campaign.png"},
     "diagnosis": {"log_and_model.png", "result"},
     "environment_loop": {"environment_loop.png"},
+    "policy": {"policies", "policy.png"},
 }
+SLOW = {"policy"}
 named = pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+run = [pytest.param(path, marks=[pytest.mark.slow] * (path.stem in SLOW), id=path.stem) for path in SCRIPTS]
 
 
-@named
+@pytest.mark.parametrize("script", run)
 def test_it_runs_and_leaves_its_picture(script, tmp_path):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     environment = {**os.environ, "MPLBACKEND": "Agg"}
