@@ -80,7 +80,7 @@ def intervals_figure(found: Found) -> Figure:
         axes.set_title(_two_lines(SETTINGS[name].title), loc="left")
         axes.set_xscale("log")
         _plain_ticks(axes.xaxis)
-        axes.set_xlabel("cost of an episode on the true vehicle (minus its return)")
+        axes.set_xlabel("cost on the true vehicle (minus the return)")
     return figure
 
 
