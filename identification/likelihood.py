@@ -7,7 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import lfilter
 
+from identification.blocks import block_step
 from identification.shooting import RESIDUAL_FLOOR, Linearisation, Point, Shooting
+
+POLISH, POLISH_DAMPING = 3, 1e-6  # steps at most
+POLISH_SHARES = (1.0, 0.4, 0.1)  # of a step that are tried
 
 
 def colour(problem: Shooting, point: Point) -> np.ndarray:
@@ -51,6 +55,49 @@ def evidence(problem: Shooting, before: Point, after: Point, coefficients: np.nd
     a = window_costs(problem, before, coefficients).sum(axis=0)
     b = window_costs(problem, after, coefficients).sum(axis=0)
     return float(np.sum(problem.counts * np.log((a + RESIDUAL_FLOOR) / (b + RESIDUAL_FLOOR))))
+
+
+def polished(problem: Shooting, point: Point, paths: Sequence[str], coefficients: np.ndarray) -> Point:
+    """The point near by that is likelier where residuals are first-order processes; the same where they are white.
+
+    A fit takes residuals for white. What two such fits leave of slow residuals differs by what their starts happen to
+    take up, far more than by what a small effect explains: only the likeliest starts and paths can be compared.
+    """
+    if not np.any(coefficients):
+        return point
+    here, cost = point, _negative_likelihood(problem, point, paths, coefficients)
+    for _ in range(POLISH):
+        sigma = np.sqrt(window_costs(problem, here, coefficients).sum(axis=0) / np.maximum(problem.counts, 1)) + 1e-9
+        flat, starts = (whitened(problem, x, coefficients) for x in problem.differences(here, paths, sigma))
+        residual = whitened(problem, here.residual, coefficients) / sigma
+        gram, cross, start_gradient = problem.blocks.normal(starts, flat, residual)
+        flat = flat.reshape(len(flat), residual.size)
+        normal, gradient = flat @ flat.T, flat @ residual.ravel()
+        pulled, rates = problem.pulls(here.vector, paths)
+        normal[: len(paths), : len(paths)] += np.diag(rates**2)
+        gradient[: len(paths)] -= rates * pulled
+        step = block_step(normal, gradient, gram, cross, start_gradient, POLISH_DAMPING)
+        best = here
+        for share in POLISH_SHARES:
+            there = problem.point(*problem.moved(here.vector, here.starts, paths, step, share), paths)
+            reached = _negative_likelihood(problem, there, paths, coefficients)
+            if reached < cost:
+                best, cost = there, reached
+                break
+        if best is here:
+            break
+        here = best
+    return here
+
+
+def _negative_likelihood(problem: Shooting, point: Point, paths: Sequence[str], coefficients: np.ndarray) -> float:
+    """Minus the log-likelihood of residuals of a colour and of what is known of the paths, but for a constant."""
+    if not np.isfinite(point.cost):
+        return np.inf
+    costs = window_costs(problem, point, coefficients).sum(axis=0)
+    return 0.5 * float(
+        problem.counts @ np.log(costs + RESIDUAL_FLOOR) + (problem.pulls(point.vector, paths)[0] ** 2).sum()
+    )
 
 
 def covariance(

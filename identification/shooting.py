@@ -21,12 +21,12 @@ from auv_gym.model import outputs_of
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
+from identification.blocks import Blocks, block_step
+from identification.first_readings import first_readings
 
-RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
 _START_STEP = 1e-4  # of a start, for its slopes
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
-LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 PIECE = 6  # samples of the short runs from which shared states are first guessed
 JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
 REACH = 5.0  # standard deviations of a coefficient, the most that a fit may move it, lest it stand in for an effect
@@ -172,28 +172,7 @@ class Shooting:
         Measured where they are measured; rates of measured signals from their first samples; shared states from runs
         over a few samples, in which a wrong value does little; else zero.
         """
-        family, time = self.plant.family, self.record.time
-        starts = np.zeros((len(self.windows), len(family.states)))
-        for w, offset in enumerate(self.offsets):
-            full = np.full(len(family.outputs), np.nan)
-            full[self.columns] = self.measured[offset]
-            starts[w] = self.plant.initial(full)[: len(family.states)]
-            head = slice(offset, min(offset + 4, offset + self.runs.stop[w] - self.runs.begin[w]))
-            rows = slice(offset, offset + self._first_rows[w])
-            for name in family.states:
-                told = next((n for n in (name, family.nearly.get(name)) if n in self.channels), None)
-                c = self.channels.index(told) if told else 0
-                if told and self.finite[rows, c].sum() >= LEAST_LINE:
-                    fine = self.finite[rows, c]
-                    t = time[self.windows[w]][: self._first_rows[w]][fine]
-                    line = _line(t - time[self.windows[w].start], self.measured[rows, c][fine])
-                    starts[w, family.states.index(name)] = line[1]
-            for rate, angle in RATES.items():
-                if rate in family.states and rate not in self.channels and angle in self.channels:
-                    times = time[self.windows[w]][: head.stop - head.start]
-                    values = self.measured[head, self.channels.index(angle)]
-                    starts[w, family.states.index(rate)] = _line(times - times[0], values)[0]
-        return self._with_shared(starts, self.plant)
+        return self._with_shared(first_readings(self), self.plant)
 
     @cached_property
     def _short(self) -> Shooting | None:
@@ -201,13 +180,6 @@ class Shooting:
         if not self.shared or max(w.stop - w.start for w in self.windows) < 2 * PIECE:
             return None
         return Shooting(self.plant, self.record, [p for w in self.windows for p in _pieces(w)])
-
-    @cached_property
-    def _first_rows(self) -> list[int]:
-        """How many samples of each window lie in its first second."""
-        time = self.record.time
-        times = [time[w] for w in self.windows]
-        return [int(np.searchsorted(t, t[0] + LINE)) for t in times]
 
     def _with_shared(self, starts: np.ndarray, plant: Plant) -> np.ndarray:
         """The starts with the shared states that suit short runs of a plant."""
@@ -235,11 +207,10 @@ class Shooting:
 
         step: default the family's first; 1 for what a probe does.
         """
-        step = self.steps[0] if step is None else step
-        flat, start_columns = self._differences(point, paths, sigma, step)
-        gram, cross, _ = self._blocks(start_columns, flat, None)
+        flat, start_columns = self.differences(point, paths, sigma, step)
+        gram, cross, _ = self.blocks.normal(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
-        rest, count = flat - self._in_rows(gain.transpose(0, 2, 1) @ self._by_window(start_columns)), len(paths)
+        rest, count = flat - self.blocks.rows(gain.transpose(0, 2, 1) @ self.blocks.of(start_columns)), len(paths)
         columns, shared = rest[:count], rest[count:]
         if len(shared):
             shared = shared.reshape(len(shared), -1)
@@ -257,11 +228,11 @@ class Shooting:
         """
         sigma, moved = self.sigma(point), [p for group in groups for p in group]
         sizes = [step for group, step in zip(groups, steps, strict=True) for _ in group]
-        flat, start_columns = self._differences(
+        flat, start_columns = self.differences(
             point, [*moved, *fitted], sigma, [*sizes, *[self.steps[0]] * len(fitted)]
         )
         weighted = np.where(self.finite, point.residual / sigma, 0.0)
-        gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
+        gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
         flat = flat.reshape(len(flat), -1)
         normal, gradient = flat @ flat.T, flat @ weighted.ravel()
         pulled, rates = self.pulls(point.vector, fitted)
@@ -273,14 +244,14 @@ class Shooting:
             used = [*range(row, row + len(group)), *rest]
             row += len(group)
             square, right = normal[np.ix_(used, used)], gradient[used]
-            found.append((used, _block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING)))
+            found.append((used, block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING)))
         best: list[Point] = [point] * len(groups)
         hoped = [0.5 * float(gradient[used] @ way[0] + (start_gradient * way[1]).sum()) for used, way in found]
         for share in JUMPS:
             tried = [i for i, reached in enumerate(best) if reached is point and (share == 1.0 or hoped[i] > HOPE)]
             if not tried:
                 break
-            moves = [self._moved(point.vector, point.starts, [*groups[i], *fitted], found[i][1], share) for i in tried]
+            moves = [self.moved(point.vector, point.starts, [*groups[i], *fitted], found[i][1], share) for i in tried]
             residuals = self._residuals(np.array([m[0] for m in moves]), np.array([m[1] for m in moves]))
             for i, (vector, starts), residual in zip(tried, moves, residuals, strict=True):
                 there = Point(vector, starts, residual, self._cost(residual) + self._pull(vector, fitted))
@@ -288,7 +259,9 @@ class Shooting:
                     best[i] = there
         return best
 
-    def _moved(self, vector, starts, paths, step, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+    def moved(
+        self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str], step, share: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray]:
         """A vector and starts moved by a share of a step, within the bounds of the paths."""
         (change, start_change), vector, starts = step, vector.copy(), starts.copy()
         for path, size in zip(paths, change[: len(paths)], strict=True):
@@ -331,7 +304,7 @@ class Shooting:
             slopes = slopes or self._slopes(here, paths, steps[0], {})
             flat, start_columns = (values / sigma for values in slopes)
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
-            gram, cross, start_gradient = self._blocks(start_columns, flat, weighted)
+            gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
             flat = flat.reshape(len(flat), weighted.size)
             normal, gradient = flat @ flat.T, flat @ weighted.ravel()
             pulled, rates = self.pulls(here.vector, paths)
@@ -342,8 +315,8 @@ class Shooting:
             normal[held, held] = 1.0
             improved, tries = False, 0
             while not improved and tries < (STALE_TRIES if stale else TRIES):
-                step = _block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
-                there = self.point(*self._moved(here.vector, here.starts, paths, step), paths)
+                step = block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
+                there = self.point(*self.moved(here.vector, here.starts, paths, step), paths)
                 improved, tries = there.cost < here.cost, tries + 1
             damping *= TIGHTER ** (tries if not improved else tries - 1)
             gain = here.cost - there.cost if improved else 0.0
@@ -398,12 +371,15 @@ class Shooting:
         """Values of the shared states, one row for each: (len(shared), segments)."""
         return values.reshape(len(self.shared), -1) if self.shared else np.empty((0, 0))
 
-    def _differences(self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | Sequence[float]):
+    def differences(
+        self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | Sequence[float] | None = None
+    ):
         """Columns over sigma: (P + S, rows, C) of the paths, per scale, and of the S shared values, per unit; starts'.
 
-        step: in scales, one for all or one for each path.  The second array holds those of the windows' starts,
-        (F, rows, C).  What was run at the last points is not run again.
+        step: in scales, one for all or one for each path; default the family's first.  The second array holds those of
+        the windows' starts, (F, rows, C).  What was run at the last points is not run again.
         """
+        step = self.steps[0] if step is None else step
         columns, starts = self._slopes(point, paths, step, self._remembered(point))
         return columns / sigma, starts / sigma
 
@@ -462,45 +438,20 @@ class Shooting:
         gone, first = there.starts - here.starts, np.unique(self.segments, return_index=True)[1]
         moved += [float(size) for state, unit in self.shared for size in gone[first, state] / unit]
         change = np.where(self.finite, here.residual - there.residual, 0.0)
-        parts = self._by_window(every)
+        parts = self.blocks.of(every)
         own = gone[:, self.start_states]
         moves = np.concatenate([np.broadcast_to(np.array(moved), (len(own), count)), own], axis=1)
-        share = parts**2 @ np.tile(sigma**-2.0, self._filled.shape[1]) * moves
+        share = parts**2 @ np.tile(sigma**-2.0, self.blocks.longest) * moves
         whole = (share * moves).sum(axis=1, keepdims=True)
         share = np.divide(share, whole, out=np.zeros_like(share), where=whole > 0.0)
-        missed = self._by_window(change[None]) - moves[:, None] @ parts
-        every = self._in_rows(parts + share[:, :, None] * missed)
+        missed = self.blocks.of(change[None]) - moves[:, None] @ parts
+        every = self.blocks.rows(parts + share[:, :, None] * missed)
         return every[:count], every[count:]
 
     @cached_property
-    def _filled(self) -> np.ndarray:
-        """Which rows of windows that are all as long as the longest hold data, (W, L)."""
-        lengths = self.runs.stop - self.runs.begin
-        return np.arange(lengths.max()) < lengths[:, None]
-
-    def _by_window(self, values: np.ndarray) -> np.ndarray:
-        """Values (n, rows, C) as (W, n, L * C), zero past the end of shorter windows."""
-        (windows, longest), (count, _, channels) = self._filled.shape, values.shape
-        if self._filled.all():
-            parts = values.reshape(count, windows, longest, channels)
-        else:
-            parts = np.zeros((count, windows, longest, channels))
-            parts[:, self._filled] = values
-        return parts.transpose(1, 0, 2, 3).reshape(windows, count, longest * channels)
-
-    def _in_rows(self, parts: np.ndarray) -> np.ndarray:
-        """Values (W, n, L * C) as (n, rows, C)."""
-        parts = parts.reshape(*parts.shape[:2], self._filled.shape[1], len(self.channels))
-        return parts.transpose(1, 0, 2, 3)[:, self._filled]
-
-    def _blocks(self, start_columns: np.ndarray, flat: np.ndarray, residual: np.ndarray | None):
-        """Per window: normal matrix of the starts (W, F, F), cross terms (W, F, P) and gradient (W, F)."""
-        own = self._by_window(start_columns)
-        gram = own @ own.transpose(0, 2, 1)
-        gram += 1e-12 * np.eye(gram.shape[1]) * np.maximum(np.einsum("wff->w", gram), 1e-12)[:, None, None]
-        cross = own @ self._by_window(flat).transpose(0, 2, 1)
-        gradient = None if residual is None else (own @ self._by_window(residual[None]).transpose(0, 2, 1))[:, :, 0]
-        return gram, cross, gradient
+    def blocks(self) -> Blocks:
+        """The rows of the windows as blocks of one length."""
+        return Blocks(self.runs.stop - self.runs.begin, len(self.channels))
 
     @cached_property
     def start_states(self) -> np.ndarray:
@@ -536,31 +487,9 @@ def _pieces(window: slice) -> list[slice]:
     return [slice(a, b) for a, b in pairwise(edges)]
 
 
-def _line(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope of a straight line through values, by least squares, and its value at t = 0."""
-    middle, mean = float(t.mean()), float(y.mean())
-    power = float((t - middle) @ (t - middle))
-    slope = float((t - middle) @ (y - mean)) / power if power > 0.0 else 0.0
-    return slope, mean - slope * middle
-
-
 def unknown_states(plant: Plant) -> dict[str, str]:
     """The states of which each segment has a value of its own that nobody knows, with the effect that acts alike."""
     family = plant.family
     if family.shared_unless and value_at(plant, family.shared_unless) != 0.0:
         return {}
     return dict(family.shared)
-
-
-def _block_step(normal, gradient, gram, cross, start_gradient, damping):
-    """Damped Gauss-Newton step of the parameters (P,) and the starts (W, F), the starts eliminated."""
-    gram = gram + damping * np.einsum("wff->wf", gram)[:, :, None] * np.eye(gram.shape[1])
-    inner = np.asarray(np.linalg.solve(gram, np.concatenate([cross, start_gradient[:, :, None]], axis=2)))
-    gain, offset = inner[..., :-1], inner[..., -1]
-    count = len(gradient)
-    if count == 0:
-        return np.zeros(0), offset
-    schur = normal - np.einsum("wfp,wfq->pq", cross, gain) + damping * np.diag(np.diag(normal) + 1e-30)
-    right = gradient - np.einsum("wfp,wf->p", cross, offset)
-    change = np.linalg.lstsq(schur, right, rcond=1e-14)[0]
-    return change, offset - gain @ change

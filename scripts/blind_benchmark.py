@@ -5,6 +5,7 @@ repeated with the same folder goes on where it stopped.
 
     python -m scripts.blind_benchmark --cases 300 --jobs 2 --out blind
     python -m scripts.blind_benchmark --cases 20 --kind outside --family torpedo --out blind
+    python -m scripts.blind_benchmark --first 200 --cases 100 --out blind
 """
 
 from __future__ import annotations
@@ -29,9 +30,11 @@ TIMEOUT = 300.0  # s
 _ROOT = Path(__file__).resolve().parents[1]
 
 
-def chosen(seed: int, cases: int, kinds: Sequence[str] | None, families: Sequence[str] | None) -> list[Case]:
-    """The first so many cases of a seed that are of these kinds and families."""
-    found, number = [], 0
+def chosen(
+    seed: int, cases: int, kinds: Sequence[str] | None, families: Sequence[str] | None, first: int = 0
+) -> list[Case]:
+    """The first so many cases of a seed, from number `first` on, that are of these kinds and families."""
+    found, number = [], first
     while len(found) < cases:
         case = sketch(seed, number)
         if (not kinds or case.kind in kinds) and (not families or case.family in families):
@@ -98,6 +101,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the benchmark and print its tables."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cases", type=int, default=300, help="how many (default 300)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case (default 0)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2, help="processes (default 2)")
     parser.add_argument("--kind", action="append", choices=tuple(KINDS), help="only these; may be repeated")
@@ -106,13 +110,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--timeout", type=float, default=TIMEOUT, help=f"s for a diagnosis (default {TIMEOUT:g})")
     parser.add_argument("--json", type=Path, help="write shares and scores to this file as well")
     args = parser.parse_args(argv)
-    if args.cases < 1 or args.jobs < 1 or not args.timeout > 0.0:
-        parser.error("--cases, --jobs and --timeout must be positive")
+    if args.cases < 1 or args.first < 0 or args.jobs < 1 or not args.timeout > 0.0:
+        parser.error("--cases, --jobs and --timeout must be positive, --first not negative")
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     out = args.out / f"seed_{args.seed}"
     (out / "scores").mkdir(parents=True, exist_ok=True)
     with progress_bar() as show:
-        scores = run(chosen(args.seed, args.cases, args.kind, args.family), out, args.jobs, args.timeout, show)
+        scores = run(
+            chosen(args.seed, args.cases, args.kind, args.family, args.first), out, args.jobs, args.timeout, show
+        )
     output.print(shares_table(scores))
     output.print(misses_table(scores))
     if args.json:

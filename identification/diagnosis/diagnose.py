@@ -33,7 +33,7 @@ from identification.windows import LEAST_SAMPLES, free_run_windows, held_out
 MOST_EFFECTS = 3
 LEAST_WINDOWS = 4
 DOUBT = 0.1  # standard deviation of a vehicle's own coefficients, relative
-SETTLE_SHARE = 0.2  # of a window that had to be shortened
+SETTLE_SHARE = 0.2  # of a window that is shorter than the vehicle's
 FEW_ROWS = 1500  # samples up to which a vehicle of few states is filtered too, for its process noise
 
 
@@ -53,13 +53,16 @@ def diagnose(
     """Which effect the plant lacks to explain the record, with the error before and after on held-out windows.
 
     window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
-    initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened.
+    initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
+    times with short windows.
     doubt: standard deviation of the vehicle's own coefficients, relative.  trust: also of logs that look mislabelled.
     seed: of what resamples windows.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
     asked = Asked(window, settle, seed, most, doubt, trust)
-    window, settle = window or plant.window, plant.settle if settle is None else settle
+    window = window or plant.window
+    if settle is None:
+        settle = plant.settle if window >= plant.window else min(plant.settle, SETTLE_SHARE * window)
     windows = _checked_windows(record, plant, window, settle)
     longest, calm = window, calm_length(plant, record, window)
     if calm < window:

@@ -16,7 +16,8 @@ from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
 from identification.diagnosis.residual import noise_floor
 from identification.diagnosis.slips import Slip, slips_of, undone
-from identification.shooting import RATES, Shooting
+from identification.first_readings import RATES
+from identification.shooting import Shooting
 from identification.windows import held_out
 
 GAIN = 4.0  # factor in squared error by which a slip must beat the record as declared

@@ -12,13 +12,14 @@ from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.diagnosis.residual import noise_floor
 from identification.estimate import half_width
-from identification.likelihood import colour, covariance, evidence, window_costs
+from identification.likelihood import colour, covariance, evidence, polished, window_costs
 from identification.shooting import Point, Shooting
 from identification.validation import head_windows
 from identification.windows import LEAST_SAMPLES, free_run_windows
 
 MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on a search also begins at its given value
+KEPT = 32  # states of which the likeliest points are remembered
 FINE = 0.02  # of the noise: how far a coarser step of integration may move the outputs
 
 
@@ -56,6 +57,7 @@ class Workbench:
         self.heads = Shooting(self.plant, record, head_windows(record, held, settle))
         self.train = Shooting(self.plant, record, train, doubt=doubt)
         self.held = Shooting(self.plant, record, held)
+        self._polished: dict[tuple[State, bytes], tuple[Point, Point]] = {}
 
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
         """The state of least cost in the training windows over the paths, started from the plant's values."""
@@ -71,11 +73,28 @@ class Workbench:
 
     def gains(self, before: State, after: State) -> tuple[float, float]:
         """Evidence for the change in the training and in the held-out windows; what is known of coefficients counts."""
-        pulls = [float((self.train.pulls(s.train.vector, s.paths)[0] ** 2).sum()) for s in (before, after)]
+        slow = after.colour
+        (train, held), (other, other_held) = self._likeliest(before, slow), self._likeliest(after, slow)
+        pulls = [
+            float((self.train.pulls(point.vector, state.paths)[0] ** 2).sum())
+            for state, point in ((before, train), (after, other))
+        ]
         return (
-            evidence(self.train, before.train, after.train, after.colour) + pulls[0] - pulls[1],
-            evidence(self.held, before.held, after.held, after.colour),
+            evidence(self.train, train, other, slow) + pulls[0] - pulls[1],
+            evidence(self.held, held, other_held, slow),
         )
+
+    def _likeliest(self, state: State, slow: np.ndarray) -> tuple[Point, Point]:
+        """The state's points, likeliest where residuals have a colour; those that were asked for lately are kept."""
+        key = (state, slow.tobytes())
+        if key not in self._polished:
+            while len(self._polished) >= KEPT:
+                del self._polished[next(iter(self._polished))]
+            self._polished[key] = (
+                polished(self.train, state.train, state.paths, slow),
+                polished(self.held, state.held, (), slow),
+            )
+        return self._polished[key]
 
     def free_run_errors(self, plant: Plant) -> np.ndarray:
         """Sum of squared errors of free runs by held-out window and channel, (W, C), started as an operator would.
@@ -114,13 +133,11 @@ class Workbench:
 
     def costs(self, state: State, reference: State) -> np.ndarray:
         """Cost of each window, training then held-out, in units of the reference's innovation variance; shape (W,)."""
-        parts = []
-        for problem, point, against in (
-            (self.train, state.train, reference.train),
-            (self.held, state.held, reference.held),
-        ):
-            unit = window_costs(problem, against, reference.colour).sum(axis=0) / np.maximum(problem.counts, 1)
-            parts.append((window_costs(problem, point, reference.colour) / (unit + 1e-30)).sum(axis=1))
+        slow, parts = reference.colour, []
+        mine, theirs = self._likeliest(state, slow), self._likeliest(reference, slow)
+        for problem, point, against in zip((self.train, self.held), mine, theirs, strict=True):
+            unit = window_costs(problem, against, slow).sum(axis=0) / np.maximum(problem.counts, 1)
+            parts.append((window_costs(problem, point, slow) / (unit + 1e-30)).sum(axis=1))
         return np.concatenate(parts)
 
 

@@ -110,6 +110,7 @@ def test_a_case_is_the_same_whatever_else_runs():
     assert value_at(one.true, path) == value
     assert value_at(one.believed, path) == neutral
     assert {c.kind for c in chosen(7, 60, None, None)} == set(KINDS)
+    assert chosen(7, 5, None, None, first=40) == chosen(7, 45, None, None)[40:]
 
 
 def test_what_a_log_hides_has_no_detectable_size():

@@ -31,7 +31,7 @@ def names(diagnosis) -> set[str]:
 )
 def test_a_torpedo_lacks_what_was_put_in(wrong, effects):
     given, record = torpedo_log(2, wrong=wrong, **effects)
-    found = diagnose(record, given, window=10.0, settle=2.0)
+    found = diagnose(record, given, window=10.0)
     assert found.verdict in ("named", "tied")
     assert f"effects.{next(iter(effects)).replace('__', '.')}" in names(found)
     assert found.explained > 0.8
