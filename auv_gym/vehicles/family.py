@@ -64,6 +64,9 @@ class Family:
     ranges: Mapping[str, tuple[float | str, float | str]] = field(default_factory=dict)
     # outputs that tell a state nearly, for its first value where its own reading is missing
     nearly: Mapping[str, str] = field(default_factory=dict)
+    # states that come to rest near 0 by themselves: where none of them is measured, fits leave their starts there,
+    # since starts that only their couplings reveal take up whatever a model lacks
+    at_rest: tuple[str, ...] = ()
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""

@@ -413,6 +413,7 @@ def _family(name: str, propulsion: str, title: str) -> Family:
         ),
         main_output="heading_rad",
         nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
+        at_rest=("roll_rad", "p_radps"),
         twins={"effects.hull.damping_surge": "hull.surge.u_u"},
         derived=N_DERIVED,
         problem=mass_problem,

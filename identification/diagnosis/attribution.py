@@ -63,7 +63,7 @@ def attribute(
         if made.chosen is None:
             break
         assert made.chosen.state is not None
-        state = bench.fit(made.chosen.state.plant, made.chosen.state.paths, made.chosen.state)
+        state = bench.fit_anew(made.chosen.state.plant, made.chosen.state.paths, made.chosen.state)
         left = [c for c in left if c is not made.chosen.candidate]
     return state, rounds
 

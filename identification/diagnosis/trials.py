@@ -170,11 +170,15 @@ def _gained(bench: Workbench, state: State, there: Point) -> float:
 
 
 def _short_list(promises: Sequence[_Promise], bar: float, plain: Collection[str]) -> list[_Promise]:
-    """The candidates that are worth a fit, most promising first."""
+    """The candidates that are worth a fit, most promising first.
+
+    Also those that gain most if residuals are taken for white: one step away from a state, slow residuals say little.
+    """
     worth = [p for p in promises if p.points and p.evidence >= LEAST_TRACE * bar]
     best = worth[0].evidence if worth else 0.0
     known = [not set(plain).isdisjoint(p.candidate.paths) for p in worth]
-    return [p for i, p in enumerate(worth) if i < SHORT_LIST or p.evidence >= CLOSE * best or known[i]]
+    as_white = sorted(worth, key=lambda p: p.points[0].cost)[:FINALISTS]
+    return [p for i, p in enumerate(worth) if i < SHORT_LIST or p.evidence >= CLOSE * best or known[i] or p in as_white]
 
 
 def _begun(bench: Workbench, state: State, promise: _Promise) -> tuple[_Promise, Point]:

@@ -13,7 +13,7 @@ from auv_gym.record import Record
 from identification.diagnosis.residual import noise_floor
 from identification.estimate import half_width
 from identification.likelihood import colour, covariance, evidence, polished, window_costs
-from identification.shooting import Point, Shooting
+from identification.shooting import RESIDUAL_FLOOR, Point, Shooting
 from identification.validation import head_windows
 from identification.windows import LEAST_SAMPLES, free_run_windows
 
@@ -62,8 +62,19 @@ class Workbench:
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
         """The state of least cost in the training windows over the paths, started from the plant's values."""
         train = self.train.solve(plant, paths, near.train.starts if near else None)
+        return self._held(train, paths, near.held.starts if near else None)
+
+    def fit_anew(self, plant: Plant, paths: Sequence[str], near: State) -> State:
+        """As `fit`, also from what the record says of the starts: those of poorer models may lie in another valley."""
+        anew = self.train.solve(plant, paths)
+        going_on = self.train.solve(plant, paths, near.train.starts)
+        return self._held(min(anew, going_on, key=lambda point: point.cost), paths, near.held.starts)
+
+    def _held(self, train: Point, paths: Sequence[str], starts: np.ndarray | None) -> State:
         fitted = self.train.plant_at(train, paths)
-        held = self.held.solve(fitted, (), near.held.starts if near else None)
+        held = self.held.solve(fitted, ())
+        if starts is not None:
+            held = min(held, self.held.solve(fitted, (), starts), key=lambda point: point.cost)
         return State(fitted, tuple(paths), train, held, colour(self.train, train))
 
     def without(self, state: State, paths: Sequence[str]) -> State:
@@ -108,14 +119,18 @@ class Workbench:
         return np.add.reduceat(squares * settled[:, None], self.held.offsets, axis=0)
 
     def improvements(self, before: State, after: State) -> np.ndarray:
-        """By how much the squared errors of each held-out window fell, in units of the channels' variances, (W,)."""
-        unit = self.held.sigma(after.held) ** 2
+        """By how much the squared errors of each held-out window fell, (W,).
+
+        In units of the mean square that is left in each channel, so that one which starts badly and is fitted well, as
+        a depth is, does not drown what the others say.
+        """
         if self.steady:
-            fell = self.free_run_errors(before.plant) - self.free_run_errors(after.plant)
+            first, then = self.free_run_errors(before.plant), self.free_run_errors(after.plant)
         else:
-            white = np.zeros(len(unit))
-            fell = window_costs(self.held, before.held, white) - window_costs(self.held, after.held, white)
-        return (fell / unit).sum(axis=1)
+            white = np.zeros(len(self.held.channels))
+            first, then = (window_costs(self.held, s.held, white) for s in (before, after))
+        unit = then.sum(axis=0) / np.maximum(self.held.counts, 1) + RESIDUAL_FLOOR
+        return ((first - then) / unit).sum(axis=1)
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         """Value, standard error and half width of the 95 % interval of each fitted path."""
