@@ -8,6 +8,7 @@ from time import perf_counter
 from typing import Any
 
 import gymnasium
+import numba
 import numpy as np
 import torch
 from stable_baselines3 import PPO, SAC, TD3
@@ -81,6 +82,7 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     steps_before: of a training that goes on; its episodes and noise are drawn anew from there.
     """
     torch.set_num_threads(1)  # networks this small lose time on more
+    numba.set_num_threads(1)  # and so do some tens of vehicles, where other work keeps a core busy
     chosen = training.chosen
     options = {**chosen.env_kwargs, **training.options}
     clock = Clock(make_many(training.env, chosen.n_envs, training.on, **options))
