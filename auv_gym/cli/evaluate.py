@@ -76,7 +76,9 @@ def evaluate(
         return
     output.print(_shown(found, f"{policy.settings['algorithm'].upper()} in {made.spec.id}, {episodes} episodes"))
     output.print(
-        "Returns with 95 % intervals by the bootstrap over episodes; cut: episodes that ended early.", soft_wrap=True
+        "Returns with 95 % intervals by the bootstrap over episodes; IQM: interquartile mean, of the middle half; "
+        "cut: episodes that ended early.",
+        soft_wrap=True,
     )
     if picture is not None:
         output.print(f"Written to {picture}", markup=False, soft_wrap=True)
@@ -89,7 +91,7 @@ def _part(progress: Any, first: float, share: float, words: str) -> Any:
 def _shown(found: dict[str, Evaluation], title: str) -> Table:
     from auv_gym.rl import Summary
 
-    columns = ("agent!", "mean>", "interquartile mean>", "cut>", "policy ahead by>")
+    columns = ("agent!", "mean>", "IQM>", "cut>", "policy ahead by>")
     shown = table(title, *columns)
     for name, one in found.items():
         said = one.summary
