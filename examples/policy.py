@@ -1,9 +1,9 @@
 # %% [markdown]
 # # A policy learned on an identified model
 #
-# A glider has a rudder that stands 3 deg off where its command says, and nobody knows. A policy is learned on the
-# model as designed, another one on what a fit makes of the glider's log; both then steer the real one. Few steps of
-# training, so that it takes a minute: `docs/rl_study.md` has the long answer. Needs the extra `rl`.
+# A glider turns by itself, as if a moment of 0.02 N m pushed it, and nobody knows. A policy is learned on the model as
+# designed, another one on what a fit makes of the glider's log; both then steer the real one. One training each, in
+# two minutes: `docs/rl_study.md` has the long answer. Needs the extra `rl`.
 
 # %%
 import matplotlib.pyplot as plt
@@ -16,17 +16,17 @@ from controllers.piloting import pilot_for
 from identification.experiment import closed_loop
 from identification.greybox import GreyBox
 
-OFFSET = "effects.rudder.offset"
+MOMENT = "effects.yaw.moment"
 designed = load_vehicle("slocum")
-glider = replace_at(designed, OFFSET, np.radians(3.0))
+glider = replace_at(designed, MOMENT, 0.02)
 
 # %% [markdown]
 # ## A log, and a fit to it
 
 # %%
 log = closed_loop(glider, rng=np.random.default_rng(0), duration=1200.0)
-fit = GreyBox(designed, free=["hull.n_r", "hull.n_delta", OFFSET]).fit(log)
-print(f"rudder offset: {np.degrees(fit[OFFSET].value):.2f} deg")
+fit = GreyBox(designed, free=["hull.n_r", "hull.n_delta", MOMENT]).fit(log)
+print(f"yaw moment: {fit[MOMENT].value:.4f} N m")
 
 # %% [markdown]
 # ## Learning on each
@@ -36,7 +36,7 @@ print(f"rudder offset: {np.degrees(fit[OFFSET].value):.2f} deg")
 # %%
 models = {"designed": designed, "fitted": fit.model, "the glider itself": glider}
 policies = {
-    name: train(Training("GliderHeading-v0", on=model, steps=40_000), f"policies/{name.replace(' ', '_')}").policy
+    name: train(Training("GliderHeading-v0", on=model, steps=80_000), f"policies/{name.replace(' ', '_')}").policy
     for name, model in models.items()
 }
 
