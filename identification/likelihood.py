@@ -71,11 +71,7 @@ def polished(problem: Shooting, point: Point, paths: Sequence[str], coefficients
         flat, starts = (whitened(problem, x, coefficients) for x in problem.differences(here, paths, sigma))
         residual = whitened(problem, here.residual, coefficients) / sigma
         gram, cross, start_gradient = problem.blocks.normal(starts, flat, residual)
-        flat = flat.reshape(len(flat), residual.size)
-        normal, gradient = flat @ flat.T, flat @ residual.ravel()
-        pulled, rates = problem.pulls(here.vector, paths)
-        normal[: len(paths), : len(paths)] += np.diag(rates**2)
-        gradient[: len(paths)] -= rates * pulled
+        normal, gradient = problem.equations(flat, residual, here.vector, paths)
         step = block_step(normal, gradient, gram, cross, start_gradient, POLISH_DAMPING)
         best = here
         for share in POLISH_SHARES:

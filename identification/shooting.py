@@ -233,12 +233,8 @@ class Shooting:
         )
         weighted = np.where(self.finite, point.residual / sigma, 0.0)
         gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
-        flat = flat.reshape(len(flat), -1)
-        normal, gradient = flat @ flat.T, flat @ weighted.ravel()
-        pulled, rates = self.pulls(point.vector, fitted)
-        own, rest = slice(len(moved), len(moved) + len(fitted)), list(range(len(moved), len(flat)))
-        normal[own, own] += np.diag(rates**2)
-        gradient[own] -= rates * pulled
+        normal, gradient = self.equations(flat, weighted, point.vector, fitted, len(moved))
+        rest = list(range(len(moved), len(flat)))
         found, row = [], 0
         for group in groups:
             used = [*range(row, row + len(group)), *rest]
@@ -258,6 +254,21 @@ class Shooting:
                 if there.cost < point.cost:
                     best[i] = there
         return best
+
+    def equations(
+        self, columns: np.ndarray, residual: np.ndarray, vector: np.ndarray, paths: Sequence[str], first: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Normal matrix (n, n) and gradient (n,) of columns (n, rows, C), with what is known of the paths beforehand.
+
+        first: number of the first path's column; the other columns are of what nothing is known of.
+        """
+        flat = columns.reshape(len(columns), residual.size)
+        normal, gradient = flat @ flat.T, flat @ residual.ravel()
+        pulled, rates = self.pulls(vector, paths)
+        own = slice(first, first + len(paths))
+        normal[own, own] += np.diag(rates**2)
+        gradient[own] -= rates * pulled
+        return normal, gradient
 
     def moved(
         self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str], step, share: float = 1.0
@@ -305,11 +316,7 @@ class Shooting:
             flat, start_columns = (values / sigma for values in slopes)
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
-            flat = flat.reshape(len(flat), weighted.size)
-            normal, gradient = flat @ flat.T, flat @ weighted.ravel()
-            pulled, rates = self.pulls(here.vector, paths)
-            normal[: len(paths), : len(paths)] += np.diag(rates**2)
-            gradient[: len(paths)] -= rates * pulled
+            normal, gradient = self.equations(flat, weighted, here.vector, paths)
             held = self._at_edge(here.vector, paths, gradient)
             normal[held], normal[:, held], gradient[held], cross[:, :, held] = 0.0, 0.0, 0.0, 0.0
             normal[held, held] = 1.0
