@@ -12,6 +12,7 @@ from auv_gym.record import Record
 from identification.shooting import unknown_states
 
 LEAST_SAMPLES = 8
+LEAST_LEFT = 4  # windows that a segment keeps, for its first seconds to be left out
 
 
 def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice]:
@@ -19,11 +20,15 @@ def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice
 
     The sample at which an input has moved is left out: the log may have been written while it moved.  Stretches with
     fewer than `LEAST_SAMPLES` samples are dropped.  A vehicle that is `afloat` near the surface is judged below that
-    depth only, in equal parts of each stretch there.
+    depth only, in equal parts of each stretch there.  The others begin a vehicle's settling time after their segment
+    where at least `LEAST_LEFT` are left then: where the actuators stood before, no log says, and a wrong guess would
+    pass for a lag.
     """
     family = plant.family
     if not family.stepped:
-        return record.windows(seconds) if family.afloat is None else _submerged(record, family.afloat, seconds)
+        if family.afloat is not None:
+            return _submerged(record, family.afloat, seconds)
+        return _settled(record, record.windows(seconds), plant.settle)
     inputs = np.stack([record[name] for name in family.stepped], axis=1)
     found = []
     for segment in record.segments:
@@ -52,6 +57,17 @@ def held_out(plant: Plant, record: Record, windows: Sequence[slice]) -> tuple[li
         [w for w, segment in zip(windows, segments, strict=True) if segment in fitted],
         [w for w, segment in zip(windows, segments, strict=True) if segment not in fitted],
     )
+
+
+def _settled(record: Record, windows: Sequence[slice], settle: float) -> list[slice]:
+    """The windows without the first `settle` seconds of their segment, or without those of which too little is left."""
+    time, found = record.time, []
+    for segment in record.segments:
+        here = [w for w in windows if segment.start <= w.start < segment.stop]
+        settled = segment.start + int(np.searchsorted(time[segment], time[segment.start] + settle))
+        late = [slice(max(w.start, settled), w.stop) for w in here if 2 * (w.stop - settled) >= w.stop - w.start]
+        found += late if len(late) >= LEAST_LEFT else here
+    return found
 
 
 def _submerged(record: Record, depth: float, seconds: float) -> list[slice]:

@@ -62,19 +62,19 @@ class Workbench:
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
         """The state of least cost in the training windows over the paths, started from the plant's values."""
         train = self.train.solve(plant, paths, near.train.starts if near else None)
-        return self._held(train, paths, near.held.starts if near else None)
+        fitted = self.train.plant_at(train, paths)
+        return self._state(fitted, paths, train, self.held.solve(fitted, (), near.held.starts if near else None))
 
     def fit_anew(self, plant: Plant, paths: Sequence[str], near: State) -> State:
         """As `fit`, also from what the record says of the starts: those of poorer models may lie in another valley."""
         anew = self.train.solve(plant, paths)
         going_on = self.train.solve(plant, paths, near.train.starts)
-        return self._held(min(anew, going_on, key=lambda point: point.cost), paths, near.held.starts)
-
-    def _held(self, train: Point, paths: Sequence[str], starts: np.ndarray | None) -> State:
+        train = min(anew, going_on, key=lambda point: point.cost)
         fitted = self.train.plant_at(train, paths)
-        held = self.held.solve(fitted, ())
-        if starts is not None:
-            held = min(held, self.held.solve(fitted, (), starts), key=lambda point: point.cost)
+        held = [self.held.solve(fitted, (), starts) for starts in (None, near.held.starts)]
+        return self._state(fitted, paths, train, min(held, key=lambda point: point.cost))
+
+    def _state(self, fitted: Plant, paths: Sequence[str], train: Point, held: Point) -> State:
         return State(fitted, tuple(paths), train, held, colour(self.train, train))
 
     def without(self, state: State, paths: Sequence[str]) -> State:

@@ -37,9 +37,30 @@ def test_a_float_with_oil_runs_free_between_its_actions_and_dives_are_held_out_w
     assert len(fitted) + len(held) == len(windows)
 
 
+def straight(rows: int, segment=None) -> Record:
+    """A record of nothing, a row a second, beginning anew in each segment."""
+    time = np.arange(float(rows)) % (rows if segment is None else rows // 2)
+    zeros = np.zeros(rows)
+    return Record.from_arrays(time, {"heading_rad": zeros, "rudder_rad": zeros}, segment=segment)
+
+
 def test_other_vehicles_have_consecutive_windows():
-    record = Record.from_arrays(np.arange(100.0), {"heading_rad": np.zeros(100), "rudder_rad": np.zeros(100)})
+    record = straight(100)
     assert free_run_windows(load_vehicle("slocum"), record, 30.0) == record.windows(30.0)
+
+
+def test_the_first_seconds_of_a_segment_are_left_out_where_enough_windows_stay():
+    plant, record = load_vehicle("slocum"), straight(200)  # the vehicle settles in 20 s
+    assert free_run_windows(plant, record, 40.0) == [slice(20, 40), *record.windows(40.0)[1:]]
+    assert free_run_windows(plant, record, 30.0) == record.windows(30.0)[1:]  # a third of the first would be left
+    assert free_run_windows(plant, record, 10.0) == record.windows(10.0)[2:]
+    assert free_run_windows(plant, record, 55.0) == record.windows(55.0)
+
+
+def test_each_segment_has_a_beginning_of_its_own():
+    plant, record = load_vehicle("slocum"), straight(400, segment=np.repeat([0, 1], 200))
+    every = record.windows(30.0)
+    assert free_run_windows(plant, record, 30.0) == every[1:6] + every[7:]
 
 
 def steps(oil, interval=100.0, segment=None) -> Record:
