@@ -61,6 +61,21 @@ class Networks(_Table):
     n_critics: Count | None = None
 
 
+class Imitation(_Table):
+    """A start from a controller: how many episodes it drives, and passes over what it did there.
+
+    noise: of an episode's offsets to its actions, the largest standard deviation.  hold: steps that one lasts.
+    value_steps: of the training, in which values alone are learnt; with poor ones, what was followed is soon forgotten.
+    """
+
+    controller: Literal["pid", "s_plane", "gpc"]
+    episodes: Count = 64
+    passes: Count = 20
+    noise: float = Field(0.3, ge=0.0)
+    hold: Count = 10
+    value_steps: int = Field(0, ge=0)
+
+
 class Hyperparameters(_Table):
     """What all algorithms have; names are those of stable-baselines3 and RL Zoo.
 
@@ -107,6 +122,12 @@ class Ppo(Hyperparameters):
     target_kl: float | None = Field(None, gt=0.0)
     use_sde: bool = False
     sde_sample_freq: int = Field(-1, ge=-1)
+    imitate: Imitation | None = None
+
+    @property
+    def agent_settings(self) -> dict[str, Any]:
+        """As of all; what it begins from is not the algorithm's."""
+        return {k: v for k, v in super().agent_settings.items() if k != "imitate"}
 
 
 class _OffPolicy(Hyperparameters):
@@ -144,6 +165,7 @@ class Td3(_OffPolicy):
         return {k: v for k, v in super().agent_settings.items() if k not in ("noise_type", "noise_std")}
 
 
+_INNER: dict[str, type[_Table]] = {"policy_kwargs": Networks, "normalize": Normalize, "imitate": Imitation}
 _TABLES: dict[str, type[Hyperparameters]] = {"ppo": Ppo, "sac": Sac, "td3": Td3}
 
 
@@ -213,7 +235,7 @@ def _words(error: Any, table: type[Hyperparameters]) -> str:
     path = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
         name = str(error["loc"][-1])
-        known = Networks if "policy_kwargs" in error["loc"] else Normalize if "normalize" in error["loc"] else table
+        known = next((of for key, of in _INNER.items() if key in error["loc"]), table)
         return f"unknown key {path}. {did_you_mean(name, known.model_fields)}Keys: {', '.join(known.model_fields)}"
     if error["type"] == "missing":
         return f"{path} is needed"

@@ -19,6 +19,7 @@ from auv_gym.rl.checkpoint import LATEST, Checkpoint
 from auv_gym.rl.curve import CURVE, draw_curve, write_curve
 from auv_gym.rl.evaluation import SELECTION, Summary, evaluate, fresh_seeds
 from auv_gym.rl.extra import needs
+from auv_gym.rl.hyperparameters import Imitation, Ppo
 from auv_gym.rl.policy import Policy, read_settings
 from auv_gym.rl.settings import SETTINGS, Training, described, make_env
 from auv_gym.writing import replacing
@@ -53,6 +54,11 @@ def train(
         import stable_baselines3  # noqa: F401
     if tensorboard:
         _require_tensorboard()
+    imitation = _imitation(training)
+    if imitation is not None:
+        from auv_gym.rl.imitation import teacher_of
+
+        teacher_of(training, imitation)  # for its errors, before anything is written
     folder = _made(out)
     settings = _begun(training, folder)
     if not settings["complete"]:
@@ -87,6 +93,14 @@ def _learn(training: Training, folder: Path, settings: dict[str, Any], progress:
         write_curve(checkpoint.curve, folder / CURVE)
 
     watch.judge = judge
+    imitation = _imitation(training)
+    if imitation is not None:
+        from auv_gym.rl.imitation import hold_actions, imitate
+
+        if not checkpoint.steps:
+            words = f"{imitation.controller} drives"
+            imitate(agent, training, imitation, lambda share: progress(0.0, f"{words}, {share:.0%} shown"))
+        watch.begun = lambda: hold_actions(agent, agent.num_timesteps < imitation.value_steps)
     if agent.num_timesteps < steps:
         agent.learn(steps - agent.num_timesteps, callback=watch.callback(), reset_num_timesteps=not checkpoint.steps)
         watch.tick(force=True)
@@ -112,6 +126,10 @@ def _learn(training: Training, folder: Path, settings: dict[str, Any], progress:
     progress(1.0, "done")
 
 
+def _imitation(training: Training) -> Imitation | None:
+    return training.chosen.imitate if isinstance(training.chosen, Ppo) else None
+
+
 class _Watch:
     """What is done while an algorithm learns: time is kept, the bar moves, and `judge` is called when it is due."""
 
@@ -121,6 +139,7 @@ class _Watch:
         self.agent, self.steps, self.checkpoint, self.clock, self.progress = agent, steps, checkpoint, clock, progress
         self.every = max(steps / evaluations, 1.0)
         self.judge: Callable[[], None] = lambda: None
+        self.begun: Callable[[], None] = lambda: None
         self._shown = self._since = perf_counter()
 
     def row(self, summary: Summary) -> dict[str, float]:
@@ -163,6 +182,7 @@ class _Watch:
 
         class Callback(BaseCallback):
             def _on_rollout_start(self) -> None:  # the policy of all steps so far, and nothing under way
+                watch.begun()
                 if watch.due():
                     watch.judge()
                     watch.tick(force=True)

@@ -1,0 +1,152 @@
+"""A start from what a controller does: its actions and returns are fitted before the agent learns by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+import numpy as np
+import torch
+
+from auv_gym.rl.evaluation import TRAINING, Agent, fresh_seeds
+from auv_gym.rl.hyperparameters import Imitation
+from auv_gym.rl.settings import Training, make_env
+
+_BATCH = 512
+_RATE = 1e-3
+_SETTLED = 1e12  # observations, beside which those of a training do not count
+_HORIZONS = 2.0  # of the discount, before an episode's end: returns there lack too much of what was to come
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations:
+    """Observations (N, n), the controller's actions (N, m), rewards (N,), and the steps of each episode.
+
+    Rows of an episode follow one another.  terminated: whether it was cut, so that nothing was to come.
+    """
+
+    observations: np.ndarray
+    actions: np.ndarray
+    rewards: np.ndarray
+    lengths: tuple[int, ...]
+    terminated: tuple[bool, ...]
+
+
+def teacher_of(training: Training, imitation: Imitation) -> tuple[Any, Agent]:
+    """The environment of a training and the controller in it; raises where there is no such controller."""
+    from controllers.piloting import pilot_for
+
+    env = make_env(training.env, training.on, **{**training.chosen.env_kwargs, **training.options})
+    return env, pilot_for(env, imitation.controller)
+
+
+def imitate(agent: Any, training: Training, imitation: Imitation, progress: Callable[[float], Any]) -> None:
+    """Fit the actions and values of an agent of PPO that has not learnt yet.
+
+    progress: called with the share that is done.
+    """
+    env, pilot = teacher_of(training, imitation)
+    rng = np.random.default_rng([training.seed, TRAINING])
+    shown = demonstrate(pilot, env, imitation, fresh_seeds(training.seed, imitation.episodes, TRAINING), rng, progress)
+    _normalise(agent, shown)
+    follow(agent, shown, imitation.passes, rng)
+
+
+def hold_actions(agent: Any, held: bool) -> None:
+    """Let an agent of PPO learn values alone, or both again."""
+    policy = agent.policy
+    acting = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters(), policy.log_std]
+    for parameter in acting:
+        parameter.requires_grad_(not held)
+        if held:
+            parameter.grad = None  # else the last one would be followed further
+
+
+def demonstrate(
+    pilot: Agent, env: Any, imitation: Imitation, seeds: list[int], rng: np.random.Generator, progress: Callable
+) -> Demonstrations:
+    """What the pilot does in episodes with offsets added to its actions, so that it comes to where an agent may err."""
+    observations, actions, rewards, lengths, ends = [], [], [], [], []
+    for done, seed in enumerate(seeds):
+        observation, info = env.reset(seed=seed)
+        act = pilot.begin(env)
+        size, offset = rng.uniform(0.0, imitation.noise), np.zeros(env.action_space.shape)
+        steps, terminated, truncated = 0, False, False
+        while not (terminated or truncated):
+            if rng.random() * imitation.hold < 1.0:
+                offset = size * rng.standard_normal(offset.shape)
+            wanted = np.clip(act(observation, info), -1.0, 1.0)
+            observations.append(observation)
+            actions.append(wanted)
+            moved = np.clip(wanted + offset, -1.0, 1.0).astype(env.action_space.dtype)
+            observation, reward, terminated, truncated, info = env.step(moved)
+            rewards.append(float(reward))
+            steps += 1
+        lengths.append(steps)
+        ends.append(bool(terminated))
+        progress((done + 1) / len(seeds))
+    return Demonstrations(np.array(observations), np.array(actions), np.array(rewards), tuple(lengths), tuple(ends))
+
+
+def returns_to_come(shown: Demonstrations, discount: float) -> np.ndarray:
+    """The discounted sum of rewards from each row on, (N,); NaN near an end that only time has set."""
+    found, first = np.empty(len(shown.rewards)), 0
+    left_out = ceil(_HORIZONS / max(1.0 - discount, 1e-3))
+    for steps, terminated in zip(shown.lengths, shown.terminated, strict=True):
+        later = 0.0
+        for row in range(first + steps - 1, first - 1, -1):
+            later = shown.rewards[row] + discount * later
+            found[row] = later
+        if not terminated:
+            found[first + max(steps - left_out, steps // 4) : first + steps] = np.nan
+        first += steps
+    return found
+
+
+def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Generator) -> None:
+    """Fit mean actions and values to the demonstrations by least squares, in passes over them in random order."""
+    policy, normalizer = agent.policy, agent.get_vec_normalize_env()
+    observations, values = shown.observations, returns_to_come(shown, agent.gamma)
+    if normalizer is not None:
+        observations = normalizer.normalize_obs(observations)
+        if normalizer.norm_reward:
+            values = values / np.sqrt(normalizer.ret_rms.var + normalizer.epsilon)
+    rows, actions, targets = (
+        torch.as_tensor(np.asarray(a), dtype=torch.float32) for a in (observations, shown.actions, values)
+    )
+    noise = policy.log_std
+    optimizer = torch.optim.Adam([p for p in policy.parameters() if p is not noise], lr=_RATE)
+    for each in range(passes):
+        for group in optimizer.param_groups:
+            group["lr"] = _RATE * (1.0 - each / passes)
+        order = torch.as_tensor(rng.permutation(len(rows)))
+        for picked in order.split(_BATCH):
+            acting, judging = policy.mlp_extractor(rows[picked])
+            known = torch.isfinite(targets[picked])
+            loss = torch.mean((policy.action_net(acting) - actions[picked]) ** 2)
+            if known.any():
+                worth = policy.value_net(judging).squeeze(1)[known]
+                loss = loss + torch.mean((worth - targets[picked][known]) ** 2)
+            optimizer.zero_grad()
+            loss.backward()
+            optimizer.step()
+
+
+def _normalise(agent: Any, shown: Demonstrations) -> None:
+    """Let what scales observations and rewards know the demonstrations; the scaling of observations stays theirs."""
+    normalizer = agent.get_vec_normalize_env()
+    if normalizer is None:
+        return
+    if normalizer.norm_obs:
+        normalizer.obs_rms.update(shown.observations)
+        normalizer.obs_rms.count = _SETTLED  # another scaling would be another policy
+    if normalizer.norm_reward:
+        running, first = np.empty(len(shown.rewards)), 0
+        for steps in shown.lengths:
+            total = 0.0
+            for row in range(first, first + steps):
+                total = running[row] = agent.gamma * total + shown.rewards[row]
+            first += steps
+        normalizer.ret_rms.update(running)
