@@ -109,6 +109,20 @@ def test_a_current_needs_a_track_to_be_seen():
     assert low < 0.05 < high
 
 
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_a_refit_that_held_out_windows_refute_is_no_cause(seed):
+    plant, time = load_vehicle("slocum"), 4.0 * np.arange(360)
+    held_out = (time // 120.0) % 2 == 1  # where the rudder moves; the windows that are fitted tell little
+    rudder = np.where(held_out, 0.4, 0.02) * np.where(time % 80.0 < 40.0, 1.0, -1.0)
+    quiet = Record.from_arrays(time, {"rudder_rad": rudder, "u_mps": np.full(360, 0.35), "heading_rad": np.zeros(360)})
+    noise = 0.02 * DEGREE * np.random.default_rng(seed).standard_normal(360)
+    record = quiet.with_channels({"heading_rad": simulate(plant, quiet)["heading_rad"] + noise})
+    result = diagnose(record, plant)
+    assert result.verdict == "none"
+    assert result.after.plant.vector.tolist() == plant.vector.tolist()
+    assert result.coefficients == ()
+
+
 def test_a_clean_log_says_what_it_could_have_shown():
     result = diagnose(log_of(seed=3), load_vehicle("slocum"))
     assert result.verdict == "none"
