@@ -111,9 +111,10 @@ def _doubt(found: list[tuple[float, float, Slip, bool]]) -> Doubt:
 def _foreign(plant: Plant, *matches: Match) -> Doubt:
     names = [n for n in matches[0].errors if all(m.errors.get(n, 0.0) > BAD for m in matches)]
     signals = ", ".join(channel(n).label for n in names) or "its signals"
+    does = "moves" if len(names) == 1 else "move"
     text = (
-        f"this does not look like a log of {plant.name}: {signals} move otherwise, whatever its coefficients within a "
-        f"factor of {FACTOR:g}, and no single slip of sign, unit, column or clock mends it"
+        f"this does not look like a log of {plant.name}: {signals} {does} otherwise, whatever its coefficients within "
+        f"a factor of {FACTOR:g}, and no single slip of sign, unit, column or clock mends it"
     )
     mend = "check that log and vehicle belong together; if they do, check signs, units and columns of all channels"
     return Doubt(text, tuple(names), 1.0, mend)
