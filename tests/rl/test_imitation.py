@@ -15,7 +15,8 @@ SMALL = {
     "n_timesteps": 128, "n_envs": 2, "n_steps": 32, "batch_size": 64, "n_epochs": 1, "normalize": True,
     "policy_kwargs": {"net_arch": [32, 32]},
 }  # fmt: skip
-FOLLOW = {"controller": "pid", "episodes": 6, "passes": 100, "value_steps": 128}
+FOLLOW = {"controller": "pid", "episodes": 4, "passes": 100, "value_steps": 128}
+BRIEF = FOLLOW | {"episodes": 1, "passes": 2}
 
 
 def test_a_policy_that_followed_a_controller_is_nearly_as_good(tmp_path):
@@ -32,9 +33,8 @@ def test_a_policy_that_followed_a_controller_is_nearly_as_good(tmp_path):
 
 
 def test_values_are_learnt_before_actions(tmp_path):
-    brief = FOLLOW | {"episodes": 1, "passes": 2}
     held, moved = (
-        train(Training("GliderHeading-v0", hyperparameters=SMALL | {"imitate": brief | {"value_steps": steps}},
+        train(Training("GliderHeading-v0", hyperparameters=SMALL | {"imitate": BRIEF | {"value_steps": steps}},
                        evaluations=2, episodes=2), tmp_path / str(steps))
         for steps in (128, 64)
     )  # fmt: skip
@@ -45,7 +45,7 @@ def test_values_are_learnt_before_actions(tmp_path):
 
 
 def test_what_was_stopped_goes_on_without_being_shown_again(tmp_path, monkeypatch):
-    training = Training("GliderHeading-v0", hyperparameters=SMALL | {"imitate": FOLLOW}, evaluations=2, episodes=2)
+    training = Training("GliderHeading-v0", hyperparameters=SMALL | {"imitate": BRIEF}, evaluations=2, episodes=2)
 
     monkeypatch.setattr("auv_gym.rl.training._SHOWN_EVERY", 0.0)
 
