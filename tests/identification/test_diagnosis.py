@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from identification.diagnosis.candidates import candidates_of
 from identification.diagnosis.trials import threshold
 from identification.excitation import prbs
 from identification.experiment import closed_loop
+from scripts import readme_figure
 from scripts.blind_logs import CLEAN, effects_of, one, study
 
 DEGREE = np.pi / 180.0
@@ -71,6 +74,24 @@ def test_a_real_glider_log_lacks_a_turning_moment(ammonite):
     assert 12.0 < before < 18.0
     assert after <= 7.0
     assert ammonite.explained > 0.75
+
+
+def test_the_readme_says_what_its_program_prints(ammonite, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+
+    def diagnosed(record, plant, **settings):  # once is enough: half a minute
+        assert record.dataset.equals(ammonite.record.dataset)
+        assert (plant, settings) == (load_vehicle("slocum"), {"source": ammonite.source})
+        return ammonite
+
+    monkeypatch.setattr("scripts.readme_figure.diagnose", diagnosed)
+    assert readme_figure.main(["--out", str(tmp_path)]) == 0
+    before, after = re.findall(r"([\d.]+) deg before, ([\d.]+) deg after", capsys.readouterr().out)[0]
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    assert f"miss by {float(before):.1f} deg" in readme
+    assert f"miss by {float(after):.1f} deg" in readme
+    assert (tmp_path / "ammonite.png").stat().st_size > 10_000
+    assert [p.name for p in tmp_path.iterdir()] == ["ammonite.png"]
 
 
 def test_held_out_windows_took_no_part_in_the_fit(ammonite):
