@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from scipy.signal import lfilter
 
 from auv_gym.rl.evaluation import TRAINING, Agent, fresh_seeds
 from auv_gym.rl.hyperparameters import Imitation
@@ -32,6 +33,10 @@ class Demonstrations:
     rewards: np.ndarray
     lengths: tuple[int, ...]
     terminated: tuple[bool, ...]
+
+    def episodes(self, rows: np.ndarray) -> list[np.ndarray]:
+        """The rows of each episode."""
+        return np.split(rows, np.cumsum(self.lengths)[:-1])
 
 
 def teacher_of(training: Training, imitation: Imitation) -> tuple[Any, Agent]:
@@ -92,17 +97,12 @@ def demonstrate(
 
 def returns_to_come(shown: Demonstrations, discount: float) -> np.ndarray:
     """The discounted sum of rewards from each row on, (N,); NaN near an end that only time has set."""
-    found, first = np.empty(len(shown.rewards)), 0
+    found = [_discounted(part[::-1], discount)[::-1] for part in shown.episodes(shown.rewards)]
     left_out = ceil(_HORIZONS / max(1.0 - discount, 1e-3))
-    for steps, terminated in zip(shown.lengths, shown.terminated, strict=True):
-        later = 0.0
-        for row in range(first + steps - 1, first - 1, -1):
-            later = shown.rewards[row] + discount * later
-            found[row] = later
+    for part, terminated in zip(found, shown.terminated, strict=True):
         if not terminated:
-            found[first + max(steps - left_out, steps // 4) : first + steps] = np.nan
-        first += steps
-    return found
+            part[max(len(part) - left_out, len(part) // 4) :] = np.nan
+    return np.concatenate(found)
 
 
 def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Generator) -> None:
@@ -143,10 +143,10 @@ def _normalise(agent: Any, shown: Demonstrations) -> None:
         normalizer.obs_rms.update(shown.observations)
         normalizer.obs_rms.count = _SETTLED  # another scaling would be another policy
     if normalizer.norm_reward:
-        running, first = np.empty(len(shown.rewards)), 0
-        for steps in shown.lengths:
-            total = 0.0
-            for row in range(first, first + steps):
-                total = running[row] = agent.gamma * total + shown.rewards[row]
-            first += steps
-        normalizer.ret_rms.update(running)
+        running = [_discounted(part, agent.gamma) for part in shown.episodes(shown.rewards)]
+        normalizer.ret_rms.update(np.concatenate(running))
+
+
+def _discounted(rewards: np.ndarray, discount: float) -> np.ndarray:
+    """The sum of each reward and those before it, each step back discounted once more."""
+    return np.asarray(lfilter([1.0], [1.0, -discount], rewards))
