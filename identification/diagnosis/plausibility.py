@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -31,6 +31,7 @@ FACTOR = 3.0  # by which a coefficient may differ from its given value
 ROWS, PIECES, SHORTLIST = 80, 4, 3
 DIVES = 4  # of a log, where each is taken whole
 FASTEST, STEEPEST = 15.0, 0.5 * np.pi + 0.1  # m/s, rad; beyond, a channel is not what it says
+MOSTLY = 4.0  # variance of a signal over its noise's up to which it is mostly noise
 _WILD = 9.0  # error of a run that has left the finite numbers
 
 
@@ -56,17 +57,39 @@ class Doubt:
 class Match:
     """How far free runs of a plant are from a record: by channel, squared error over the signal's variance.
 
-    noise: by channel, squared error over the variance of what is white in it, as far as that was worked out.
+    still: the same for signals that are mostly noise, over the least variance that is not; see `telling`.
+    noise: squared error over the variance of what is white in it, as far as that was worked out.
     """
 
     plant: Plant
-    errors: dict[str, float]
+    errors: dict[str, float] = field(default_factory=dict)
+    still: dict[str, float] = field(default_factory=dict)
     noise: dict[str, float] = field(default_factory=dict)
 
     @property
     def total(self) -> float:
         """The mean over the channels of e/(1 + e), so that one wild channel counts as one."""
         return float(np.mean([e / (1.0 + e) for e in self.errors.values()])) if self.errors else 0.0
+
+    @property
+    def stray(self) -> tuple[str, ...]:
+        """The signals that hardly move and yet are far from the runs."""
+        return tuple(name for name, error in self.still.items() if error > BAD)
+
+    def telling(self, names: Iterable[str]) -> Match:
+        """The match in which these signals count even where they hardly move."""
+        return replace(self, errors=self.errors | {n: self.still[n] for n in names if n in self.still})
+
+    def add(self, name: str, values: np.ndarray, error: float, window: np.ndarray) -> None:
+        """Puts a channel's squared error in, less the noise's variance, for a signal in windows numbered by row."""
+        keep = np.isfinite(values)
+        counts = np.bincount(window[keep], minlength=window[-1] + 1)
+        means = np.bincount(window[keep], values[keep], minlength=window[-1] + 1) / np.maximum(counts, 1)
+        variance, noise = float(np.mean((values - means[window])[keep] ** 2)), noise_floor(values, window) ** 2
+        if variance > 0.0:
+            moves = variance > MOSTLY * noise
+            excess = max(error - noise, 0.0) / (max(variance, MOSTLY * noise) - noise)
+            (self.errors if moves else self.still)[name] = excess if np.isfinite(excess) else _WILD
 
 
 def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: float = 0.0) -> tuple[Doubt, ...]:
@@ -83,12 +106,13 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
     fitted, judged = (record.select(mask) for mask in masks)
     paths = _free(plant)
     declared = _match(fitted, plant, paths)
-    if all(e <= POOR for e in declared.errors.values()):
+    stray = declared.stray
+    if not stray and all(e <= POOR for e in declared.errors.values()):
         return ()
     before = _match(judged, declared.plant)
-    suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, declared)]
+    suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, declared.telling(stray))]
     found = []
-    for slip, changed in _ranked(suspects, record, masks[0], plant):
+    for slip, changed in _ranked(suspects, record, masks[0], plant, stray):
         here = _match(changed.select(masks[0]), plant, paths)
         there = _match(changed.select(masks[1]), here.plant)
         gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
@@ -160,16 +184,16 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
             np.errstate(all="ignore"),
         ):  # a run on the brink of diverging has slopes that are no numbers
             found, point = _fitted(problem, plant, paths, iterations)
-    errors, noise, known = {}, {}, np.isfinite(point.cost)
+    match, known = Match(found), np.isfinite(point.cost)
     for c, name in enumerate(problem.channels):
         if problem.counts[c] == 0:
             continue
         error = float(np.nanmean(point.residual[:, c] ** 2)) if known else np.inf
-        _add(errors, name, problem.measured[:, c], error, problem.window_of_row)
-        noise[name] = error / noise_floor(point.residual[:, c], problem.window_of_row) ** 2
+        match.add(name, problem.measured[:, c], error, problem.window_of_row)
+        match.noise[name] = error / noise_floor(point.residual[:, c], problem.window_of_row) ** 2
     if "depth_m" not in plant.outputs:
-        errors |= _sinking(record, problem.window_of_row)
-    return Match(found, errors, noise)
+        _sink(match, record, problem.window_of_row)
+    return match
 
 
 def _fitted(problem: Shooting, plant: Plant, paths: Sequence[str], iterations: int):
@@ -188,21 +212,10 @@ def _fitted(problem: Shooting, plant: Plant, paths: Sequence[str], iterations: i
     return found, point
 
 
-def _add(errors: dict[str, float], name: str, values: np.ndarray, error: float, window: np.ndarray) -> None:
-    """Puts a channel's error in, unless the signal is mostly noise."""
-    keep = np.isfinite(values)
-    counts = np.bincount(window[keep], minlength=window[-1] + 1)
-    means = np.bincount(window[keep], values[keep], minlength=window[-1] + 1) / np.maximum(counts, 1)
-    variance, noise = float(np.mean((values - means[window])[keep] ** 2)), noise_floor(values, window) ** 2
-    if variance > 4.0 * noise and variance > 0.0:
-        excess = max(error - noise, 0.0) / (variance - noise)
-        errors[name] = excess if np.isfinite(excess) else _WILD
-
-
-def _sinking(record: Record, window: np.ndarray) -> dict[str, float]:
-    """The error of depth by speed and pitch, for a plant that does not say it."""
+def _sink(match: Match, record: Record, window: np.ndarray) -> None:
+    """Puts the error of depth by speed and pitch in, for a plant that does not say it."""
     if not all(record.has(name) for name in ("depth_m", "pitch_rad", "u_mps")):
-        return {}
+        return
     rate = -record["u_mps"] * np.sin(record["pitch_rad"])
     if record.has("w_mps"):
         rate = rate + record["w_mps"] * np.cos(record["pitch_rad"])
@@ -211,9 +224,7 @@ def _sinking(record: Record, window: np.ndarray) -> dict[str, float]:
         steps = 0.5 * (rate[part][1:] + rate[part][:-1]) * np.diff(record.time[part])
         rest = record["depth_m"][part] - np.r_[0.0, np.cumsum(steps)]
         total += float(np.sum((rest - rest.mean()) ** 2))
-    errors: dict[str, float] = {}
-    _add(errors, "depth_m", record["depth_m"], total / len(record), window)
-    return errors
+    match.add("depth_m", record["depth_m"], total / len(record), window)
 
 
 def _possible(record: Record) -> bool:
@@ -235,23 +246,26 @@ def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
     return all(poor) if slip.exchanged else any(poor)
 
 
-def _ranked(suspects: Sequence[Slip], record: Record, mask: np.ndarray, plant: Plant) -> list[tuple[Slip, Record]]:
+def _ranked(
+    suspects: Sequence[Slip], record: Record, mask: np.ndarray, plant: Plant, stray: Sequence[str]
+) -> list[tuple[Slip, Record]]:
     """The most promising slips and the record without them, by runs with the coefficients as given.
 
-    These start from what is measured, and from fitted states where there are some that nobody knows.
+    These start from what is measured, and from fitted states where there are some that nobody knows.  stray: signals
+    that count even where they hardly move.
     """
     scores = []
     for number, slip in enumerate(suspects):
         changed = undone(record, slip, plant)
         part = changed.select(mask)
         if _possible(part):
-            here = _match(part, plant, iterations=3) if plant.family.shared else _glance(part, plant)
-            scores.append((here.total, number, slip, changed))
+            here = _match(part, plant, iterations=3) if plant.family.shared else _glance(part, plant, stray)
+            scores.append((here.telling(stray).total, number, slip, changed))
     return [(slip, changed) for *_, slip, changed in sorted(scores, key=lambda item: item[:2])[:SHORTLIST]]
 
 
-def _glance(record: Record, plant: Plant) -> Match:
-    """A match without any fit: the runs start from what is measured, and their mean error does not count."""
+def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
+    """A match without any fit: the runs start from what is measured; a mean error counts for stray signals only."""
     measured, names = outputs_of(plant, record), plant.family.states
     starts = np.zeros((1, len(record.segments), len(names)))
     for w, part in enumerate(record.segments):
@@ -261,21 +275,27 @@ def _glance(record: Record, plant: Plant) -> Match:
                 head = slice(part.start, part.start + 4)
                 starts[0, w, names.index(rate)] = np.polyfit(record.time[head], record[signal][head], 1)[0]
     residual = measured - plant.run_many(Runs.over(plant, record, record.segments), plant.vector[None], starts)[0]
-    window, errors = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments]), {}
+    window = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
+    match = Match(plant)
     for c, name in enumerate(plant.outputs):
         if record.has(name) and np.isfinite(measured[:, c]).any():
             parts = [residual[s, c] for s in record.segments]
-            error = float(np.mean([np.nanvar(e) for e in parts]))
-            _add(errors, name, measured[:, c], error, window)
-    return Match(plant, errors if "depth_m" in plant.outputs else errors | _sinking(record, window))
+            still = name in stray
+            error = float(np.mean([np.nanmean(e**2) if still else np.nanvar(e) for e in parts]))
+            match.add(name, measured[:, c], error, window)
+    if "depth_m" not in plant.outputs:
+        _sink(match, record, window)
+    return match
 
 
 def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
     """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad.
 
-    Infinite where a sensor's signals hardly move, so that nothing can be said; zero where the slip would only put a
-    signal that hardly moves in the place of one that does.
+    Its own count where they move, or are stray, before or after.  Infinite where none does, so that nothing can be
+    said; zero where the slip would leave a signal without any change.
     """
+    told = {*before.errors, *after.errors, *before.stray, *after.stray}.intersection(slip.channels)
+    before, after = before.telling(told), after.telling(told)
     lost = {name for name, error in before.errors.items() if error != _WILD} - after.errors.keys()
     if lost:
         return 0.0
