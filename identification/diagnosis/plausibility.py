@@ -23,7 +23,8 @@ from identification.windows import held_out
 GAIN = 4.0  # factor in squared error by which a slip must beat the record as declared
 LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
 POOR = 0.1  # error from which a run is poor: squared, over the signal's variance in a window
-BAD = 0.5  # error from which a sensor may have slipped by itself
+ALONE = 0.2  # error from which a sensor may have slipped by itself: less than knots make, (1 - 0.514)^2
+BAD = 0.5  # error from which a signal is no longer what the vehicle does, and of one that hardly moves
 FOREIGN = 0.55  # mean error from which a log is of another vehicle
 CLEAN = 2.0  # squared error over the noise's variance up to which an undone slip leaves nothing else to explain
 FLOOR = 0.01  # mean error below which there is nothing to gain
@@ -291,16 +292,19 @@ def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
 def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
     """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad.
 
-    Its own count where they move, or are stray, before or after.  Infinite where none does, so that nothing can be
-    said; zero where the slip would leave a signal without any change.
+    Signals count that move, or are stray, before or after.  Infinite where none of a sensor's does, so that nothing can
+    be said; zero where the slip would leave a signal without any change.
     """
-    told = {*before.errors, *after.errors, *before.stray, *after.stray}.intersection(slip.channels)
+    everywhere = slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs)
+    told = {*before.errors, *after.errors, *before.stray, *after.stray}
+    if not everywhere:
+        told &= set(slip.channels)
     before, after = before.telling(told), after.telling(told)
     lost = {name for name, error in before.errors.items() if error != _WILD} - after.errors.keys()
     if lost:
         return 0.0
     whole = before.total / max(after.total, FLOOR)
-    if slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs):
+    if everywhere:
         return whole
     own = [n for n in slip.channels if n in before.errors and n in after.errors]
     if after.total > before.total + FLOOR:
@@ -308,4 +312,4 @@ def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
     if not own:
         return np.inf
     worst, left = (max(match.errors[n] for n in own) for match in (before, after))
-    return whole if worst < BAD or left > BAD else max(whole, worst / max(left, FLOOR))
+    return whole if worst < ALONE or left > BAD else max(whole, worst / max(left, FLOOR))

@@ -9,7 +9,7 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from identification.diagnosis import diagnose
-from identification.diagnosis.plausibility import FACTOR, GAIN, doubts_of
+from identification.diagnosis.plausibility import BAD, FACTOR, GAIN, Match, doubts_of
 from identification.diagnosis.slips import Slip, slips_of, undone
 from identification.missions import fly
 from identification.windows import free_run_windows
@@ -98,7 +98,9 @@ def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
         "u_mps and v_mps look exchanged",
         "heading_rad looks like degrees",
         "q_radps looks mirrored",
+        "u_dvl_mps looks mirrored",
         "depth_m looks ten times too large",
+        "depth_m looks like feet",
         "time runs at half the rate",
         "time runs at twice the rate",
     ],
@@ -108,6 +110,20 @@ def test_a_slip_in_six_degrees_of_freedom_is_named(logs, text):
     slip = slip_called(record, plant, text)
     (doubt,) = doubts(made(record, slip, plant), plant)
     assert slip.text in (doubt.text, *doubt.instead)
+
+
+def test_a_signal_that_is_mostly_noise_counts_where_it_is_asked_for():
+    plant, rng, window = load_vehicle("vt690"), np.random.default_rng(0), np.repeat([0, 1], 400)
+    noise, slope = rng.normal(0.0, 0.01, 800), np.linspace(0.0, 1.0, 800)
+    match = Match(plant)
+    match.add("u_dvl_mps", 1.5 + noise, 3.0**2, window)  # the run has the opposite sign
+    match.add("v_dvl_mps", noise, 0.01**2, window)
+    match.add("w_dvl_mps", slope + noise, 0.01**2, window)
+    assert match.errors == {"w_dvl_mps": pytest.approx(0.0, abs=1e-3)}
+    assert match.stray == ("u_dvl_mps",)
+    assert match.still["v_dvl_mps"] < BAD
+    assert match.telling(match.stray).errors.keys() == {"u_dvl_mps", "w_dvl_mps"}
+    assert match.telling(match.stray).total > 0.49 > match.total
 
 
 @pytest.mark.parametrize(
