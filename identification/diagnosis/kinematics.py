@@ -16,7 +16,8 @@ from identification.diagnosis.kinematic_equations import Equation, equations_of
 BLOCK = 20.0  # s, over which signals are integrated; each block has a constant of its own
 LEAST = 12  # samples of a block
 FEWEST = 4  # blocks that an interval takes
-SUPPORTED = 16.0  # evidence from which kinematics speaks of an effect: 4 standard errors
+SURE = 4.0  # standard errors, of a scatter over many blocks, from which kinematics speaks of an effect
+SUPPORTED = SURE**2  # the same as evidence
 NEARLY = 0.8  # share of the most evidence that makes another effect a rival
 TIED = 9.0  # difference in evidence below which two effects are not told apart
 CLEARED = 3.0  # probes within which the interval of a sensor that is cleared lies
@@ -85,7 +86,7 @@ def consistency(record: Record, plant: Plant) -> tuple[Mismatch, ...]:
 def kinematics_of(record: Record, plant: Plant) -> Kinematics:
     """What kinematics supports and what it clears, of the sensor effects and currents that the plant knows.
 
-    Effects are taken up one by one, the one with the most evidence first, while that is at least `SUPPORTED`.
+    Effects are taken up one by one, the one with the most evidence first, while that is at least `SUPPORTED`, and sure.
     Intervals come from the scatter of the blocks, so that they allow for noise of any colour within a block.
     """
     system = _system(record, plant)
@@ -99,7 +100,7 @@ def kinematics_of(record: Record, plant: Plant) -> Kinematics:
         rest = [k for k in rest if _sensible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
         evidence = {k: _evidence(system, chosen, k) for k in rest}
         top = max(evidence.values(), default=0.0)
-        if top < SUPPORTED:
+        if top < SUPPORTED or not _sure(system, [*chosen, max(rest, key=lambda k: evidence[k])]):
             break
         # among those that do nearly as much the likelihood decides: it sees the equations that weigh little
         loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * top}
@@ -236,13 +237,29 @@ def _estimate(system: _System, chosen: Sequence[int], k: int) -> tuple[float, fl
     place = list(chosen).index(k)
     robust = (bread @ (scores.T @ scores) @ bread)[place, place] * count / max(count - 1, 1)
     plain = bread[place, place] * float(np.mean(rest**2))
-    half = float(stats.t.ppf(0.975, max(count - 1, 1))) * np.sqrt(max(robust, plain))
+    half = float(stats.t.ppf(0.975, _freedom(system))) * np.sqrt(max(robust, plain))
     return float(value[place] / size[place]), float(half / size[place])
 
 
 def _evidence(system: _System, chosen: Sequence[int], k: int) -> float:
     """Twice the gain in log-likelihood by one more effect, no more than its scatter over the blocks bears out."""
     gain = _loss(system, chosen) - _loss(system, [*chosen, k])
-    value, half = _estimate(system, [*chosen, k], k)
-    error = half / stats.t.ppf(0.975, max(int(system.block.max()), 1))
-    return float(min(gain, (value / error) ** 2 if error > 0.0 else 0.0))
+    return float(min(gain, _errors(system, [*chosen, k]) ** 2))
+
+
+def _sure(system: _System, chosen: Sequence[int]) -> bool:
+    """Whether the last of these effects is as surely not chance as `SURE` says, for a scatter over these few blocks."""
+    bar = stats.t.isf(stats.norm.sf(SURE), _freedom(system))
+    return bool(_errors(system, chosen) > bar)
+
+
+def _errors(system: _System, chosen: Sequence[int]) -> float:
+    """How many of its standard errors over the blocks the last of these effects is from neutral."""
+    value, half = _estimate(system, chosen, chosen[-1])
+    error = half / stats.t.ppf(0.975, _freedom(system))
+    return float(abs(value) / error) if error > 0.0 else 0.0
+
+
+def _freedom(system: _System) -> int:
+    """Degrees of freedom of the scatter over the blocks."""
+    return max(int(system.block.max()), 1)

@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.param import spec_at, value_at
 from identification.diagnosis.candidates import Candidate
-from identification.diagnosis.trials import MANY_WINDOWS, SMALL, Trial
+from identification.diagnosis.trials import MANY_WINDOWS, SMALL, UNREPEATED, Trial
 from identification.diagnosis.workbench import Workbench
 
 ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
@@ -105,12 +105,15 @@ def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
 def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness]) -> bool:
     """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample).
 
-    Also where their signatures differ by less than that: a fit that stopped a little early is no difference.
+    Also where their signatures differ by less than that: a fit that stopped a little early is no difference.  One that
+    fails in the held-out windows alone is no worse for it if it explains all of them together as well as the best.
     """
-    if other.state is None or other.objection not in ("", SMALL):
+    if other.state is None or other.objection not in ("", SMALL, UNREPEATED):
         return False
+    extra = _extra_cost(bench, best, other)
+    if other.objection == UNREPEATED:
+        return bool(extra.sum() <= 0.0)
     if any(way.evidence < TIE or 1.0 - way.cosine**2 < SAME for way in alike):
         return True
-    extra = _extra_cost(bench, best, other)
     error = float(np.std(extra) * np.sqrt(extra.size))
     return extra.sum() < TIE or (extra.sum() < TIE_ERRORS * error and extra.size >= MANY_WINDOWS)

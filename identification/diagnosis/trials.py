@@ -28,6 +28,7 @@ FEW_STATES = 4  # that are fitted at a window's start, up to which fits begin fr
 FIRST_ITERATIONS, ITERATIONS = 4, 15  # of the short list, and then of the finalists
 SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
 SMALL = "smaller than its probe"  # no name of its own, but it may be what a tie is with
+UNREPEATED = "does not hold in the held-out windows"
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral
 
 Progress = Callable[[float, str], None]
@@ -245,7 +246,7 @@ def _objection(bench, before: State, after: State, candidate: Candidate, train: 
     if train + held < threshold(count, len(candidate.free)):
         return "not significant"
     if held < max(HELD_LEAST, HELD_SHARE * train):
-        return "does not hold in the held-out windows"
+        return UNREPEATED
     if not holds(bench, before, after):
         return "free runs in the held-out windows did not improve in enough of them"
     if at_bound:

@@ -56,6 +56,14 @@ def test_an_undeclared_effect_is_named_or_in_the_named_tie(vehicle, effect):
     assert result["right"], result
 
 
+@pytest.mark.parametrize("seed", [9, 18])
+def test_a_compass_bias_does_not_pass_for_a_current(seed):
+    """Two held-out windows refute the bias by chance (9), or a dozen blocks show a current by chance (18)."""
+    result = one(("slocum", "effects.compass.bias", seed))[3]
+    assert result["right"], result
+    assert not result["beside"], result
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("vehicle", VEHICLES)
 def test_twenty_seeds_of_every_effect_and_of_clean_logs(vehicle):
