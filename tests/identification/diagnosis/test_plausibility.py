@@ -1,45 +1,14 @@
 """Doubts about a log: slips are named, honest logs pass."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
 from identification.diagnosis import diagnose
-from identification.diagnosis.plausibility import BAD, FACTOR, GAIN, Match, doubts_of
-from identification.diagnosis.slips import Slip, slips_of, undone
-from identification.missions import fly
-from identification.windows import free_run_windows
-
-DIVES = {"target_depths": [60.0, 20.0, 50.0, 10.0, 40.0, 5.0], "duration": 1500.0}
-
-
-def log_of(plant, seed=1):
-    settings = DIVES if plant.family.name == "float_piston" else {}
-    if plant.family.kind == "torpedo":
-        settings = {"duration": 200.0}
-    return fly(plant, np.random.default_rng(seed), **settings)
-
-
-def doubts(record, plant):
-    seconds = 25.0 if plant.family.kind == "torpedo" else plant.window
-    return doubts_of(record, plant, free_run_windows(plant, record, seconds))
-
-
-def made(record, slip, plant):
-    """The record with a slip in it, read again as if from a file."""
-    undoing = replace(
-        slip,
-        factors=tuple(1.0 / f for f in slip.factors),
-        offset=-slip.offset / slip.factors[0] if slip.factors else 0.0,
-        clock=1.0 / slip.clock,
-    )
-    wrong = undone(record, undoing, plant)
-    segments = wrong.dataset["segment"].values
-    return Record.from_arrays(wrong.time, {name: wrong[name] for name in wrong.names}, segments)
+from identification.diagnosis.plausibility import BAD, FACTOR, GAIN, Match
+from identification.diagnosis.slips import Slip, slipped, slips_of, undone
+from scripts.slip_study import doubts, log_of
 
 
 def slip_called(record, plant, text) -> Slip:
@@ -76,7 +45,7 @@ def test_clean_logs_raise_no_doubt(logs):
 def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
     plant, record = logs[vehicle]
     slip = slip_called(record, plant, text)
-    wrong = made(record, slip, plant)
+    wrong = slipped(record, slip, plant)
     (doubt,) = doubts(wrong, plant)
     assert doubt.text == slip.text
     assert doubt.gain >= GAIN
@@ -108,7 +77,7 @@ def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
 def test_a_slip_in_six_degrees_of_freedom_is_named(logs, text):
     plant, record = logs["vt690"]
     slip = slip_called(record, plant, text)
-    (doubt,) = doubts(made(record, slip, plant), plant)
+    (doubt,) = doubts(slipped(record, slip, plant), plant)
     assert slip.text in (doubt.text, *doubt.instead)
 
 
@@ -150,7 +119,7 @@ def test_effects_and_wrong_coefficients_are_no_slips(logs, vehicle, path, value)
 @pytest.mark.parametrize("text", ["time runs at twice the rate", "time runs at half the rate"])
 def test_a_slipped_clock_that_leaves_only_noise_is_doubted_firmly(logs, text):
     plant, record = logs["slocum"]
-    (doubt,) = doubts(made(record, slip_called(record, plant, text), plant), plant)
+    (doubt,) = doubts(slipped(record, slip_called(record, plant, text), plant), plant)
     assert doubt.text.startswith(text)
     assert doubt.firm
 
@@ -196,7 +165,7 @@ def test_a_coefficient_within_its_factor_is_no_slip(logs):
 def test_degrees_taken_as_radians_are_unfolded(logs):
     plant, record = logs["slocum"]  # turns by more than 180 degrees over 57.3 from sample to sample
     slip = slip_called(record, plant, "heading_rad looks like degrees")
-    wrong = made(record, slip, plant)
+    wrong = slipped(record, slip, plant)
     assert np.abs(np.diff(np.degrees(record["heading_rad"]))).max() > np.pi
     error = undone(wrong, slip, plant)["heading_rad"] - record["heading_rad"]
     assert np.median(np.abs(np.diff(error))) < 1e-9  # a step wrong now and then, by a turn of 2 pi degrees
