@@ -106,7 +106,7 @@ def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness])
     """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample).
 
     Also where their signatures differ by less than that: a fit that stopped a little early is no difference.  One that
-    fails in the held-out windows alone is no worse for it if it explains all of them together as well as the best.
+    only the held-out windows refused belongs to the tie if it explains all windows together as well as the best.
     """
     if other.state is None or other.objection not in ("", SMALL, UNREPEATED):
         return False
