@@ -22,7 +22,7 @@ from auv_gym.cli.console import table
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
 from identification.diagnosis.plausibility import Doubt, doubts_of
-from identification.diagnosis.slips import slipped, slips_of
+from identification.diagnosis.slips import Slip, slipped, slips_of
 from identification.missions import fly
 from identification.windows import free_run_windows
 from scripts.over_seeds import all_of
@@ -77,20 +77,16 @@ def study(vehicles: Sequence[str], seeds: Sequence[int], jobs: int = 1) -> list[
     for vehicle in vehicles:
         plant = load_vehicle(vehicle)
         for seed in seeds:
-            texts = [slip.text for slip in slips_of(log_of(plant, seed), plant)]
-            tasks += [(vehicle, seed, text) for text in ("", *texts)]
+            record = log_of(plant, seed)
+            tasks += [(vehicle, seed, record, slip) for slip in (None, *slips_of(record, plant))]
     return all_of(attempt, tasks, jobs, "making slips", "logs")
 
 
-def attempt(vehicle: str, seed: int, text: str) -> Attempt:
-    """The doubts about a log with the slip of this text in it, or about a clean one for ""."""
+def attempt(vehicle: str, seed: int, record: Record, slip: Slip | None) -> Attempt:
+    """The doubts about a clean log of a seed once this slip is made in it, or about the log as it is for None."""
     plant = load_vehicle(vehicle)
-    record = log_of(plant, seed)
-    if text:
-        slip = next(s for s in slips_of(record, plant) if s.text == text)
-        record = slipped(record, slip, plant)
-    raised = doubts(record, plant)
-    return Attempt(vehicle, seed, text, tuple(t for d in raised for t in (d.text, *d.instead)))
+    raised = doubts(slipped(record, slip, plant) if slip else record, plant)
+    return Attempt(vehicle, seed, slip.text if slip else "", tuple(t for d in raised for t in (d.text, *d.instead)))
 
 
 def log_of(plant: Plant, seed: int = 1) -> Record:

@@ -99,11 +99,11 @@ def kinematics_of(record: Record, plant: Plant) -> Kinematics:
         rest = [k for k in range(len(system.paths)) if k not in chosen]
         rest = [k for k in rest if _sensible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
         evidence = {k: _evidence(system, chosen, k) for k in rest}
-        top = max(evidence.values(), default=0.0)
-        if top < SUPPORTED or not _sure(system, [*chosen, max(rest, key=lambda k: evidence[k])]):
+        top = max(rest, key=lambda k: evidence[k], default=None)
+        if top is None or evidence[top] < SUPPORTED or not _sure(system, [*chosen, top]):
             break
         # among those that do nearly as much the likelihood decides: it sees the equations that weigh little
-        loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * top}
+        loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * evidence[top]}
         best = min(loss, key=lambda k: loss[k])
         ties.append([k for k in loss if k != best and loss[k] < loss[best] + TIED])
         gains.append(evidence[best])

@@ -24,7 +24,7 @@ GAIN = 4.0  # factor in squared error by which a slip must beat the record as de
 LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
 POOR = 0.1  # error from which a run is poor: squared, over the signal's variance in a window
 ALONE = 0.2  # error from which a sensor may have slipped by itself: less than knots make, (1 - 0.514)^2
-BAD = 0.5  # error from which a signal is no longer what the vehicle does, and of one that hardly moves
+BAD = 0.5  # error from which a sensor is wrong still, and a signal that hardly moves is stray
 FOREIGN = 0.55  # mean error from which a log is of another vehicle
 CLEAN = 2.0  # squared error over the noise's variance up to which an undone slip leaves nothing else to explain
 FLOOR = 0.01  # mean error below which there is nothing to gain
@@ -111,7 +111,8 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
     if not stray and all(e <= POOR for e in declared.errors.values()):
         return ()
     before = _match(judged, declared.plant)
-    suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, declared.telling(stray))]
+    off = declared.telling(stray)
+    suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, off)]
     found = []
     for slip, changed in _ranked(suspects, record, masks[0], plant, stray):
         here = _match(changed.select(masks[0]), plant, paths)
@@ -240,11 +241,16 @@ def _possible(record: Record) -> bool:
 
 
 def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
-    """Whether a slip can have done what is seen: one of an input or of the clock, or of a sensor that is off."""
-    if slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs):
+    """Whether a slip can have done what is seen: one that acts everywhere, or of a sensor that is off."""
+    if _everywhere(slip, plant):
         return True
     poor = [declared.errors.get(name, 0.0) > POOR for name in slip.channels]
     return all(poor) if slip.exchanged else any(poor)
+
+
+def _everywhere(slip: Slip, plant: Plant) -> bool:
+    """Whether a slip acts on all signals, as one of the clock or of an input does, not on its own sensors alone."""
+    return slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs)
 
 
 def _ranked(
@@ -295,7 +301,7 @@ def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
     Signals count that move, or are stray, before or after.  Infinite where none of a sensor's does, so that nothing can
     be said; zero where the slip would leave a signal without any change.
     """
-    everywhere = slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs)
+    everywhere = _everywhere(slip, plant)
     told = {*before.errors, *after.errors, *before.stray, *after.stray}
     if not everywhere:
         told &= set(slip.channels)

@@ -110,10 +110,10 @@ def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness])
     """
     if other.state is None or other.objection not in ("", SMALL, UNREPEATED):
         return False
-    extra = _extra_cost(bench, best, other)
     if other.objection == UNREPEATED:
-        return bool(extra.sum() <= 0.0)
+        return bool(_extra_cost(bench, best, other).sum() <= 0.0)
     if any(way.evidence < TIE or 1.0 - way.cosine**2 < SAME for way in alike):
         return True
+    extra = _extra_cost(bench, best, other)
     error = float(np.std(extra) * np.sqrt(extra.size))
     return extra.sum() < TIE or (extra.sum() < TIE_ERRORS * error and extra.size >= MANY_WINDOWS)

@@ -16,18 +16,21 @@ def test_a_slip_is_right_if_named_and_a_clean_log_if_not_doubted():
     assert not Attempt("slocum", 1, MIRRORED, ()).right
 
 
-def test_an_attempt_makes_the_slip_in_a_log_of_the_seed():
+def test_an_attempt_makes_the_slip_in_a_log():
     plant = load_vehicle("slocum")
-    texts = [slip.text for slip in slips_of(log_of(plant), plant)]
-    (text,) = (t for t in texts if t.startswith("the rudder acts"))
-    found = attempt("slocum", 1, text)
+    record = log_of(plant)
+    (slip,) = (s for s in slips_of(record, plant) if s.text.startswith("the rudder acts"))
+    found = attempt("slocum", 1, record, slip)
     assert found.right
-    assert found.doubts[0] == text
-    assert attempt("slocum", 1, "").right
+    assert found.doubts[0] == slip.text
+    assert attempt("slocum", 1, record, None).right
 
 
 def test_the_program_prints_a_table_or_json(monkeypatch, capsys):
-    monkeypatch.setattr("scripts.slip_study.attempt", lambda vehicle, seed, text: Attempt(vehicle, seed, text, ()))
+    def unnoticed(vehicle, seed, record, slip):
+        return Attempt(vehicle, seed, slip.text if slip else "", ())
+
+    monkeypatch.setattr("scripts.slip_study.attempt", unnoticed)
     assert main(["--vehicle", "mermaid", "--jobs", "1"]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "0 of 11" in printed
