@@ -7,6 +7,7 @@ from math import floor, pi, radians
 import numpy as np
 
 from auv_gym.model import Diverged
+from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from controllers.controller import Controller
@@ -126,8 +127,7 @@ def _dives(time: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _depth(time: np.ndarray, forward: np.ndarray, pitch: np.ndarray) -> np.ndarray:
-    """Depth of a glider that moves along its axis, m, shape (n,); at its shallowest 15 m."""
-    sinking = -forward * np.sin(pitch)
-    steps = 0.5 * (sinking[1:] + sinking[:-1]) * np.diff(time)
-    depth = np.concatenate([[0.0], np.cumsum(steps)])
+    """Depth of a glider that moves along its axis, held over a sample, m, shape (n,); at its shallowest 15 m."""
+    _, _, sinking = velocity_ned(forward, 0.0, 0.0, 0.0, pitch, 0.0)
+    depth = np.concatenate([[0.0], np.cumsum(sinking[:-1] * np.diff(time))])
     return depth - depth.min() + _SHALLOWEST

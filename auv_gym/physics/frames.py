@@ -1,11 +1,33 @@
 """Attitude: unit quaternions inside an integration step, Euler angles (roll, pitch, heading) between steps.
 
-Quaternions [eta, e1, e2, e3] turn body axes into north-east-down.  Source: Fossen 2021, sec. 2.2.
+Quaternions [eta, e1, e2, e3] turn body axes into north-east-down.  Source: Fossen 2021, sec. 2.2.  What a measured
+attitude makes of body velocities and rates is `velocity_ned` and `euler_rates`, on floats and arrays alike.
 """
 
 from math import atan2, cos, floor, pi, sin
 
+import numpy as np
+
 from auv_gym.compiled import compiled
+
+
+def velocity_ned(u, v, w, roll, pitch, heading):
+    """A body vector in north, east, down.  Source: Fossen 2021, eq. (2.31)."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    ch, sh = np.cos(heading), np.sin(heading)
+    level, athwart, down = cp * u + sp * (sr * v + cr * w), cr * v - sr * w, cp * (sr * v + cr * w) - sp * u
+    return ch * level - sh * athwart, sh * level + ch * athwart, down
+
+
+def euler_rates(p, q, r, roll, pitch):
+    """Rates of roll, pitch and heading of body rates, rad/s; infinite at the vertical.  Source: Fossen 2021, eq. (2.40)."""
+    cr, sr = np.cos(roll), np.sin(roll)
+    turning = sr * q + cr * r
+    return p + np.tan(pitch) * turning, cr * q - sr * r, turning / np.cos(pitch)
+
+
+compiled_velocity_ned = compiled(velocity_ned)
+compiled_euler_rates = compiled(euler_rates)
 
 
 @compiled

@@ -14,6 +14,7 @@ from auv_gym.effects import GliderEffects
 from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shape_command
 from auv_gym.physics.discovered import N_YAW, any_term, yaw_moment
+from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
 from auv_gym.vehicles.family import Family, copied
 
@@ -75,8 +76,8 @@ def yaw_rates(hull):
 
 
 @compiled
-def heading_rate(r, rudder, hull):
-    """dpsi/dt, rad/s: the yaw rate, and with (15) a rudder term as well."""
+def yaw_rate(r, rudder, hull):
+    """Body yaw rate, rad/s, as a gyro reads it: r, and with (15) a rudder term as well."""
     return r + hull.rudder_heading_rate * rudder
 
 
@@ -101,8 +102,9 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     """State derivative of [psi, r, north, east] into dx: equations (1), (2), (11), and (15) where its factors are set.
 
     inputs: [rudder_rad, F_t1 N, F_t2 N, u m/s, w m/s, q rad/s, theta rad, phi rad], held over a sample, so the term
-    m y_G du/dt of (11) vanishes. u is through the water; it acts as far as `hull.speed_scaling` says.
-    Roll is zero in (11); the effect `yaw.roll_moment` is what a roll angle adds.
+    m y_G du/dt of (11) vanishes. u is through the water along the body's axis; in (11) it acts as far as
+    `hull.speed_scaling` says.  Roll is zero in (11); the effect `yaw.roll_moment` is what a roll angle adds.
+    Equations (1) and (2) are for a level glider; a pitched or rolled one moves and turns by the full rotation.
     """
     hull = p.hull
     yaw = p.effects.yaw
@@ -130,10 +132,16 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     found = p.effects.discovered.yaw
     if any_term(found, N_YAW):
         moment += yaw_moment(found, psi, r, rudder, inputs)
-    dx[0] = heading_rate(r, rudder, hull)
+    turning = yaw_rate(r, rudder, hull)
+    if inputs[6] == 0.0 and inputs[7] == 0.0:  # level, as where attitude was not measured: without the trigonometry
+        north, east = u * cos(psi), u * sin(psi)
+    else:
+        north, east, _ = compiled_velocity_ned(u, 0.0, inputs[4], inputs[7], inputs[6], psi)
+        _, _, turning = compiled_euler_rates(0.0, inputs[5], turning, inputs[7], inputs[6])
+    dx[0] = turning
     dx[1] = moment / yaw_inertia(hull) + hull.heading_stiffness * psi
-    dx[2] = u * cos(psi) + p.effects.current.north
-    dx[3] = u * sin(psi) + p.effects.current.east
+    dx[2] = north + p.effects.current.north
+    dx[3] = east + p.effects.current.east
 
 
 @compiled
@@ -162,9 +170,9 @@ def sense(before, x, sensors, duration, p):
 
 @compiled
 def settle_sensors(x, actuators, sensors, p):
-    """Sensors' states of a vehicle that has been turning at its present rate for long."""
+    """Sensors' states of a level vehicle that has been turning at its present rate for long."""
     compass = p.effects.compass
-    rate = heading_rate(x[1], actuators[0], p.hull)
+    rate = yaw_rate(x[1], actuators[0], p.hull)
     change = deviation(x[0] + rate, compass) - deviation(x[0], compass) + rate
     sensors[0] = -compass.lag * change
 
@@ -173,7 +181,7 @@ def settle_sensors(x, actuators, sensors, p):
 def output(x, actuators, sensors, p, y):
     """Outputs [compass heading, yaw rate, north, east] into y."""
     y[0] = compass_reading(x[0], sensors[0], p.effects.compass)
-    y[1] = heading_rate(x[1], actuators[0], p.hull)
+    y[1] = yaw_rate(x[1], actuators[0], p.hull)
     y[2] = x[2]
     y[3] = x[3]
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from auv_gym.physics.frames import euler_rates, velocity_ned
 from auv_gym.record import Record
 
 GROUND, WATER = ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"), ("u_mps", "v_mps", "w_mps")
@@ -92,12 +93,13 @@ def _attitude(m: Motion) -> list[Equation]:
     roll, pitch = m.middle("roll_rad"), m.middle("pitch_rad")
     p, q, r = (m.middle(name) for name in ("p_radps", "q_radps", "r_radps"))
     s, c, level, t = np.sin(roll), np.cos(roll), np.cos(pitch), np.tan(pitch)
-    turning, nodding = q * s + r * c, q * c - r * s
+    rolling, nodding, yawing = euler_rates(p, q, r, roll, pitch)
+    turning = yawing * level
     rates = {
         # rate; what a unit of bias p, q, r takes from it; of misalignment and of roll bias adds to it
-        "roll": (p + t * turning, (-1.0 + 0.0 * s, -t * s, -t * c), -q + t * s * p, -t * nodding),
+        "roll": (rolling, (-1.0 + 0.0 * s, -t * s, -t * c), -q + t * s * p, -t * nodding),
         "pitch": (nodding, (0.0 * s, -c, s), c * p, turning),
-        "heading": (turning / level, (0.0 * s, -s / level, -c / level), s * p / level, -nodding / level),
+        "heading": (yawing, (0.0 * s, -s / level, -c / level), s * p / level, -nodding / level),
     }
     needs = {"roll": ("p_radps",), "pitch": ("q_radps",), "heading": ("r_radps",)}
     found = []
@@ -124,13 +126,7 @@ def _attitude(m: Motion) -> list[Equation]:
 
 def _turned(m: Motion, v: np.ndarray) -> np.ndarray:
     """Body vectors (3, n - 1) in north, east, down by the measured attitude."""
-    (s1, c1), (s2, c2), (s3, c3) = (
-        (np.sin(a), np.cos(a)) for a in (m.middle(n) for n in ("roll_rad", "pitch_rad", "heading_rad"))
-    )
-    x, y, z = v
-    y, z = c1 * y - s1 * z, s1 * y + c1 * z
-    x, z = c2 * x + s2 * z, c2 * z - s2 * x
-    return np.stack([c3 * x - s3 * y, s3 * x + c3 * y, z])
+    return np.stack(velocity_ned(*v, *(m.middle(name) for name in ("roll_rad", "pitch_rad", "heading_rad"))))
 
 
 def _track(m: Motion, names: Sequence[str], sensor: str) -> list[Equation]:

@@ -78,11 +78,6 @@ class _System:
     group: np.ndarray
 
 
-def consistency(record: Record, plant: Plant) -> tuple[Mismatch, ...]:
-    """The sensor effects that kinematics alone supports, strongest first; empty where sensors agree or are too few."""
-    return kinematics_of(record, plant).mismatches
-
-
 def kinematics_of(record: Record, plant: Plant) -> Kinematics:
     """What kinematics supports and what it clears, of the sensor effects and currents that the plant knows.
 

@@ -12,6 +12,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.model import outputs_of
 from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import Plant, Runs
 from auv_gym.record import Record
 from identification.diagnosis.residual import noise_floor
@@ -218,9 +219,8 @@ def _sink(match: Match, record: Record, window: np.ndarray) -> None:
     """Puts the error of depth by speed and pitch in, for a plant that does not say it."""
     if not all(record.has(name) for name in ("depth_m", "pitch_rad", "u_mps")):
         return
-    rate = -record["u_mps"] * np.sin(record["pitch_rad"])
-    if record.has("w_mps"):
-        rate = rate + record["w_mps"] * np.cos(record["pitch_rad"])
+    v, w, roll = (record[name] if record.has(name) else 0.0 for name in ("v_mps", "w_mps", "roll_rad"))
+    _, _, rate = velocity_ned(record["u_mps"], v, w, roll, record["pitch_rad"], 0.0)
     total = 0.0
     for part in record.segments:
         steps = 0.5 * (rate[part][1:] + rate[part][:-1]) * np.diff(record.time[part])

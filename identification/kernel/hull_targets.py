@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import ceil, cos, sin, sqrt, tan
+from math import ceil, sqrt
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from auv_gym.compiled import compiled
-from auv_gym.physics.frames import quaternion_of
+from auv_gym.physics.frames import compiled_euler_rates, quaternion_of
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from auv_gym.rollout import scratch_for
@@ -179,8 +179,7 @@ def _known_rates(states, actuators, heading, depth, derived, scratch, rates):
         derivative(z, actuators[i], actuators[i], p, dz, scratch)
         for k in range(6):
             rates[i, k] = dz[k]
-        rates[i, 6] = states[i, 3] + tan(pitch) * (q * sin(roll) + r * cos(roll))
-        rates[i, 7] = q * cos(roll) - r * sin(roll)
+        rates[i, 6], rates[i, 7], _ = compiled_euler_rates(states[i, 3], q, r, roll, pitch)
 
 
 def _check_plant(plant: Plant) -> None:

@@ -8,7 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
+from auv_gym.physics.frames import (
+    compiled_euler_rates,
+    compiled_velocity_ned,
+    euler_angles_of,
+    euler_rates,
+    quaternion_of,
+    rotation_of,
+    velocity_ned,
+    wrapped,
+)
 
 turns = st.floats(-4.0, 4.0)
 half_turns = st.floats(-0.5 * math.pi, 0.5 * math.pi)
@@ -34,6 +43,25 @@ def test_body_axes_of_a_vehicle_that_has_turned_pitched_and_rolled():
     assert east @ [1, 0, 0] == pytest.approx([0, 1, 0], abs=1e-15)
     assert up @ [1, 0, 0] == pytest.approx([0, 0, -1], abs=1e-15)
     assert port_down @ [0, 1, 0] == pytest.approx([0, 0, -1], abs=1e-15)
+
+
+@given(roll=turns, pitch=turns, heading=turns)
+def test_a_body_velocity_turns_as_the_rotation_does(roll, pitch, heading):
+    v = np.array([0.4, -0.2, 0.1])
+    expected = Rotation.from_euler("ZYX", [heading, pitch, roll]).as_matrix() @ v
+    assert velocity_ned(*v, roll, pitch, heading) == pytest.approx(expected, abs=2e-15)
+    assert compiled_velocity_ned(*v, roll, pitch, heading) == pytest.approx(expected, abs=2e-15)
+
+
+@given(roll=turns, pitch=st.floats(-1.4, 1.4), heading=turns)
+def test_euler_rates_are_those_of_a_small_rotation(roll, pitch, heading):
+    body = np.array([0.3, -0.5, 0.2])
+    h = 1e-5  # central differences leave h^2 of the third derivative, which tan(pitch) < 6 makes 200 times larger
+    attitude = Rotation.from_euler("ZYX", [heading, pitch, roll])
+    after, before = ((attitude * Rotation.from_rotvec(side * h * body)).as_euler("ZYX") for side in (1.0, -1.0))
+    expected = (after - before + math.pi) % (2.0 * math.pi) - math.pi
+    assert euler_rates(*body, roll, pitch) == pytest.approx(expected[::-1] / (2.0 * h), abs=1e-6)
+    assert compiled_euler_rates(*body, roll, pitch) == pytest.approx(euler_rates(*body, roll, pitch), rel=1e-14)
 
 
 @given(q=st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4).filter(lambda q: np.linalg.norm(q) > 0.1))

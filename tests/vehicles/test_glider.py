@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from auv_gym.model import simulate
 from auv_gym.param import replace_at, value_at
@@ -176,6 +177,14 @@ def test_a_straight_track_follows_the_heading():
     plant = load_vehicle("slocum")
     end = final(plant, inputs(plant, u_mps=0.5), 25, y0=(math.pi / 3, 0.0, 10.0, 20.0))
     assert end == pytest.approx([math.pi / 3, 0.0, 10.0 + 25.0, 20.0 + 50.0 * math.sin(math.pi / 3)], abs=1e-11)
+
+
+def test_a_pitched_and_rolled_glider_moves_and_turns_by_the_full_rotation():
+    plant, psi, r, u, w, q, pitch, roll = load_vehicle("slocum"), 0.7, 0.05, 0.4, 0.03, 0.02, -0.45, 0.2
+    turning, _, north, east = rates(plant, psi, r, u_mps=u, w_mps=w, q_radps=q, pitch_rad=pitch, roll_rad=roll)
+    ahead = Rotation.from_euler("ZYX", [psi, pitch, roll]).apply([u, 0.0, w])
+    assert [north, east] == pytest.approx(ahead[:2], abs=1e-15)
+    assert turning == pytest.approx((q * math.sin(roll) + r * math.cos(roll)) / math.cos(pitch), rel=1e-14)
 
 
 def test_compass_effects_in_a_steady_turn():
