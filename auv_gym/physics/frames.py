@@ -20,7 +20,7 @@ def velocity_ned(u, v, w, roll, pitch, heading):
 
 
 def euler_rates(p, q, r, roll, pitch):
-    """Rates of roll, pitch and heading of body rates, rad/s; infinite at the vertical.  Source: Fossen 2021, eq. (2.40)."""
+    """Rates of roll, pitch and heading, rad/s; infinite at the vertical.  Source: Fossen 2021, eq. (2.40)."""
     cr, sr = np.cos(roll), np.sin(roll)
     turning = sr * q + cr * r
     return p + np.tan(pitch) * turning, cr * q - sr * r, turning / np.cos(pitch)

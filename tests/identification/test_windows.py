@@ -1,8 +1,9 @@
 """Where free runs of floats lie, and which dives are held out."""
 
 import numpy as np
+import pytest
 
-from auv_gym.param import replace_at
+from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from identification.float_experiment import depth_control, oil_mission
@@ -111,3 +112,67 @@ def test_with_a_known_trim_windows_are_held_out_and_not_dives():
     assert held_out(plant, record, windows) == (windows[0::2], windows[1::2])
     fitted, held = held_out(load_vehicle("mermaid"), record, windows)
     assert (fitted, held) == (windows[:2], windows[2:])
+
+
+def commanded(plant, seconds=400.0) -> Record:
+    """A record of evenly sampled commands that change little and often, within a tenth of the actuator's travel."""
+    time = np.arange(0.0, seconds, 0.5)
+    name = plant.family.actuators[0]
+    low, high = plant.family.ranges.get(name, (-0.3, 0.3))
+    low, high = (value_at(plant, end) if isinstance(end, str) else end for end in (low, high))
+    command = 0.5 * (low + high) + 0.05 * (high - low) * np.sign(np.sin(time))
+    other = {n: np.full(time.size, plant.constants.get(n, 0.0)) for n in plant.family.required if n != name}
+    return Record.from_arrays(time, {"depth_m": np.full(time.size, 20.0), name: command} | other)
+
+
+SLUGGISH = [
+    # vehicle, what makes its actuator slow, s until it stands within a hundredth of its travel of where it is told to
+    ("qiandao_float", {}, 0.055 * 250.0),  # from the far end of 0.1 m to 5 mm beyond its middle, at 250 s/m
+    ("slocum", {"effects.rudder.lag": 5.0}, 5.0 * np.log(100.0)),
+    ("slocum", {"effects.rudder.lag": 5.0, "effects.rudder.dead_time": 7.0}, 7.0 + 5.0 * np.log(100.0)),
+    ("npsauv", {"effects.rudder.lag": 5.9}, 6.0 * np.log(100.0)),  # its own 0.1 s joins
+]
+
+
+@pytest.mark.parametrize("name, slow, seconds", SLUGGISH)
+def test_windows_begin_where_it_no_longer_matters_how_the_actuators_stood_before(name, slow, seconds):
+    plant = replace_at(load_vehicle(name), slow)
+    first = free_run_windows(plant, commanded(plant), 180.0)[0].start
+    # two samples of 0.5 s; the piston's command moves by 10 mm, which takes it 2.5 s, meanwhile
+    assert 0.5 * first == pytest.approx(seconds, abs=2.5 if name == "qiandao_float" else 1.0)
+
+
+@pytest.mark.parametrize("name, slow, seconds", SLUGGISH)
+def test_what_an_actuator_did_before_a_record_does_not_show_in_its_windows(name, slow, seconds):
+    plant = replace_at(load_vehicle(name), slow)
+    record = commanded(plant)
+    path = plant.family.actuators[0]
+    before = value_at(plant, "hull.piston_high") if path == "piston_m" else 0.3
+    runs = []
+    for told in (before, record[path][0]):
+        x = plant.initial(np.full(len(plant.outputs), np.nan))
+        u = np.array([plant.constants.get(n, 0.0) for n in plant.inputs])
+        u[0] = told
+        for _ in range(600):
+            x = plant.step(x, u)
+        at = len(plant.family.states)
+        positions = []
+        for command in record[path]:
+            u[0] = command
+            x = plant.step_over(x, u, 0.5)
+            positions.append(x[at])
+        runs.append(np.array(positions))
+    first = free_run_windows(plant, record, 180.0)[0].start
+    apart = np.abs(runs[0] - runs[1])
+    assert apart[0] > 0.05 * abs(before - record[path][0])
+    assert apart[first:].max() <= 0.01 * 2.0 * abs(before - record[path][0])
+
+
+def test_a_play_is_taken_up_before_windows_begin():
+    plant = replace_at(load_vehicle("slocum"), "effects.rudder.backlash", 0.2)
+    time = np.arange(0.0, 400.0, 4.0)
+    rudder = np.where(time < 100.0, 0.05, np.where(time < 160.0, -0.1, 0.12))  # moves by the play's width at 160 s
+    record = Record.from_arrays(time, {"heading_rad": 0.0 * time, "rudder_rad": rudder})
+    assert free_run_windows(plant, record, 40.0)[0].start == 40
+    still = Record.from_arrays(time, {"heading_rad": 0.0 * time, "rudder_rad": 0.1 * rudder})  # never taken up
+    assert free_run_windows(plant, still, 40.0)[0].start == 5  # the settling time alone
