@@ -190,10 +190,6 @@ class Gpc:
             infeasible=state.infeasible + flag,
         )
 
-    def first_move_gain(self) -> np.ndarray:
-        """The first change of the inputs per entry of [estimate | goals | references], as without limits."""
-        return self._parts.program.gain()
-
     @property
     def program(self) -> Program:
         """The quadratic program of every plan, for s = [estimate | goals | references]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from auv_gym.plant import Plant
 from identification import figures, figures_rest
 from identification.diagnosis.attribution import Round
 from identification.diagnosis.candidates import candidates_of
+from identification.diagnosis.extras import Extras
 from identification.diagnosis.trials import Trial, threshold
 from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis, Effect, quantity
 from identification.drawing import require_render
@@ -154,16 +156,17 @@ GLOSSARY = {
 }
 
 
-def diagnosis_page(diagnosis: Diagnosis) -> str:
+def diagnosis_page(diagnosis: Diagnosis, extras: Extras | None = None) -> str:
     """The report as the text of one HTML page, which needs no other file and no network.
 
-    Raises ImportError, with the command to run, if the extra `render` is not installed.
+    extras: takes the pictures that cannot be drawn; the page says which and why in their place.  Raises ImportError,
+    with the command to run, if the extra `render` is not installed.
     """
     require_render()
-    return page("diagnosis.html", _content(diagnosis))
+    return page("diagnosis.html", _content(diagnosis, extras or Extras()))
 
 
-def _content(d: Diagnosis) -> dict[str, Any]:
+def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
     plant = d.given.plant
     titles = _titles(d)
     source = d.source or str(d.record.attrs.get("source", "")) or "a record"
@@ -175,7 +178,7 @@ def _content(d: Diagnosis) -> dict[str, Any]:
         "vehicle_text": plant.description,
         "summary": typeset(_worded(d.summary(), {n: channel(n).label for n in d.record.names})),
         "meaning": MEANINGS[d.verdict],
-        "figures": _figures(d),
+        "figures": _figures(d, extras),
         "errors": _errors(d),
         "facts": _facts(d),
         "log": _log_facts(d),
@@ -194,6 +197,7 @@ def _content(d: Diagnosis) -> dict[str, Any]:
         "sensors": [m.text for m in d.kinematics.mismatches] if d.kinematics is not None else [],
         "compared": "; ".join(d.kinematics.equations) if d.kinematics is not None else "",
         "loops": [loop.words for loop in d.loops],
+        "failures": [failure.text for failure in (*d.failures, *extras.failures)],
         "as_given_is_before": d.before is d.given,
     }
 
@@ -204,7 +208,7 @@ def _titles(d: Diagnosis) -> dict[str, str]:
     return {p: spec_at(d.given.plant, p).title or p for p in paths}
 
 
-def _figures(d: Diagnosis) -> dict[str, Drawing | None]:
+def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
     words = {
         "first": channel(d.after.every.channels[0]).label,
         "improved": channel(figures.most_improved(d)).label,
@@ -222,8 +226,9 @@ def _figures(d: Diagnosis) -> dict[str, Drawing | None]:
     for key, draw, label, caption in PICTURES:
         made[key] = None
         if not lacking.get(key, False):
-            drawn = figures.svg(draw, d, key, label.format(**words))
-            made[key] = drawing(drawn, caption.format(**words))
+            drawn = partial(figures.svg, draw, d, key, label.format(**words))
+            picture = extras.attempt(f"The picture '{key}'", drawn, "")
+            made[key] = drawing(picture, caption.format(**words)) if picture else None
     return made
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from auv_gym.cli import logs
 from auv_gym.cli.application import app
-from auv_gym.cli.console import output, progress_bar, table
+from auv_gym.cli.console import errors, output, progress_bar, table
 from auv_gym.cli.next_experiment import propose, tell
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ def diagnose(
         from identification.diagnosis import again as diagnose_again
         from identification.diagnosis import diagnose as diagnose_record
         from identification.diagnosis import write_diagnosis
+        from identification.diagnosis.extras import Extras
         from identification.diagnosis.result_files import writable_folder
         from identification.drawing import require_render
 
@@ -101,8 +103,14 @@ def diagnose(
                 progress=told,
             )
         progress(0.9, "writing the report")
-        written = write_diagnosis(diagnosis, out)
-        planned = propose(diagnosis, out, lambda fraction, text: progress(0.9, text)) if next_experiment else []
+        extras, planned = Extras(), []
+        written = write_diagnosis(diagnosis, out, extras)
+        if next_experiment:
+            planned = extras.attempt(
+                "The next experiment", lambda: propose(diagnosis, out, lambda fraction, text: progress(0.9, text)), None
+            )
+            if planned is None:  # the files say so, too
+                written = write_diagnosis(diagnosis, out, extras)
         progress(1.0, "done")
     output.print()
     output.print(diagnosis.summary(), markup=False)
@@ -112,9 +120,11 @@ def diagnose(
         output.print(loop.words, markup=False)
     if diagnosis.effects:
         output.print(_effect_table(diagnosis))
-    if next_experiment:
+    if planned is not None and next_experiment:
         tell(planned)
-    for path in (*written.values(), *(plan.file for plan in planned)):
+    for failure in (*diagnosis.failures, *extras.failures):
+        errors.print(f"[bold yellow]Note:[/] {escape(failure.text)}", soft_wrap=True)
+    for path in (*written.values(), *(plan.file for plan in planned or [])):
         output.print(str(path), markup=False, soft_wrap=True)
 
 

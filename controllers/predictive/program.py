@@ -90,11 +90,6 @@ class Program:
             give *= 10.0  # an unstable model's far rows are nearly dependent: the solver then takes a softer limit
         return x, status
 
-    def gain(self) -> np.ndarray:
-        """The first move without limits per entry of s, shape (m, len(s))."""
-        free = -np.linalg.solve(self.hessian, self.slope)
-        return self.unit[:, None] * free[: self.unit.size]
-
 
 def build(increments: Increments, aims: Aims) -> Program:
     """The program of a plan.  Source: Maciejowski 2002, Predictive Control with Constraints, secs. 2.6, 3.1 to 3.4."""

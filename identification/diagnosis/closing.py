@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite
-from typing import Any
+from math import inf
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from controllers.autopilots import TARGETS, autopilot
 from controllers.controller import Controller
 from controllers.pid import float_depth_pid, heading_pid
 from identification.diagnosis.verdict import Diagnosis, quantity
-from identification.missions import fly
 
 MOST_SAMPLES = 4000  # of a log that are run again; the rest would only take time
 
@@ -56,6 +54,11 @@ def closed_loop(diagnosis: Diagnosis) -> tuple[ClosedLoop, ...]:
     controller = None
     if not reason:
         try:
+            record = _steered_part(record, targets)
+        except ValueError:  # nothing is left
+            reason = f"The log never has all of its set points ({wanted}) at once."
+    if not reason:
+        try:
             controller = controller_of(plant, targets)
         except ValueError as error:
             reason = f"No autopilot is known for {plant.name}: {error}"
@@ -69,29 +72,6 @@ def closed_loop(diagnosis: Diagnosis) -> tuple[ClosedLoop, ...]:
         same = next((runs[n] for n in runs if np.array_equal(stages[n].vector, model.vector)), None)
         runs[name] = steered(model, controller, record, targets, told) if same is None else same
     return tuple(_judged(name, record, {stage: run[name] for stage, run in runs.items()}) for name in targets)
-
-
-def closed_loop_error(
-    true_like: Plant, believed: Plant, rng: np.random.Generator, **settings: Any
-) -> dict[str, dict[str, float]]:
-    """By channel, how a believed model's closed loop differs from that of one that is like the truth.
-
-    Both are steered through the vehicle's standard mission (settings: its own).  logged, model: rms tracking errors;
-    difference: rms of their difference.
-    """
-    record = _beginning(fly(true_like, rng, **settings))
-    targets = targets_of(believed, record)
-    if not targets:
-        raise ValueError(
-            f"The standard mission of {believed.name} follows no set points: the closed loop needs a vehicle with a "
-            "rudder, planes or a piston."
-        )
-    run = steered(believed, controller_of(believed, targets), record, targets)
-    found = {}
-    for name in targets:
-        logged, model = _errors(name, record, record[name]), _errors(name, record, run[name])
-        found[name] = {"logged": _rms(logged), "model": _rms(model), "difference": _rms(_apart(name, model, logged))}
-    return found
 
 
 def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
@@ -177,10 +157,10 @@ def told_at_log(
 
 
 def _asked(record: Record, targets: tuple[str, ...], dt: float) -> tuple[list[dict[str, float]], list[float]]:
-    """The set points that there are at each sample, and the time since the one before; dt where a segment begins."""
+    """The set points at each sample, and the time since the one before; dt where a segment begins."""
     wanted, steps = {name: record[set_point_of(name)].tolist() for name in targets}, np.diff(record.time, prepend=0.0)
     steps[[segment.start for segment in record.segments]] = dt
-    goals = [{name: v[k] for name, v in wanted.items() if isfinite(v[k])} for k in range(len(record))]
+    goals = [{name: v[k] for name, v in wanted.items()} for k in range(len(record))]
     return goals, steps.tolist()
 
 
@@ -199,6 +179,17 @@ def _limits(plant: Plant) -> dict[str, tuple[float, float]]:
     largest = command_limits(plant)
     found = {name: (-float(largest[i]), float(largest[i])) for i, name in enumerate(plant.inputs)}
     return found | {plant.inputs[3]: (0.0, float(largest[3]))}
+
+
+def _steered_part(record: Record, targets: tuple[str, ...]) -> Record:
+    """The record from where each segment has a set point of every target on; they stand until the next is known."""
+    goals = {set_point_of(name): record[set_point_of(name)].copy() for name in targets}
+    for values in goals.values():
+        for part in record.segments:
+            known = np.isfinite(values[part])
+            last = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1))
+            values[part] = np.where(last >= 0, values[part][last], np.nan)
+    return record.with_channels(goals).select(np.all([np.isfinite(values) for values in goals.values()], axis=0))
 
 
 def _beginning(record: Record) -> Record:

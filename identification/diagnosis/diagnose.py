@@ -15,7 +15,8 @@ from identification.checks import check_excitation, check_ranges
 from identification.diagnosis.attribution import Round, attribute, without_idle_parts
 from identification.diagnosis.candidates import candidates_of, screen
 from identification.diagnosis.closing import closed_loop
-from identification.diagnosis.discovery import discover, library_of
+from identification.diagnosis.discovery import Discovery, discover, library_of
+from identification.diagnosis.extras import Extras
 from identification.diagnosis.findings import coefficient_of, detectable_of, effects_of, twin_effects, twins_of
 from identification.diagnosis.habitat import habitat_of
 from identification.diagnosis.judgement import EXPLAINED, disagrees, explained_share, verdict_of
@@ -125,22 +126,28 @@ def diagnose(
         effects += twin_effects(groups, effects, found, plant, bench.gains(given, nominal))
         tied += [group for group in groups if not any(group[0] in other for other in tied)]
     verdict = verdict_of(effects, tied, explained, left, refit_is_all, wrong)
-    discovery, habitat, rng = None, None, np.random.default_rng(seed)
+    discovery, habitat, rng, extras = None, None, np.random.default_rng(seed), Extras()
     if slipped or (doubts and verdict == "unexplained"):
         verdict = "doubted"
     elif left or verdict == "unexplained":
         progress(0.85, "looking for a term that no effect is")
-        discovery = discover(bench.train, bench.held, state, library_of(state.plant), rng, settle)
+        discovery = extras.attempt(
+            "The search for a term that no effect is",
+            lambda: discover(bench.train, bench.held, state, library_of(state.plant), rng, settle),
+            Discovery(state.plant, state.paths, state.train, state.held, state.colour),
+        )
         still = left
         if discovery.holds:
             after = stage(discovery.plant)
             still = disagrees(after, bench, state.paths, longest)
         if still:
-            habitat = habitat_of(after.fitted, record, rng)
+            habitat = extras.attempt(
+                "The description of what remains", lambda: habitat_of(after.fitted, record, rng), None
+            )
     form = None
     if left and effects and plant.family.kind != "torpedo" and bench.train.runs.rows <= FEW_ROWS:
         progress(0.95, "filtering, for the process noise")
-        form = _form(state, record, train)
+        form = extras.attempt("The fit with process noise", lambda: _form(state, record, train), None)
     progress(1.0, "done")
     diagnosis = Diagnosis(
         verdict=verdict,
@@ -170,7 +177,8 @@ def diagnose(
         source=source,
         versions=_versions(),
     )
-    return replace(diagnosis, loops=closed_loop(diagnosis))
+    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(diagnosis), ())
+    return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
 
 
 def _in_spite(record: Record, plant: Plant, asked: Asked, source: str, progress: Progress) -> Diagnosis | None:
@@ -180,13 +188,10 @@ def _in_spite(record: Record, plant: Plant, asked: Asked, source: str, progress:
     return None if found.unexplained else replace(found, asked=asked)
 
 
-def _form(state: State, record: Record, train: Sequence[slice]) -> Choice | None:
-    """Which of output error and innovations suits the residuals of what was fitted; None where neither runs."""
+def _form(state: State, record: Record, train: Sequence[slice]) -> Choice:
+    """Which of output error and innovations suits the residuals of what was fitted."""
     paths = [p for p in state.paths if spec_at(state.plant, p).probe > 0.0 or p in state.plant.family.coefficients]
-    try:
-        return InnovationsForm(state.plant, record, train).choose(paths)
-    except (ValueError, np.linalg.LinAlgError):
-        return None
+    return InnovationsForm(state.plant, record, train).choose(paths)
 
 
 def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import os
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,28 +18,44 @@ from auv_gym.record import Record
 from auv_gym.vehicles import FAMILIES
 from auv_gym.writing import replacing
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.extras import Extras
 from identification.diagnosis.trials import Progress
 from identification.diagnosis.verdict import Diagnosis, Stage
 
 SIMILAR = 60.0  # degrees between signatures below which the angle is told
 
 
-def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike) -> dict[str, Path]:
+def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Extras | None = None) -> dict[str, Path]:
     """Write the three files into a folder, each aside first and then renamed; their paths by name.
 
-    Raises ValueError if the folder cannot be written.  Needs the extra `render` for the report.
+    A picture or a page that cannot be drawn is no error but a failure, which the other files report; extras: takes it.
+    Raises ValueError if the folder cannot be written, ImportError without the extra `render`, which the report needs.
     """
+    from identification.drawing import require_render
     from identification.report import diagnosis_page
 
+    require_render()
+    extras = extras or Extras()
     out = writable_folder(folder)
-    page = diagnosis_page(diagnosis)
     paths = {name: out / name for name in ("diagnosis.json", "vehicle.toml", "report.html")}
-    _write(paths["diagnosis.json"], json.dumps(as_json(diagnosis), indent=2) + "\n")
+    _write(paths["diagnosis.json"], _json_text(diagnosis, extras))
     notes = {e.path: f"named by a diagnosis of {diagnosis.source or 'a record'}" for e in diagnosis.effects}
     notes |= {c.path: f"refitted by a diagnosis of {diagnosis.source or 'a record'}" for c in diagnosis.coefficients}
     save_vehicle(diagnosis.after.plant, paths["vehicle.toml"], notes)
-    _write(paths["report.html"], page)
+    before = len(extras.failures)
+    page = extras.attempt("The report", lambda: diagnosis_page(diagnosis, extras), "")
+    if page:
+        _write(paths["report.html"], page)
+    else:
+        paths.pop("report.html").unlink(missing_ok=True)  # one of an earlier diagnosis would be taken for this one's
+    if len(extras.failures) > before:
+        _write(paths["diagnosis.json"], _json_text(diagnosis, extras))
     return paths
+
+
+def _json_text(diagnosis: Diagnosis, extras: Extras) -> str:
+    failures = (*diagnosis.failures, *extras.failures)
+    return json.dumps(as_json(replace(diagnosis, failures=failures)), indent=2) + "\n"
 
 
 def writable_folder(folder: str | os.PathLike) -> Path:
@@ -135,6 +151,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "habitat": d.habitat.summary() if d.habitat is not None else None,
         "process_noise": _form(d),
         "closed_loop": [_plain(asdict(loop)) for loop in d.loops],
+        "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,
         "vehicle": {
             "name": d.given.plant.name,

@@ -18,6 +18,7 @@ from identification.validation import FreeRuns, Score, Whiteness
 if TYPE_CHECKING:
     from identification.diagnosis.closing import ClosedLoop
     from identification.diagnosis.discovery import Discovery
+    from identification.diagnosis.extras import Failure
     from identification.diagnosis.habitat import Habitat
     from identification.diagnosis.kinematics import Kinematics
     from identification.diagnosis.plausibility import Doubt
@@ -106,6 +107,7 @@ class Diagnosis:
     of the measurement noise that the effects remove.  windows: (training, held-out) slices of the record.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     form: whether the residuals want process noise.  loops: the closed loop with each of the vehicles.
+    failures: parts that could not be made.
     """
 
     verdict: Verdict
@@ -133,6 +135,7 @@ class Diagnosis:
     habitat: Habitat | None = None
     form: Choice | None = None
     loops: tuple[ClosedLoop, ...] = ()
+    failures: tuple[Failure, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
 

@@ -7,9 +7,9 @@ import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from auv_gym.record import Record
 from identification.diagnosis.closing import (
     closed_loop,
-    closed_loop_error,
     controller_of,
     steered,
     targets_of,
@@ -43,13 +43,30 @@ def test_the_corrected_vehicle_repeats_the_logged_loop(vehicle, effects, setting
     assert "before" in loop.words
 
 
-def test_a_believed_model_that_is_wrong_differs_from_the_truth():
+def test_samples_before_the_first_set_point_are_left_out_and_later_ones_keep_the_last():
     given = load_vehicle("slocum")
-    truth = replace_at(given, "effects.yaw.moment", 0.02)
-    right = closed_loop_error(truth, truth, np.random.default_rng(1), duration=200.0)["heading_rad"]
-    wrong = closed_loop_error(truth, given, np.random.default_rng(1), duration=200.0)["heading_rad"]
-    assert wrong["difference"] > 2.0 * right["difference"]
-    assert wrong["logged"] == right["logged"]
+    record = fly(replace_at(given, "effects.yaw.moment", 0.02), np.random.default_rng(0), duration=400.0)
+    wanted = record["heading_cmd_rad"].copy()
+    new = np.flatnonzero(np.diff(wanted, prepend=np.nan) != 0.0)  # a log often has a command where it changes only
+    sparse = np.full(len(record), np.nan)
+    sparse[new] = wanted[new]
+    late = sparse.copy()
+    late[: new[1]] = np.nan
+    first, whole = record.time[new[1]], closed_loop(told(record, given, given))
+    assert closed_loop(told(record.with_channels({"heading_cmd_rad": sparse}), given, given)) == whole
+    cut = closed_loop(told(record.between(first, np.inf), given, given))
+    assert closed_loop(told(record.with_channels({"heading_cmd_rad": late}), given, given)) == cut
+
+
+def test_set_points_that_never_meet_give_a_reason():
+    given = load_vehicle("remus100")
+    record = fly(given, np.random.default_rng(0), duration=10.0)
+    early, half = record.time < 5.0, np.repeat([0, 1], [50, len(record) - 50])
+    goals = {"depth_cmd_m": np.where(early, record["depth_cmd_m"], np.nan)}
+    goals["heading_cmd_rad"] = np.where(early, np.nan, record["heading_cmd_rad"])
+    apart = Record.from_arrays(record.time, {n: record[n] for n in record.names} | goals, segment=half)
+    (loop,) = closed_loop(told(apart, given, given))
+    assert "never has all of its set points" in loop.words
 
 
 def test_a_log_without_set_points_gives_a_reason():
@@ -58,8 +75,6 @@ def test_a_log_without_set_points_gives_a_reason():
     (loop,) = closed_loop(told(record, given, given))
     assert np.isnan(loop.after)
     assert "no set points (heading_cmd_rad)" in loop.words
-    with pytest.raises(ValueError, match="follows no set points"):
-        closed_loop_error(load_vehicle("mermaid"), load_vehicle("mermaid"), np.random.default_rng(0))
 
 
 def test_the_commands_at_the_log_are_those_of_every_model():

@@ -1,0 +1,124 @@
+"""Extras of a diagnosis that fail: the result stays, and every file says what is not in it."""
+
+import importlib
+import json
+
+import numpy as np
+import pytest
+
+from auv_gym.cli import main
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from auv_gym.reading import read_record
+from identification import figures
+from identification.diagnosis import diagnose, write_diagnosis
+from identification.diagnosis.extras import Extras
+from identification.experiment import closed_loop
+from tests.identification.outline import Outline
+
+diagnosing = importlib.import_module("identification.diagnosis.diagnose")
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A glider whose rudder sticks in a way that no effect is, so that all extras are asked for."""
+    record = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(3), duration=600.0)
+    unlike = 0.15 * np.sin(0.05 * record.time) ** 3 * np.cumsum(record["depth_m"] > np.median(record["depth_m"])) / 50.0
+    return record.with_channels({"heading_rad": record["heading_rad"] + unlike})
+
+
+def broken(*arguments, **settings):
+    raise KeyError("heading_rad")
+
+
+def test_every_extra_may_fail_and_the_result_stays(log, monkeypatch):
+    whole = diagnose(log, load_vehicle("slocum"))
+    assert whole.verdict == "unexplained"
+    assert whole.failures == ()
+    assert whole.loops
+    for name in ("closed_loop", "habitat_of", "discover", "_form"):
+        monkeypatch.setattr(diagnosing, name, broken)
+    found = diagnose(log, load_vehicle("slocum"))
+    assert found.verdict == whole.verdict
+    assert found.unexplained
+    assert [e.path for e in found.effects] == [e.path for e in whole.effects]
+    assert found.after.scores == whole.after.scores
+    assert {f.what for f in found.failures} >= {
+        "The closed loop with each model",
+        "The search for a term that no effect is",
+        "The description of what remains",
+    }
+    assert all("KeyError: 'heading_rad' (test_extras.py, line" in f.why for f in found.failures)
+
+
+def test_a_picture_that_cannot_be_drawn_is_said_on_the_page_and_in_the_file(log, tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    monkeypatch.setattr(diagnosing, "closed_loop", broken)
+    result = diagnose(log, load_vehicle("slocum"))
+    drawn = figures.svg
+
+    def svg(draw, d, name, label):
+        return broken() if name == "growth" else drawn(draw, d, name, label)
+
+    monkeypatch.setattr(figures, "svg", svg)
+    paths = write_diagnosis(result, tmp_path)
+    page, content = Outline(paths["report.html"].read_text()), json.loads(paths["diagnosis.json"].read_text())
+    assert page.faults == []
+    for what in ("The closed loop with each model", "The picture 'growth'"):
+        assert f"{what} could not be made: KeyError: 'heading_rad'" in page.text
+        assert what in [failure["what"] for failure in content["failures"]]
+    assert "None" not in page.text
+
+
+def test_without_a_page_the_other_files_are_there_and_an_old_page_is_not(log, tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    result = diagnose(log, load_vehicle("slocum"))
+    (tmp_path / "report.html").write_text("of an earlier diagnosis")
+    monkeypatch.setattr("identification.report._facts", broken)
+    paths = write_diagnosis(result, tmp_path)
+    assert set(paths) == {"diagnosis.json", "vehicle.toml"}
+    assert {p.name for p in tmp_path.iterdir()} == set(paths)
+    content = json.loads(paths["diagnosis.json"].read_text())
+    assert content["verdict"] == result.verdict
+    assert [failure["what"] for failure in content["failures"]] == ["The report"]
+
+
+def test_an_attempt_gives_what_was_made_or_the_substitute():
+    extras = Extras()
+    assert extras.attempt("One", lambda: 1, 0) == 1
+    assert extras.attempt("Two", lambda: 1 // 0, 0) == 0
+    assert extras.attempt("Two", lambda: int("two"), 0) == 0
+    assert [f.what for f in extras.failures] == ["Two", "Two"]
+    assert "ZeroDivisionError: integer division or modulo by zero (test_extras.py" in extras.failures[0].text
+    assert "invalid literal" in extras.failures[1].why
+    assert "test_extras" not in extras.failures[1].why
+
+
+def test_a_next_experiment_that_fails_leaves_the_files_and_says_so(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    truth = replace_at(load_vehicle("slocum"), "effects.yaw.moment", 0.02)
+    closed_loop(truth, rng=np.random.default_rng(1), duration=600.0, speed=0.35).save(tmp_path / "log.nc")
+    monkeypatch.setattr("auv_gym.cli.diagnose.propose", broken)
+    told = ["diagnose", str(tmp_path / "log.nc"), "--vehicle", "slocum", "--out", str(tmp_path / "out")]
+    assert main([*told, "--next-experiment"]) == 0
+    said = capsys.readouterr()
+    assert "The next experiment could not be made: KeyError" in said.err
+    assert {p.name for p in (tmp_path / "out").iterdir()} == {"diagnosis.json", "vehicle.toml", "report.html"}
+    assert "The next experiment" in (tmp_path / "out" / "diagnosis.json").read_text()
+
+
+@pytest.mark.parametrize("name", ["ammonite", "amadeus", "sebastian"])
+def test_every_bundled_log_is_diagnosed_without_options(name, tmp_path):
+    pytest.importorskip("dbdreader", reason="the extra `slocum` is not installed")
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    try:
+        read_record(f"slocum:{name}")
+    except ValueError as error:
+        pytest.skip(f"dbdreader cannot read its log here: {error}")
+    out = tmp_path / "out"
+    assert main(["diagnose", f"slocum:{name}", "--vehicle", "slocum", "--out", str(out)]) == 0
+    assert {p.name for p in out.iterdir()} == {"diagnosis.json", "vehicle.toml", "report.html"}
+    content = json.loads((out / "diagnosis.json").read_text())
+    assert content["failures"] == []
+    assert content["error"]["after"]["heading_rad"]["rmse"] > 0.0
+    assert content["closed_loop"][0]["after"] is not None
