@@ -5,14 +5,16 @@ from math import atan2, sqrt
 from auv_gym.compiled import compiled
 
 STRIPS = 11
+AT_REST = 1e-300  # m/s, for a strip without flow: its drag is 0, not 0/0
 
 
 @compiled
 def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length):
     """Sway and heave force, N, pitch and yaw moment, N m, of the flow across a hull of constant section, by strips.
 
-    drag_y, drag_z: drag coefficient times height, and times breadth, m.  The speed of a strip is that of the whole
-    cross flow, so that sway and heave couple.  Eleven strips from -L/2 to L/2, each of weight L/10.
+    drag_y, drag_z: drag coefficient times height, and times breadth, m.  The drag of a strip is along its cross flow,
+    [drag_y (v+xr)^2 + drag_z (w-xq)^2]/U_cf times the flow, U_cf its speed: both coefficients weigh in both forces.
+    Eleven strips from -L/2 to L/2, each of weight L/10.
     Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), cross-flow integrals; heave by w - x q in both.
     """
     sway = heave = pitch = yaw = 0.0
@@ -20,8 +22,9 @@ def cross_flow_drag(v, w, q, r, drag_y, drag_z, density, length):
     for i in range(STRIPS):
         x = (i - (STRIPS - 1) // 2) * spacing
         across, down = v + x * r, w - x * q
-        speed = sqrt(across * across + down * down)
-        side, lift = drag_y * across * speed, drag_z * down * speed
+        across_2, down_2 = across * across, down * down
+        drag = (drag_y * across_2 + drag_z * down_2) / max(sqrt(across_2 + down_2), AT_REST)
+        side, lift = drag * across, drag * down
         sway -= side
         heave -= lift
         pitch += x * lift

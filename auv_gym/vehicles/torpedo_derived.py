@@ -227,6 +227,7 @@ def derive(vector, derived):
     computed.density = density
     fouling = 1.0 + effects.hull.fouling
     flow = hull.cross_flow
+    # the damping errors of sway and heave are those of C_dy and C_dz, which weigh in both forces
     computed.cross_y = (fouling * (1.0 + effects.hull.damping_sway) - kept / density) * flow.drag_y * flow.height
     computed.cross_z = (fouling * (1.0 + effects.hull.damping_heave) - kept / density) * flow.drag_z * flow.breadth
     computed.has_cross_flow = 1.0 if computed.cross_y != 0.0 or computed.cross_z != 0.0 else 0.0

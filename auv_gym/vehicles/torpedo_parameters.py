@@ -42,7 +42,10 @@ class AddedMass:
 
 @dataclass(frozen=True)
 class CrossFlow:
-    """Cross-flow drag of a hull of constant section, integrated over strips; both coefficients zero: none."""
+    """Cross-flow drag of a hull of constant section, integrated over strips; both coefficients zero: none.
+
+    Where the flow has both parts, both coefficients weigh in both forces, by the squares of the flow's parts.
+    """
 
     drag_y: float = param(0.0, "1", "cross-flow drag coefficient, sway", bounds=(0.0, 5.0))
     drag_z: float = param(0.0, "1", "cross-flow drag coefficient, heave", bounds=(0.0, 5.0))

@@ -95,8 +95,10 @@ class Hull:
             return np.zeros(6)
         x = _STATIONS * self.tree.length
         across, down = nu[1] + x * nu[5], nu[2] - x * nu[4]
-        share = 0.5 * density * (x[1] - x[0]) * np.hypot(across, down)
-        side, lift = share * flow.drag_y * flow.height * across, share * flow.drag_z * flow.breadth * down
+        speed = np.maximum(np.hypot(across, down), 1e-300)
+        share = flow.drag_y * flow.height * across**2 + flow.drag_z * flow.breadth * down**2
+        share *= 0.5 * density * (x[1] - x[0]) / speed
+        side, lift = share * across, share * down
         return np.array([0.0, -side.sum(), -lift.sum(), 0.0, x @ lift, -(x @ side)])
 
     def _fins(self, nu: np.ndarray, fins: np.ndarray) -> np.ndarray:

@@ -1,6 +1,8 @@
-"""Cross-flow drag against its integral, weight and buoyancy, and what a fin sees of the flow."""
+"""Cross-flow drag against its integral and another program, weight and buoyancy, and what a fin sees of the flow."""
 
+import csv
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,27 +14,29 @@ from auv_gym.param import pack, record_type
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.vehicles.torpedo_parameters import Fins
 
-speeds = st.floats(-2.0, 2.0)
+speeds, sizes = st.floats(-2.0, 2.0), st.floats(0.0, 2.0)
 LENGTH, DENSITY, DRAG_Y, DRAG_Z = 2.0, 1000.0, 0.12, 0.15
+GOLDEN = Path(__file__).parent / "golden" / "npsauv_cross_flow.csv"
 
 
-def drag(v=0.0, w=0.0, q=0.0, r=0.0) -> np.ndarray:
+def drag(v=0.0, w=0.0, q=0.0, r=0.0, drag_y=DRAG_Y, drag_z=DRAG_Z) -> np.ndarray:
     """Sway and heave force, pitch and yaw moment."""
-    return np.array(cross_flow_drag(v, w, q, r, DRAG_Y, DRAG_Z, DENSITY, LENGTH))
+    return np.array(cross_flow_drag(v, w, q, r, drag_y, drag_z, DENSITY, LENGTH))
 
 
 def integral(v, w, q, r) -> np.ndarray:
     def density(x, part):
         across, down = v + x * r, w - x * q
-        side, lift = (c * f * math.hypot(across, down) for c, f in ((DRAG_Y, across), (DRAG_Z, down)))
+        share = (DRAG_Y * across**2 + DRAG_Z * down**2) / max(math.hypot(across, down), 1e-300)
+        side, lift = share * across, share * down
         return 0.5 * DENSITY * (-side, -lift, x * lift, -x * side)[part]
 
     return np.array([quad(density, -LENGTH / 2, LENGTH / 2, args=(i,), limit=200, epsabs=1e-9)[0] for i in range(4)])
 
 
-@given(v=speeds, w=speeds, q=speeds, r=speeds)
-def test_cross_flow_drag_takes_energy(v, w, q, r):
-    assert drag(v, w, q, r) @ [v, w, q, r] <= 0.0
+@given(v=speeds, w=speeds, q=speeds, r=speeds, drag_y=sizes, drag_z=sizes)
+def test_cross_flow_drag_takes_energy(v, w, q, r, drag_y, drag_z):
+    assert drag(v, w, q, r, drag_y, drag_z) @ [v, w, q, r] <= 0.0
 
 
 @given(v=speeds, w=speeds, q=speeds, r=speeds)
@@ -42,15 +46,59 @@ def test_the_mirror_image_of_a_cross_flow(v, w, q, r):
 
 @given(v=speeds, w=speeds, q=speeds, r=speeds)
 def test_sway_and_heave_are_treated_alike(v, w, q, r):
-    one, other = (np.array(cross_flow_drag(*nu, 0.1, 0.1, DENSITY, LENGTH)) for nu in ((v, w, q, r), (w, v, -r, -q)))
+    one, other = drag(v, w, q, r), drag(w, v, -r, -q, drag_y=DRAG_Z, drag_z=DRAG_Y)
     assert other == pytest.approx(one[[1, 0, 3, 2]] * [1, 1, -1, -1], abs=1e-11)
+
+
+@given(v=speeds, w=speeds)
+def test_the_drag_of_a_sideways_flow_is_against_it(v, w):
+    sway, heave, _, _ = drag(v, w)
+    assert sway * w == pytest.approx(heave * v, abs=1e-9)  # of some 1e3 N m/s, in rounding
+    assert max(sway * v, heave * w) <= 0.0
+
+
+@given(v=speeds, w=speeds, q=speeds, r=speeds)
+def test_a_flow_along_one_axis_meets_that_axis_alone(v, w, q, r):
+    sideways, upright = drag(v=v, r=r), drag(w=w, q=q)
+    assert np.array_equal(sideways[[1, 2]], [0.0, 0.0])
+    assert np.array_equal(upright[[0, 3]], [0.0, 0.0])
+    x = np.linspace(-0.5, 0.5, 11) * LENGTH
+    across, down = v + x * r, w - x * q
+    side, lift = DRAG_Y * across * np.abs(across), DRAG_Z * down * np.abs(down)
+    scale = 0.5 * DENSITY * LENGTH / 10.0
+    assert sideways[[0, 3]] == pytest.approx(-scale * np.array([side.sum(), x @ side]), abs=1e-10)
+    assert upright[[1, 2]] == pytest.approx(scale * np.array([-lift.sum(), x @ lift]), abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    "nu", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.3, 0.2), (0.2, -0.1, 0.5, 1.0), (1e-200, 0.0, 0.0, 0.0)]
+)
+def test_a_strip_without_flow_has_no_drag(nu):
+    # in the second case the middle strip stands still, in the third that at -0.2 m; the last one's square is zero
+    found = drag(*nu)
+    assert np.isfinite(found).all()
+    assert np.any(found) == (max(map(abs, nu)) > 1e-100)
+
+
+def test_cross_flow_drag_agrees_with_another_program():
+    with GOLDEN.open(encoding="utf-8", newline="") as file:
+        cases = [{name: float(value) for name, value in row.items()} for row in csv.DictReader(file)]
+    assert len(cases) == 24
+    for case in cases:
+        flow = [case[name] for name in "vwqr"]
+        sides = case["drag_y"] * case["height"], case["drag_z"] * case["breadth"]
+        found = cross_flow_drag(*flow, *sides, 1025.0, 5.3)
+        expected = [case[name] for name in ("sway", "heave", "pitch", "yaw")]
+        # both round, in sums of eleven strips that cancel in part
+        assert found == pytest.approx(expected, rel=0.0, abs=1e-13 * np.abs(expected).max())
 
 
 @given(v=speeds, w=speeds, q=speeds, r=speeds)
 def test_cross_flow_drag_is_the_sum_over_eleven_stations(v, w, q, r):
     x = np.linspace(-0.5, 0.5, 11) * LENGTH
     flow = np.array([v + x * r, w - x * q])
-    force = -0.5 * DENSITY * LENGTH / 10.0 * np.array([[DRAG_Y], [DRAG_Z]]) * flow * np.hypot(*flow)
+    share = [DRAG_Y, DRAG_Z] @ flow**2 / np.maximum(np.hypot(*flow), 1e-300)
+    force = -0.5 * DENSITY * LENGTH / 10.0 * share * flow
     expected = [force[0].sum(), force[1].sum(), -(x * force[1]).sum(), (x * force[0]).sum()]
     assert drag(v, w, q, r) == pytest.approx(expected, abs=1e-10)
 

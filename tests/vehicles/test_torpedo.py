@@ -113,8 +113,9 @@ def polynomials(hull, nu: np.ndarray) -> np.ndarray:
 def cross_flow(hull, nu: np.ndarray) -> np.ndarray:
     x = np.linspace(-0.5, 0.5, 11) * hull.length
     flow = np.array([nu[1] + x * nu[5], nu[2] - x * nu[4]])
-    size = [[hull.cross_flow.drag_y * hull.cross_flow.height], [hull.cross_flow.drag_z * hull.cross_flow.breadth]]
-    force = -0.05 * hull.density * hull.length * np.array(size) * flow * np.hypot(*flow)
+    size = np.array([hull.cross_flow.drag_y * hull.cross_flow.height, hull.cross_flow.drag_z * hull.cross_flow.breadth])
+    drag = size @ flow**2 / np.maximum(np.hypot(*flow), 1e-300)
+    force = -0.05 * hull.density * hull.length * drag * flow
     return np.array([0.0, *force.sum(axis=1), 0.0, -(x * force[1]).sum(), (x * force[0]).sum()])
 
 
