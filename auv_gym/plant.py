@@ -27,9 +27,11 @@ from auv_gym.vehicles.learned_hull import LearnedHull
 from auv_gym.writing import replacing
 
 _FILE_KEYS = (
-    "family", "name", "title", "description", "dt_s", "longest_step_s", "window_s", "settle_s", "written_by",
+    "family", "name", "title", "description", "fitted_to", "dt_s", "longest_step_s", "window_s", "settle_s",
+    "written_by",
 )  # fmt: skip
 _TABLES = ("hull", "effects")
+_ENTRY_KEYS = {"value", "unit", "deviation", "source"}
 _ANY = (-np.inf, np.inf)
 SHARED_ROWS = 5000  # of all runs together, from which on threads share them
 
@@ -40,7 +42,9 @@ class Plant:
 
     dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
     window: s, over which free runs of such a vehicle are judged.  settle: s, their first part, which fits their starts.
-    notes: where each number comes from, by path.  learned: in place of the hull's forces, see `LearnedHull`.
+    notes: where each number comes from, by path.  deviations: standard deviation of what is known of a coefficient, in
+    its unit, by path.  fitted_to: the logs that its numbers have seen.  learned: in place of the hull's forces, see
+    `LearnedHull`.
     """
 
     name: str
@@ -53,9 +57,13 @@ class Plant:
     title: str = ""
     description: str = ""
     notes: Mapping[str, str] = field(default_factory=dict, compare=False)
+    deviations: Mapping[str, float] = field(default_factory=dict, hash=False)
+    fitted_to: str = ""
     learned: LearnedHull | None = None
 
     def __post_init__(self):
+        for path, deviation in self.deviations.items():
+            check_deviation(self.parameters, path, deviation)
         if self.learned is not None and not self.family.learns:
             raise ValueError(
                 f"A learned hull belongs to a vehicle in six degrees of freedom, got {self.name!r} of family "
@@ -105,6 +113,24 @@ class Plant:
             for name in self.family.inputs
             if name not in self.family.required
         }
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """The paths that a first fit frees: those of the family, and those with a standard deviation of their own."""
+        own = self.family.coefficients
+        return (*own, *(path for path in self.deviations if path not in own))
+
+    def deviation(self, path: str, doubt: float) -> float:
+        """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
+
+        doubt: relative, of coefficients that have none of their own; infinite where nothing is to be taken as known.
+        """
+        if np.isinf(doubt):
+            return np.inf
+        if path in self.deviations:
+            return self.deviations[path]
+        value = abs(value_at(self, path)) if path in self.family.coefficients else 0.0
+        return doubt * value if value > 0.0 else np.inf
 
     @cached_property
     def vector(self) -> np.ndarray:
@@ -282,6 +308,19 @@ class Runs:
         return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, int((stop - begin).sum()))
 
 
+def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
+    """Raises unless a standard deviation can be that of a coefficient at a path."""
+    unit = spec_at(parameters, path).unit
+    if not path.startswith("hull."):
+        raise ValueError(f"{path} cannot have a deviation: only coefficients of the hull do, under [hull].")
+    number = isinstance(deviation, int | float | np.floating) and not isinstance(deviation, bool)
+    if not number or not 0.0 <= deviation < np.inf:
+        raise ValueError(
+            f"{path} needs a deviation of at least 0 {unit} (one standard deviation; 0 holds the value), got "
+            f"{deviation!r}."
+        )
+
+
 def without_effects(plant: Plant) -> Plant:
     """The plant with every effect neutral."""
     effects = [path for path in list_paths(plant) if path.startswith("effects.")]
@@ -331,6 +370,7 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
         f"name = {_quoted(plant.name)}",
         f"title = {_quoted(plant.title)}",
         f"description = {_quoted(plant.description)}",
+        *([f"fitted_to = {_quoted(plant.fitted_to)}"] if plant.fitted_to else []),
         f"dt_s = {float(plant.dt)!r}",
         f"longest_step_s = {float(plant.longest_step)!r}",
         f"window_s = {float(plant.window)!r}",
@@ -346,8 +386,9 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
         if head != table:
             table = head
             lines += ["", f"[{table}]"]
-        source = f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
-        lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{source} }}')
+        more = f", deviation = {float(plant.deviations[parameter])!r}" if parameter in plant.deviations else ""
+        more += f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
+        lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{more} }}')
     return "\n".join(lines) + "\n"
 
 
@@ -393,15 +434,17 @@ def _parse(text: str, origin: str) -> Plant:
             raise ValueError(f"Vehicle file {origin}: {key} needs {wanted}, got {value!r}.")
     tables = {key: content[key] for key in _TABLES if key in content}
     parameters = family.parameters()
-    values, notes, primes = {}, {}, []
+    values, notes, primes, deviations = {}, {}, [], {}
     for path, entry in _leaves(tables, ""):
         try:
             spec = spec_at(parameters, path)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
         entry = entry if isinstance(entry, dict) else {"value": entry}
-        for key in entry.keys() - {"value", "unit", "source"}:
-            raise ValueError(f"Vehicle file {origin}: {path} has an unknown key {key!r}. Known: value, unit, source.")
+        for key in entry.keys() - _ENTRY_KEYS:
+            raise ValueError(
+                f"Vehicle file {origin}: {path} has an unknown key {key!r}. Known: {', '.join(sorted(_ENTRY_KEYS))}."
+            )
         value, unit = entry.get("value"), entry.get("unit", spec.unit)
         if unit == "prime":
             primes.append(path)
@@ -410,6 +453,9 @@ def _parse(text: str, origin: str) -> Plant:
             raise ValueError(f"Vehicle file {origin}: {path} is in {spec.unit}, got unit {unit!r}: convert the value.")
         try:
             values[path] = check_value(path, value, spec._replace(bounds=_ANY) if path in primes else spec)
+            if "deviation" in entry:
+                check_deviation(parameters, path, entry["deviation"])
+                deviations[path] = float(entry["deviation"])
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
         if "source" in entry:
@@ -421,6 +467,8 @@ def _parse(text: str, origin: str) -> Plant:
                 replace_at(parameters, _given(values, ("hull.density", "hull.length"))), path, spec.unit
             )
             values[path] = check_value(path, values[path] * scale, spec)
+            if path in deviations:
+                deviations[path] *= abs(scale)
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None
     given = {field: content.get(f"{field}_s") for field in ("dt", "longest_step", "window", "settle")}
@@ -433,6 +481,8 @@ def _parse(text: str, origin: str) -> Plant:
         title=content.get("title", ""),
         description=content.get("description", ""),
         notes=notes,
+        deviations=deviations,
+        fitted_to=content.get("fitted_to", ""),
     )
     problem = family.problem(plant.parameters)
     if problem:
@@ -455,7 +505,7 @@ def _prime_scale(parameters: Any, path: str, unit: str) -> float:
 def _leaves(table: Mapping[str, Any], prefix: str):
     for key, entry in table.items():
         path = f"{prefix}{key}"
-        if isinstance(entry, dict) and not {"value", "unit", "source"} & entry.keys():
+        if isinstance(entry, dict) and not _ENTRY_KEYS & entry.keys():
             yield from _leaves(entry, f"{path}.")
         else:
             yield path, entry

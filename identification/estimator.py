@@ -208,7 +208,7 @@ def make_estimator(
                 f"Method {name} has no setting {key!r}. {did_you_mean(key, method.settings)}{_allowed(method)}"
             )
     if name == "grey_box" and "free" not in given and plant is not None:
-        given["free"] = plant.family.coefficients
+        given["free"] = plant.coefficients
     hints = get_type_hints(made)
     values = {key: _converted(name, key, value, hints[key]) for key, value in given.items()}
     for field in fields(made):

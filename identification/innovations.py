@@ -94,7 +94,7 @@ class InnovationsForm:
         """
         paths = tuple(paths)
         for path in paths:
-            if not spec_at(self.plant, path).probe > 0.0 and path not in self.plant.family.coefficients:
+            if not spec_at(self.plant, path).probe > 0.0 and path not in self.plant.coefficients:
                 raise ValueError(f"No fit can free {path}: choose an effect with a probe, or a coefficient.")
         point = self.problem.solve(self.plant, paths)
         if not np.isfinite(point.cost):

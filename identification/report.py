@@ -204,7 +204,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
 
 def _titles(d: Diagnosis) -> dict[str, str]:
     paths = [p for r in d.rounds for t in r.trials for p in t.candidate.paths]
-    paths += [*d.given.plant.family.coefficients, *(x.path for x in d.detectable), *(e.path for e in d.effects)]
+    paths += [*d.given.plant.coefficients, *(x.path for x in d.detectable), *(e.path for e in d.effects)]
     return {p: spec_at(d.given.plant, p).title or p for p in paths}
 
 

@@ -78,7 +78,8 @@ class Shooting:
     """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
 
     channels: the plant's outputs that the record holds.  start_states: indices of the states that they reveal.
-    doubt: standard deviation of the plant's own coefficients, relative; fits hold them to their values by it.
+    doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own
+    (`Plant.deviation`); fits hold them to their values by it.
     shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
     segments: (W,), the number of the segment of each window among those that have one.
     scales: by path, see `scale`, where a parameter has no probe to go by.
@@ -138,19 +139,16 @@ class Shooting:
         """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
         if path not in self.scales:
             spec, value = spec_at(self.plant, path), abs(value_at(self.plant, path))
-            own = 0.1 * value if path in self.plant.family.coefficients else 0.0
+            own = 0.1 * value if path in self.plant.coefficients else 0.0
             self.scales[path] = own or spec.probe or 0.1 * value or 1.0
         return self.scales[path]
 
     def bounds(self, path: str) -> tuple[float, float]:
-        """The least and the most that a parameter may be; `REACH` deviations from given where it is doubted."""
+        """The least and the most that a parameter may be; `REACH` deviations from given where it has one."""
         if path not in self._bounds:
             low, high = spec_at(self.plant, path).bounds
-            if path in self.plant.family.coefficients and np.isfinite(self.doubt):
-                value = value_at(self.plant, path)
-                far = REACH * self.doubt * abs(value) or np.inf
-                low, high = max(low, value - far), min(high, value + far)
-            self._bounds[path] = (low, high)
+            value, far = value_at(self.plant, path), REACH * self.plant.deviation(path, self.doubt)
+            self._bounds[path] = (max(low, value - far), min(high, value + far))
         return self._bounds[path]
 
     def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
@@ -161,8 +159,7 @@ class Shooting:
         values = np.array([vector[self.index[p]] for p in paths]).reshape(len(paths))
         given = np.array([self.plant.vector[self.index[p]] for p in paths]).reshape(len(paths))
         scales = np.array([self.scale(p) for p in paths]).reshape(len(paths))
-        own = np.array([p in self.plant.family.coefficients for p in paths], dtype=bool) & (given != 0.0)
-        rates = np.where(own, scales / (self.doubt * np.where(own, np.abs(given), 1.0)), 0.0)
+        rates = scales / np.array([self.plant.deviation(p, self.doubt) for p in paths]).reshape(len(paths))
         return rates * (values - given) / scales, rates
 
     @cached_property

@@ -114,7 +114,7 @@ def diagnose(
     count, rest = len(candidates), [] if slipped else candidates_of(state.plant, record)
     screening = tuple(screen(bench.train, state.train, state.paths, rest, state.colour, threshold(count)))
     sizes = bench.intervals(state)
-    found = tuple(coefficient_of(plant, p, sizes[p], count, doubt) for p in coefficients if p in sizes)
+    found = tuple(coefficient_of(plant, p, sizes[p], count, plant.deviation(p, doubt)) for p in coefficients if p in sizes)
     effects, tied = effects_of(state, rounds, sizes)
     explained, from_given = (explained_share(one, after, bench) for one in (before, as_given))
     wrong = any(c.wrong for c in found) and from_given >= EXPLAINED
@@ -190,7 +190,7 @@ def _in_spite(record: Record, plant: Plant, asked: Asked, source: str, progress:
 
 def _form(state: State, record: Record, train: Sequence[slice]) -> Choice:
     """Which of output error and innovations suits the residuals of what was fitted."""
-    paths = [p for p in state.paths if spec_at(state.plant, p).probe > 0.0 or p in state.plant.family.coefficients]
+    paths = [p for p in state.paths if spec_at(state.plant, p).probe > 0.0 or p in state.plant.coefficients]
     return InnovationsForm(state.plant, record, train).choose(paths)
 
 
@@ -223,9 +223,9 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
 
 
 def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
-    """The coefficients that the record's inputs excite."""
+    """The coefficients that the record's inputs excite, and that are not known exactly."""
     point = bench.train.point(plant.vector, bench.train.first_guess)
-    paths = plant.family.coefficients
+    paths = tuple(p for p in plant.coefficients if plant.deviation(p, bench.train.doubt) > 0.0)
     if not np.isfinite(point.cost):
         return paths
     linear = bench.train.linearise(point, paths, bench.train.sigma(point))

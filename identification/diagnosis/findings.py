@@ -16,6 +16,7 @@ from identification.diagnosis.workbench import State
 from identification.shooting import REACH
 
 LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
+SURPRISE = 1.96  # standard deviations that a vehicle states, from which on a coefficient is not what it was said to be
 BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it does is as likely
 
 
@@ -48,12 +49,18 @@ def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], 
     return effects, groups
 
 
-def coefficient_of(plant: Plant, path: str, size: tuple[float, float, float], count: int, doubt: float) -> Coefficient:
-    """A refitted coefficient; wrong where it left its given value by a little, and surely."""
+def coefficient_of(
+    plant: Plant, path: str, size: tuple[float, float, float], count: int, deviation: float
+) -> Coefficient:
+    """A refitted coefficient; wrong where it surely left its given value, by more than that was said to be off by.
+
+    deviation: standard deviation of the given value.  One that the vehicle states for itself is taken at its word.
+    """
     spec, given, (value, error, _) = spec_at(plant, path), value_at(plant, path), size
     moved = abs(value - given)
-    wrong = moved > LEAST_CHANGE * abs(given) and moved > np.sqrt(threshold(count)) * error
-    limited = moved >= 0.999 * REACH * doubt * abs(given) > 0.0
+    stated = SURPRISE * deviation if path in plant.deviations else LEAST_CHANGE * abs(given)
+    wrong = moved > stated and moved > np.sqrt(threshold(count)) * error
+    limited = moved >= 0.999 * REACH * deviation > 0.0
     return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong), bool(limited))
 
 

@@ -223,4 +223,4 @@ def _tables(design: Design, plant: Plant, minutes: float) -> dict:
 
 def _free(rival: Rival) -> tuple[str, ...]:
     """The paths that a fit may free."""
-    return tuple(p for p in rival.paths if spec_at(rival.plant, p).probe > 0.0 or p in rival.plant.family.coefficients)
+    return tuple(p for p in rival.paths if spec_at(rival.plant, p).probe > 0.0 or p in rival.plant.coefficients)

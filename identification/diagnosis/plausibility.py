@@ -149,7 +149,7 @@ def _foreign(plant: Plant, *matches: Match) -> Doubt:
 
 def _free(plant: Plant) -> tuple[str, ...]:
     """The coefficients that a fit may change by a factor."""
-    return tuple(p for p in plant.family.coefficients if value_at(plant, p) != 0.0)
+    return tuple(p for p in plant.coefficients if value_at(plant, p) != 0.0)
 
 
 def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:

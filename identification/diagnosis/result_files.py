@@ -41,7 +41,9 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     _write(paths["diagnosis.json"], _json_text(diagnosis, extras))
     notes = {e.path: f"named by a diagnosis of {diagnosis.source or 'a record'}" for e in diagnosis.effects}
     notes |= {c.path: f"refitted by a diagnosis of {diagnosis.source or 'a record'}" for c in diagnosis.coefficients}
-    save_vehicle(diagnosis.after.plant, paths["vehicle.toml"], notes)
+    seen = (diagnosis.after.plant.fitted_to, diagnosis.source or "a record")
+    fitted = replace(diagnosis.after.plant, fitted_to="; ".join(dict.fromkeys(filter(None, seen))))
+    save_vehicle(fitted, paths["vehicle.toml"], notes)
     before = len(extras.failures)
     page = extras.attempt("The report", lambda: diagnosis_page(diagnosis, extras), "")
     if page:
@@ -160,6 +162,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             "longest_step_s": d.given.plant.longest_step,
             "window_s": d.given.plant.window,
             "settle_s": d.given.plant.settle,
+            "deviations": dict(d.given.plant.deviations),
+            "fitted_to": d.given.plant.fitted_to,
             "parameters": {p: value_at(d.given.plant, p) for p in list_paths(d.given.plant)},
             "units": {p: spec_at(d.given.plant, p).unit for p in list_paths(d.given.plant)},
         },
@@ -182,7 +186,8 @@ def again(file: str | os.PathLike, record: Record, progress: Progress = lambda f
         raise ValueError(f"{file} is of another record, or of one read otherwise: give the same log, mapping and cuts.")
     family = FAMILIES[vehicle["family"]]
     times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
-    plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times), vehicle["parameters"])
+    known = {name: vehicle[name] for name in ("deviations", "fitted_to")}
+    plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times, **known), vehicle["parameters"])
     return diagnose(record, plant, source=told["source"], progress=progress, **asked)
 
 

@@ -200,8 +200,8 @@ def _limit_sentence(d: Diagnosis) -> str:
     if not limited:
         return ""
     return (
-        f"A doubt of {100.0 * d.asked.doubt:g} % in the vehicle's own coefficients held back {_listed(limited)}: "
-        "allow more if they are known less well."
+        f"The fit moved {_listed(limited)} as far from the given value as its uncertainty allows: if it is known less "
+        "well, raise --doubt, or its deviation in the vehicle file."
     )
 
 

@@ -158,7 +158,7 @@ class Workbench:
 
 def given_values(given: Plant, state: State) -> dict[str, float]:
     """The fitted coefficients as the vehicle was given, if the fit has taken one of them far from there; else none."""
-    values = {p: value_at(given, p) for p in state.paths if p in given.family.coefficients}
+    values = {p: value_at(given, p) for p in state.paths if p in given.coefficients}
     far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
     return values if far else {}
 
