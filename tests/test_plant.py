@@ -244,6 +244,29 @@ def test_a_preset_cites_every_number_it_sets(name):
     assert plant.description
     assert set(changed) <= set(plant.notes)
     assert list_vehicles()[name] == plant.title
+    assert plant.fitted_to
+
+
+def test_what_is_known_of_a_coefficient(tmp_path):
+    file = tmp_path / "v.toml"
+    file.write_text(
+        'family = "torpedo"\nfitted_to = "dive 3"\n[hull]\nlength = 2.0\ndensity = 1000.0\n'
+        'x_g = { value = 0.1, unit = "m", deviation = 0.02, source = "weighed" }\n'
+        '[hull.sway]\nuv = { value = -0.02, unit = "prime", deviation = 0.001 }\n'
+    )
+    plant = load_vehicle(file)
+    assert plant.coefficients == (*plant.family.coefficients, "hull.x_g")
+    assert plant.deviation("hull.x_g", 0.1) == 0.02
+    assert plant.deviation("hull.sway.uv", 0.1) == pytest.approx(0.001 * 0.5 * 1000.0 * 2.0**2)
+    assert plant.deviation("hull.sway.uv", math.inf) == math.inf  # nothing is to be taken as known
+    stated = replace_at(plant, "hull.sway.ur", -3.0)
+    assert stated.deviation("hull.sway.ur", 0.1) == pytest.approx(0.3)
+    assert stated.deviation("hull.z_g", 0.1) == math.inf
+    assert plant.deviation("hull.surge.u_u", 0.1) == math.inf  # zero: a share of it says nothing
+    save_vehicle(plant, tmp_path / "again.toml")
+    assert load_vehicle(tmp_path / "again.toml") == plant
+    with pytest.raises(ValueError, match=r"Did you mean 'hull\.x_g'"):
+        replace(plant, deviations={"hull.xg": 0.1})
 
 
 def test_another_sample_time():
@@ -324,11 +347,20 @@ BAD_FILES = {
     "unknown effect": (HEAD + "[effects.ruder]\noffset = 0.1", "Did you mean 'effects.rudder.offset'"),
     "unknown key of a parameter": (
         HEAD + '[hull]\nmass = { value = 50.0, units = "kg" }',
-        "hull.mass has an unknown key 'units'. Known: value, unit, source.",
+        "hull.mass has an unknown key 'units'. Known: deviation, source, unit, value.",
     ),
     "another unit": (
         HEAD + '[hull]\nrudder_limit = { value = 30.0, unit = "deg" }',
         "hull.rudder_limit is in rad, got unit 'deg': convert the value",
+    ),
+    "negative deviation": (
+        HEAD + "[hull]\nmass = { value = 50.0, deviation = -1.0 }",
+        "v.toml: hull.mass needs a deviation of at least 0 kg (one standard deviation; 0 holds the value), got -1.0",
+    ),
+    "text for a deviation": (HEAD + '[hull]\nmass = { value = 50.0, deviation = "5 kg" }', "got '5 kg'"),
+    "deviation of an effect": (
+        HEAD + "[effects.rudder]\noffset = { value = 0.1, deviation = 0.1 }",
+        "effects.rudder.offset cannot have a deviation: only coefficients of the hull do",
     ),
     "no value": (HEAD + '[hull]\nmass = { unit = "kg" }', "hull.mass needs a number in kg, got None"),
     "text for a value": (HEAD + '[hull]\nmass = "50"', "hull.mass needs a number in kg, got '50'"),

@@ -114,7 +114,9 @@ def diagnose(
     count, rest = len(candidates), [] if slipped else candidates_of(state.plant, record)
     screening = tuple(screen(bench.train, state.train, state.paths, rest, state.colour, threshold(count)))
     sizes = bench.intervals(state)
-    found = tuple(coefficient_of(plant, p, sizes[p], count, plant.deviation(p, doubt)) for p in coefficients if p in sizes)
+    found = tuple(
+        coefficient_of(plant, p, sizes[p], count, plant.deviation(p, doubt)) for p in coefficients if p in sizes
+    )
     effects, tied = effects_of(state, rounds, sizes)
     explained, from_given = (explained_share(one, after, bench) for one in (before, as_given))
     wrong = any(c.wrong for c in found) and from_given >= EXPLAINED

@@ -60,7 +60,7 @@ class OwnGlider:
 
     def _rates(self, y: np.ndarray, time: float, inputs: np.ndarray, drag: float) -> np.ndarray:
         a = self.given.hull
-        rudder, bow, stern, u, w, q, pitch, _ = inputs
+        rudder, bow, stern, u, w, q, pitch, roll = inputs
         half = 0.5 * a.density * a.length**3
         followed = a.speed + a.speed_scaling * (u - a.speed)
         square = a.speed**2 + a.speed_scaling * (u**2 - a.speed**2)
@@ -75,6 +75,9 @@ class OwnGlider:
         )
         inertia = a.inertia - half * a.length**2 * a.n_rdot
         water = np.zeros(3) if self.gusts is None else self.gusts.velocity(time)
-        turning = y[1] + a.rudder_heading_rate * rudder
-        north, east = u * cos(y[0]) + water[0], u * sin(y[0]) + water[1]
+        yawing = y[1] + a.rudder_heading_rate * rudder
+        turning = (q * sin(roll) + yawing * cos(roll)) / cos(pitch)
+        ahead, across = u * cos(pitch) + w * sin(pitch) * cos(roll), -w * sin(roll)
+        north = ahead * cos(y[0]) - across * sin(y[0]) + water[0]
+        east = ahead * sin(y[0]) + across * cos(y[0]) + water[1]
         return np.array([turning, moment / inertia + a.heading_stiffness * y[0], north, east])

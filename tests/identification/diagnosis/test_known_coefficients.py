@@ -1,0 +1,68 @@
+"""What a vehicle file says of its coefficients' uncertainty is what a diagnosis allows them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, value_at
+from auv_gym.plant import load_vehicle
+from identification.diagnosis import again, diagnose, write_diagnosis
+from identification.experiment import closed_loop
+from identification.shooting import REACH, Shooting
+
+BARE = replace(load_vehicle("slocum"), deviations={})
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A glider whose rudder does 35 % more than it is believed to."""
+    truth = replace_at(BARE, "hull.n_delta", 1.35 * BARE.hull.n_delta)
+    return closed_loop(truth, rng=np.random.default_rng(11), duration=900.0)
+
+
+def test_a_coefficient_within_what_was_stated_is_refitted_and_no_finding(log):
+    wide = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.5 * BARE.hull.n_delta}))
+    assert wide.verdict == "none", wide.summary()
+    assert value_at(wide.after.plant, "hull.n_delta") == pytest.approx(1.35 * BARE.hull.n_delta, rel=0.05)
+    narrow = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.1 * BARE.hull.n_delta}))
+    assert narrow.verdict in ("coefficients", "tied")  # a gain acts as it does
+    (wrong,) = (c for c in narrow.coefficients if c.path == "hull.n_delta")
+    assert wrong.wrong
+    assert not wrong.limited
+
+
+def test_deviations_of_zero_hold_a_coefficient(log):
+    held = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.0}))
+    assert [c.path for c in held.coefficients] == ["hull.n_r"]
+    assert value_at(held.after.plant, "hull.n_delta") == BARE.hull.n_delta
+    assert any("effects.rudder.gain" in (e.path, *e.tied_with) for e in held.effects), held.summary()
+
+
+def test_a_fit_stays_within_five_deviations(log):
+    plant = replace(BARE, deviations={"hull.n_delta": 1e-6})
+    problem = Shooting(plant, log, log.windows(120.0), doubt=0.1)
+    low, high = problem.bounds("hull.n_delta")
+    assert (low, high) == pytest.approx((BARE.hull.n_delta - REACH * 1e-6, BARE.hull.n_delta + REACH * 1e-6))
+    pulls, rates = problem.pulls(replace_at(plant, "hull.n_delta", BARE.hull.n_delta + 2e-6).vector, ["hull.n_delta"])
+    assert pulls == pytest.approx([2.0])
+    assert rates == pytest.approx([problem.scale("hull.n_delta") / 1e-6])
+    assert Shooting(plant, log, log.windows(120.0)).pulls(plant.vector, ["hull.n_delta"])[1] == [0.0]
+    found = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.05 * BARE.hull.n_delta}))
+    (limited,) = (c for c in found.coefficients if c.path == "hull.n_delta")
+    assert limited.value == pytest.approx(1.25 * BARE.hull.n_delta)
+    assert limited.limited
+    assert "as far from the given value as its uncertainty allows" in found.summary()
+
+
+def test_the_files_keep_what_was_known_and_say_which_logs_were_seen(log, tmp_path):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    plant = replace(BARE, deviations={"hull.n_delta": 0.5 * BARE.hull.n_delta})
+    found = diagnose(log, plant, source="mission 7.csv")
+    paths = write_diagnosis(found, tmp_path)
+    written = load_vehicle(paths["vehicle.toml"])
+    assert written.deviations == plant.deviations
+    assert written.fitted_to == f"{plant.fitted_to}; mission 7.csv"
+    repeated = again(paths["diagnosis.json"], log)
+    assert np.array_equal(repeated.after.plant.vector, found.after.plant.vector)
+    assert repeated.given.plant.deviations == plant.deviations
