@@ -1,4 +1,4 @@
-"""Thrust and torque of a propeller, and the command that gives a wanted thrust."""
+"""Thrust and torque of a propeller, and its slipstream."""
 
 from math import pi, sqrt
 
@@ -39,35 +39,6 @@ def table_thrust(voltage, inflow, table):
     low = table[at] + part * (table[at + 1] - table[at])
     high = table[at + COLUMNS] + part * (table[at + COLUMNS + 1] - table[at + COLUMNS])
     return side * (low + share * (high - low))
-
-
-@compiled
-def table_voltage(thrust, inflow, table):
-    """The voltage that gives a thrust in N at an inflow in m/s: the inverse of `table_thrust`, within the table.
-
-    The table rises with voltage, so that a sign of the voltage and a cell in it are unique.
-    """
-    side = 1.0
-    if thrust < table_thrust(0.0, inflow, table):
-        side, thrust, inflow = -1.0, -thrust, -inflow
-    low = table_thrust(0.0, inflow, table)
-    for i in range(1, ROWS):
-        high = table_thrust(i * VOLTAGE_STEP, inflow, table)
-        if thrust <= high:
-            share = (thrust - low) / (high - low) if high > low else 0.0
-            return side * (i - 1 + max(share, 0.0)) * VOLTAGE_STEP
-        low = high
-    return side * (ROWS - 1) * VOLTAGE_STEP
-
-
-@compiled
-def shaft_speed_for(thrust, u, per_square, per_speed):
-    """The shaft speed, rad/s, at which `shaft_law` gives a thrust in N: the root that turns the way it pushes."""
-    side = 1.0 if thrust >= 0.0 else -1.0
-    # per_square n^2 + side per_speed u n - |thrust| = 0 for n = |shaft speed|
-    half = 0.5 * side * per_speed * u
-    root = sqrt(half * half + per_square * abs(thrust))
-    return side * max((root - half) / per_square, 0.0)
 
 
 @compiled

@@ -11,20 +11,15 @@ from __future__ import annotations
 
 from math import cos, pi, sin, sqrt
 
-import numpy as np
-
 from auv_gym.compiled import compiled, outlined
-from auv_gym.param import pack
 from auv_gym.physics.actuators import shape_command, shaped_command
 from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.physics.propulsion import (
     RADPS_PER_RPM,
     shaft_law,
-    shaft_speed_for,
     slipstream_speed,
     table_thrust,
-    table_voltage,
 )
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.physics.water import orbital_velocity
@@ -365,23 +360,6 @@ def actuator_times(index, p):
         return effect.dead_time, fin.lag + effect.lag, fin.slowness + effect.slowness
     drive, propeller = hull.propulsion, effects.propeller
     return propeller.dead_time, drive.lag + propeller.lag, (drive.slowness + propeller.slowness) / drive.limit
-
-
-def command_for_thrust(parameters: TorpedoParameters, thrust: float, speed: float) -> float:
-    """The propulsion command, in its channel's unit, that gives a thrust in N at a forward speed in m/s.
-
-    The inverse of the vehicle's own law, without effects and limits; a table ends at its largest voltage.
-    Raises if the vehicle has no propulsion.
-    """
-    law = parameters.hull.propulsion
-    table = pack(law.table)
-    if table.any():
-        return float(table_voltage(thrust, speed, table))
-    if law.t_nn > 0.0:
-        return float(shaft_speed_for(thrust, speed, law.t_nn, law.t_nu)) / RADPS_PER_RPM
-    if law.t_cc > 0.0:
-        return float(np.copysign(np.sqrt(abs(thrust) / law.t_cc), thrust))
-    raise ValueError("The vehicle has no propulsion: give hull.propulsion.t_nn, t_cc or a table.")
 
 
 def _family(name: str, propulsion: str, title: str) -> Family:

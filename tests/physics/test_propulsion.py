@@ -1,4 +1,4 @@
-"""Thrust laws and their inverses, and the slipstream of the NPS form."""
+"""Thrust laws, and the slipstream of the NPS form."""
 
 import math
 
@@ -11,10 +11,8 @@ from auv_gym.physics.propulsion import (
     INFLOWS,
     VOLTAGES,
     shaft_law,
-    shaft_speed_for,
     slipstream_speed,
     table_thrust,
-    table_voltage,
 )
 
 inflows = st.floats(-2.0, 2.0)
@@ -39,15 +37,6 @@ def test_the_shaft_law_is_a_thrust_coefficient_linear_in_the_advance_number(n, u
     per_square = density * diameter**4 * at_rest / (2.0 * math.pi) ** 2
     per_speed = density * diameter**3 * slope / (2.0 * math.pi)
     assert shaft_law(n, u, per_square, per_speed) == pytest.approx(thrust, rel=1e-12, abs=1e-12)
-
-
-@given(thrust=st.floats(-100.0, 100.0), u=inflows, per_square=st.floats(1e-4, 1.0), per_speed=st.floats(-1.0, 0.0))
-def test_the_shaft_speed_gives_the_thrust_it_was_asked_for(thrust, u, per_square, per_speed):
-    n = shaft_speed_for(thrust, u, per_square, per_speed)
-    # the root cancels where the inflow is strong: to rounding of terms that are as large as this
-    size = abs(thrust) + (per_speed * u) ** 2 / per_square
-    assert shaft_law(n, u, per_square, per_speed) == pytest.approx(thrust, abs=1e-14 * size)
-    assert n == 0.0 or (n > 0.0) == (thrust >= 0.0)
 
 
 @given(table=tables(), i=st.integers(0, len(VOLTAGES) - 1), j=st.integers(0, len(INFLOWS) - 1))
@@ -78,21 +67,6 @@ def test_thrust_rises_with_voltage(table, voltage, more, u):
     # each volt adds at least 0.05 N; some 1e-15 of thrusts of up to 50 N
     gain = table_thrust(min(voltage + more, 5.0), u, table) - table_thrust(voltage, u, table)
     assert gain >= 0.05 * (min(voltage + more, 5.0) - voltage) - 1e-13
-
-
-@given(table=tables(), share=st.floats(0.0, 1.0), u=inflows)
-def test_the_voltage_gives_the_thrust_it_was_asked_for(table, share, u):
-    least, most = table_thrust(-5.0, u, table), table_thrust(5.0, u, table)
-    thrust = least + share * (most - least)
-    voltage = table_voltage(thrust, u, table)
-    assert abs(voltage) <= 5.0
-    assert table_thrust(voltage, u, table) == pytest.approx(thrust, abs=1e-12)
-
-
-@given(table=tables(), u=inflows, beyond=st.floats(0.1, 100.0))
-def test_a_thrust_that_the_propeller_cannot_give_asks_for_full_voltage(table, u, beyond):
-    assert table_voltage(table_thrust(5.0, u, table) + beyond, u, table) == 5.0
-    assert table_voltage(table_thrust(-5.0, u, table) - beyond, u, table) == -5.0
 
 
 @given(n=st.floats(-200.0, 200.0), u=st.floats(-3.0, 3.0), c_t1=st.floats(0.01, 5.0))

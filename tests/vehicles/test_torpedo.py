@@ -15,7 +15,7 @@ from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.physics.polynomials import TERMS
 from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.vehicles.torpedo import TORPEDO, command_for_thrust, fill_terms, thrust_and_torque
+from auv_gym.vehicles.torpedo import TORPEDO, fill_terms
 from auv_gym.vehicles.torpedo_derived import mass_problem
 from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
@@ -549,18 +549,3 @@ def test_a_rolling_motion_too_quick_for_the_step_stays_stable():
     assert np.abs(states[:, :6]).max() < 5.0
     fine = run(load_vehicle("remus100"), x, (0.0, 0.0, 0.0, 1500.0), samples=1200)
     assert states[-1, 0] == pytest.approx(fine[-1, 0], abs=1e-3)
-
-
-@pytest.mark.parametrize("speed", [0.0, 0.7, 1.5])
-@pytest.mark.parametrize("thrust", [-3.0, 0.0, 2.0, 6.0])
-@pytest.mark.parametrize("name", PRESETS)
-def test_the_command_for_a_thrust_gives_it(name, thrust, speed):
-    plant = load_vehicle(name)
-    command = command_for_thrust(plant.parameters, thrust, speed)
-    found, _ = thrust_and_torque(command, speed, plant.family.view(plant.derived))
-    assert found == pytest.approx(thrust, abs=1e-9)
-
-
-def test_a_vehicle_without_propulsion_has_no_command_for_a_thrust():
-    with pytest.raises(ValueError, match="no propulsion"):
-        command_for_thrust(TorpedoParameters(), 1.0, 0.0)

@@ -11,7 +11,7 @@ import pytest
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.physics.frames import euler_angles_of, rotation_of
-from auv_gym.physics.propulsion import INFLOWS, VOLTAGES, table_thrust, table_voltage
+from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.vehicles.torpedo import derivative, enter, thrust_and_torque
@@ -279,16 +279,13 @@ def test_heu_speed_per_voltage(voltage, speed):
     assert steady_speed(load_vehicle("heu_torpedo"), voltage, 1.0) == pytest.approx(speed, abs=0.01)
 
 
-def test_heu_thrust_table_rises_with_voltage_falls_with_inflow_and_inverts():
+def test_heu_thrust_table_rises_with_voltage_and_falls_with_inflow():
     plant = load_vehicle("heu_torpedo")
     table = np.array(plant.family.view(plant.derived).hull.propulsion.table, dtype=float)
     grid = table.reshape(len(VOLTAGES), len(INFLOWS))
     assert np.all(np.diff(grid, axis=0) > 0.0)
     assert np.all(np.diff(grid, axis=1) < 0.0)
     assert grid.max() == pytest.approx(35.0, abs=0.1)
-    for voltage, inflow in itertools.product((-4.2, -0.5, 0.3, 1.0, 3.7, 5.0), (-1.2, 0.0, 0.4, 1.5)):
-        thrust = table_thrust(voltage, inflow, table)
-        assert table_voltage(thrust, inflow, table) == pytest.approx(voltage, abs=1e-12)
 
 
 @pytest.mark.parametrize("name, tolerance", [("remus100", 0.06), ("heu_torpedo", 1e-3)])
