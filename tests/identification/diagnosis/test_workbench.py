@@ -5,7 +5,7 @@ import pytest
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
-from identification.diagnosis.trials import chance_of_none
+from identification.diagnosis.acceptance import chance_of_none
 from identification.diagnosis.workbench import Workbench, calm_length
 from identification.likelihood import colour, covariance
 from identification.missions import fly
