@@ -86,3 +86,27 @@ def test_one_without_a_stable_run_is_refused(start, monkeypatch):
     (found,) = trials_of(bench, state, only, len(candidates), quiet)
     assert found.objection == UNSTABLE
     assert found.train == 0.0
+
+
+def test_a_free_run_that_diverges_is_no_gain_and_the_end_of_one_is(start, monkeypatch):
+    bench, state, _ = start
+    other, real = replace(state, plant=replace_at(state.plant, GAIN, 0.5)), bench.held.point
+
+    def diverging(vector, starts, paths=()):
+        point = real(vector, starts, paths)
+        if vector[bench.held.index[GAIN]] == 0.5:
+            point.residual[bench.held.offsets[1] :] = np.nan
+        return point
+
+    monkeypatch.setattr(bench.held, "point", diverging)
+    assert np.isnan(bench.improvements(state, other)[1])
+    assert bench.improvements(other, state)[1] == np.inf
+
+
+def test_evidence_for_a_refit_is_less_what_the_coefficients_had_to_move(start):
+    bench, state, _ = start
+    given = bench.plant
+    moved = replace_at(given, {p: 1.2 * value_at(given, p) for p in given.family.coefficients})
+    after = replace(state, plant=moved, train=replace(state.train, vector=moved.vector), colour=np.zeros(3))
+    before = replace(after, train=replace(after.train, vector=given.vector))
+    assert bench.gains(before, after) == pytest.approx((-2 * 2.0**2, 0.0))  # two coefficients, two deviations each
