@@ -61,8 +61,8 @@ def test_many_windows_tie_too_where_they_disagree_among_themselves(spread, is_ti
     bench = Costs()
     best, other = bench.trial(FIRST, np.zeros(9)), bench.trial(SECOND, 20.0 / 9 + spread * signs)
     assert bool(tied(bench, best, other, [APART])) is is_tied
-    few = Costs()
-    best, other = few.trial(FIRST, np.zeros(7)), few.trial(SECOND, 20.0 / 7 + spread * signs[:7])
+    few = Costs()  # 1.64 standard errors are 40
+    best, other = few.trial(FIRST, np.zeros(6)), few.trial(SECOND, 20.0 / 6 + 10.0 * signs[:6])
     assert not tied(few, best, other, [APART])
 
 
