@@ -13,10 +13,11 @@ from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification import figures, figures_rest
+from identification.diagnosis.acceptance import threshold
 from identification.diagnosis.attribution import Round
 from identification.diagnosis.candidates import candidates_of
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.trials import Trial, threshold
+from identification.diagnosis.trials import Trial
 from identification.diagnosis.verdict import Coefficient, Detectable, Diagnosis, Effect, quantity
 from identification.drawing import require_render
 from identification.page import Drawing, amount, both, drawing, listed, number, page, span, typeset

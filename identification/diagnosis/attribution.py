@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
+from identification.diagnosis.acceptance import SMALL, Weighed
 from identification.diagnosis.candidates import SEEN, Candidate
 from identification.diagnosis.kinematics import Mismatch
 from identification.diagnosis.ties import ALIKE, Likeness, ahead_of, best_of, likenesses, tied
-from identification.diagnosis.trials import Progress, Trial, judged, trials_of
+from identification.diagnosis.trials import Progress, Trial, gate, judged, trials_of
 from identification.diagnosis.workbench import State, Workbench
 
 PLAIN = 100.0  # evidence by kinematics alone from which on a sensor's error is settled before forces are sought
@@ -22,13 +23,15 @@ LEADERS = 3  # that a round may have one after the other
 class Round:
     """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it.
 
-    angles: between the signatures of the chosen one and of others, degrees, by candidate.
+    angles: between the signatures of the chosen one and of others, degrees, by candidate.  evidence: for the chosen one
+    in the final model against that model without it, in the fitted and in the held-out windows (`confirmed`).
     """
 
     trials: tuple[Trial, ...]
     chosen: Trial | None
     tied: tuple[Trial, ...]
     angles: dict[Candidate, float]
+    evidence: tuple[float, float] = (0.0, 0.0)
 
 
 def attribute(
@@ -139,6 +142,37 @@ def _beside(
         plant, starts = replace_at(chosen.state.plant, bounded), chosen.state.train.starts
         found.append(judged(bench, state, trial.candidate, trial.screening, plant, starts, count))
     return max(found, key=lambda t: (not t.objection, t.total))
+
+
+def confirmed(
+    bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int
+) -> tuple[State, list[Round]]:
+    """The state and the rounds with only those effects that pass the gate against the model without them.
+
+    A later effect, a swap or the other one of a pair may have made an effect idle, and what was accepted beside one set
+    of effects must hold beside the final one.  That with least evidence goes first, since the others may need it gone.
+    nominal: without any effect.
+    """
+    kept = list(rounds)
+    while True:
+        passed = [_in_place(bench, nominal, state, r, count) for r in kept]
+        failed = [(found.total, i, without) for i, (found, without) in enumerate(passed) if found.objection]
+        if not failed:
+            return state, [replace(r, evidence=(w.train, w.held)) for r, (w, _) in zip(kept, passed, strict=True)]
+        _, worst, state = min(failed, key=lambda item: item[:2])
+        del kept[worst]
+
+
+def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count: int) -> tuple[Weighed, State]:
+    """What the gate says of a round's effect beside all the others, and the state without it."""
+    if made.chosen is None:
+        return Weighed(0.0, 0.0, ""), state
+    own = [p for p in made.chosen.candidate.free if p in state.paths]
+    if not own:
+        return Weighed(0.0, 0.0, SMALL), state
+    alone = set(state.paths) - set(own) == set(nominal.paths)
+    without = nominal if alone else bench.without(state, own)
+    return gate(bench, without, state, [(made.chosen.candidate, made.chosen.screening)], count), without
 
 
 def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:

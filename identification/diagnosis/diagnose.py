@@ -12,7 +12,8 @@ from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.checks import check_excitation, check_ranges
-from identification.diagnosis.attribution import Round, attribute, without_idle_parts
+from identification.diagnosis.acceptance import threshold
+from identification.diagnosis.attribution import attribute, confirmed, without_idle_parts
 from identification.diagnosis.candidates import candidates_of, screen
 from identification.diagnosis.closing import closed_loop
 from identification.diagnosis.discovery import Discovery, discover, library_of
@@ -24,7 +25,7 @@ from identification.diagnosis.kinematics import kinematics_of
 from identification.diagnosis.plausibility import doubts_of
 from identification.diagnosis.residual import remains_of
 from identification.diagnosis.swaps import Reconsidering
-from identification.diagnosis.trials import FEW_STATES, Progress, threshold
+from identification.diagnosis.trials import FEW_STATES, Progress
 from identification.diagnosis.verdict import Asked, Diagnosis, Stage
 from identification.diagnosis.workbench import State, Workbench, calm_length
 from identification.innovations import Choice, InnovationsForm
@@ -90,7 +91,7 @@ def diagnose(
     )
     chosen = [r.chosen for r in rounds if r.chosen is not None]
     state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
-    state, rounds = _pruned(bench, nominal, state, rounds, len(candidates))
+    state, rounds = confirmed(bench, nominal, state, rounds, len(candidates))
 
     def stage(of: Plant) -> Stage:
         return _stage(of, record, windows, held, settle, longest_step)
@@ -102,7 +103,7 @@ def diagnose(
     if rounds and few and left:
         progress(0.82, "trying other effects in each one's place")
         again, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
-        again, rounds = _pruned(bench, nominal, again, rounds, len(candidates))
+        again, rounds = confirmed(bench, nominal, again, rounds, len(candidates))
         if again is not state:
             state, after = again, stage(again.plant)
             left = disagrees(after, bench, state.paths, longest)
@@ -125,7 +126,7 @@ def diagnose(
         if refit_is_all:
             before, explained = as_given, from_given
         groups = twins_of(plant, found)
-        effects += twin_effects(groups, effects, found, plant, bench.gains(given, nominal))
+        effects += twin_effects(groups, effects, found, bench, state, count)
         tied += [group for group in groups if not any(group[0] in other for other in tied)]
     verdict = verdict_of(effects, tied, explained, left, refit_is_all, wrong)
     discovery, habitat, rng, extras = None, None, np.random.default_rng(seed), Extras()
@@ -233,22 +234,6 @@ def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
     linear = bench.train.linearise(point, paths, bench.train.sigma(point))
     free = tuple(p for p, size in zip(paths, linear.raw, strict=True) if size > 1e-6)
     return free or paths
-
-
-def _pruned(
-    bench: Workbench, nominal: State, state: State, rounds: list[Round], count: int
-) -> tuple[State, list[Round]]:
-    """Backward elimination: an effect that a later one has made idle goes."""
-    chosen = [r.chosen for r in rounds if r.chosen is not None]
-    if len(chosen) < 2:
-        return state, rounds
-    for trial in chosen[:-1]:
-        paths = tuple(p for p in trial.candidate.free if p in state.paths)
-        without = bench.without(state, paths)
-        if sum(bench.gains(without, state)) < threshold(count, len(paths)):
-            state = without
-            rounds = [r for r in rounds if r.chosen is not trial]
-    return state, rounds
 
 
 def _stage(

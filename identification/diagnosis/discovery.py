@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.model import Diverged
-from auv_gym.param import list_paths, spec_at, value_at
+from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from identification.diagnosis.terms import Found, gains, interval_of, search
-from identification.diagnosis.trials import HELD_CHANCE, MANY_WINDOWS, SURE, chance_of_none, threshold
+from identification.diagnosis.acceptance import TERM, Claim, objection, size_of, threshold
+from identification.diagnosis.terms import ITERATIONS, Found, gains, interval_of, search
 from identification.diagnosis.verdict import quantity
 from identification.diagnosis.workbench import State
+from identification.likelihood import colour
 from identification.shooting import Point, Shooting
 from identification.validation import free_runs
 
 MOST_TERMS = 2
-HELD_LEAST, HELD_SHARE = 6.6, 0.1  # evidence from the held-out windows alone, and as a share of the fitted ones'
 _PER = {
     "depth": "metre of depth", "time": "second", "temperature": "kelvin", "pitch": "radian of pitch",
     "the rudder angle": "radian of rudder",
@@ -85,7 +85,7 @@ class Discovery:
         """The finding in a plain paragraph."""
         if not self.terms:
             text = "No term of the library explains what remains"
-            tried = [f"{t.words}, but {t.objection}" for t in self.rejected]
+            tried = [f"{t.words} ({t.objection})" for t in self.rejected]
             return f"{text}; nearest comes {' and '.join(tried)}." if tried else f"{text}."
         text = f"What remains looks like {' and '.join(t.words for t in self.terms)}."
         for term in self.terms:
@@ -121,20 +121,22 @@ def discover(
     if not library:
         raise ValueError(f"A search for terms of {state.plant.name} needs some to choose from: see `library_of`.")
     settle = state.plant.settle if settle is None else settle
-    terms, rejected, often = [], [], {}
+    terms, rejected, often, scales = [], [], {}, {}
     given = state
     for _ in range(MOST_TERMS):
         found, frequencies = search(train, held, state, [p for p in library if p not in state.paths], rng)
         often = {p: max(f, often.get(p, 0.0)) for p, f in frequencies.items()} | {t.path: t.frequency for t in terms}
         if found is None:
             break
-        term = _term(train, held, state, found)
-        objection = _objection(held, state, found.state, term, len(library), settle)
-        if objection:
-            rejected.append(replace(term, objection=objection))
+        term = _weighed(train, held, state, found, len(library), settle)
+        if term.objection:
+            rejected.append(term)
             break
         terms.append(term)
-        state = found.state
+        state, scales = found.state, scales | dict(found.scales)
+    if len(terms) > 1:
+        state, terms, failed = _confirmed(train.scaled(scales), held, state, terms, scales, len(library), settle)
+        rejected += failed
     errors = _errors(held, given.plant, state.plant, settle) if terms else {}
     often = {p: f for p, f in often.items() if f > 0.0}
     kept = (tuple(terms), tuple(rejected), often, errors)
@@ -151,35 +153,61 @@ def _digits(*values: float) -> list[str]:
     return [f"{value:.3g}" for value in values]
 
 
-def _term(train: Shooting, held: Shooting, before: State, found: Found) -> Term:
-    spec = spec_at(before.plant, found.path)
+def _confirmed(
+    problem: Shooting,
+    held: Shooting,
+    state: State,
+    terms: Sequence[Term],
+    scales: Mapping[str, float],
+    count: int,
+    settle: float,
+) -> tuple[State, list[Term], list[Term]]:
+    """The state with only those terms that hold beside each other, these, and the others; the weakest goes first."""
+    kept, failed = list(terms), []
+    while kept:
+        without = [_without(problem, held, state, term.path) for term in kept]
+        found = [Found(t.path, state, t.frequency, t.alike, scales) for t in kept]
+        kept = [_weighed(problem, held, b, f, count, settle) for b, f in zip(without, found, strict=True)]
+        idle = [i for i, term in enumerate(kept) if term.objection]
+        if not idle:
+            break
+        worst = min(idle, key=lambda i: kept[i].evidence_train + kept[i].evidence_held)
+        failed.append(kept.pop(worst))
+        state = without[worst]
+    return state, kept, failed
+
+
+def _without(problem: Shooting, held: Shooting, state: State, path: str) -> State:
+    """The state fitted again without a term."""
+    plant, paths = replace_at(state.plant, path, 0.0), tuple(p for p in state.paths if p != path)
+    point = problem.solve(plant, paths, state.train.starts, ITERATIONS, 1e-6)
+    plant = problem.plant_at(point, paths)
+    there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6)
+    return State(plant, paths, point, there, colour(problem, point))
+
+
+def _weighed(train: Shooting, held: Shooting, before: State, found: Found, count: int, settle: float) -> Term:
+    """The term that was found, with the evidence for it and the objection to it, against the state without it."""
+    after, spec = found.state, spec_at(before.plant, found.path)
     value, limits = interval_of(train, found)
-    evidence = gains(train, held, before, found.state, found.state.colour)
-    return Term(found.path, spec.title, spec.unit, value, limits, found.frequency, *evidence, found.alike)
+    evidence = gains(train, held, before, after, after.colour)
 
+    def better() -> np.ndarray:
+        fell = _squares(held, before.plant, settle) - _squares(held, after.plant, settle)
+        return (fell / held.sigma(after.held) ** 2).sum(axis=1)
 
-def _objection(held: Shooting, before: State, after: State, term: Term, count: int, settle: float) -> str:
-    if term.evidence_train + term.evidence_held < threshold(count):
-        return "it is not significant"
-    if term.evidence_held < max(HELD_LEAST, HELD_SHARE * term.evidence_train):
-        return "it does not hold in the held-out windows"
-    if abs(term.value) < SURE / 1.96 * (term.ci95[1] - term.value):
-        return "its size is too uncertain"
-    try:
-        better = _squares(held, before.plant, settle) - _squares(held, after.plant, settle)
-    except Diverged:
-        return "free runs in the held-out windows diverge with it"
-    better = (better / held.sigma(after.held) ** 2).sum(axis=1)
-    if len(better) < MANY_WINDOWS:
-        holds = better.sum() > 0.0
-    else:
-        holds = chance_of_none(better) < HELD_CHANCE
-    return "" if holds else "free runs in the held-out windows did not improve"
+    sizes, windows = [size_of(after.plant, found.path)], len(held.windows)
+    claim = Claim(*evidence, threshold(count), sizes, windows, better, lambda: [limits[1] - value])
+    names = (found.path, spec.title, spec.unit)
+    return Term(*names, value, limits, found.frequency, *evidence, found.alike, objection(claim, TERM))
 
 
 def _squares(held: Shooting, plant: Plant, settle: float) -> np.ndarray:
-    """Sums of squared errors of free runs by held-out window and channel, (W, C)."""
-    runs = free_runs(plant, held.record, held.windows, settle)
+    """Sums of squared errors of free runs by held-out window and channel, (W, C); infinite where they diverge."""
+    try:
+        runs = free_runs(plant, held.record, held.windows, settle)
+    except Diverged:
+        return np.full((len(held.windows), len(held.channels)), np.inf)
     squares = np.where(np.isfinite(runs.residual) & runs.scored[:, None], runs.residual, 0.0) ** 2
     return np.add.reduceat(squares, held.offsets, axis=0)
 

@@ -6,13 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_gym.param import spec_at, value_at
+from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
+from identification.diagnosis.acceptance import Size, at_limit, threshold, weighed
 from identification.diagnosis.attribution import Round
 from identification.diagnosis.candidates import Screening
-from identification.diagnosis.trials import threshold
 from identification.diagnosis.verdict import Coefficient, Detectable, Effect
-from identification.diagnosis.workbench import State
+from identification.diagnosis.workbench import State, Workbench
 from identification.shooting import REACH
 
 LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
@@ -41,8 +41,8 @@ def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], 
                     neutral=spec.neutral,
                     unit=spec.unit,
                     ci95=_span(sizes[path]),
-                    evidence_train=r.chosen.train,
-                    evidence_held=r.chosen.held,
+                    evidence_train=r.evidence[0],
+                    evidence_held=r.evidence[1],
                     tied_with=others,
                 )
             )
@@ -74,21 +74,27 @@ def twins_of(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]
     ]
 
 
-def twin_effects(groups, effects, found, plant, gains: tuple[float, float]) -> list[Effect]:
-    """Effects that act as a coefficient does which left its bounds: the record does not tell which it was."""
+def twin_effects(groups, effects, found, bench: Workbench, state: State, count: int) -> list[Effect]:
+    """Effects that act as a coefficient does which left its bounds: the record does not tell which it was.
+
+    An effect is named if the coefficient's change, told as its size, passes the gate against the coefficient as given.
+    """
     added = []
     for group in groups:
         path = group[0]
         c = next(c for c in found if c.path == group[-1])
         if any(e.path == path for e in effects) or abs(c.value / c.given - 1.0) <= BEYOND:
             continue
-        spec = spec_at(plant, path)
+        spec = spec_at(bench.plant, path)
         shift = spec.neutral - 1.0  # gains are neutral at one, errors at zero
-        low, high = sorted(shift + v / c.given for v in c.ci95)
-        limits = (low, high)
-        added.append(
-            Effect(path, spec.title, shift + c.value / c.given, spec.neutral, spec.unit, limits, *gains, group[1:])
-        )
+        value, (low, high) = shift + c.value / c.given, sorted(shift + v / c.given for v in c.ci95)
+        size = Size(abs(value - spec.neutral), spec.probe, at_limit(value, spec.bounds, spec.neutral))
+        put_back = replace_at(state.plant, c.path, c.given)
+        before = bench.fit(put_back, [p for p in state.paths if p != c.path], state)
+        passed = weighed(bench, before, state, [size], lambda half=(high - low) / 2.0: [half], threshold(count))
+        if not passed.objection:
+            gains = (passed.train, passed.held)
+            added.append(Effect(path, spec.title, value, spec.neutral, spec.unit, (low, high), *gains, group[1:]))
     return added
 
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identification.diagnosis.acceptance import MANY_WINDOWS
 from identification.diagnosis.joined import joined_errors
 from identification.diagnosis.residual import noise_floor
-from identification.diagnosis.trials import MANY_WINDOWS
 from identification.diagnosis.verdict import Stage, Verdict
 from identification.diagnosis.workbench import Workbench
 from identification.validation import whiteness

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from identification.diagnosis.acceptance import threshold
 from identification.diagnosis.attribution import Round, selected
 from identification.diagnosis.candidates import Candidate
 from identification.diagnosis.kinematics import Mismatch
-from identification.diagnosis.trials import Trial, holds, threshold
+from identification.diagnosis.trials import Trial, gate
 from identification.diagnosis.workbench import State, Workbench
 
 HOPEFUL = 3  # refused trials beside which a second effect is sought
@@ -17,7 +18,10 @@ SWEEPS = 2  # over all chosen effects, at most
 
 @dataclass(frozen=True, eq=False)
 class Reconsidering:
-    """A forward selection taken up again: all candidates, how many effects are allowed, and what kinematics says."""
+    """A forward selection taken up again: all candidates, how many effects are allowed, and what kinematics says.
+
+    What it finds has yet to be `confirmed`: an effect that it puts in may make another one idle.
+    """
 
     bench: Workbench
     candidates: Sequence[Candidate]
@@ -30,26 +34,39 @@ class Reconsidering:
         return self._swapped(state, rounds)
 
     def _paired(self, state: State, rounds: list[Round]) -> tuple[State, list[Round]]:
-        """With two effects more, of which neither passes alone: the best pair, judged as one change.
+        """With two effects more, of which neither passes alone: the best pair that passes as one change and by members.
 
-        Coefficients that were fitted with two effects missing may be so wrong that one of them makes free runs worse.
+        Coefficients that were fitted with two effects missing may be so wrong that one of them makes free runs worse;
+        beside the other one each must pass.
         """
         if not rounds or rounds[-1].chosen is not None or len(_chosen(rounds)) + 2 > self.most:
             return state, rounds
-        bar, found = threshold(len(self.candidates), 2), []
-        for first in self._hopeful(rounds[-1]):
+        last = self._last(state, rounds)
+        if last.chosen is not None and last.chosen.state is not None:
+            after = last.chosen.state
+            return self.bench.fit(after.plant, after.paths, after), [*rounds[:-1], last]
+        count, found = len(self.candidates), []
+        for first in self._hopeful(last):
             assert first.state is not None
-            second = self._selected(first.state, [*_chosen(rounds), first])
+            second = self._selected(first.state, [*_chosen(rounds), first])  # it passes beside the first one
             if second.chosen is None or second.chosen.state is None:
                 continue
             after = second.chosen.state
-            if sum(self.bench.gains(state, after)) >= bar and holds(self.bench, state, after):
+            pair = [(t.candidate, t.screening) for t in (first, second.chosen)]
+            if gate(self.bench, state, after, pair, count).objection:
+                continue
+            if not gate(self.bench, self._without(after, first), after, pair[:1], count).objection:
                 found.append((after.train.cost + after.held.cost, first, second, after))
         if not found:
             return state, rounds
         _, first, second, after = min(found, key=lambda item: item[0])
-        begun = Round(rounds[-1].trials, first, (), {})
+        begun = Round(last.trials, first, (), {})
         return self.bench.fit(after.plant, after.paths, after), [*rounds[:-1], begun, second]
+
+    def _last(self, state: State, rounds: Sequence[Round]) -> Round:
+        """The last round; a new one if what it tried was beside an effect that has been taken out since."""
+        beside = {frozenset(t.state.paths) - set(t.candidate.free) for t in rounds[-1].trials if t.state is not None}
+        return rounds[-1] if beside <= {frozenset(state.paths)} else self._selected(state, _chosen(rounds))
 
     def _hopeful(self, last: Round) -> list[Trial]:
         """Trials of the last round with evidence enough that only the held-out windows, or their size, refused."""

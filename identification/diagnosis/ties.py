@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.param import spec_at, value_at
+from identification.diagnosis.acceptance import MANY_WINDOWS, SMALL, UNREPEATED
 from identification.diagnosis.candidates import Candidate
-from identification.diagnosis.trials import MANY_WINDOWS, SMALL, UNREPEATED, Trial
+from identification.diagnosis.trials import Trial
 from identification.diagnosis.workbench import Workbench
 
 ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded

@@ -1,4 +1,4 @@
-"""Fits of candidates: a short list by what one step of each promises, then whole fits, then the bar to pass."""
+"""Fits of candidates: a short list by what one step of each promises, then whole fits, then the gate."""
 
 from __future__ import annotations
 
@@ -6,29 +6,24 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
 
-from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
+from identification.diagnosis.acceptance import Weighed, size_of, threshold, weighed
 from identification.diagnosis.candidates import SEEN, Candidate, Screening, screen
 from identification.diagnosis.workbench import State, Workbench, given_values
 from identification.likelihood import colour, evidence
 from identification.shooting import Point
 
-FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
-HELD_LEAST = 2.7  # evidence from the held-out windows alone: the 5 % point of one parameter, one-sided
-HELD_SHARE = 0.02  # of the evidence in the fitted windows that the held-out ones must repeat
-MANY_WINDOWS = 8  # held-out windows from which on they are judged one by one
-HELD_CHANCE = 0.01  # chance, over resampled blocks of held-out windows, that free runs got no better
-BLOCK, RESAMPLED = 2, 2000  # windows in a block; resamples
 LEAST_TRACE = 0.2  # of the bar: what a candidate must promise before it is fitted
 SHORT_LIST, FINALISTS = 12, 4
 CLOSE, CLOSER = 0.5, 0.8  # of the best one's evidence: nearer ones are on the list, or finalists, however many
 FEW_STATES = 4  # that are fitted at a window's start, up to which fits begin from every first value
 FIRST_ITERATIONS, ITERATIONS = 4, 15  # of the short list, and then of the finalists
-SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
-SMALL = "smaller than its probe"  # no name of its own, but it may be what a tie is with
-UNREPEATED = "does not hold in the held-out windows"
+NO_TRACE = "leaves no trace in the residual"
+FAR_LESS = "explains far less than others"
+UNSTABLE = "no stable run with it"
+UNSEEN = "cannot be seen in this record"
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral
 
 Progress = Callable[[float, str], None]
@@ -65,11 +60,6 @@ class _Promise:
     objection: str = ""
 
 
-def threshold(candidates: int, parameters: int = 1) -> float:
-    """The evidence that a candidate needs to be named, with a correction for the number of candidates."""
-    return float(stats.chi2.isf(FALSE_ALARM / max(candidates, 1), parameters))
-
-
 def trials_of(
     bench: Workbench,
     state: State,
@@ -101,9 +91,9 @@ def trials_of(
     for promise in promises:
         if promise.candidate not in done:
             reached = gain.get(promise.candidate, promise.evidence)
-            reason = promise.objection or "leaves no trace in the residual"
+            reason = promise.objection or NO_TRACE
             if promise.candidate in gain:
-                reason = "explains far less than others" if np.isfinite(reached) else "no stable run with it"
+                reason = FAR_LESS if np.isfinite(reached) else UNSTABLE
             trials.append(
                 Trial(promise.candidate, None, reached if np.isfinite(reached) else 0.0, 0.0, promise.screening, reason)
             )
@@ -124,7 +114,7 @@ def _promises(bench: Workbench, state: State, left: Sequence[Candidate], bar: fl
         for s in seen:
             if s.seen < SEEN:
                 by = f": {s.unseen}" if s.unseen else ""
-                found[s.candidate].append(_Promise(s.candidate, s, (), 0.0, f"cannot be seen in this record{by}"))
+                found[s.candidate].append(_Promise(s.candidate, s, (), 0.0, UNSEEN + by))
     result = []
     for several in found.values():
         points = sorted((p for one in several for p in one.points), key=lambda p: p.cost)
@@ -230,57 +220,27 @@ def judged(bench, state: State, candidate: Candidate, screening: Screening, plan
     plant = bench.train.plant_at(best, paths)
     held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5, state.held)
     after = State(plant, paths, best, held, colour(bench.train, best))
-    train, test = bench.gains(state, after)
-    objection = _objection(bench, state, after, candidate, train, test, count + screening.tried - 1)
-    return Trial(candidate, after, train, test, screening, objection)
+    found = gate(bench, state, after, [(candidate, screening)], count)
+    return Trial(candidate, after, found.train, found.held, screening, found.objection)
 
 
-def _objection(bench, before: State, after: State, candidate: Candidate, train: float, held: float, count: int) -> str:
-    sizes, at_bound = [], False
-    for path in candidate.paths:
-        spec, value = spec_at(after.plant, path), value_at(after.plant, path)
-        sizes.append(abs(value - spec.neutral) / spec.probe)
-        reach = spec.bounds[1] - spec.bounds[0]
-        edges = [edge for edge in spec.bounds if edge != spec.neutral]
-        at_bound |= any(abs(value - edge) < 1e-6 * reach for edge in edges)
-    if train + held < threshold(count, len(candidate.free)):
-        return "not significant"
-    if held < max(HELD_LEAST, HELD_SHARE * train):
-        return UNREPEATED
-    if not holds(bench, before, after):
-        return "free runs in the held-out windows did not improve in enough of them"
-    if at_bound:
-        return "only helps at the limit of what is physical"
-    if max(sizes) < 1.0:
-        return SMALL
-    intervals = bench.intervals(after)
-    if all(
-        abs(intervals[p][0] - spec_at(after.plant, p).neutral) < SURE / 1.96 * intervals[p][2] for p in candidate.paths
-    ):
-        return "its size is too uncertain"
-    return ""
+def gate(
+    bench: Workbench, before: State, after: State, added: Sequence[tuple[Candidate, Screening]], count: int
+) -> Weighed:
+    """What speaks for candidates, as one change, and the objection to them; what is no longer free has gone already.
 
-
-def holds(bench: Workbench, before: State, after: State) -> bool:
-    """Whether free runs through the held-out windows got surely better; True where these are few.
-
-    In a few windows the noise of their first seconds, to which the initial states are fitted, decides; there the
-    evidence, for which the states are fitted to the whole window, has to do.
-    Blocks of neighbouring windows are resampled, since what disturbs a vehicle lasts longer than a window.
-    Source: Kunsch 1989, Annals of Statistics 17, pages 1217-1241.
+    count: of all candidates, for the bar; periods that were tried count, too.
     """
-    if len(bench.held.windows) < MANY_WINDOWS:
-        return True
-    return chance_of_none(bench.improvements(before, after)) < HELD_CHANCE
+    free = [p for candidate, _ in added for p in candidate.free if p in after.paths]
+    paths = [p for candidate, _ in added for p in candidate.paths if p in after.paths]
+    tried = sum(screening.tried - 1 for _, screening in added)
 
+    def reach() -> list[float]:
+        intervals = bench.intervals(after)
+        return [intervals[path][2] for path in paths]
 
-def chance_of_none(better: np.ndarray) -> float:
-    """The share of block-resampled sums of gains, one a window, that are not above zero; the same for the same."""
-    count, rng = len(better), np.random.default_rng(0)
-    blocks = -(-count // BLOCK)
-    first = rng.integers(0, count, (RESAMPLED, blocks))
-    rows = (first[:, :, None] + np.arange(BLOCK)).reshape(RESAMPLED, -1)[:, :count] % count
-    return float(np.mean(better[rows].sum(axis=1) <= 0.0))
+    sizes = [size_of(after.plant, path) for path in paths]
+    return weighed(bench, before, after, sizes, reach, threshold(count + tried, len(free)))
 
 
 def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]:

@@ -114,9 +114,10 @@ class Workbench:
         """
         starts = self.heads.solve(plant, (), max_iterations=12, tolerance=1e-5).starts
         squares = np.where(self.held.finite, self.held.point(plant.vector, starts).residual, 0.0) ** 2
+        squares[~np.isfinite(squares)] = np.inf  # of runs that diverged
         past = np.arange(self.held.runs.rows) - self.held.offsets[self.held.window_of_row]
         settled = past >= (self.heads.runs.stop - self.heads.runs.begin)[self.held.window_of_row]
-        return np.add.reduceat(squares * settled[:, None], self.held.offsets, axis=0)
+        return np.add.reduceat(np.where(settled[:, None], squares, 0.0), self.held.offsets, axis=0)
 
     def improvements(self, before: State, after: State) -> np.ndarray:
         """By how much the squared errors of each held-out window fell, (W,).
@@ -130,7 +131,8 @@ class Workbench:
             white = np.zeros(len(self.held.channels))
             first, then = (window_costs(self.held, s.held, white) for s in (before, after))
         unit = then.sum(axis=0) / np.maximum(self.held.counts, 1) + RESIDUAL_FLOOR
-        return ((first - then) / unit).sum(axis=1)
+        with np.errstate(invalid="ignore"):  # not a number where runs diverge
+            return ((first - then) / unit).sum(axis=1)
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         """Value, standard error and half width of the 95 % interval of each fitted path."""

@@ -11,8 +11,8 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
+from identification.diagnosis.acceptance import threshold
 from identification.diagnosis.candidates import TOGETHER, Candidate, candidates_of, screen
-from identification.diagnosis.trials import threshold
 from identification.diagnosis.workbench import calm_length
 from identification.likelihood import colour
 from identification.shooting import Shooting

@@ -15,8 +15,8 @@ from auv_gym.plant import load_vehicle
 from auv_gym.reading import read_record
 from auv_gym.record import Record
 from identification.diagnosis import as_json, diagnose, write_diagnosis
+from identification.diagnosis.acceptance import threshold
 from identification.diagnosis.candidates import candidates_of
-from identification.diagnosis.trials import threshold
 from identification.excitation import prbs
 from identification.experiment import closed_loop
 from scripts import readme_figure

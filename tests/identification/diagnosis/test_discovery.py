@@ -9,7 +9,9 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from auv_gym.vehicles.glider import yaw_inertia, yaw_rates
+from identification.diagnosis import discovery
 from identification.diagnosis.discovery import Discovery, Term, discover, library_of
+from identification.diagnosis.terms import Found
 from identification.diagnosis.workbench import State
 from identification.likelihood import colour
 from identification.missions import fly
@@ -19,14 +21,15 @@ from identification.windows import free_run_windows, held_out
 YAW = "effects.discovered.yaw."
 
 
-def searched(plant, record, window=None, settle=None, seed=0) -> Discovery:
+def searched(plant, record, window=None, settle=None, seed=0, without=()) -> Discovery:
     train, held = held_out(plant, record, free_run_windows(plant, record, window or plant.window))
     fitted, other = Shooting(plant, record, train), Shooting(plant, record, held)
     paths = plant.family.coefficients
     point = fitted.solve(plant, paths, fitted.solve(plant, ()).starts)
     refitted = fitted.plant_at(point, paths)
     state = State(refitted, paths, point, other.solve(refitted, ()), colour(fitted, point))
-    return discover(fitted, other, state, library_of(plant), np.random.default_rng(seed), settle)
+    library = [p for p in library_of(plant) if p not in without]
+    return discover(fitted, other, state, library, np.random.default_rng(seed), settle)
 
 
 def turned_by(moment, seed: int) -> Record:
@@ -94,6 +97,40 @@ def test_a_search_repeats_to_the_last_digit():
     first, second = (searched(load_vehicle("slocum"), record, seed=7) for _ in range(2))
     assert first.terms == second.terms
     assert first.frequencies == second.frequencies
+
+
+def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
+    """The first search is blind to the true term and ends in another one, which passes; the second has both."""
+    asked, real, true = [], discovery.search, f"{YAW}sin_2heading"
+
+    def blind_at_first(train, held, state, library, rng):
+        asked.append(library)
+        if len(asked) == 1:
+            return real(train, held, state, [p for p in library if p != true], rng)
+        paths, scales = (*state.paths, true), dict.fromkeys([*library, *state.paths[2:]], 0.01)
+        point = train.scaled(scales).solve(replace_at(state.plant, true, 0.02), paths, state.train.starts)
+        plant = train.plant_at(point, paths)
+        both = State(plant, paths, point, held.solve(plant, ()), colour(train, point))
+        return Found(true, both, 1.0, (), scales), {}
+
+    monkeypatch.setattr(discovery, "search", blind_at_first)
+    found = searched(load_vehicle("slocum"), turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0))
+    assert len(asked) == 2
+    assert [t.path for t in found.terms] == [true]
+    assert [(t.path, bool(t.objection)) for t in found.rejected] == [(f"{YAW}cos_heading", True)]
+    assert value_at(found.plant, f"{YAW}cos_heading") == 0.0
+    assert found.terms[0].value == value_at(found.plant, true) == pytest.approx(0.02, abs=0.003)
+
+
+def test_a_term_that_the_held_out_windows_refute_is_rejected_with_the_reason():
+    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 0)
+    plant = load_vehicle("slocum")
+    found = searched(plant, record, without=(f"{YAW}sin_heading",))
+    assert not found.holds
+    (term,) = found.rejected
+    assert term.evidence_train > 20.0 > 0.0 > term.evidence_held
+    assert "(does not hold in the held-out windows)" in found.summary()
+    assert found.paths == plant.family.coefficients
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import pytest
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
-from identification.diagnosis.trials import chance_of_none
+from identification.diagnosis.acceptance import chance_of_none
 from identification.diagnosis.workbench import Workbench, calm_length
 from identification.likelihood import colour, covariance
 from identification.missions import fly
@@ -79,3 +79,9 @@ def test_gains_of_one_odd_window_may_be_chance_and_gains_of_most_are_not():
     assert chance_of_none(steady) == chance_of_none(steady)
     counts = [chance_of_none(np.random.default_rng(k).standard_normal(12)) < 0.01 for k in range(200)]
     assert np.mean(counts) < 0.06
+
+
+def test_gains_that_come_in_runs_of_windows_are_less_sure():
+    gains = np.array([4.0, -2.0, 3.0, -1.0, 4.0, -2.0, 3.0, -1.0])
+    in_runs, mixed = np.repeat(gains, 2), np.r_[gains, gains]
+    assert chance_of_none(in_runs) > 0.05 > 0.01 > chance_of_none(mixed)

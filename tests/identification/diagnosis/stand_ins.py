@@ -1,0 +1,78 @@
+"""A workbench that reads evidence from a table, and what it takes to fill it: for tests of what follows from it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+
+import numpy as np
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant, load_vehicle
+from identification.diagnosis.attribution import Round
+from identification.diagnosis.candidates import Candidate, Screening
+from identification.diagnosis.trials import Trial
+from identification.diagnosis.workbench import State
+from identification.shooting import Point
+
+PLANT = load_vehicle("slocum")
+NOWHERE = Point(np.zeros(0), np.zeros((1, 0)), np.zeros((1, 1)), 0.0)
+
+
+def state_of(plant: Plant, *paths: str) -> State:
+    """A state that nothing was run for."""
+    return State(plant, paths, NOWHERE, NOWHERE, np.zeros(1))
+
+
+def with_probes(probes: Mapping[str, float], *others: str) -> State:
+    """A state with effects of so many probes; others: paths that are fitted, too."""
+    values = {p: spec_at(PLANT, p).neutral + n * spec_at(PLANT, p).probe for p, n in probes.items()}
+    return state_of(replace_at(PLANT, values), *others, *probes)
+
+
+def trial_of(candidate: Candidate, state: State | None = None, objection: str = "", evidence=(0.0, 0.0)) -> Trial:
+    size = np.zeros(len(candidate.paths))
+    return Trial(candidate, state, *evidence, Screening(candidate, size, 0.0, 1.0, size), objection)
+
+
+def round_of(chosen: Trial) -> Round:
+    return Round((chosen,), chosen, (), {})
+
+
+@dataclass
+class Table:
+    """A workbench in which the evidence for a model depends only on which effects it has.
+
+    likely: twice the log-likelihood in the fitted and in the held-out windows, by the effects.  windows: held out.
+    better: what free runs gain in each.  error: standard error of each size, in probes.  asked: states fitted so far.
+    """
+
+    likely: Mapping[frozenset[str], tuple[float, float]]
+    windows: int = 2
+    better: Sequence[float] = (1.0, 1.0)
+    error: float = 0.1
+    asked: list[State] = field(default_factory=list)
+
+    @property
+    def held(self):
+        return SimpleNamespace(windows=range(self.windows))
+
+    def gains(self, before: State, after: State) -> tuple[float, float]:
+        a, b = (self.likely[frozenset(p for p in s.paths if p.startswith("effects."))] for s in (before, after))
+        return b[0] - a[0], b[1] - a[1]
+
+    def improvements(self, before: State, after: State) -> np.ndarray:
+        return np.array(self.better)
+
+    def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
+        sizes = {p: self.error * (spec_at(state.plant, p).probe or 1.0) for p in state.paths}
+        return {p: (value_at(state.plant, p), size, 1.96 * size) for p, size in sizes.items()}
+
+    def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
+        self.asked.append(state_of(plant, *paths))
+        return self.asked[-1]
+
+    def without(self, state: State, paths: Sequence[str]) -> State:
+        plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
+        return self.fit(plant, [p for p in state.paths if p not in paths])
