@@ -55,8 +55,8 @@ def diagnose(
     window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
     initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
     times with short windows.
-    doubt: standard deviation of the vehicle's own coefficients, relative.  trust: also of logs that look mislabelled.
-    seed: of what resamples windows.
+    doubt: standard deviation of the vehicle's own coefficients, relative; 0 holds them fixed.  seed: of what resamples
+    windows.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
     asked = Asked(window, settle, seed, most, doubt, trust)
@@ -76,9 +76,9 @@ def diagnose(
         if anyway is not None:
             return anyway
     train, held = held_out(plant, record, windows)
-    bench = Workbench(plant, record, train, held, settle, doubt, calm == longest)
+    bench = Workbench(plant, record, train, held, settle, doubt or np.inf, calm == longest)  # 0: none is fitted
     longest_step, plant = plant.longest_step, bench.plant
-    coefficients = _free_coefficients(bench, plant)
+    coefficients = _free_coefficients(bench, plant, doubt)
     progress(0.02, "refitting the coefficients")
     given = bench.fit(plant, ())
     nominal = bench.fit(plant, () if slipped else coefficients, given)
@@ -217,8 +217,10 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
     return windows
 
 
-def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
-    """The coefficients that the record's inputs excite."""
+def _free_coefficients(bench: Workbench, plant: Plant, doubt: float) -> tuple[str, ...]:
+    """The coefficients that the record's inputs excite; none where they are not doubted."""
+    if doubt == 0.0:
+        return ()
     point = bench.train.point(plant.vector, bench.train.first_guess)
     paths = plant.family.coefficients
     if not np.isfinite(point.cost):
