@@ -8,12 +8,13 @@ dives of a float over forty minutes or, for oil, over several days.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi
 from typing import Any
 
 from auv_gym.param import param, part
-from auv_gym.physics.discovered import DiscoveredHeave, DiscoveredYaw
+from auv_gym.physics.discovered_terms import DiscoveredHeave, DiscoveredYaw
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
 
@@ -377,3 +378,7 @@ class FloatEffects:
     depth: FloatDepthSensor = part(FloatDepthSensor)
     discovered: FloatTerms = part(FloatTerms)
     sampling: FloatSampling = part(FloatSampling)
+
+
+# By kind of vehicle, see `Family.kind`: what can be listed without the physics of the families.
+EFFECTS: Mapping[str, type] = {"glider": GliderEffects, "torpedo": TorpedoEffects, "float": FloatEffects}

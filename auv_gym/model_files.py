@@ -26,6 +26,7 @@ from auv_gym.writing import replacing
 FORMAT, VERSION = "auv-gym model", 1
 GROUP = "auv_gym.models"
 _HEADER = "header"
+_PACKINGS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # those of numpy; others raise errors of their own kinds
 
 
 def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] | None = None) -> None:
@@ -176,6 +177,8 @@ def _read(path: Path) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         if not zipfile.is_zipfile(path):
             raise ValueError(f"{path} is no .npz file, or is cut short: write it again.")
         with np.load(path, allow_pickle=False) as content:
+            if any(part.compress_type not in _PACKINGS for part in content.zip.infolist()):
+                raise ValueError(f"{path} is packed as save_model packs nothing: write it again.")
             if _HEADER not in content:
                 raise ValueError(foreign)
             stored = content[_HEADER]

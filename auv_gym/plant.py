@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from importlib.resources import files
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from auv_gym import __version__
 from auv_gym.compiled import threads
 from auv_gym.model import check_finite, inputs_of
 from auv_gym.param import check_value, did_you_mean, list_paths, pack, replace_at, spec_at, value_at
+from auv_gym.presets import find_vehicle, list_headings
 from auv_gym.record import Record
 from auv_gym.rollout import Programs, bind_family, scratch_for
 from auv_gym.vehicles import FAMILIES, Family
@@ -329,25 +329,12 @@ def without_effects(plant: Plant) -> Plant:
 
 def list_vehicles() -> dict[str, str]:
     """Names and titles of the presets."""
-    return {path.stem: _parse(_text(path), path.stem).title for path in _presets()}
+    return {name: heading.title for name, heading in list_headings().items()}
 
 
 def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
     """The plant of a preset name or a vehicle file (TOML); raises with what is wrong in it, by key."""
-    presets = {path.stem: path for path in _presets()}
-    text = os.fspath(name)
-    if text in presets:
-        plant = _parse(_text(presets[text]), text)
-    elif text.endswith(".toml"):
-        path = Path(text)
-        if not path.is_file():
-            raise ValueError(
-                f"No vehicle file {text!r}: give a path to a TOML file or one of {', '.join(sorted(presets))}."
-            )
-        plant = _parse(_text(path), path.name)
-    else:
-        hint = did_you_mean(text, presets)
-        raise ValueError(f"No vehicle {text!r}. {hint}Presets: {', '.join(sorted(presets))}; or give a .toml file.")
+    plant = _parse(*find_vehicle(name))
     return plant if dt is None else replace(plant, dt=dt)
 
 
@@ -395,18 +382,6 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
 def vehicle_of_text(text: str, origin: str) -> Plant:
     """The plant of a vehicle file's text; raises with what is wrong in it, by key."""
     return _parse(text, origin)
-
-
-def _presets() -> list[Path]:
-    folder = files("auv_gym") / "vehicles" / "presets"
-    return sorted((Path(str(item)) for item in folder.iterdir() if item.name.endswith(".toml")), key=lambda p: p.stem)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ValueError(f"Cannot read vehicle file {path.name}: {error}. Give a TOML file in UTF-8.") from None
 
 
 def _quoted(text: str) -> str:

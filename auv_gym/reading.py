@@ -9,11 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import xarray as xr
-from scipy.io import loadmat
 
 from auv_gym.channels import SEGMENT_COLUMNS, conversion, is_flag
 from auv_gym.mermaid import COLUMNS as MERMAID_COLUMNS
@@ -21,6 +19,9 @@ from auv_gym.mermaid import is_mermaid, mermaid_dives
 from auv_gym.param import did_you_mean
 from auv_gym.record import Record
 from auv_gym.slocum import read_slocum, shipped_log
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _EPOCH_FROM = 1e8  # s; larger times count from 1970 and are moved to start at zero
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
@@ -55,19 +56,16 @@ def read_record(
     Columns segment, dive_id and run divide the file.  Times beyond 1e8 s, and dates, become s since the first; the
     attribute `start_epoch_s` keeps that.  Raises ValueError on anything that cannot be read or does not fit.
     """
-    name = str(path)
-    if name.startswith("slocum:"):
-        name = str(shipped_log(name.removeprefix("slocum:")))
-    suffix = Path(name).suffix.lower()
-    _check_file(Path(name), suffix)
+    file = find_log(path)
+    suffix = file.suffix.lower()
     if _SLOCUM.fullmatch(suffix):
         if mapping is not None:
             raise ValueError(
                 "A mapping renames the columns of a table; a Slocum file is read by its sensors: leave it out."
             )
-        record = read_slocum(name, max_gap_s=max_gap_s)
+        record = read_slocum(file, max_gap_s=max_gap_s)
     else:
-        record = _read_table(Path(name), suffix, *_load_mapping(mapping), max_gap_s, long_runs)
+        record = _read_table(file, suffix, *_load_mapping(mapping), max_gap_s, long_runs)
     for channel in required:
         record[channel]
     return record
@@ -75,8 +73,7 @@ def read_record(
 
 def read_columns(path: str | Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """The columns of a CSV file that is no time series, in our units, and a label for each row ('' without any)."""
-    path = Path(path)
-    _check_file(path, path.suffix.lower())
+    path = find_log(path)
     try:
         table = _csv_table(path)
         labels = _joined([table.columns[name] for name in SEGMENT_COLUMNS if name in table.columns])
@@ -90,7 +87,11 @@ def read_columns(path: str | Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _check_file(path: Path, suffix: str) -> None:
+def find_log(name: str | Path) -> Path:
+    """The file of a log, or of one that dbdreader ships (`slocum:ammonite`); raises ValueError if none can be read."""
+    text = str(name)
+    path = shipped_log(text.removeprefix("slocum:")) if text.startswith("slocum:") else Path(text)
+    suffix = path.suffix.lower()
     if path.is_dir():
         raise ValueError(f"{path} is a folder: give the path of one log file in it.")
     if not path.exists():
@@ -105,6 +106,7 @@ def _check_file(path: Path, suffix: str) -> None:
         raise ValueError(f"Cannot read {path}: {error.strerror}.") from error
     if empty:
         raise ValueError(f"{path} is empty (0 bytes): copy or download it again.")
+    return path
 
 
 def _read_table(
@@ -351,6 +353,8 @@ def _open_netcdf(path: Path) -> xr.Dataset:
         engine = "h5netcdf"
     else:
         raise ValueError("The file is not NetCDF, which begins with 'CDF' or as an HDF5 file: check its ending.")
+    import xarray as xr  # not above: see Record.from_arrays
+
     try:
         return xr.load_dataset(path, engine=engine, decode_times=False)
     except Exception as error:  # what a damaged file raises depends on where it is damaged
@@ -383,6 +387,8 @@ def _netcdf_table(dataset: xr.Dataset, mapping: Mapping[str, str]) -> Table:
 
 
 def _since_1970(name: str, variable: xr.DataArray) -> np.ndarray:
+    import xarray as xr
+
     try:
         decoded = xr.decode_cf(variable.to_dataset(name="moment")[["moment"]])["moment"].values
         return (decoded.astype("datetime64[ns]") - np.datetime64(0, "ns")) / np.timedelta64(1, "s")
@@ -400,6 +406,8 @@ def _mat_table(path: Path, mapping: Mapping[str, str]) -> Table:
         head = file.read(520)
     if head.startswith(b"MATLAB 7.3") or head[:8] == b"\x89HDF\r\n\x1a\n":
         raise ValueError("MAT files of version 7.3 are not read: save with `save(name, '-v7')`, or as NetCDF.")
+    from scipy.io import loadmat
+
     try:
         content = loadmat(path, simplify_cells=True)
     except Exception as error:  # what a damaged file raises depends on where it is damaged

@@ -18,6 +18,7 @@ from auv_gym.writing import replacing
 if TYPE_CHECKING:
     import xarray as xr
 
+MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
 MAX_FILL = 3  # samples; longer runs without a value are gaps
 _LABELS = "segment_labels"
 
@@ -210,6 +211,12 @@ class Record:
         if not (dt > 0.0 and np.isfinite(dt)):
             raise ValueError(f"resample needs a positive step in s, got {dt}.")
         time, grids, origins, kept = self.time, [], [], []
+        samples = self.duration_s / dt
+        if samples > MOST_SAMPLES:
+            raise ValueError(
+                f"Steps of {dt:g} s make {samples:.3g} samples of a record of {self.duration_s:g} s, and resample "
+                f"makes at most {MOST_SAMPLES}: choose a longer step."
+            )
         for number, part in enumerate(self.segments):
             length = time[part.stop - 1] - time[part.start]
             steps = int(np.floor(length / dt + 1e-6))

@@ -1,9 +1,10 @@
-"""Writing a file whole or not at all: aside first, then renamed over the one that stood there."""
+"""Writing a file whole or not at all: aside first, then renamed over the one that stood there; and where that works."""
 
 from __future__ import annotations
 
 import os
 import secrets
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,3 +30,17 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         ) from error
     finally:
         aside.unlink(missing_ok=True)
+
+
+def writable_folder(folder: str | os.PathLike) -> Path:
+    """The folder, made if need be; raises ValueError if nothing can be written into it."""
+    out = Path(folder)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise ValueError(
+            f"Cannot write into {out}: {error.strerror or error}. Give another folder with --out."
+        ) from None
+    return out

@@ -223,6 +223,6 @@ def _settings(gains: Gains, kind: str, loop: str) -> dict[str, Any]:
     except KeyError:
         there = ", ".join(f"{k}.{name}" for k, loops in gains.loops.items() for name in loops)
         raise ValueError(
-            f"The gains of {gains.vehicle!r} at {gains.dt:g} s have no {kind}.{loop}, but {there or 'nothing'}: tune "
-            "it with `python -m scripts.tune_controllers`, or choose other targets or another kind."
+            f"The gains of {gains.vehicle!r} at {gains.dt:g} s have no {kind}.{loop}, but {there or 'nothing'}: add it "
+            "to the gains that you give, or choose other targets or another kind."
         ) from None

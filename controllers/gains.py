@@ -15,7 +15,6 @@ from auv_gym.writing import replacing
 
 Loops = Mapping[str, Mapping[str, float]]
 
-_TUNE = "python -m scripts.tune_controllers"
 _FACTOR = 2.0  # between sample times for which one set of gains will do
 
 
@@ -44,10 +43,14 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
     if near:
         return min(near, key=lambda entry: abs(log(entry.dt / dt)))
     there = ", ".join(f"{entry.dt:g} s" for entry in of_vehicle)
-    have = f"there are some at {there}" if there else f"there are some of {', '.join(_names(entries)) or 'none'}"
+    have = f"there are some of {', '.join(_names(entries)) or 'none'}."
+    if there:
+        have = f"there are some at {there}: choose such a sample time."
     raise ValueError(
-        f"No gains of {vehicle!r} within a factor of {_FACTOR:g} of a sample time of {dt:g} s; {have}. Make them with "
-        f"`{_TUNE} --vehicle FILE.toml --dt {dt:g} --out GAINS.toml` and give gains='GAINS.toml'."
+        f"No gains of {vehicle!r} within a factor of {_FACTOR:g} of a sample time of {dt:g} s; {have} "
+        "Begin with those of a similar vehicle, gains=gains_for('remus100', 0.1), or give a file that write_gains made "
+        "of yours. The tuner is not in the installed package but in its source archive: there, `python -m "
+        f"scripts.tune_controllers --vehicle VEHICLE.toml --dt {dt:g} --out FILE.toml` makes such a file."
     )
 
 
@@ -61,13 +64,16 @@ def read_gains(path: str | os.PathLike | None = None) -> tuple[Gains, ...]:
     except (tomllib.TOMLDecodeError, KeyError, TypeError, AttributeError, ValueError) as error:
         raise ValueError(
             f"File of gains {origin} cannot be used: {error}. It needs [[vehicle]] tables with name, dt_s and tables "
-            f"such as [vehicle.pid.heading], as `{_TUNE}` writes them."
+            "such as [vehicle.pid.heading], as `controllers.gains.write_gains` makes them."
         ) from None
 
 
 def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
     """Write entries in the order of vehicle and sample time; aside first, then renamed."""
-    lines = [f"# Gains of controllers, by vehicle and sample time: written by `{_TUNE}`, see docs/controllers.md.", ""]
+    lines = [
+        "# Gains of controllers, by vehicle and sample time, as `write_gains` makes them; see docs/controllers.md.",
+        "",
+    ]
     for entry in sorted(entries, key=lambda e: (e.vehicle, e.dt)):
         name = json.dumps(entry.vehicle, ensure_ascii=False).replace("\x7f", "\\u007f")
         lines += ["[[vehicle]]", f"name = {name}", f"dt_s = {entry.dt!r}", f"bow_share = {entry.bow_share!r}"]

@@ -9,13 +9,15 @@ from dataclasses import MISSING, Field, dataclass, fields
 from importlib import import_module
 from importlib.metadata import entry_points
 from math import isfinite
-from typing import Any, Protocol, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Protocol, get_args, get_type_hints
 
-from auv_gym.model import Model
 from auv_gym.param import did_you_mean
-from auv_gym.plant import Plant
-from auv_gym.record import Record
-from identification.estimate import Estimate
+
+if TYPE_CHECKING:
+    from auv_gym.model import Model
+    from auv_gym.plant import Plant
+    from auv_gym.record import Record
+    from identification.estimate import Estimate
 
 GROUP = "auv_gym.methods"
 # Fields of an estimator that say what it works on; all others are settings.
@@ -54,6 +56,7 @@ class Method:
 
     estimator: a frozen dataclass with `fit`, or where it is imported from when used, `module:Class`. Its fields are the
     settings; the fields plant, inputs and outputs, where it has them, are filled with what it works on.
+    listed: the names of the settings, those that are needed with a star, for lists that should not import the class.
     problem: why it cannot be used, of a method that another package offers.
     """
 
@@ -61,6 +64,7 @@ class Method:
     title: str
     estimator: type | str
     problem: str = ""
+    listed: str = ""
 
     def load(self) -> Any:
         """The estimator's class; raises ValueError where it cannot be had."""
@@ -82,6 +86,11 @@ class Method:
         return any(field.name in ("inputs", "outputs") and _needed(field) for field in fields(self.load()))
 
     @property
+    def setting_names(self) -> str:
+        """The names of the settings, those that are needed with a star, divided by commas."""
+        return self.listed or ", ".join(f"{s.name}{'*' * s.needed}" for s in self.settings.values())
+
+    @property
     def settings(self) -> dict[str, Setting]:
         """The settings by name."""
         made = self.load()
@@ -98,71 +107,85 @@ _BUILT_IN = (
         "grey_box",
         "Frees parameters of a vehicle: output error over windows with initial states of their own.",
         "identification.greybox:GreyBox",
+        listed="free*, window, max_iterations",
     ),
     Method(
         "arx",
         "Linear difference equations by least squares; biased by measurement noise.",
         "identification.linear.arx:Arx",
+        listed="n_a, n_b, delay, offset, structure, integrating, skip",
     ),
     Method(
         "els",
         "ARMAX by extended least squares, regressed on its own errors.",
         "identification.linear.els:Els",
+        listed="n_a, n_b, n_c, delay, offset, structure, integrating, skip",
     ),
     Method(
         "armax",
         "ARMAX by the prediction-error method: without bias in closed loop and under coloured noise.",
         "identification.linear.armax:Armax",
+        listed="n_a, n_b, n_c, delay, offset, structure, integrating, skip, stopping",
     ),
     Method(
         "output_error",
         "Free runs fitted, for noise on the measurement alone; not for unstable plants.",
         "identification.linear.output_error:OutputError",
+        listed="n_a, n_b, delay, offset, structure, integrating, skip, stopping",
     ),
     Method(
         "n4sid",
         "State space by subspaces, order by singular values; biased in closed loop.",
         "identification.linear.n4sid:N4sid",
+        listed="order, horizon, weight, offset, stable, refine",
     ),
     Method(
         "pbsid",
         "State space by subspaces of the predictor, without bias in closed loop.",
         "identification.linear.pbsid:Pbsid",
+        listed="order, horizon, offset, stable, refine",
     ),
     Method(
         "rwls",
         "A float's diving model by recursive weighted least squares; biased by depth noise.",
         "identification.recursive.rwls:Rwls",
+        listed="forgetting, initial, spread, known",
     ),
     Method(
         "ivls",
         "The diving model by instrumental variables as published; fails with noise, there to be compared.",
         "identification.recursive.ivls:Ivls",
+        listed="share, lag, initial, spread, known",
     ),
     Method(
         "corrected_ivls",
         "The same with a bounded instrument and integrated rows; sample by sample or over records.",
         "identification.recursive.corrected_ivls:CorrectedIvls",
+        listed="lag, memory, smoothing, slowest, fastest, passes, warm_up, share, initial, spread, known",
     ),
     Method(
         "refined_iv",
         "The diving model over whole records, without bias and as accurate as white noise allows.",
         "identification.recursive.refined_iv:RefinedIv",
+        listed="slowest, fastest, max_iterations, initial, known",
     ),
     Method(
         "ls_svm",
         "The diving model by a support vector machine with a linear kernel; biased by depth noise.",
         "identification.kernel.ls_svm:LsSvm",
+        listed="penalty",
     ),
     Method(
         "hull_ls_svm",
         "A torpedo's hull forces by a support vector machine; mass, fins and propulsion stay the vehicle's.",
         "identification.kernel.hull:HullLsSvm",
+        listed="penalty, sigma, tuning, size, samples, separate, mirrored, trend",
     ),
     Method(
         "narx_ls_svm",
         "Nonlinear difference equations by support vector machines, chosen by free runs; a black box.",
         "identification.kernel.narx:NarxLsSvm",
+        listed="n_a, n_b, delay, integrating, trend, penalty, sigma, tuning, samples",
     ),
 )
 

@@ -128,7 +128,6 @@ def test_ctrl_c_stops_and_the_same_command_goes_on(tmp_path, hyperparameters, ca
         (["--randomise", "effects.rudder.offset=1"], "PATH=LOW:HIGH"),
         (["--randomise", "effects.rudder.offset=0:1"], "does not take these options"),
         (["--on", "none.npz"], "There is no file none.npz"),
-        (["--steps", "0"], "steps needs"),
     ],
 )
 def test_what_cannot_be_trained_is_said(tmp_path, hyperparameters, capsys, arguments, words):
@@ -140,7 +139,6 @@ def test_what_cannot_be_trained_is_said(tmp_path, hyperparameters, capsys, argum
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        (["--episodes", "1"], "2 or more"),
         (["--against", "lqr"], "No autopilot of kind 'lqr'"),
         (["--env", "Depth-v0", "--vehicle", "remus100"], "5 observations"),
         (["--picture", "strip.jpg"], "ends in .png or .gif"),

@@ -160,6 +160,18 @@ def test_no_damaged_byte_goes_unnoticed(tmp_path):
     assert all(str(path) in words for words in refusals)
 
 
+@pytest.mark.parametrize("packing", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_only_what_numpy_packs_is_unpacked(packing, tmp_path):
+    """Others raise errors of their own kinds where a byte is damaged: Zstandard too, which Python 3.14 can unpack."""
+    path, other = tmp_path / "m.npz", tmp_path / "other.npz"
+    save_model(POLYNOMIAL, path)
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(other, "w", packing) as packed:
+        for name in archive.namelist():
+            packed.writestr(name, archive.read(name))
+    with pytest.raises(ValueError, match=r"other\.npz is packed as save_model packs nothing"):
+        load_model(other)
+
+
 @pytest.mark.parametrize(
     "changes, words",
     [

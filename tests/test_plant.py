@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle, save_vehicle
+from auv_gym.presets import Heading, list_headings
 from auv_gym.record import Record
 from auv_gym.vehicles import FAMILIES
 
@@ -244,6 +245,7 @@ def test_a_preset_cites_every_number_it_sets(name):
     assert plant.description
     assert set(changed) <= set(plant.notes)
     assert list_vehicles()[name] == plant.title
+    assert list_headings()[name] == Heading(plant.family.name, plant.title, plant.dt)
     assert plant.fitted_to
 
 

@@ -226,6 +226,8 @@ def test_resampling_holds_inputs_and_keeps_an_even_record():
         r.resample(1e4)
     with pytest.raises(ValueError, match="positive"):
         r.resample(0.0)
+    with pytest.raises(ValueError, match="at most 10000000"):
+        r.resample(1e-9)
 
 
 def test_windows_fill_each_segment():

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from auv_gym.cli.application import app
 from auv_gym.cli.console import errors, output, progress_bar, table
+from auv_gym.cli.numbers import SEED, whole_number
 
 if TYPE_CHECKING:
     from identification.campaign.conduct import Conducted
@@ -33,11 +34,11 @@ class Part(StrEnum):
 def campaign(
     file: Annotated[Path, typer.Argument(help="A campaign file (.toml), see docs/campaigns.md.")],
     out: Annotated[Path, typer.Option(help="Folder for records, index, models and report; one that is there goes on.")],
-    jobs: Annotated[int | None, typer.Option(help="Worker processes; default: one for each core.")] = None,
+    jobs: Annotated[int | None, whole_number("Worker processes; default: one for each core.", 1, 1024)] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler that performs the runs, such as tcp://host:8786.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Added to every seed of the file.")] = 0,
+    seed: Annotated[int, whole_number("Added to every seed of the file.", *SEED)] = 0,
     only: Annotated[Part | None, typer.Option(help="One part alone; default: runs, fits and report.")] = None,
 ) -> None:
     """Run a campaign of experiments, fit models to the records and compare them; a stopped one goes on.

@@ -13,6 +13,7 @@ from auv_gym.cli import logs
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar
 from auv_gym.cli.identify import printed
+from auv_gym.cli.numbers import LENGTH, number, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.model import Model
@@ -30,13 +31,14 @@ def compare(
     ] = None,
     resample: logs.Resample = None,
     window: Annotated[
-        float | None, typer.Option(help="Length of the free runs, s; default: whole segments, or a vehicle's own.")
+        float | None, number("Length of the free runs, s; default: whole segments, or a vehicle's own.", *LENGTH)
     ] = None,
     settle: Annotated[
-        float | None, typer.Option(help="First seconds of each window, to which starts are fitted; not scored.")
+        float | None, number("First seconds of each window, to which starts are fitted; not scored.", 0, LENGTH[1])
     ] = None,
     horizon: Annotated[
-        list[int] | None, typer.Option(help="Samples ahead of a prediction; may be repeated. Default: 1 to 100.")
+        list[int] | None,
+        whole_number("Samples ahead of a prediction; may be repeated. Default: 1 to 100.", 1, 1_000_000),
     ] = None,
     mapping: logs.ColumnNames = None,
     cut_gaps: logs.CutGaps = False,
@@ -44,6 +46,8 @@ def compare(
     """Compare models over records: free runs from fitted starts, and predictions over the horizon."""
     with progress_bar() as progress:
         progress(0.0, "starting")
+        logs.check_there(record)  # refused before what takes long to import
+
         from auv_gym.model import Diverged
         from auv_gym.model_files import load_model
         from identification.comparison import compare_open

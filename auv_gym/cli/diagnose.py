@@ -13,6 +13,7 @@ from auv_gym.cli import logs
 from auv_gym.cli.application import app
 from auv_gym.cli.console import errors, output, progress_bar, table
 from auv_gym.cli.next_experiment import propose, tell
+from auv_gym.cli.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.record import Record
@@ -24,14 +25,14 @@ def diagnose(
     log: Annotated[str, typer.Argument(help="A log: .csv, .nc, .mat, a Slocum file, or slocum:ammonite.")],
     vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
-    min_depth: Annotated[float | None, typer.Option(help="Use the log below this depth only, m.")] = None,
-    max_depth: Annotated[float | None, typer.Option(help="Use the log above this depth only, m.")] = None,
+    min_depth: Annotated[float | None, number("Use the log below this depth only, m.", *DEPTH)] = None,
+    max_depth: Annotated[float | None, number("Use the log above this depth only, m.", *DEPTH)] = None,
     resample: Annotated[
-        float | None, typer.Option(help="Sample time, s, to thin a log to that is finer than the vehicle moves.")
+        float | None, number("Sample time, s, to thin a log to that is finer than the vehicle moves.", *TIME_STEP)
     ] = None,
     window: Annotated[
         float | None,
-        typer.Option(help="Length of the free runs, s; default: the vehicle's. Every other one, or dive, is held out."),
+        number("Length of the free runs, s; default: the vehicle's. Every other one, or dive, is held out.", *LENGTH),
     ] = None,
     mapping: logs.ColumnNames = None,
     profile: Annotated[
@@ -42,9 +43,14 @@ def diagnose(
     ] = None,
     cut_gaps: logs.CutGaps = False,
     doubt: Annotated[
-        float, typer.Option(help="Standard deviation of the vehicle's own coefficients, relative; they are refitted.")
+        float,
+        number(
+            "Standard deviation of the vehicle's own coefficients, relative; they are refitted. 0 holds them fixed.",
+            0,
+            10,
+        ),
     ] = 0.1,
-    most: Annotated[int, typer.Option(min=1, help="How many effects may be named at once.")] = 3,
+    most: Annotated[int, whole_number("How many effects may be named at once.", 1, 20)] = 3,
     trust: Annotated[bool, typer.Option("--trust", help="Go on where the log itself looks mislabelled.")] = False,
     again: Annotated[
         Path | None, typer.Option(help="A diagnosis.json of the same log: repeat it, vehicle and settings included.")
@@ -52,27 +58,40 @@ def diagnose(
     next_experiment: Annotated[
         bool, typer.Option("--next-experiment", help="For a tie, write the campaign that would tell its effects apart.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Kept with the result; the diagnosis itself draws nothing.")] = 0,
+    seed: Annotated[
+        int,
+        whole_number(
+            "Seed of what is drawn: windows resampled to search for a missing term and to say where the rest of the "
+            "error lives, and the runs simulated for --next-experiment.",
+            *SEED,
+        ),
+    ] = 0,
     cache_dir: Annotated[
         Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
     ] = None,
 ) -> None:
     """Find the physical effect that a vehicle's model lacks to explain a measured log."""
+    from auv_gym.presets import find_vehicle
+    from auv_gym.writing import writable_folder
+
     with progress_bar() as progress:
         progress(0.0, "starting")
+        # what can be refused at once comes before what takes long to import
+        find_vehicle(vehicle)
+        writable_folder(out)
+        logs.check_there([log])
+
         from auv_gym.density import read_profiles, with_density
         from auv_gym.plant import load_vehicle
         from identification.diagnosis import again as diagnose_again
         from identification.diagnosis import diagnose as diagnose_record
         from identification.diagnosis import write_diagnosis
         from identification.diagnosis.extras import Extras
-        from identification.diagnosis.result_files import writable_folder
         from identification.drawing import require_render
 
         require_render()
 
         plant = load_vehicle(vehicle)
-        writable_folder(out)
         progress(0.0, "reading the log")
         record = logs.read_log(log, mapping, cache_dir, (plant.family.leading, *plant.family.required), cut_gaps)
         record = _between_depths(record, min_depth, max_depth)

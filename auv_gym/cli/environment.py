@@ -7,6 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from auv_gym.cli.numbers import LENGTH, TIME_STEP, number
+
 On = Annotated[
     str,
     typer.Option(
@@ -29,8 +31,8 @@ Randomise = Annotated[
         help="A parameter that each episode draws, such as effects.current.north=-0.2:0.2; may be repeated.",
     ),
 ]
-Dt = Annotated[float | None, typer.Option(help="Sample time, s; default: the vehicle's.")]
-Duration = Annotated[float | None, typer.Option(help="Length of an episode, s; default: the environment's.")]
+Dt = Annotated[float | None, number("Sample time, s; default: the vehicle's.", *TIME_STEP)]
+Duration = Annotated[float | None, number("Length of an episode, s; default: the environment's.", *LENGTH)]
 
 
 def options_of(

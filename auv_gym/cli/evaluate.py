@@ -12,6 +12,7 @@ from rich.table import Table
 from auv_gym.cli import environment
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar, table
+from auv_gym.cli.numbers import SEED, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.rl import Evaluation
@@ -22,8 +23,8 @@ def evaluate(
     folder: Annotated[Path, typer.Argument(help="The folder that `auv-gym train` wrote.")],
     env: Annotated[str | None, typer.Option(help="Another environment than that of the training.")] = None,
     on: environment.On = "true",
-    episodes: Annotated[int, typer.Option(help="Episodes; each agent drives the same ones.")] = 50,
-    seed: Annotated[int, typer.Option(help="Seed of the episodes, which no training has seen.")] = 0,
+    episodes: Annotated[int, whole_number("Episodes; each agent drives the same ones.", 2, 1_000_000)] = 50,
+    seed: Annotated[int, whole_number("Seed of the episodes, which no training has seen.", *SEED)] = 0,
     against: Annotated[
         str | None, typer.Option(metavar="pid,s-plane,gpc", help="Controllers to compare with, divided by commas.")
     ] = None,
@@ -52,8 +53,6 @@ def evaluate(
             from auv_gym.rl.pictures import check_name, draw_episode
 
             check_name(picture)
-        if episodes < 2:
-            raise ValueError(f"--episodes needs 2 or more, got {episodes}: an interval is made of several.")
         policy = Policy.load(folder)
         made = policy.env(on, env=env, **options)
         names = [name.strip() for name in (against or "").split(",") if name.strip()]

@@ -11,6 +11,7 @@ import typer
 from auv_gym.cli import logs, orders
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, progress_bar, table
+from auv_gym.cli.numbers import LENGTH, number
 
 if TYPE_CHECKING:
     from rich.table import Table as Printed
@@ -50,7 +51,7 @@ def identify(
     ] = None,
     resample: logs.Resample = None,
     window: Annotated[
-        float | None, typer.Option(help="Length of the free runs, s; default: whole segments, for a vehicle its own.")
+        float | None, number("Length of the free runs, s; default: whole segments, for a vehicle its own.", *LENGTH)
     ] = None,
     mapping: logs.ColumnNames = None,
     cut_gaps: logs.CutGaps = False,
@@ -59,8 +60,15 @@ def identify(
     ] = None,
 ) -> None:
     """Fit a model to records, judge it in free runs over data that took no part, and write it to a file."""
+    from auv_gym.presets import find_vehicle
+
     with progress_bar() as progress:
         progress(0.0, "starting")
+        # what can be refused at once comes before what takes long to import
+        if vehicle is not None:
+            find_vehicle(vehicle)
+        logs.check_there([*records, *(validate or [])])
+
         from auv_gym.model_files import save_model
         from auv_gym.plant import load_vehicle
         from identification.drawing import require_render

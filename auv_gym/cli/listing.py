@@ -38,34 +38,32 @@ def list_things(
 
 
 def _vehicles() -> Table:
-    from auv_gym.plant import list_vehicles, load_vehicle
+    from auv_gym.presets import list_headings
 
     shown = table("Vehicles", "name!", "family", "dt, s>", "what")
-    for name, title in list_vehicles().items():
-        plant = load_vehicle(name)
-        shown.add_row(name, plant.family.name, f"{plant.dt:g}", title)
+    for name, heading in list_headings().items():
+        shown.add_row(name, heading.family, f"{heading.dt:g}", heading.title)
     return shown
 
 
 def _effects() -> Table:
+    from auv_gym.effects import EFFECTS
     from auv_gym.param import list_paths, spec_at
-    from auv_gym.vehicles import FAMILIES
 
-    shown = table("Effects, by family", "path", "neutral>", "bounds>", "probe>")
-    for kind in dict.fromkeys(family.kind for family in FAMILIES.values()):
-        families = [family for family in FAMILIES.values() if family.kind == kind]
-        shown.add_row(f"[bold]{', '.join(family.name for family in families)}[/]")
-        tree = families[0].parameters()
+    shown = table("Effects, by kind of vehicle", "path", "neutral>", "bounds>", "probe>")
+    for kind, effects in EFFECTS.items():
+        shown.add_row(f"[bold]{kind}[/]")
+        tree = effects()
         for path in list_paths(tree):
-            if path.startswith("effects.") and not path.startswith("effects.discovered."):
+            if not path.startswith("discovered."):
                 spec = spec_at(tree, path)
                 low, high = spec.bounds
                 numbers = (f"{spec.neutral:g}", f"{low:.3g} to {high:.3g}", f"{spec.probe:g}")
                 unit = "" if spec.unit == "1" else f", {spec.unit}"
-                shown.add_row(f"{path}\n  [dim]{spec.title}{unit}[/]", *numbers)
-        discovered = [path.split(".") for path in list_paths(tree) if path.startswith("effects.discovered.")]
+                shown.add_row(f"effects.{path}\n  [dim]{spec.title}{unit}[/]", *numbers)
+        discovered = [path.split(".") for path in list_paths(tree) if path.startswith("discovered.")]
         if discovered:  # hundreds of them: every axis has the same terms
-            axes, terms = (", ".join(dict.fromkeys(names[i] for names in discovered)) for i in (2, 3))
+            axes, terms = (", ".join(dict.fromkeys(names[i] for names in discovered)) for i in (1, 2))
             text = f"terms found in data; axes: {axes}; terms: {terms}"
             shown.add_row(f"effects.discovered.AXIS.TERM\n  [dim]{text}[/]", "0", "any", "0")
         shown.add_section()
@@ -80,8 +78,7 @@ def _methods() -> Table:
         if method.problem:
             shown.add_row(method.name, method.title, f"[red]{method.problem}[/]")
             continue
-        settings = (f"{s.name}{'*' * s.needed}" for s in method.settings.values())
-        shown.add_row(method.name, method.title, ", ".join(settings))
+        shown.add_row(method.name, method.title, method.setting_names)
     return shown
 
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from auv_gym.cli.numbers import TIME_STEP, number
+
 if TYPE_CHECKING:
     from auv_gym.record import Record
 
@@ -21,7 +23,15 @@ ColumnNames = Annotated[
 CutGaps = Annotated[
     bool, typer.Option("--cut-gaps", help="Where values are missing, cut the log instead of refusing it.")
 ]
-Resample = Annotated[float | None, typer.Option(help="Bring the records to even samples of so many s.")]
+Resample = Annotated[float | None, number("Bring the records to even samples of so many s.", *TIME_STEP)]
+
+
+def check_there(logs: Sequence[str]) -> None:
+    """Raises ValueError if one of them is no file that can be read."""
+    from auv_gym.reading import find_log
+
+    for log in logs:
+        find_log(log)
 
 
 def read_log(log: str, mapping: Path | None, cache_dir: Path | None, required: Sequence[str], cut_gaps: bool) -> Record:

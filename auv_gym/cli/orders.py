@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from auv_gym.cli.numbers import number
+
 if TYPE_CHECKING:
     from auv_gym.record import Record
     from identification.linear.orders import OrderSearch
@@ -30,7 +32,7 @@ Choose = Annotated[
 ]
 Tolerance = Annotated[
     float | None,
-    typer.Option(help="How much larger the mean square one-step error may be for parsimony, as a share; default 0.5."),
+    number("How much larger the mean square one-step error may be for parsimony, as a share; default 0.5.", 0, 1e9),
 ]
 
 

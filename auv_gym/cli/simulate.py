@@ -11,6 +11,7 @@ from rich.table import Table
 
 from auv_gym.cli.application import app
 from auv_gym.cli.console import output, table
+from auv_gym.cli.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.plant import Plant
@@ -22,29 +23,30 @@ def simulate(
     vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
     out: Annotated[Path | None, typer.Option(help="Write the record: .nc or .csv.")] = None,
     duration: Annotated[
-        float | None, typer.Option(help="Length of the run, s; default: 600, for a float 600 for each depth.")
+        float | None, number("Length of the run, s; default: 600, for a float 600 for each depth.", *LENGTH)
     ] = None,
-    dt: Annotated[float | None, typer.Option(help="Sample time, s; default: the vehicle's.")] = None,
+    dt: Annotated[float | None, number("Sample time, s; default: the vehicle's.", *TIME_STEP)] = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(metavar="PATH=VALUE", help="An effect, such as effects.rudder.offset=0.05; may be repeated."),
     ] = None,
     compass_noise_deg: Annotated[
-        float | None, typer.Option(help="Glider, torpedo: noise of the compass, standard deviation, deg; default: 0.5.")
+        float | None,
+        number("Glider, torpedo: noise of the compass, standard deviation, deg; default: 0.5.", 0, 180),
     ] = None,
     track_noise_m: Annotated[
         float | None,
-        typer.Option(help="Glider: noise of the track, standard deviation, m; default: 1; negative: no track."),
+        number("Glider: noise of the track, standard deviation, m; default: 1; negative: no track.", -1, 10000),
     ] = None,
     target_depth: Annotated[
         list[float] | None,
-        typer.Option(help="Float: depth to go to, m; may be repeated: one after the other, or a dive to each."),
+        number("Float: depth to go to, m; may be repeated: one after the other, or a dive to each.", *DEPTH),
     ] = None,
     depth_noise_m: Annotated[
         float | None,
-        typer.Option(help="Float, torpedo: noise of the depth, standard deviation, m; default: 0.02, or 0.1."),
+        number("Float, torpedo: noise of the depth, standard deviation, m; default: 0.02, or 0.1.", 0, 1000),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
+    seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
 ) -> None:
     """Simulate a vehicle under control, and record what its sensors give.
 
@@ -54,11 +56,13 @@ def simulate(
     """
     if out is not None:
         _check_file_writable(out)
+    from auv_gym.presets import find_vehicle
+
+    find_vehicle(vehicle)  # refused before what takes long to import
+
     from auv_gym.param import replace_at
     from auv_gym.plant import load_vehicle
 
-    if seed < 0:
-        raise ValueError(f"--seed needs a whole number from 0 on, got {seed}.")
     plant = load_vehicle(vehicle, dt=dt)
     changes = dict(_effect_of(text) for text in effect or [])
     given = {
@@ -78,6 +82,7 @@ def simulate(
         output.print(f"Written to {out}", markup=False, soft_wrap=True)
 
 
+_MOST_SAMPLES = 2_000_000  # of a torpedo some 4 kB each, 8 GB in all
 _FLAGS = {
     "--duration": "duration",
     "--compass-noise-deg": "compass_noise",
@@ -105,9 +110,12 @@ def _simulated(plant: Plant, given: Mapping[str, Any], seed: int) -> Record:
                 f"{flag} says nothing about {plant.name}, a vehicle of family {plant.family.name}: leave it out. "
                 f"Options for this family: {', '.join(('--effect', '--seed', '--out', *takes))}."
             )
-    for flag in ("--compass-noise-deg", "--depth-noise-m"):
-        if not given.get(flag, 0.0) >= 0.0:
-            raise ValueError(f"{flag} needs a number from 0 on, got {given[flag]:g}.")
+    samples = given.get("--duration", 0.0) / plant.dt
+    if samples > _MOST_SAMPLES:
+        raise ValueError(
+            f"--duration {given['--duration']:g} at a sample time of {plant.dt:g} s makes {samples:.3g} samples, and a "
+            f"run can have {_MOST_SAMPLES:.0f}, for which memory suffices: give a shorter --duration or a longer --dt."
+        )
     settings = {_FLAGS[flag]: value for flag, value in given.items() if flag in _FLAGS}
     if "compass_noise" in settings:
         settings["compass_noise"] = radians(settings["compass_noise"])

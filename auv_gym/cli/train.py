@@ -10,6 +10,7 @@ import typer
 from auv_gym.cli import environment
 from auv_gym.cli.application import app
 from auv_gym.cli.console import errors, output, progress_bar, table
+from auv_gym.cli.numbers import SEED, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.rl import Trained
@@ -21,9 +22,9 @@ def train(
     out: Annotated[Path, typer.Option(help="Folder for policy and learning curve; one that was stopped goes on.")],
     algo: Annotated[str, typer.Option(help="ppo, sac or td3.")] = "ppo",
     on: environment.On = "true",
-    seed: Annotated[int, typer.Option(help="Seed of all that is drawn.")] = 0,
-    steps: Annotated[int | None, typer.Option(help="Steps to learn from; default: as tuned.")] = None,
-    envs: Annotated[int | None, typer.Option(help="Environments at once; default: as tuned.")] = None,
+    seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
+    steps: Annotated[int | None, whole_number("Steps to learn from; default: as tuned.", 1, 1_000_000_000)] = None,
+    envs: Annotated[int | None, whole_number("Environments at once; default: as tuned.", 1, 4096)] = None,
     vehicle: environment.Vehicle = None,
     effect: environment.Effects = None,
     randomise: environment.Randomise = None,

@@ -57,8 +57,8 @@ def diagnose(
     window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
     initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
     times with short windows.
-    doubt: standard deviation of the vehicle's own coefficients, relative.  trust: also of logs that look mislabelled.
-    seed: of what resamples windows.
+    doubt: standard deviation of the vehicle's own coefficients, relative; 0 holds them fixed.  seed: of what resamples
+    windows.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
     asked = Asked(window, settle, seed, most, doubt, trust)
@@ -78,7 +78,7 @@ def diagnose(
         if anyway is not None:
             return anyway
     train, held = held_out(plant, record, windows)
-    bench = Workbench(plant, record, train, held, settle, doubt, calm == longest)
+    bench = Workbench(plant, record, train, held, settle, doubt or np.inf, calm == longest)  # 0: none is fitted
     longest_step, plant = plant.longest_step, bench.plant
     coefficients = _free_coefficients(bench, plant)
     progress(0.02, "refitting the coefficients")
@@ -229,7 +229,7 @@ def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
     """The coefficients that the record's inputs excite, and that are not known exactly."""
     point = bench.train.point(plant.vector, bench.train.first_guess)
     paths = tuple(p for p in plant.coefficients if plant.deviation(p, bench.train.doubt) > 0.0)
-    if not np.isfinite(point.cost):
+    if not paths or not np.isfinite(point.cost):
         return paths
     linear = bench.train.linearise(point, paths, bench.train.sigma(point))
     free = tuple(p for p, size in zip(paths, linear.raw, strict=True) if size > 1e-6)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, save_vehicle
 from auv_gym.record import Record
 from auv_gym.vehicles import FAMILIES
-from auv_gym.writing import replacing
+from auv_gym.writing import replacing, writable_folder
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.trials import Progress
@@ -58,20 +57,6 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
 def _json_text(diagnosis: Diagnosis, extras: Extras) -> str:
     failures = (*diagnosis.failures, *extras.failures)
     return json.dumps(as_json(replace(diagnosis, failures=failures)), indent=2) + "\n"
-
-
-def writable_folder(folder: str | os.PathLike) -> Path:
-    """The folder, made if need be; raises ValueError if nothing can be written into it."""
-    out = Path(folder)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise ValueError(
-            f"Cannot write into {out}: {error.strerror or error}. Give another folder with --out."
-        ) from None
-    return out
 
 
 def as_json(d: Diagnosis) -> dict[str, Any]:

@@ -74,7 +74,7 @@ def selection_of(
     spread = np.maximum(np.sqrt((residual**2).sum(axis=0) / np.maximum(train.counts, 1)), 1e-9)
 
     def flat(values: np.ndarray) -> np.ndarray:
-        return (whitened(train, values, state.colour) / spread).reshape(len(values), -1)
+        return (whitened(train, values, state.colour) / spread).reshape(len(values), residual.size)
 
     blocks = np.repeat(_blocks(train), len(train.channels))
     selection = select(flat(columns), flat(nuisance), (residual / spread).ravel(), blocks, rng)

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from bare_families import bare
 
+from auv_gym.effects import EFFECTS
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
+from auv_gym.vehicles import FAMILIES
 
 # A heading sensor resolves about a thousandth of a degree, a velocity log some mm/s, a track a centimetre.
 RESOLUTION = {"rad": 1e-3, "radps": 1e-3, "mps": 5e-3, "m": 1e-2}
@@ -215,3 +217,8 @@ def test_every_discovered_term_acts_and_leaves_no_trace(name, count):
         changed = replace_at(plant, path, size)
         assert not np.array_equal(outputs(changed, record), neutral), path
         assert np.array_equal(outputs(replace_at(changed, path, 0.0), record), neutral), path
+
+
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=list(FAMILIES))
+def test_the_effects_of_a_kind_are_those_of_its_families(family):
+    assert type(family.parameters().effects) is EFFECTS[family.kind]

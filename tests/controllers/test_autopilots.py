@@ -186,8 +186,14 @@ def test_what_an_autopilot_refuses(tmp_path):
     with pytest.raises(ValueError, match=r"within a factor of 2 of a sample time of 1 s; there are some at 0.1 s, 4 s"):
         autopilot(load_vehicle("npsauv", dt=1.0))
     save_vehicle(replace(plant, name="mine"), tmp_path / "mine.toml")
-    with pytest.raises(ValueError, match=r"No gains of 'mine'.*scripts.tune_controllers --vehicle"):
+    with pytest.raises(
+        ValueError, match=r"No gains of 'mine'.*gains=gains_for\('remus100', 0\.1\).*not in the installed package"
+    ):
         autopilot(load_vehicle(tmp_path / "mine.toml"))
+    assert autopilot(load_vehicle(tmp_path / "mine.toml"), gains=gains_for("remus100", 0.1))
+    given = Gains("mine", 0.1, loops={"pid": {"pitch": {"proportional": -1.2}}})
+    with pytest.raises(ValueError, match=r"have no pid\.heading, but pid\.pitch: add it to the gains that you give"):
+        autopilot(load_vehicle(tmp_path / "mine.toml"), gains=given)
 
 
 def test_gains_of_the_nearest_sample_time_are_taken():

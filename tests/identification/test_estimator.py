@@ -1,6 +1,6 @@
 """Methods by name: every one is made, described and refused in words; those of other packages join."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -34,6 +34,12 @@ def test_every_method_is_made_by_its_name(name):
 
 def test_the_registry_lists_ours_first():
     assert list(list_methods())[: len(NAMES)] == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_settings_are_listed_as_they_are(name):
+    method = list_methods()[name]
+    assert method.setting_names == replace(method, listed="").setting_names
 
 
 def test_settings_take_the_types_of_their_fields():

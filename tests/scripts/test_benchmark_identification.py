@@ -4,6 +4,8 @@ import json
 import os
 import signal
 from functools import partial
+from itertools import count
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -204,9 +206,11 @@ def test_a_method_that_fails_says_so_and_the_next_goes_on(tmp_path, capfd):
     assert working[1]["model"]["a"] == [pytest.approx(systems.measured("armax", 60, 1).y.sum())]
 
 
-def test_a_method_over_its_budget_gets_no_more_seeds(tmp_path, capfd):
+def test_a_method_over_its_budget_gets_no_more_seeds(tmp_path, capfd, monkeypatch):
+    clock = SimpleNamespace(perf_counter=count(0.0, 61.0).__next__, process_time=lambda: 0.0)
+    monkeypatch.setattr(runner, "time", clock)
     method = runner.Method("slow", "k", "armax", lambda data: None, lambda fitted: {})
-    _, *lines = _lines([method], _jobs(tmp_path, budget_s=1e-3), capfd)
+    _, *lines = _lines([method], _jobs(tmp_path, budget_s=60.0), capfd)
     assert [line.get("left") for line in lines] == [None] * runner.LEAST_SEEDS + [2]
 
 

@@ -113,6 +113,7 @@ def test_each_episode_of_the_randomised_glider_has_a_vehicle_of_its_own():
 
 
 def test_a_tiny_study_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("stable_baselines3", reason="the extra `rl` is not installed")
     monkeypatch.setattr(settings, "PPO", TINY)
     monkeypatch.setattr(runs, "CHOOSING", 2)
     monkeypatch.setattr("scripts.rl_study.all_of", lambda work, tasks, *rest: [work(*task) for task in tasks])

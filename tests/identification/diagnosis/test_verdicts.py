@@ -74,6 +74,22 @@ def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat():
     assert value_at(found.after.plant, found.discovery.terms[0].path) == pytest.approx(0.02, rel=0.2)
     assert found.after.scores["heading_rad"].rmse < 0.7 * found.before.scores["heading_rad"].rmse
     assert "A term found in the data" in found.summary()
+    other = diagnose(record, given, seed=1)
+    assert found.discovery.frequencies != other.discovery.frequencies  # the seed resamples windows
+    assert found.discovery.terms[0].path == other.discovery.terms[0].path
+    fixed = diagnose(record, given, doubt=0.0)
+    assert not fixed.coefficients
+    assert [fixed.after.plant.hull, fixed.before.plant.hull] == [given.hull, given.hull]
+    assert fixed.discovery.terms[0].path == found.discovery.terms[0].path
+
+
+def test_coefficients_without_a_doubt_stay_as_given():
+    given = load_vehicle("slocum")
+    true = replace_at(given, {"effects.rudder.deadband": 0.06, "hull.n_r": 1.05 * given.hull.n_r})
+    found = diagnose(fly(true, np.random.default_rng(2), duration=900.0), given, doubt=0.0)
+    assert "effects.rudder.deadband" in names(found)
+    assert found.after.plant.hull == given.hull
+    assert not found.coefficients
 
 
 def test_the_file_is_enough_to_repeat_a_diagnosis(tmp_path):
