@@ -29,7 +29,7 @@ class StateSpaceFit:
     errors of its own: poles, responses, free runs.  NaN in the covariance where no refinement gave one.
     noise: covariance of the one-step errors.  freedom: samples less free parameters and starts.  samples: of all
     outputs together.  loss: (p,), mean square one-step errors.  singular_values: of the subspace method, if one began.
-    iterations: of the refinement.
+    iterations: of the refinement.  horizon: samples, of the subspace method.  notes: what it chose, in words.
     """
 
     model: StateSpace
@@ -43,6 +43,8 @@ class StateSpaceFit:
     centre: Realisation
     singular_values: np.ndarray = field(default_factory=lambda: np.empty(0))
     iterations: int = 0
+    horizon: int = 0
+    notes: tuple[str, ...] = ()
 
     @property
     def order(self) -> int:
@@ -50,8 +52,16 @@ class StateSpaceFit:
 
     @property
     def parameters(self) -> int:
-        """What no choice of states can change: n (m + 2 p) numbers."""
-        return self.order * (self.scaled.inputs + 2 * self.scaled.outputs)
+        """What no choice of states can change: n (m + 2 p) numbers, without those that integrators settle."""
+        return self.centre.parameters
+
+    @property
+    def integrating(self) -> tuple[str, ...]:
+        """The outputs that follow the integrators most, as many as there are of these."""
+        r, a, c = self.centre.integrators, self.centre.a, self.centre.c
+        follows = c[:, :r] + c[:, r:] @ np.linalg.lstsq(np.eye(self.order - r) - a[r:, r:], a[r:, :r], rcond=None)[0]
+        share = np.linalg.norm(follows, axis=1) / self.scaled.output_spread
+        return tuple(self.model.outputs[i] for i in sorted(np.argsort(-share)[:r]))
 
     def at(self, vector: np.ndarray) -> StateSpace:
         """The model of other parameters, in the order of `vector`."""
