@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_gym.record import Record
 from identification.linear.hankel import rows_of, triangle
-from identification.linear.long_predictor import LONGEST, LongPredictor, longest_of
+from identification.linear.long_predictor import LONGEST, LongPredictor
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit
@@ -85,8 +85,7 @@ class N4sid:
             )
         if self.horizon:
             return self.horizon
-        most = max(h for h in range(least, max(LONGEST, least) + 1) if given(h) >= needed(h))
-        return max(min(longest_of(series, q), most), least)
+        return max(h for h in range(least, max(LONGEST, least) + 1) if given(h) >= needed(h))
 
     def _states(self, series: Series, scaled: Scaled, horizon: int) -> States:
         m, q = scaled.inputs, scaled.inputs + scaled.outputs

@@ -41,6 +41,13 @@ class Realisation:
         return n * (m + 2 * len(self.c)) - self.integrators * (self.integrators + (self.rest is not None))
 
     @property
+    def summed(self) -> np.ndarray:
+        """How far the outputs follow the integrators once all else has settled, (p, integrators)."""
+        r, rest = self.integrators, len(self.a) - self.integrators
+        settled = np.linalg.lstsq(np.eye(rest) - self.a[r:, r:], self.a[r:, :r], rcond=None)[0]
+        return self.c[:, :r] + self.c[:, r:] @ settled
+
+    @property
     def vector(self) -> np.ndarray:
         """All entries, matrix by matrix, row by row."""
         return np.concatenate([part.ravel() for part in self.parts])

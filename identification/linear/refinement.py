@@ -94,6 +94,24 @@ def refined(
     singular_values: np.ndarray | None = None,
 ) -> StateSpaceFit:
     """As `refine`, from a realisation between scaled signals whose predictor is stable."""
+    here, count = descended(scaled, found, stable, iterations)
+    covariance, free = covariance_of(here, scaled)
+    return fit_of(series, scaled, here.found, here.errors, free, covariance, singular_values, count)
+
+
+def covariance_of(here: Candidate, scaled: Scaled) -> tuple[np.ndarray, int]:
+    """The covariance of the entries at the end of a descent, (P, P), and how many numbers were fitted, starts too."""
+    samples, directions = here.errors.size, local_directions(here.found, scaled.offset)
+    free = directions.shape[1] + here.starts.size
+    covariance = directions @ np.linalg.pinv(slopes_of(here, scaled, directions).matrix, hermitian=True) @ directions.T
+    # the spread was divided by rows, an unbiased one is divided by what the fitted numbers leave
+    return covariance * samples / (samples - free), free
+
+
+def descended(
+    scaled: Scaled, found: Realisation, stable: bool = False, iterations: int = _ITERATIONS
+) -> tuple[Candidate, int]:
+    """The model of least errors that a descent from another reaches, and after how many iterations."""
     rows = sum(len(y) for y in scaled.y)
     free = local_directions(found, scaled.offset).shape[1] + len(scaled.y) * len(found.a)
     if rows * scaled.outputs <= 2 * free:
@@ -118,10 +136,7 @@ def refined(
         here, damping = tried, damping / 10.0
         directions = local_directions(here.found, scaled.offset)
         slopes = slopes_of(here, scaled, directions)
-    covariance = directions @ np.linalg.pinv(slopes.matrix, hermitian=True) @ directions.T
-    # the spread was divided by rows, an unbiased one is divided by what the fitted numbers leave
-    covariance *= rows * scaled.outputs / (rows * scaled.outputs - free)
-    return fit_of(series, scaled, here.found, here.errors, free, covariance, singular_values, count)
+    return here, count
 
 
 def local_directions(found: Realisation, offset: bool) -> np.ndarray:

@@ -58,10 +58,8 @@ class StateSpaceFit:
     @property
     def integrating(self) -> tuple[str, ...]:
         """The outputs that follow the integrators most, as many as there are of these."""
-        r, a, c = self.centre.integrators, self.centre.a, self.centre.c
-        follows = c[:, :r] + c[:, r:] @ np.linalg.lstsq(np.eye(self.order - r) - a[r:, r:], a[r:, :r], rcond=None)[0]
-        share = np.linalg.norm(follows, axis=1) / self.scaled.output_spread
-        return tuple(self.model.outputs[i] for i in sorted(np.argsort(-share)[:r]))
+        share = np.linalg.norm(self.centre.summed, axis=1) / self.scaled.output_spread
+        return tuple(self.model.outputs[i] for i in sorted(np.argsort(-share)[: self.centre.integrators]))
 
     def at(self, vector: np.ndarray) -> StateSpace:
         """The model of other parameters, in the order of `vector`."""

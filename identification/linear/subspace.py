@@ -11,7 +11,7 @@ from scipy import linalg
 
 from identification.linear.long_predictor import LongPredictor
 from identification.linear.realisation import Realisation
-from identification.linear.refinement import Candidate, candidate, refined
+from identification.linear.refinement import Candidate, candidate, covariance_of, descended, refined
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit, fit_of
@@ -137,10 +137,10 @@ class Regressors:
 
 
 def identified(asked: Settings, states: States, scaled: Scaled, integrators: int) -> Candidate:
-    """The model asked for; what is "auto" as it has the least log det of its errors plus BIC's charge.
+    """The model of the order asked for, or of that with the least log det of its errors plus BIC's charge.
 
-    Orders go up from 1 until four more do not help.  The charge counts n (m + 2 p) parameters, r^2 fewer where r poles
-    are at 1, and r fewer again where these integrators have no drift.
+    Orders go up from 1 until four more do not help; the charge counts n (m + 2 p) parameters, r^2 fewer where r poles
+    are at 1.
     Source: Bauer 2001, Order estimation for subspace methods, Automatica 37; Schwarz 1978, Annals of Statistics 6.
     """
     name, largest = type(asked).__name__, min(len(states.weights), (states.past - 1) * scaled.outputs)
@@ -151,17 +151,19 @@ def identified(asked: Settings, states: States, scaled: Scaled, integrators: int
         )
     most = min(largest, _LARGEST_ORDER) if asked.order == "auto" else asked.order
     regressors = Regressors.of(states, most, scaled)
+    if asked.order != "auto":
+        return _candidate(asked, states, most, regressors, scaled, integrators)
     charge = log(regressors.samples) / regressors.samples
     best, least, problem = None, np.inf, None
-    for count in range(max(integrators, 1) if asked.order == "auto" else most, most + 1):
+    for count in range(max(integrators, 1), most + 1):
         try:
-            tried = _candidates(asked, states, count, regressors, scaled, integrators)
+            found = _candidate(asked, states, count, regressors, scaled, integrators)
         except ValueError as error:
             problem = error
             continue
-        sizes = [found.loss + charge * found.found.parameters for found in tried]
-        if best is None or min(sizes) < least:
-            best, least = tried[int(np.argmin(sizes))], min(sizes)
+        size = found.loss + charge * found.found.parameters
+        if best is None or size < least:
+            best, least = found, size
         elif count > len(best.found.a) + _UNHELPFUL:
             break
     if best is None:
@@ -169,19 +171,49 @@ def identified(asked: Settings, states: States, scaled: Scaled, integrators: int
     return best
 
 
-def _candidates(
-    asked: Settings, states: States, order: int, regressors: Regressors, scaled: Scaled, integrators: int
-) -> list[Candidate]:
-    """The model of an order; of integrators that may rest or drift, both."""
+def drifts(drifting: Candidate, scaled: Scaled) -> bool:
+    """Whether the record shows that the integrators of a model drift at zero input; not in one too short to refine it.
+
+    The drift counts once the square over its variance, after a refinement, exceeds the log of the information on it,
+    in spreads of the outputs a sample: on the slope of a line that is 3 log N, and BIC's log N under random walks.
+    Source: Phillips and Ploberger 1996, An asymptotic theory of Bayesian inference for time series, Econometrica 64.
+    """
+    try:
+        here, _ = descended(scaled, drifting.found)
+    except ValueError:
+        return False
+    found, (covariance, _) = here.found, covariance_of(here, scaled)
+    r, (n, m) = found.integrators, found.b.shape
+    zero = -scaled.input_middle / scaled.input_spread
+    drift = found.drift[:r] + found.b[:r] @ zero
+    slopes = np.zeros((r, found.vector.size))
+    for i in range(r):
+        slopes[i, n * n + i * m : n * n + (i + 1) * m] = zero
+        slopes[i, -scaled.outputs - n + i] = 1.0
+    spread = slopes @ covariance @ slopes.T
+    seen = found.summed @ spread @ found.summed.T
+    charge = -np.sum(np.log(np.linalg.svd(seen, compute_uv=False)[:r]))
+    return bool(drift @ np.linalg.solve(spread, drift) > charge)
+
+
+def _candidate(
+    asked: Settings,
+    states: States,
+    order: int,
+    regressors: Regressors,
+    scaled: Scaled,
+    integrators: int,
+    resting: bool = False,
+) -> Candidate:
+    """The model of an order; resting: whether its integrators have no drift."""
     name, later = type(asked).__name__, scaled.after(states.past)
     starts = np.array([states.over(z[: states.past], order)[0] for z in scaled.joint if len(z) > states.past])
     free = realise(regressors, order, name, asked.stable)
     if not integrators:
-        return [candidate(free, starts, later)]
+        return candidate(free, starts, later)
     turn = slowest_first(free.a)
-    rests = {"auto": (True, False), True: (False,), False: (True,)}[asked.offset]
-    models = (with_integrators(free, regressors, integrators, turn, resting, scaled, name) for resting in rests)
-    return [candidate(model, starts @ turn.T, later) for model in models]
+    model = with_integrators(free, regressors, integrators, turn, resting or not scaled.offset, scaled, name)
+    return candidate(model, starts @ turn.T, later)
 
 
 def realise(regressors: Regressors, order: int, name: str, stable: bool = False) -> Realisation:
@@ -260,6 +292,11 @@ def finished(
     if integrators == "auto":
         integrators = predictor.integrators if asked.order == "auto" else min(predictor.integrators, asked.order)
     found = identified(asked, states, scaled, integrators)
+    if integrators and asked.offset == "auto" and not drifts(found, scaled):
+        order = len(found.found.a)
+        found = _candidate(
+            asked, states, order, Regressors.of(states, order, scaled), scaled, integrators, resting=True
+        )
     if asked.refine:
         fit = refined(series, scaled, found.found, stable=asked.stable, singular_values=states.singular_values)
     else:
