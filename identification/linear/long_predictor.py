@@ -50,16 +50,20 @@ class LongPredictor:
         return LongPredictor(self.factor[:, kept], lags, self.rows, self.scaled)
 
     def horizon(self, least: int) -> int:
-        """Twice the lags of least AIC, at least `least` and at most all.
+        """Twice the lags that AIC takes, at least `least` and at most all; AIC as corrected for few samples.
 
-        Source: Bauer 2005, Estimating linear dynamical systems using subspace methods, Econometric Theory 21, sec. 5.
+        Source: Bauer 2005, Estimating linear dynamical systems using subspace methods, Econometric Theory 21, sec. 5;
+        Hurvich and Tsai 1993, A corrected Akaike information criterion for vector autoregressive model selection.
         """
         q, p = self.scaled.inputs + self.scaled.outputs, self.scaled.outputs
         best, smallest = 1, np.inf
         for lags in range(1, self.lags + 1):
+            free = self.rows - lags * q - p - 1
+            if free < 1:
+                break
             left = self.factor[1 + lags * q :, -p:]
             errors = left.T @ left / self.rows + np.finfo(float).eps * np.eye(p)
-            size = np.linalg.slogdet(errors)[1] + 2.0 * lags * q * p / self.rows
+            size = np.linalg.slogdet(errors)[1] + p * (self.rows + lags * q) / free
             if size < smallest:
                 best, smallest = lags, float(size)
         return min(max(_LONGER * best, SHORTEST, least), self.lags)
