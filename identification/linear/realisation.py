@@ -16,8 +16,8 @@ class Realisation:
     """x(t+1) = a x + b u + k e + drift,  y = c x + level + e.
 
     A drift cannot always be moved into the level: an integrator keeps it.
-    integrators: how many states, the first ones, are sums: their rows of `a` are those of the unit matrix.  rest: the
-    input, (m,), at which these stay where they are without noise; None where their drift is free.
+    integrators: how many states, the first ones, are sums: their rows of `a` are those of the unit matrix.  rest: where
+    zero input is, (m,), if it leaves these where they are; None where their drift is free.
     """
 
     a: np.ndarray
@@ -48,6 +48,15 @@ class Realisation:
         return self.c[:, :r] + self.c[:, r:] @ settled
 
     @property
+    def settled(self) -> np.ndarray:
+        """Which entries integrators settle, (P,): their rows of `a`, and in units their drift where they rest."""
+        fixed = [np.zeros(part.shape, dtype=bool) for part in self.parts]
+        fixed[0][: self.integrators] = True
+        if self.rest is not None and not self.rest.any():
+            fixed[4][: self.integrators] = True
+        return np.concatenate([part.ravel() for part in fixed])
+
+    @property
     def vector(self) -> np.ndarray:
         """All entries, matrix by matrix, row by row."""
         return np.concatenate([part.ravel() for part in self.parts])
@@ -74,7 +83,7 @@ class Realisation:
             self.drift - b @ scaled.input_middle,
             scaled.output_spread * self.level + scaled.output_middle,
             self.integrators,
-            None if self.rest is None else scaled.input_middle + scaled.input_spread * self.rest,
+            None if self.rest is None else np.zeros_like(self.rest),
         )
 
     def turned(self, turn: np.ndarray) -> Realisation:

@@ -144,6 +144,8 @@ def fit_of(
         zero = found.at(np.zeros(size)).in_units(scaled).shifted(shift).vector
         slopes = [found.at(row).in_units(scaled).shifted(shift).vector - zero for row in np.eye(size)]
         known = np.transpose(slopes) @ covariance @ np.array(slopes)
+        settled = centre.settled  # rounding would give these a variance
+        known[settled], known[:, settled] = 0.0, 0.0
     return StateSpaceFit(
         model=centre.model(bare, offset),
         vector=centre.vector,
