@@ -34,6 +34,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from auv_gym.writing import replacing
 from identification.comparison import OpenLoop, compare_open
+from identification.identify import split
 from identification.linear.armax import Armax
 from identification.linear.n4sid import N4sid
 from identification.linear.output_error import OutputError
@@ -51,7 +52,9 @@ DT = 1.0  # s, of the preset; compasses of gliders log once in one to a few seco
 NOISE_DEG, RESOLUTION_DEG = 0.5, 0.1
 START_DEG = 165.0  # of the compass, on the side from which the turn goes through south
 TRUTH, BARE, SCALED = "vehicle itself (15)", "analytic (14)", "(14) with N4SID's turn"
-N4SID, REFINED, PLAIN = "N4SID", "N4SID, refined", "N4SID by default"
+N4SID, REFINED = "N4SID", "N4SID, refined"
+PLAIN, PLAIN_REFINED, PLAIN_PBSID = "N4SID by default", "N4SID by default, refined", "PBSID by default"
+TWO_THIRDS, UNAWARE = "default, 2/3 of the log", "poles and drift free"
 GIVEN = (TRUTH, BARE, SCALED)
 
 
@@ -60,37 +63,45 @@ class Method:
     """An estimator and what it is given.
 
     form: heading from its mean at zero rudder ("rest"), as the compass has it ("compass"), or its rate, by
-    differences, whose model is then integrated ("rate").  both: whether a log at +15 deg is fitted too.
+    differences, whose model is then integrated ("rate").  both: whether a log at +15 deg is fitted too.  part: whether
+    the last third is held out, as `auv-gym identify` does where it is given nothing else to judge by.
     """
 
     estimator: Any
     form: Literal["rest", "compass", "rate"] = "rest"
     both: bool = False
+    part: bool = False
 
     def fit(self, logs: Sequence[Record]) -> StateSpace | Model:
         """The model of heading; raises ValueError where the data cannot tell it."""
         records = [_FORMS[self.form](log) for log in (logs if self.both else logs[:1])]
+        records = split(records)[0] if self.part else records
         model = self.estimator.fit(*records).model
         return heading_of(model) if self.form == "rate" else model
 
 
-# What a step of 15 deg tells is little, so N4SID is told the rest; the second table is without, one by one.
+# The defaults look at the log; beside them N4SID as it is set by hand, and the second table without that, one by one.
 # Rest: at zero rudder the heading stays. Estimated from 30 s, that rate is wrong by several percent of the turn, twice
 # as much at +15 deg; and as no pole is found at exactly 1, a heading counted from north drifts in proportion to it.
 # Memory: a sensor's noise on an integrator is predicted best from all of the past, so the horizon is as long as the
 # log allows. Weights: CVA's divide by the spread of the future, which here is the ramp.
-_N4SID = N4sid(RUDDER, HEADING, order=2, horizon=15, weight="n4sid", offset=False)
+_N4SID = N4sid(RUDDER, HEADING, order=2, horizon=15, weight="n4sid", integrators=0, offset=False)
+_PLAIN = N4sid(RUDDER, HEADING)
 _RATE = replace(_N4SID, outputs=RATE, horizon=14)  # the longest for a log with a sample less
 _INTEGRATING: dict[str, Any] = {"n_a": 1, "n_b": 1, "integrating": HEADING, "offset": False}
 METHODS = {
     N4SID: Method(_N4SID),
     REFINED: Method(replace(_N4SID, refine=True)),
-    "PBSID": Method(Pbsid(RUDDER, HEADING, order=2, offset=False)),
+    PLAIN: Method(_PLAIN, "compass"),
+    PLAIN_REFINED: Method(replace(_PLAIN, refine=True), "compass"),
+    PLAIN_PBSID: Method(Pbsid(RUDDER, HEADING), "compass"),
     "ARMAX, integrating": Method(Armax(RUDDER, HEADING, n_c=1, **_INTEGRATING)),
     "output error, integrating": Method(OutputError(RUDDER, HEADING, **_INTEGRATING)),
 }
 SETTINGS = {
-    PLAIN: Method(N4sid(RUDDER, HEADING, order=2), "compass"),
+    TWO_THIRDS: Method(_PLAIN, "compass", part=True),
+    UNAWARE: Method(replace(_PLAIN, integrators=0, offset=True), "compass"),
+    "a pole at 1, drift free": Method(replace(_PLAIN, integrators=1, offset=True), "compass"),
     "MOESP's weights": Method(replace(_N4SID, weight="moesp")),
     "CVA's weights": Method(replace(_N4SID, weight="cva")),
     "horizon 10": Method(replace(_N4SID, horizon=10)),
@@ -266,7 +277,7 @@ def heading_of(rate: StateSpace) -> StateSpace:
 
 def free_runs(models: Mapping[str, Model], log: Record) -> OpenLoop:
     """Free runs of all models over a log, starts fitted while the rudder is at zero, which is not scored."""
-    absolute = {name for name, method in SETTINGS.items() if method.form == "compass"}
+    absolute = {name for name, method in (METHODS | SETTINGS).items() if method.form == "compass"}
     rest = {name: model for name, model in models.items() if name not in absolute}
     found = compare_open(rest, from_rest(log), settle=LEAD)
     others = {name: model for name, model in models.items() if name in absolute}
@@ -365,9 +376,9 @@ def _finite(value: float) -> float | None:
 # What is drawn
 
 _DRAWN = {
-    PLAIN: ("#d55e00", "--"),
+    UNAWARE: ("#d55e00", "--"),
     SCALED: ("#cc79a7", "-."),
-    REFINED: ("#00785a", ":"),
+    PLAIN: ("#00785a", ":"),
     N4SID: ("#0072b2", "-"),
 }
 

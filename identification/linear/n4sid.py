@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_gym.record import Record
 from identification.linear.hankel import rows_of, triangle
+from identification.linear.long_predictor import LONGEST, LongPredictor
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit
@@ -20,10 +21,9 @@ from identification.linear.subspace import (
     check_excitation,
     check_settings,
     finished,
-    identified,
+    least_horizon,
 )
 
-_HORIZON = 10  # samples, where the record has enough of them
 _DROPPED = 1e-10  # singular value over the largest, below which a direction is rounding
 WEIGHTS = ("cva", "n4sid", "moesp")
 
@@ -32,10 +32,9 @@ WEIGHTS = ("cva", "n4sid", "moesp")
 class N4sid:
     """State space from the part of the future that the past tells and the future inputs do not.
 
-    order: of the model, or "auto".  horizon: samples of the past and of the future, default 10 or what the record
-    allows.  weight: of the future, "cva" (canonical variates), "n4sid" or "moesp".  offset: whether an operating point
-    is estimated.  stable: whether unstable poles are reflected into the unit circle.  refine: whether the model is the
-    start of a descent to the least prediction errors, which also gives intervals.
+    horizon: samples of the past and of the future, by default twice the lags that AIC chooses, or what the record
+    allows.  weight: of the future, "cva" (canonical variates), "n4sid" or "moesp".  order, integrators, offset, stable,
+    refine: see `subspace.Settings`.
     In closed loop it is biased by the noise that the inputs repeat; see Pbsid.
     Source: Van Overschee and De Moor 1996, Subspace Identification for Linear Systems, ch. 4.
     """
@@ -45,45 +44,48 @@ class N4sid:
     order: int | Literal["auto"] = "auto"
     horizon: int | None = None
     weight: Literal["cva", "n4sid", "moesp"] = "cva"
-    offset: bool = True
+    integrators: int | Literal["auto"] = "auto"
+    offset: bool | Literal["auto"] = "auto"
     stable: bool = False
     refine: bool = False
 
     def __post_init__(self) -> None:
         check_channels("N4sid", self.inputs, self.outputs)
-        check_settings("N4sid", self.order, self.horizon)
+        check_settings(self)
         if self.weight not in WEIGHTS:
             raise ValueError(f"N4sid needs a weight of {', '.join(WEIGHTS)}, got {self.weight!r}.")
 
     def fit(self, *records: Record) -> StateSpaceFit:
         """Fit over all segments of all records, each with its own start; raises if the data cannot tell the model."""
         series = Series.of(records, self.inputs, self.outputs, "N4sid")
-        scaled = Scaled.of(series, self.offset, "N4sid")
-        horizon = self._horizon(series)
+        scaled = Scaled.of(series, self.offset is not False, "N4sid")
+        longest = self._longest(series, scaled)
+        predictor = LongPredictor.of(scaled, longest)
+        horizon = self.horizon or predictor.horizon(least_horizon(self.order, scaled.outputs))
         states = self._states(series, scaled, horizon)
-        largest = min(len(states.weights), (horizon - 1) * scaled.outputs)
-        found = identified(states, self.order, largest, scaled, "N4sid", self.stable)
-        return finished(series, scaled, found, states, self.stable, self.refine)
+        return finished(self, series, scaled, states, predictor.shortened(horizon))
 
-    def _horizon(self, series: Series) -> int:
-        """The horizon asked for or chosen; raises where the record is too short for it."""
-        m, p = len(series.inputs), len(series.outputs)
+    def _longest(self, series: Series, scaled: Scaled) -> int:
+        """The horizon asked for or the longest to choose from; raises where the record is too short for it."""
+        q = scaled.inputs + scaled.outputs
 
         def needed(horizon: int) -> int:
-            return ROWS_PER_COLUMN * (2 * horizon * (m + p) + 1)
+            return ROWS_PER_COLUMN * (2 * horizon * q + 1)
 
         def given(horizon: int) -> int:
             return rows_of(series.y, 2 * horizon)
 
-        least = 2 if self.order == "auto" else max(int(self.order) // p + 2, 2)
-        horizon = self.horizon or max([h for h in range(least, _HORIZON + 1) if given(h) >= needed(h)], default=least)
-        if given(horizon) < needed(horizon):
+        least = least_horizon(self.order, scaled.outputs)
+        asked = self.horizon or least
+        if given(asked) < needed(asked):
             lower = "horizon" if self.horizon else "order"
             raise ValueError(
-                f"N4sid needs at least {needed(horizon)} windows of {2 * horizon} samples for a horizon of {horizon}, "
-                f"got {given(horizon)}: record longer{'' if horizon == 2 else f' or lower {lower}'}."
+                f"N4sid needs at least {needed(asked)} windows of {2 * asked} samples for a horizon of {asked}, "
+                f"got {given(asked)}: record longer{'' if asked == 2 else f' or lower {lower}'}."
             )
-        return horizon
+        if self.horizon:
+            return self.horizon
+        return max(h for h in range(least, max(LONGEST, least) + 1) if given(h) >= needed(h))
 
     def _states(self, series: Series, scaled: Scaled, horizon: int) -> States:
         m, q = scaled.inputs, scaled.inputs + scaled.outputs

@@ -16,6 +16,8 @@ class Realisation:
     """x(t+1) = a x + b u + k e + drift,  y = c x + level + e.
 
     A drift cannot always be moved into the level: an integrator keeps it.
+    integrators: how many states, the first ones, are sums: their rows of `a` are those of the unit matrix.  rest: where
+    zero input is, (m,), if it leaves these where they are; None where their drift is free.
     """
 
     a: np.ndarray
@@ -24,11 +26,35 @@ class Realisation:
     k: np.ndarray
     drift: np.ndarray
     level: np.ndarray
+    integrators: int = 0
+    rest: np.ndarray | None = None
 
     @cached_property
     def predictor(self) -> np.ndarray:
         """What the state of the one-step predictor is multiplied with, a - k c."""
         return self.a - self.k @ self.c
+
+    @property
+    def parameters(self) -> int:
+        """What no choice of states can change: n (m + 2 p) numbers, without those that integrators settle."""
+        n, m = self.b.shape
+        return n * (m + 2 * len(self.c)) - self.integrators * (self.integrators + (self.rest is not None))
+
+    @property
+    def summed(self) -> np.ndarray:
+        """How far the outputs follow the integrators once all else has settled, (p, integrators)."""
+        r, rest = self.integrators, len(self.a) - self.integrators
+        settled = np.linalg.lstsq(np.eye(rest) - self.a[r:, r:], self.a[r:, :r], rcond=None)[0]
+        return self.c[:, :r] + self.c[:, r:] @ settled
+
+    @property
+    def settled(self) -> np.ndarray:
+        """Which entries integrators settle, (P,): their rows of `a`, and in units their drift where they rest."""
+        fixed = [np.zeros(part.shape, dtype=bool) for part in self.parts]
+        fixed[0][: self.integrators] = True
+        if self.rest is not None and not self.rest.any():
+            fixed[4][: self.integrators] = True
+        return np.concatenate([part.ravel() for part in fixed])
 
     @property
     def vector(self) -> np.ndarray:
@@ -42,7 +68,9 @@ class Realisation:
     def at(self, vector: np.ndarray) -> Realisation:
         """The realisation of these shapes with other entries."""
         ends = np.cumsum([part.size for part in self.parts])[:-1]
-        return Realisation(*(v.reshape(part.shape) for v, part in zip(np.split(vector, ends), self.parts)))
+        names = ("a", "b", "c", "k", "drift", "level")
+        values = (v.reshape(part.shape) for v, part in zip(np.split(vector, ends), self.parts))
+        return replace(self, **dict(zip(names, values, strict=True)))
 
     def in_units(self, scaled: Scaled) -> Realisation:
         """The same between the signals themselves instead of the scaled ones."""
@@ -54,6 +82,15 @@ class Realisation:
             self.k / scaled.output_spread,
             self.drift - b @ scaled.input_middle,
             scaled.output_spread * self.level + scaled.output_middle,
+            self.integrators,
+            None if self.rest is None else np.zeros_like(self.rest),
+        )
+
+    def turned(self, turn: np.ndarray) -> Realisation:
+        """The same with states `turn` x; turn: orthonormal."""
+        back = turn.T
+        return replace(
+            self, a=turn @ self.a @ back, b=turn @ self.b, c=self.c @ back, k=turn @ self.k, drift=turn @ self.drift
         )
 
     def shifted(self, shift: np.ndarray) -> Realisation:

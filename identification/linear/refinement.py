@@ -94,6 +94,24 @@ def refined(
     singular_values: np.ndarray | None = None,
 ) -> StateSpaceFit:
     """As `refine`, from a realisation between scaled signals whose predictor is stable."""
+    here, count = descended(scaled, found, stable, iterations)
+    covariance, free = covariance_of(here, scaled)
+    return fit_of(series, scaled, here.found, here.errors, free, covariance, singular_values, count)
+
+
+def covariance_of(here: Candidate, scaled: Scaled) -> tuple[np.ndarray, int]:
+    """The covariance of the entries at the end of a descent, (P, P), and how many numbers were fitted, starts too."""
+    samples, directions = here.errors.size, local_directions(here.found, scaled.offset)
+    free = directions.shape[1] + here.starts.size
+    covariance = directions @ np.linalg.pinv(slopes_of(here, scaled, directions).matrix, hermitian=True) @ directions.T
+    # the spread was divided by rows, an unbiased one is divided by what the fitted numbers leave
+    return covariance * samples / (samples - free), free
+
+
+def descended(
+    scaled: Scaled, found: Realisation, stable: bool = False, iterations: int = _ITERATIONS
+) -> tuple[Candidate, int]:
+    """The model of least errors that a descent from another reaches, and after how many iterations."""
     rows = sum(len(y) for y in scaled.y)
     free = local_directions(found, scaled.offset).shape[1] + len(scaled.y) * len(found.a)
     if rows * scaled.outputs <= 2 * free:
@@ -118,30 +136,40 @@ def refined(
         here, damping = tried, damping / 10.0
         directions = local_directions(here.found, scaled.offset)
         slopes = slopes_of(here, scaled, directions)
-    covariance = directions @ np.linalg.pinv(slopes.matrix, hermitian=True) @ directions.T
-    # the spread was divided by rows, an unbiased one is divided by what the fitted numbers leave
-    covariance *= rows * scaled.outputs / (rows * scaled.outputs - free)
-    return fit_of(series, scaled, here.found, here.errors, free, covariance, singular_values, count)
+    return here, count
 
 
 def local_directions(found: Realisation, offset: bool) -> np.ndarray:
     """Changes of a realisation's entries across those that a change of the states makes, orthonormal, (P, free).
 
-    offset: whether drift and level are free, and the states' origin with them.
+    offset: whether drift and level are free, and the states' origin with them.  Integrators stay what they are, and
+    stay at rest at their input.
     """
     a, b, c, k, drift, level = found.parts
-    n = len(a)
+    n, r = len(a), found.integrators
     one, ends = np.eye(n), drift.size + level.size
     # of the states by 1 + turn: turn a - a turn, turn b, -c turn, turn k, turn drift
     turned = [np.kron(one, a.T) - np.kron(a, one), np.kron(one, b.T), -np.kron(c, one), np.kron(one, k.T)]
     turned += [np.kron(one, drift), np.zeros((level.size, n * n))]
-    along = np.concatenate(turned)
+    sums_only = np.ones((n, n), dtype=bool)
+    sums_only[:r, r:] = False  # a sum plus another state is none
+    along = np.concatenate(turned)[:, sums_only.ravel()]
+    every = np.eye(len(along))
+    held = [every[:, : r * n]]
     if offset:
         beyond = np.concatenate([np.zeros((len(along) - ends, n)), one - a, -c])
+        if found.rest is not None:
+            resting = every[:, len(along) - ends :][:, :r].copy()  # drift + b rest
+            for i in range(r):
+                resting[a.size + i * b.shape[1] : a.size + (i + 1) * b.shape[1], i] = found.rest
+            held.append(resting)
     else:
-        beyond = np.eye(len(along))[:, len(along) - ends :]
-    across, _ = np.linalg.qr(np.concatenate([along, beyond], axis=1), mode="complete")
-    return across[:, n * n + beyond.shape[1] :]
+        beyond = every[:, len(along) - ends :]
+    barred = np.concatenate([along, beyond, *held], axis=1)
+    across, _ = np.linalg.qr(barred, mode="complete")
+    directions = across[:, barred.shape[1] :]
+    directions[: r * n] = 0.0  # rounding
+    return directions
 
 
 def started(found: Realisation, scaled: Scaled) -> Candidate:

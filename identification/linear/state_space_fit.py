@@ -29,7 +29,7 @@ class StateSpaceFit:
     errors of its own: poles, responses, free runs.  NaN in the covariance where no refinement gave one.
     noise: covariance of the one-step errors.  freedom: samples less free parameters and starts.  samples: of all
     outputs together.  loss: (p,), mean square one-step errors.  singular_values: of the subspace method, if one began.
-    iterations: of the refinement.
+    iterations: of the refinement.  horizon: samples, of the subspace method.  notes: what it chose, in words.
     """
 
     model: StateSpace
@@ -43,6 +43,8 @@ class StateSpaceFit:
     centre: Realisation
     singular_values: np.ndarray = field(default_factory=lambda: np.empty(0))
     iterations: int = 0
+    horizon: int = 0
+    notes: tuple[str, ...] = ()
 
     @property
     def order(self) -> int:
@@ -50,8 +52,14 @@ class StateSpaceFit:
 
     @property
     def parameters(self) -> int:
-        """What no choice of states can change: n (m + 2 p) numbers."""
-        return self.order * (self.scaled.inputs + 2 * self.scaled.outputs)
+        """What no choice of states can change: n (m + 2 p) numbers, without those that integrators settle."""
+        return self.centre.parameters
+
+    @property
+    def integrating(self) -> tuple[str, ...]:
+        """The outputs that follow the integrators most, as many as there are of these."""
+        share = np.linalg.norm(self.centre.summed, axis=1) / self.scaled.output_spread
+        return tuple(self.model.outputs[i] for i in sorted(np.argsort(-share)[: self.centre.integrators]))
 
     def at(self, vector: np.ndarray) -> StateSpace:
         """The model of other parameters, in the order of `vector`."""
@@ -136,6 +144,8 @@ def fit_of(
         zero = found.at(np.zeros(size)).in_units(scaled).shifted(shift).vector
         slopes = [found.at(row).in_units(scaled).shifted(shift).vector - zero for row in np.eye(size)]
         known = np.transpose(slopes) @ covariance @ np.array(slopes)
+        settled = centre.settled  # rounding would give these a variance
+        known[settled], known[:, settled] = 0.0, 0.0
     return StateSpaceFit(
         model=centre.model(bare, offset),
         vector=centre.vector,

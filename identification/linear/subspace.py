@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import log
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy import linalg
 
+from identification.linear.long_predictor import LongPredictor
 from identification.linear.realisation import Realisation
-from identification.linear.refinement import Candidate, candidate, refined
+from identification.linear.refinement import Candidate, candidate, covariance_of, descended, refined
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.state_space_fit import StateSpaceFit, fit_of
@@ -21,6 +23,30 @@ _INSIDE = 0.999  # size to which a pole outside the unit circle is moved at leas
 _LARGEST_ORDER = 20
 _UNHELPFUL = 4  # orders beyond the best, after which no more are tried
 ROWS_PER_COLUMN = 2
+
+
+class Settings(Protocol):
+    """What the subspace methods are asked alike.
+
+    order: of the model.  integrators: how many of its poles are at exactly 1; at most one an output if chosen.  offset:
+    True, an operating point is estimated; False, inputs and outputs rest at zero; "auto", as True, but integrators rest
+    at zero inputs unless the record shows a drift there.  stable: whether unstable poles are reflected into the unit
+    circle.  refine: whether the model is the start of a descent to the least prediction errors, which also gives
+    intervals.  "auto": what has the least BIC.
+    """
+
+    @property
+    def order(self) -> int | Literal["auto"]: ...
+    @property
+    def horizon(self) -> int | None: ...
+    @property
+    def integrators(self) -> int | Literal["auto"]: ...
+    @property
+    def offset(self) -> bool | Literal["auto"]: ...
+    @property
+    def stable(self) -> bool: ...
+    @property
+    def refine(self) -> bool: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +69,26 @@ class States:
         return states
 
 
-def check_settings(name: str, order: int | str, horizon: int | None) -> None:
-    """Raises, on behalf of the estimator `name`, if order or horizon cannot be."""
-    if order != "auto" and (isinstance(order, bool) or not isinstance(order, int) or order < 1):
+def check_settings(asked: Settings) -> None:
+    """Raises if order, horizon, integrators or offset cannot be."""
+    name, order, horizon, integrators = type(asked).__name__, asked.order, asked.horizon, asked.integrators
+    if order != "auto" and not _is_whole(order, 1):
         raise ValueError(f"{name} needs order >= 1 as a whole number, or 'auto', got {order!r}.")
-    if horizon is None:
-        return
-    if isinstance(horizon, bool) or not isinstance(horizon, int) or horizon < 2:
+    if horizon is not None and not _is_whole(horizon, 2):
         raise ValueError(f"{name} needs horizon >= 2 samples, or none for its own choice, got {horizon!r}.")
+    if integrators != "auto" and not _is_whole(integrators, 0):
+        raise ValueError(f"{name} needs integrators >= 0 as a whole number, or 'auto', got {integrators!r}.")
+    if integrators != "auto" and order != "auto" and integrators > order:
+        raise ValueError(f"{name} needs no more integrators than its order {order}, got {integrators}.")
+    if asked.stable and integrators not in ("auto", 0):
+        raise ValueError(f"{name} cannot have {integrators} integrators and be stable: ask for one of the two.")
+    if asked.offset not in (True, False, "auto"):
+        raise ValueError(f"{name} needs offset as true, false or 'auto', got {asked.offset!r}.")
+
+
+def least_horizon(order: int | str, outputs: int) -> int:
+    """The shortest horizon, in samples, that a model of this order can be found with."""
+    return 2 if order == "auto" else max(int(order) // outputs + 2, 2)
 
 
 def check_excitation(name: str, factor: np.ndarray, series: Series, horizon: int) -> None:
@@ -98,31 +136,34 @@ class Regressors:
         return cls(one, now, u, y, after, len(parts[0]))
 
 
-def identified(states: States, order: int | str, largest: int, scaled: Scaled, name: str, stable: bool) -> Candidate:
-    """The model of this order; where that is "auto", of the order of least log det of its errors plus BIC's charge.
+def identified(asked: Settings, states: States, scaled: Scaled, integrators: int) -> Candidate:
+    """The model of the order asked for, or of that with the least log det of its errors plus BIC's charge.
 
-    Orders go up from 1 until four more do not help; the charge counts n (m + 2 p) parameters.
+    Orders go up from 1 until four more do not help; the charge counts n (m + 2 p) parameters, r^2 fewer where r poles
+    are at 1.
     Source: Bauer 2001, Order estimation for subspace methods, Automatica 37; Schwarz 1978, Annals of Statistics 6.
     """
-    if order != "auto" and int(order) > largest:
+    name, largest = type(asked).__name__, min(len(states.weights), (states.past - 1) * scaled.outputs)
+    if asked.order != "auto" and asked.order > largest:
         raise ValueError(
-            f"{name} finds orders up to {largest} in this record at this horizon, got {order}: raise horizon, record "
-            "longer or lower order."
+            f"{name} finds orders up to {largest} in this record at this horizon, got {asked.order}: raise horizon, "
+            "record longer or lower order."
         )
-    most = min(largest, _LARGEST_ORDER) if order == "auto" else int(order)
+    most = min(largest, _LARGEST_ORDER) if asked.order == "auto" else asked.order
     regressors = Regressors.of(states, most, scaled)
-    if order != "auto":
-        return _candidate(states, most, regressors, scaled, name, stable)
-    charge = (scaled.inputs + 2 * scaled.outputs) * log(regressors.samples) / regressors.samples
+    if asked.order != "auto":
+        return _candidate(asked, states, most, regressors, scaled, integrators)
+    charge = log(regressors.samples) / regressors.samples
     best, least, problem = None, np.inf, None
-    for count in range(1, most + 1):
+    for count in range(max(integrators, 1), most + 1):
         try:
-            found = _candidate(states, count, regressors, scaled, name, stable)
+            found = _candidate(asked, states, count, regressors, scaled, integrators)
         except ValueError as error:
             problem = error
             continue
-        if best is None or found.loss + count * charge < least:
-            best, least = found, found.loss + count * charge
+        size = found.loss + charge * found.found.parameters
+        if best is None or size < least:
+            best, least = found, size
         elif count > len(best.found.a) + _UNHELPFUL:
             break
     if best is None:
@@ -130,12 +171,49 @@ def identified(states: States, order: int | str, largest: int, scaled: Scaled, n
     return best
 
 
+def drifts(drifting: Candidate, scaled: Scaled) -> bool:
+    """Whether the record shows that the integrators of a model drift at zero input; not in one too short to refine it.
+
+    The drift counts once the square over its variance, after a refinement, exceeds the log of the information on it,
+    in spreads of the outputs a sample: on the slope of a line that is 3 log N, and BIC's log N under random walks.
+    Source: Phillips and Ploberger 1996, An asymptotic theory of Bayesian inference for time series, Econometrica 64.
+    """
+    try:
+        here, _ = descended(scaled, drifting.found)
+    except ValueError:
+        return False
+    found, (covariance, _) = here.found, covariance_of(here, scaled)
+    r, (n, m) = found.integrators, found.b.shape
+    zero = -scaled.input_middle / scaled.input_spread
+    drift = found.drift[:r] + found.b[:r] @ zero
+    slopes = np.zeros((r, found.vector.size))
+    for i in range(r):
+        slopes[i, n * n + i * m : n * n + (i + 1) * m] = zero
+        slopes[i, -scaled.outputs - n + i] = 1.0
+    spread = slopes @ covariance @ slopes.T
+    seen = found.summed @ spread @ found.summed.T
+    charge = -np.sum(np.log(np.linalg.svd(seen, compute_uv=False)[:r]))
+    return bool(drift @ np.linalg.solve(spread, drift) > charge)
+
+
 def _candidate(
-    states: States, order: int, regressors: Regressors, scaled: Scaled, name: str, stable: bool
+    asked: Settings,
+    states: States,
+    order: int,
+    regressors: Regressors,
+    scaled: Scaled,
+    integrators: int,
+    resting: bool = False,
 ) -> Candidate:
-    later = scaled.after(states.past)
+    """The model of an order; resting: whether its integrators have no drift."""
+    name, later = type(asked).__name__, scaled.after(states.past)
     starts = np.array([states.over(z[: states.past], order)[0] for z in scaled.joint if len(z) > states.past])
-    return candidate(realise(regressors, order, name, stable), starts, later)
+    free = realise(regressors, order, name, asked.stable)
+    if not integrators:
+        return candidate(free, starts, later)
+    turn = slowest_first(free.a)
+    model = with_integrators(free, regressors, integrators, turn, resting or not scaled.offset, scaled, name)
+    return candidate(model, starts @ turn.T, later)
 
 
 def realise(regressors: Regressors, order: int, name: str, stable: bool = False) -> Realisation:
@@ -168,14 +246,66 @@ def realise(regressors: Regressors, order: int, name: str, stable: bool = False)
     return with_stable_predictor(result, joint.T @ joint / regressors.samples)
 
 
+def slowest_first(a: np.ndarray) -> np.ndarray:
+    """Orthonormal rows: combinations of states, those first that move least by themselves, integrators not at all."""
+    return np.linalg.svd(a - np.eye(len(a)))[0].T[::-1]
+
+
+def with_integrators(
+    free: Realisation,
+    regressors: Regressors,
+    count: int,
+    turn: np.ndarray,
+    resting: bool,
+    scaled: Scaled,
+    name: str,
+) -> Realisation:
+    """The realisation with states turned, the first of them sums of inputs and errors and fitted as such.
+
+    resting: whether these stay where they are at zero input; else they have a drift.
+    """
+    found, (order, m) = free.turned(turn), free.b.shape
+    now, after = (part[:, :order] @ turn.T for part in (regressors.now, regressors.after))
+    u, one, rest = regressors.u, regressors.one, -scaled.input_middle / scaled.input_spread
+    drifting = one.shape[1] == 1 and not resting
+    e = _errors(found, regressors, now)
+    heard = e if free.k.any() else np.zeros((len(e), 0))
+    given = u - one * rest if one.shape[1] and resting else u
+    columns = np.concatenate([given, heard, *([one] if drifting else [])], axis=1)
+    moved = _solve(columns, (after - now)[:, :count], name).T
+    a, b, k, drift = found.a.copy(), found.b.copy(), found.k.copy(), found.drift.copy()
+    a[:count], b[:count], k[:count] = np.eye(count, order), moved[:, :m], 0.0
+    if heard.shape[1]:
+        k[:count] = moved[:, m : m + heard.shape[1]]
+    drift[:count] = moved[:, -1] if drifting else -b[:count] @ rest
+    result = replace(found, a=a, b=b, k=k, drift=drift, integrators=count, rest=rest if resting else None)
+    w = after - now @ a.T - u @ b.T - (one * drift if one.shape[1] else 0.0)
+    joint = np.concatenate([w, e], axis=1)
+    return with_stable_predictor(result, joint.T @ joint / regressors.samples)
+
+
 def finished(
-    series: Series, scaled: Scaled, found: Candidate, states: States, stable: bool, refine: bool
+    asked: Settings, series: Series, scaled: Scaled, states: States, predictor: LongPredictor
 ) -> StateSpaceFit:
-    """The fit of a model, refined if asked for."""
-    if refine:
-        return refined(series, scaled, found.found, stable=stable, singular_values=states.singular_values)
-    free = found.found.vector.size - (0 if scaled.offset else len(found.found.drift) + scaled.outputs)
-    return fit_of(series, scaled, found.found, found.errors, free, singular_values=states.singular_values)
+    """The fit of a model with these states, refined if asked for, with words for what was chosen."""
+    integrators = 0 if asked.stable else asked.integrators
+    if integrators == "auto":
+        integrators = predictor.integrators if asked.order == "auto" else min(predictor.integrators, asked.order)
+    found = identified(asked, states, scaled, integrators)
+    if integrators and asked.offset == "auto" and not drifts(found, scaled):
+        order = len(found.found.a)
+        found = _candidate(
+            asked, states, order, Regressors.of(states, order, scaled), scaled, integrators, resting=True
+        )
+    if asked.refine:
+        fit = refined(series, scaled, found.found, stable=asked.stable, singular_values=states.singular_values)
+    else:
+        shape = found.found
+        held = integrators * (len(shape.a) + (shape.rest is not None)) if scaled.offset else shape.drift.size
+        free = shape.vector.size - held - (0 if scaled.offset else scaled.outputs)
+        fit = fit_of(series, scaled, shape, found.errors, free, singular_values=states.singular_values)
+    fit = replace(fit, horizon=states.past)
+    return replace(fit, notes=_notes(asked, fit))
 
 
 def reflected(a: np.ndarray) -> np.ndarray:
@@ -205,6 +335,39 @@ def with_stable_predictor(found: Realisation, spread: np.ndarray) -> Realisation
         if np.abs(np.linalg.eigvals(better.predictor)).max() < 1.0:
             return better
     return replace(found, k=np.zeros_like(found.k))
+
+
+def _errors(found: Realisation, regressors: Regressors, now: np.ndarray) -> np.ndarray:
+    e = regressors.y - now @ found.c.T
+    return e - regressors.one * found.level if regressors.one.shape[1] else e
+
+
+def _notes(asked: Settings, fit: StateSpaceFit) -> tuple[str, ...]:
+    """What was chosen by looking at the data, in words."""
+    found, sums = [], fit.centre.integrators
+    if asked.order == "auto":
+        found.append(f"chosen by BIC: order {fit.order}")
+    if asked.horizon is None:
+        found.append(f"chosen by AIC: a horizon of {fit.horizon} samples, {fit.horizon * fit.model.dt:g} s")
+    if asked.integrators == "auto" and not asked.stable:
+        poles = "one pole is" if sums == 1 else f"{sums} poles are"
+        verb = "integrates" if sums == 1 else "integrate"
+        found.append(
+            f"{' and '.join(fit.integrating)} {verb}, by a unit-root test: {poles} fixed at 1"
+            if sums
+            else "no output integrates, by a unit-root test"
+        )
+    if asked.offset == "auto" and sums:
+        found.append(
+            "no drift at zero input shows in the record: none is fitted"
+            if fit.centre.rest is not None
+            else "the record shows a drift at zero input: it is fitted"
+        )
+    return tuple(found)
+
+
+def _is_whole(value: object, least: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= least
 
 
 def _solve(columns: np.ndarray, target: np.ndarray, name: str) -> np.ndarray:

@@ -79,7 +79,7 @@ def test_the_order_is_chosen_as_it_is():
         fit = N4sid(INPUTS, OUTPUTS).fit(record)
         chosen[fit.order] += 1
     assert chosen[5] >= 7
-    assert fit.parameters == 5 * (2 + 2 * 2)
+    assert fit.parameters == 5 * (2 + 2 * 2) - 2  # the pole at 1 of depth, and its drift
     assert fit.singular_values.size >= 5
     assert np.all(np.diff(fit.singular_values) <= 0.0)
 
@@ -125,6 +125,11 @@ def test_the_model_is_saved_and_read_back(tmp_path):
         ({"order": 0}, "order >= 1"),
         ({"order": True}, "order >= 1"),
         ({"horizon": 1}, "horizon >= 2"),
+        ({"integrators": -1}, "integrators >= 0"),
+        ({"integrators": True}, "integrators >= 0"),
+        ({"integrators": 3, "order": 2}, "no more integrators than its order 2"),
+        ({"integrators": 1, "stable": True}, "integrators and be stable"),
+        ({"offset": "mean"}, "offset as true, false or 'auto'"),
         ({"weight": "none"}, "weight of cva"),
         ({"outputs": ()}, "outputs as a list"),
         ({"outputs": INPUTS}, "as input and as output"),
@@ -146,7 +151,11 @@ def changed(**channels):
         (changed(), {"order": 30}, "horizon of 17.* record longer or lower order"),
         (changed(), {"order": 19, "horizon": 10}, "orders up to 18 .* got 19"),
         (changed(), {"horizon": 60}, "horizon of 60.* record longer or lower horizon"),
-        (changed(bow_plane_rad=np.ones_like), {}, "bow_plane_rad constant"),
+        (
+            changed(bow_plane_rad=np.ones_like),
+            {},
+            "bow_plane_rad constant throughout and its effect cannot be told from a",
+        ),
         (changed(pitch_rad=np.zeros_like), {}, "pitch_rad constant"),
         (
             changed(bow_plane_rad=lambda t: np.sin(0.1 * t), stern_plane_rad=lambda t: np.cos(0.23 * t)),
