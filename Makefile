@@ -5,8 +5,8 @@ BIN := $(VENV)/bin
 DEMO_OUT := demo-output
 
 # The first Python of a supported version on the path; name another with `make PYTHON=/path/to/python3.12 ...`.
-SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))
-PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+SUPPORTED := import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 14))
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
 	command -v $$p >/dev/null 2>&1 && $$p -c '$(SUPPORTED)' 2>/dev/null && echo $$p && break; done)
 
 # Tests run in a process for each core: linear algebra with threads of its own would make them wait for one another.
@@ -53,9 +53,9 @@ install: $(VENV)/.installed-dev
 slocum-cache: $(VENV)/.slocum-cache
 
 $(BIN)/python:
-	@test -n "$(PYTHON)" || { echo "auv-gym needs Python 3.11, 3.12 or 3.13, found $$(python3 --version 2>/dev/null || echo none):" \
+	@test -n "$(PYTHON)" || { echo "auv-gym needs Python 3.11 to 3.14, found $$(python3 --version 2>/dev/null || echo none):" \
 		"install one of them, or name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
-	@"$(PYTHON)" -c '$(SUPPORTED)' || { echo "auv-gym needs Python 3.11, 3.12 or 3.13, got $$("$(PYTHON)" --version 2>&1):" \
+	@"$(PYTHON)" -c '$(SUPPORTED)' || { echo "auv-gym needs Python 3.11 to 3.14, got $$("$(PYTHON)" --version 2>&1):" \
 		"name another: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Making $(VENV) with $$("$(PYTHON)" --version 2>&1)"
 	@"$(PYTHON)" -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
