@@ -28,7 +28,7 @@ from auv_gym.cli.console import table
 TREE = Path(__file__).parents[1]
 LEFT_BEHIND = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "site", "shared", "demo-output")
 LIST = Path(__file__).with_suffix(".toml")
-WIDTH = 200  # columns that the table needs
+WIDTH = 210  # columns that the table needs
 LIMIT = 900  # s that the tests of one mutant may take; the first of all compile
 
 
@@ -71,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     survivors = sum(not o.killed_by for o in outcomes)
     shown = table(f"{len(outcomes)} mutants, {survivors} survived", "mutant!", "file!", "noticed by!")
     for outcome in outcomes:
-        shown.add_row(outcome.mutant.name, outcome.mutant.file, outcome.killed_by or "SURVIVED")
+        shown.add_row(outcome.mutant.name, outcome.mutant.file, outcome.killed_by.rpartition("/")[2] or "SURVIVED")
     Console(highlight=False, width=max(Console().width, WIDTH)).print(shown)
     return 1 if survivors else 0
 

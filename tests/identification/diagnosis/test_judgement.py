@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.judgement import disagrees, explained_share, verdict_of
+from identification.validation import whiteness
 
 NAMED, TIED, WRONG = ["an effect"], [("an effect", "another")], True
 
@@ -37,11 +38,12 @@ def stage(residual):
 
 def test_white_noise_agrees_and_slow_noise_beyond_a_twentieth_of_it_does_not():
     rng, bench = np.random.default_rng(0), SimpleNamespace(steady=True)
-    white = rng.standard_normal(1000)
-    slow = np.sin(2.0 * np.pi * np.arange(1000) / 50.0)
+    white, slow = rng.standard_normal(20_000), np.sqrt(2.0) * np.sin(2.0 * np.pi * np.arange(20_000) / 50.0)
     assert not disagrees(stage(white), bench, (), 100.0)
-    assert disagrees(stage(white + 0.7 * slow), bench, (), 100.0)
-    assert not disagrees(stage(white + 0.1 * slow), bench, (), 100.0)
+    assert disagrees(stage(white + np.sqrt(0.1) * slow), bench, (), 100.0)
+    little = stage(white + np.sqrt(0.02) * slow)
+    assert whiteness(little.fitted.residual[:, 0], little.fitted.window).p_value < 1e-4
+    assert not disagrees(little, bench, (), 100.0)
 
 
 def test_the_share_explained_is_of_what_exceeds_the_noise():
