@@ -36,10 +36,10 @@ class Scaled:
             spread = np.sqrt(np.mean((joined - middle) ** 2, axis=0))
             for channel, value, size in zip(names, spread, np.abs(joined).max(axis=0)):
                 if value <= _STILL * size:
-                    untold = " and its effect cannot be told from a drift" if what == "input" else ""
+                    why = "; what it does cannot be told from a drift" if what == "input" else ""
                     raise ValueError(
-                        f"{name} needs every {what} to move, got {channel} constant throughout{untold}: use a record "
-                        f"in which it moves, or leave it out of the {what}s."
+                        f"{name} needs every {what} to move, got {channel} constant throughout: use a record in which "
+                        f"it moves, or leave it out of the {what}s{why}."
                     )
             middles.append(middle)
             spreads.append(spread)
