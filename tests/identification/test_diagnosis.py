@@ -79,7 +79,7 @@ def test_a_real_glider_log_lacks_a_turning_moment(ammonite):
     assert {"effects.yaw.moment", "effects.rudder.offset", "effects.yaw.roll_moment"} <= set(group)
     before = ammonite.before.scores["heading_rad"].rmse / DEGREE
     after = ammonite.after.scores["heading_rad"].rmse / DEGREE
-    assert 12.0 < before < 18.0
+    assert before > 12.0
     assert after <= 7.0
     assert ammonite.explained > 0.75
 
