@@ -345,9 +345,11 @@ def _windows(models: Mapping[str, Model], record: Record, window: float | None) 
         windows = record.segments
     if not windows:
         longest = max(float(np.ptp(record.time[s])) for s in record.segments)
+        seconds = window or getattr(plant, "window", 0.0)
         raise ValueError(
-            f"A comparison needs a window of at least {window or getattr(plant, 'window', 0.0):g} s, and the longest "
-            f"segment has {longest:g} s: choose shorter windows."
+            f"A comparison needs at least one window of {seconds:g} s with two samples, and the longest segment has "
+            f"{longest:g} s, with samples {record.sample_interval:g} s apart: choose "
+            f"{'longer' if seconds < 2.0 * record.sample_interval else 'shorter'} windows."
         )
     return windows
 

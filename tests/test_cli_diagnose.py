@@ -105,6 +105,14 @@ def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):
     assert json.loads((out / "diagnosis.json").read_text())["effects"][0]["path"] == "effects.rudder.deadband"
 
 
+def test_windows_shorter_than_two_samples_are_refused(log, tmp_path, capsys):
+    path = write_csv(tmp_path / "log.csv", columns_of(log))
+    assert run(path, tmp_path / "out", "--window", "0.1") == 1
+    assert "samples 4 s apart): choose longer windows" in " ".join(capsys.readouterr().err.split())
+    assert main(["compare", "slocum", "--record", str(path), "--window", "0.1"]) == 1
+    assert "samples 4 s apart: choose longer windows" in " ".join(capsys.readouterr().err.split())
+
+
 def test_an_unknown_vehicle_is_answered_with_the_nearest_names(tmp_path, capsys):
     assert run("slocum:ammonite", tmp_path / "out", vehicle="ganeshblu") == 1
     assert "Did you mean 'ganeshblue'" in " ".join(capsys.readouterr().err.split())

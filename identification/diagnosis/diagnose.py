@@ -214,7 +214,12 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
         longest = max(float(np.ptp(record.time[s])) for s in record.segments)
         raise ValueError(
             f"A diagnosis needs at least {LEAST_WINDOWS} windows of {window:g} s without a gap, got {len(windows)} "
-            f"(longest stretch {longest:.0f} s): record longer or choose shorter windows."
+            f"(longest stretch {longest:.0f} s, samples {record.sample_interval:g} s apart): "
+            + (
+                "choose longer windows."
+                if window < 2.0 * record.sample_interval
+                else "record longer or choose shorter windows."
+            )
         )
     shortest = min(w.stop - w.start for w in windows)
     if shortest < LEAST_SAMPLES:
