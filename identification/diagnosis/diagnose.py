@@ -57,8 +57,8 @@ def diagnose(
     window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
     initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
     times with short windows.
-    doubt: standard deviation of the vehicle's own coefficients, relative; 0 holds them fixed.  seed: of what resamples
-    windows.  trust: also of logs that look mislabelled.
+    doubt: standard deviation of the vehicle's own coefficients, relative, where it states none; 0 holds those fixed.
+    seed: of what resamples windows.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
     asked = Asked(window, settle, seed, most, doubt, trust)
@@ -78,7 +78,7 @@ def diagnose(
         if anyway is not None:
             return anyway
     train, held = held_out(plant, record, windows)
-    bench = Workbench(plant, record, train, held, settle, doubt or np.inf, calm == longest)  # 0: none is fitted
+    bench = Workbench(plant, record, train, held, settle, doubt, calm == longest)
     longest_step, plant = plant.longest_step, bench.plant
     coefficients = _free_coefficients(bench, plant)
     progress(0.02, "refitting the coefficients")
