@@ -123,10 +123,11 @@ class Plant:
     def deviation(self, path: str, doubt: float) -> float:
         """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
 
-        doubt: relative, of coefficients that have none of their own; infinite where nothing is to be taken as known.
+        doubt: relative, of coefficients that have none of their own.  Where it is infinite nothing is taken as known, where
+        it is 0 everything.
         """
-        if np.isinf(doubt):
-            return np.inf
+        if np.isinf(doubt) or doubt == 0.0:
+            return doubt
         if path in self.deviations:
             return self.deviations[path]
         value = abs(value_at(self, path)) if path in self.family.coefficients else 0.0

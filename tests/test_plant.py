@@ -261,6 +261,7 @@ def test_what_is_known_of_a_coefficient(tmp_path):
     assert plant.deviation("hull.x_g", 0.1) == 0.02
     assert plant.deviation("hull.sway.uv", 0.1) == pytest.approx(0.001 * 0.5 * 1000.0 * 2.0**2)
     assert plant.deviation("hull.sway.uv", math.inf) == math.inf  # nothing is to be taken as known
+    assert plant.deviation("hull.sway.uv", 0.0) == 0.0  # or everything
     stated = replace_at(plant, "hull.sway.ur", -3.0)
     assert stated.deviation("hull.sway.ur", 0.1) == pytest.approx(0.3)
     assert stated.deviation("hull.z_g", 0.1) == math.inf

@@ -57,7 +57,7 @@ def diagnose(
     window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
     initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
     times with short windows.
-    doubt: standard deviation of the vehicle's own coefficients, relative, where it states none; 0 holds those fixed.
+    doubt: standard deviation of the vehicle's own coefficients, relative, where it states none; 0 holds all of them.
     seed: of what resamples windows.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
