@@ -123,15 +123,13 @@ class Plant:
     def deviation(self, path: str, doubt: float) -> float:
         """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
 
-        doubt: relative, of coefficients that have none of their own.  Where it is infinite nothing is taken as known, where
-        it is 0 everything.
+        doubt: relative, of coefficients that have none of their own; 0 holds all of them, infinite frees all of them.
         """
-        if np.isinf(doubt) or doubt == 0.0:
-            return doubt
-        if path in self.deviations:
-            return self.deviations[path]
-        value = abs(value_at(self, path)) if path in self.family.coefficients else 0.0
-        return doubt * value if value > 0.0 else np.inf
+        if np.isinf(doubt) or path not in self.coefficients:
+            return np.inf
+        if doubt == 0.0:
+            return 0.0
+        return self.deviations.get(path, doubt * abs(value_at(self, path)) or np.inf)
 
     @cached_property
     def vector(self) -> np.ndarray:
