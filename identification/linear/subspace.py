@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from math import log
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from scipy import linalg
@@ -171,17 +171,59 @@ def identified(asked: Settings, states: States, scaled: Scaled, integrators: int
     return best
 
 
-def drifts(drifting: Candidate, scaled: Scaled) -> bool:
-    """Whether the record shows that the integrators of a model drift at zero input; not in one too short to refine it.
+def _refined(found: Candidate, scaled: Scaled) -> Candidate | None:
+    """Where a descent from a model ends; None where the record is too short for one."""
+    try:
+        return descended(scaled, found.found)[0]
+    except ValueError:
+        return None
 
-    The drift counts once the square over its variance, after a refinement, exceeds the log of the information on it,
-    in spreads of the outputs a sample: on the slope of a line that is 3 log N, and BIC's log N under random walks.
+
+def with_fitting_integrators(
+    asked: Settings, states: States, scaled: Scaled, most: int
+) -> tuple[Candidate, Candidate | None]:
+    """The model with `most` poles at 1, or with fewer where they show in refined models, and that model refined.
+
+    A long predictor has more poles at 1 than the system where the input holds the output's level, as under feedback
+    with an integral: a pole and a zero there that cancel.  With them, a model is worse or needs more states.  Poles let
+    go from 1 are charged the log of the information on them, other parameters BIC's log N.
     Source: Phillips and Ploberger 1996, An asymptotic theory of Bayesian inference for time series, Econometrica 64.
     """
-    try:
-        here, _ = descended(scaled, drifting.found)
-    except ValueError:
-        return False
+    found = [identified(asked, states, scaled, count) for count in range(most + 1)]
+    finer = [_refined(one, scaled) for one in found]
+    rows, sizes = sum(len(y) for y in scaled.y), []
+    for one in finer:
+        if one is None:  # too short to say otherwise
+            return found[most], None
+        let_go = most - one.found.integrators
+        known = _information_on_poles(one, scaled)[:let_go] if let_go else np.empty(0)
+        sizes.append(rows * one.loss + log(rows) * (one.found.parameters - len(known)) + np.sum(np.log(known)))
+    best = int(np.argmin(sizes))
+    return found[best], finer[best]
+
+
+def _information_on_poles(here: Candidate, scaled: Scaled) -> np.ndarray:
+    """One over the variance of each pole that is free, nearest 1 first."""
+    r, a = here.found.integrators, here.found.a
+    covariance = covariance_of(here, scaled)[0][: a.size, : a.size]
+    solved: Any = linalg.eig(a[r:, r:], left=True, right=True)
+    values, left, right = solved
+    slopes = np.zeros((len(values), *a.shape), dtype=complex)
+    across = np.sum(left.conj() * right, axis=0)
+    slopes[:, r:, r:] = np.einsum("ik,jk->kij", left.conj(), right) / across[:, None, None]
+    flat = slopes.reshape(len(values), a.size)
+    spread = np.real(np.einsum("ki,ij,kj->k", flat, covariance, flat.conj()))
+    order = np.argsort(np.abs(values - 1.0))
+    return 1.0 / np.maximum(spread[order], np.finfo(float).tiny)
+
+
+def drifts(here: Candidate, scaled: Scaled) -> bool:
+    """Whether a record shows that the integrators of a model refined on it drift at zero input.
+
+    The drift counts once the square over its variance exceeds the log of the information on it, in spreads of the
+    outputs a sample: on the slope of a line that is 3 log N, and BIC's log N under random walks.
+    Source: Phillips and Ploberger 1996, An asymptotic theory of Bayesian inference for time series, Econometrica 64.
+    """
     found, (covariance, _) = here.found, covariance_of(here, scaled)
     r, (n, m) = found.integrators, found.b.shape
     zero = -scaled.input_middle / scaled.input_spread
@@ -291,12 +333,18 @@ def finished(
     integrators = 0 if asked.stable else asked.integrators
     if integrators == "auto":
         integrators = predictor.integrators if asked.order == "auto" else min(predictor.integrators, asked.order)
-    found = identified(asked, states, scaled, integrators)
-    if integrators and asked.offset == "auto" and not drifts(found, scaled):
-        order = len(found.found.a)
-        found = _candidate(
-            asked, states, order, Regressors.of(states, order, scaled), scaled, integrators, resting=True
-        )
+    finer = None
+    if asked.integrators == "auto" and integrators:
+        found, finer = with_fitting_integrators(asked, states, scaled, integrators)
+    else:
+        found = identified(asked, states, scaled, integrators)
+    integrators = found.found.integrators
+    if integrators and asked.offset == "auto":
+        finer = finer or _refined(found, scaled)
+        if finer is None or not drifts(finer, scaled):
+            order = len(found.found.a)
+            regressors = Regressors.of(states, order, scaled)
+            found = _candidate(asked, states, order, regressors, scaled, integrators, resting=True)
     if asked.refine:
         fit = refined(series, scaled, found.found, stable=asked.stable, singular_values=states.singular_values)
     else:

@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from auv_gym.model import predict
+from identification.linear.long_predictor import LongPredictor
+from identification.linear.regressors import Series
+from identification.linear.scaled import Scaled
 from scripts.closed_loop_study import (
     EXCITATION,
     NOISE,
@@ -18,6 +21,7 @@ from scripts.closed_loop_study import (
     attempt,
     draw,
     main,
+    methods,
     pitch_pid,
     quantities,
     response_grid,
@@ -56,6 +60,18 @@ def test_n4sid_is_biased_in_closed_loop_and_others_are_not():
     lines = verdicts(found)
     assert lines[0].startswith("closed loop, 2000 samples, armax: none seen")
     assert "n4sid: biased (t = " in lines[1]
+
+
+def test_no_integrator_is_made_of_the_controllers():
+    """The integral of the PID puts the pitch's level into the plane, so that a long predictor needs none."""
+    misled = 0
+    for seed in range(4):
+        record = simulated(seed, 2000)
+        fit = methods()["pbsid"].fit(record)
+        assert fit.centre.integrators == 0
+        scaled = Scaled.of(Series.of([record], (PLANE,), (PITCH,), "test"), True, "test")
+        misled += LongPredictor.of(scaled, fit.horizon).integrators
+    assert misled >= 2
 
 
 def test_n4sid_has_no_bias_in_open_loop():
