@@ -137,13 +137,13 @@ _BUILT_IN = (
         "n4sid",
         "State space by subspaces, order by singular values; biased in closed loop.",
         "identification.linear.n4sid:N4sid",
-        listed="order, horizon, weight, offset, stable, refine",
+        listed="order, horizon, weight, integrators, offset, stable, refine",
     ),
     Method(
         "pbsid",
         "State space by subspaces of the predictor, without bias in closed loop.",
         "identification.linear.pbsid:Pbsid",
-        listed="order, horizon, offset, stable, refine",
+        listed="order, horizon, integrators, offset, stable, refine",
     ),
     Method(
         "rwls",

@@ -24,12 +24,11 @@ from time import perf_counter
 import numpy as np
 
 from auv_gym.param import replace_at, spec_at
-from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
 from identification.missions import fly
-from scripts.blind.logs import HIDDEN, dive_settings, effects_of, lake_settings
+from scripts.blind.logs import HIDDEN, dive_settings, effects_of, known, lake_settings
 
 CLEAN = "none"
 SIZE = 3.0  # probes
@@ -40,7 +39,7 @@ VEHICLES = ("slocum", "ganeshblue", "qiandao_float", "mermaid")
 def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
     """log.nc: the standard experiment of the vehicle's family, with `SETTINGS`; truth.json: what is in it."""
     rng = np.random.default_rng([seed, *effect.encode()])
-    plant = load_vehicle(vehicle)
+    plant = known(vehicle)
     value, change = None, 0.0
     if effect != CLEAN:
         spec = spec_at(plant, effect)
@@ -56,7 +55,7 @@ def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
 
 def diagnose_log(folder: Path, vehicle: str) -> None:
     """verdict.json from log.nc and the vehicle alone."""
-    diagnosis = diagnose(Record.load(folder / "log.nc"), load_vehicle(vehicle))
+    diagnosis = diagnose(Record.load(folder / "log.nc"), known(vehicle))
     (folder / "verdict.json").write_text(json.dumps(as_json(diagnosis)))
 
 

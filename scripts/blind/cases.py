@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
-from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant import Plant
 from auv_gym.record import Record
 from identification.diagnosis.acceptance import threshold
 from identification.diagnosis.candidates import TOGETHER, Candidate, candidates_of, screen
@@ -17,7 +17,7 @@ from identification.diagnosis.workbench import calm_length
 from identification.likelihood import colour
 from identification.shooting import Shooting
 from identification.windows import free_run_windows, held_out
-from scripts.blind.logs import Conditions, effects_of, log_of
+from scripts.blind.logs import Conditions, effects_of, known, log_of
 from scripts.blind.outside import SIZES, VISIBLE, causes_of, excess, outside_log
 
 FAMILIES: Mapping[str, tuple[str, ...]] = {
@@ -92,7 +92,7 @@ def draw(case: Case) -> Drawn:
     Raises Undrawn if that is so in every attempt.
     """
     rng = np.random.default_rng(np.random.SeedSequence(case.seed, spawn_key=(case.number, 1)))
-    true = load_vehicle(case.vehicle)
+    true = known(case.vehicle)
     for attempt in range(1, ATTEMPTS + 1):
         try:
             found = _outside(case, true, rng) if case.kind == "outside" else _within(case, true, rng)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import radians
 from typing import Any
 
@@ -60,6 +60,15 @@ class Conditions:
     noise: float
     excitation: float
     duration: float
+
+
+def known(vehicle: str) -> Plant:
+    """The preset with coefficients that are known to the diagnosis's usual doubt.
+
+    Where a preset states wide deviations, as one whose coefficients are guesses does, an effect that acts as such a
+    coefficient is nothing that a log could show.
+    """
+    return replace(load_vehicle(vehicle), deviations={})
 
 
 def effects_of(vehicle: str) -> list[str]:

@@ -1,13 +1,13 @@
 """Each kind of vehicle without a word about effects, operation by operation: what neutral effects must give."""
 
 from dataclasses import replace
-from math import cos, sin
+from math import sin
 
 import numpy as np
 
 from auv_gym.compiled import compiled
 from auv_gym.physics.buoyancy import exposed_volume
-from auv_gym.physics.frames import rotation_of
+from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned, rotation_of
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.physics.propulsion import RADPS_PER_RPM, shaft_law, slipstream_speed, table_thrust
 from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, invert
@@ -41,10 +41,12 @@ def glider_derivative(x, actuators, inputs, p, dx, scratch):
         - hull.i_xy * inputs[5] ** 2
     )
     inertia = hull.inertia - 0.5 * hull.density * hull.length**5 * hull.n_rdot
-    dx[0] = x[1] + hull.rudder_heading_rate * actuators[0]
+    yawing = x[1] + hull.rudder_heading_rate * actuators[0]
+    north, east, _ = compiled_velocity_ned(u, 0.0, inputs[4], inputs[7], inputs[6], x[0])
+    _, _, dx[0] = compiled_euler_rates(0.0, inputs[5], yawing, inputs[7], inputs[6])
     dx[1] = moment / inertia + hull.heading_stiffness * x[0]
-    dx[2] = u * cos(x[0])
-    dx[3] = u * sin(x[0])
+    dx[2] = north
+    dx[3] = east
 
 
 @compiled

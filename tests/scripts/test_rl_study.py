@@ -135,7 +135,7 @@ def test_a_tiny_study_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys
     assert "a constant yaw moment" in capsys.readouterr().out
     told = json.loads((tmp_path / "results.json").read_text())["glider"]
     assert {row: of["runs"] for row, of in told["rows"].items()} == {"true": 1, "believed": 1, "pid": 1}
-    assert told["rows"]["pid"]["return"]["iqm"] > -12.0 > told["rows"]["true"]["return"]["iqm"]
+    assert told["rows"]["pid"]["return"]["iqm"] > told["rows"]["true"]["return"]["iqm"]  # of 128 steps of learning
     for picture in ("rl_intervals.png", "rl_curves.png", "rl_episodes_glider.png"):
         assert (tmp_path / picture).stat().st_size > 10_000
     assert main([*call, "1", "--only", "true", "--seed", "4"]) == 1

@@ -17,6 +17,7 @@ from identification.likelihood import colour
 from identification.missions import fly
 from identification.shooting import Shooting
 from identification.windows import free_run_windows, held_out
+from tests.identification.gliders import QUICK
 
 YAW = "effects.discovered.yaw."
 
@@ -37,11 +38,12 @@ def turned_by(moment, seed: int) -> Record:
 
     Heun's method at a fiftieth of a sample, on the linear form of yaw.
     """
-    plant, rng = load_vehicle("slocum"), np.random.default_rng(seed)
+    plant, rng = QUICK, np.random.default_rng(seed)
     record = fly(plant, rng, duration=1500.0)
     hull = plant.family.view(plant.vector).hull
     (damping, effect), inertia = yaw_rates(hull), yaw_inertia(hull)
     rudder, u, roll = record["rudder_rad"], record["u_mps"], np.zeros(len(record))
+    turning = np.cos(record["roll_rad"]) / np.cos(record["pitch_rad"])  # of the heading, by a body yaw rate
     step, headings = plant.dt / 50, []
     psi, r = float(record["heading_rad"][0]), 0.0
     for k in range(len(record)):
@@ -49,8 +51,9 @@ def turned_by(moment, seed: int) -> Record:
         for _ in range(50):
             first = damping * r + effect * rudder[k] + moment(psi, r, u[k], roll[k]) / inertia
             ahead = r + step * first
-            second = damping * ahead + effect * rudder[k] + moment(psi + step * r, ahead, u[k], roll[k]) / inertia
-            psi, r = psi + 0.5 * step * (r + ahead), r + 0.5 * step * (first + second)
+            second = damping * ahead + effect * rudder[k]
+            second += moment(psi + step * turning[k] * r, ahead, u[k], roll[k]) / inertia
+            psi, r = psi + 0.5 * step * turning[k] * (r + ahead), r + 0.5 * step * (first + second)
     noisy = np.array(headings) + rng.normal(0.0, np.radians(0.5), len(record))
     kept = [n for n in record.names if n in plant.inputs]
     return Record.from_arrays(record.time, {**{n: record[n] for n in kept}, "heading_rad": noisy})
@@ -58,7 +61,7 @@ def turned_by(moment, seed: int) -> Record:
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_moment_simulated_elsewhere_is_found_with_its_size(seed):
-    found = searched(load_vehicle("slocum"), turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), seed))
+    found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), seed))
     assert found.holds
     (term,) = found.terms
     assert term.path == f"{YAW}sin_2heading"
@@ -75,7 +78,7 @@ def test_a_moment_simulated_elsewhere_is_found_with_its_size(seed):
 def test_a_law_that_no_term_is_finds_one_near_it_or_nothing():
     """A moment in proportion to the root of r is no term: what stands for it must help on held-out data, or fall."""
     record = turned_by(lambda psi, r, u, roll: -0.08 * np.sign(r) * np.sqrt(abs(r)), 0)
-    found = searched(load_vehicle("slocum"), record)
+    found = searched(QUICK, record)
     assert all(t.evidence_held > 6.6 for t in found.terms)
     assert {t.path.removeprefix(YAW) for t in found.terms} <= {"r", "r_r", "rudder_rudder", "ur", "wr"}
     if found.terms:
@@ -84,7 +87,7 @@ def test_a_law_that_no_term_is_finds_one_near_it_or_nothing():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_clean_log_has_no_term(seed):
-    plant = load_vehicle("slocum")
+    plant = QUICK
     found = searched(plant, fly(plant, np.random.default_rng(100 + seed), duration=900.0))
     assert not found.terms
     assert not found.rejected
@@ -94,7 +97,7 @@ def test_a_clean_log_has_no_term(seed):
 
 def test_a_search_repeats_to_the_last_digit():
     record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0)
-    first, second = (searched(load_vehicle("slocum"), record, seed=7) for _ in range(2))
+    first, second = (searched(QUICK, record, seed=7) for _ in range(2))
     assert first.terms == second.terms
     assert first.frequencies == second.frequencies
 
@@ -114,7 +117,7 @@ def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
         return Found(true, both, 1.0, (), scales), {}
 
     monkeypatch.setattr(discovery, "search", blind_at_first)
-    found = searched(load_vehicle("slocum"), turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0))
+    found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0))
     assert len(asked) == 2
     assert [t.path for t in found.terms] == [true]
     assert [(t.path, bool(t.objection)) for t in found.rejected] == [(f"{YAW}cos_heading", True)]
@@ -124,7 +127,7 @@ def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
 
 def test_a_term_that_the_held_out_windows_refute_is_rejected_with_the_reason():
     record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 0)
-    plant = load_vehicle("slocum")
+    plant = QUICK
     found = searched(plant, record, without=(f"{YAW}sin_heading",))
     assert not found.holds
     (term,) = found.rejected
@@ -166,7 +169,7 @@ def test_words_say_the_force_its_regressor_and_its_interval():
 
 
 def test_without_a_library_there_is_nothing_to_search():
-    plant = load_vehicle("slocum")
+    plant = QUICK
     assert len(library_of(plant)) == 18
     with pytest.raises(ValueError, match="needs some to choose from"):
         discover(*[None] * 2, State(plant, (), *[None] * 3), (), np.random.default_rng(0))  # type: ignore[arg-type]

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, value_at
-from auv_gym.plant import load_vehicle
 from identification.diagnosis import trials
 from identification.diagnosis.candidates import candidates_of
 from identification.diagnosis.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.workbench import Workbench
 from identification.missions import fly
 from identification.windows import free_run_windows, held_out
+from tests.identification.gliders import QUICK
 
 OFFSET, GAIN = "effects.rudder.offset", "effects.rudder.gain"
 
@@ -24,7 +24,7 @@ def quiet(fraction: float, text: str) -> None:
 @pytest.fixture(scope="module")
 def start():
     """A glider's log with a rudder offset: its bench, the refitted vehicle, and all candidates."""
-    plant = load_vehicle("slocum")
+    plant = QUICK
     record = fly(replace_at(plant, OFFSET, 0.05), np.random.default_rng(1), duration=600.0)
     bench = Workbench(plant, record, *held_out(plant, record, free_run_windows(plant, record, plant.window)), 20.0, 0.1)
     return bench, bench.fit(plant, plant.family.coefficients), candidates_of(plant, record)

@@ -10,6 +10,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
 from identification.missions import fly
+from tests.identification.gliders import QUICK
 
 
 def torpedo_log(seed: int, vehicle: str = "vt690", wrong: float = 0.0, duration: float = 60.0, **effects: float):
@@ -63,7 +64,7 @@ def test_a_mirrored_rudder_is_said_plainly_and_nothing_is_named():
 
 
 def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat():
-    given = load_vehicle("slocum")
+    given = QUICK
     true = replace_at(given, "effects.discovered.yaw.sin_2heading", 0.02)
     record = fly(true, np.random.default_rng(2), duration=2400.0)
     found = diagnose(record, given)

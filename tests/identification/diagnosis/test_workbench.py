@@ -11,6 +11,7 @@ from identification.likelihood import colour, covariance
 from identification.missions import fly
 from identification.shooting import Shooting
 from identification.windows import free_run_windows, held_out
+from tests.identification.gliders import QUICK
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +42,7 @@ def test_fits_of_a_steady_torpedo_come_down_to_the_noise_in_steps_of_a_sample(to
 
 
 def test_what_is_known_of_coefficients_holds_those_that_the_log_does_not_tell():
-    given = load_vehicle("slocum")
+    given = QUICK
     path = given.family.coefficients[0]
     true = replace_at(given, path, 1.1 * value_at(given, path))
     record = fly(true, np.random.default_rng(3), duration=300.0)
