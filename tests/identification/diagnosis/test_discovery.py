@@ -126,7 +126,7 @@ def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
 
 
 def test_a_term_that_the_held_out_windows_refute_is_rejected_with_the_reason():
-    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 0)
+    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 1)
     plant = QUICK
     found = searched(plant, record, without=(f"{YAW}sin_heading",))
     assert not found.holds
