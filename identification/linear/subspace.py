@@ -394,23 +394,16 @@ def _notes(asked: Settings, fit: StateSpaceFit) -> tuple[str, ...]:
     """What was chosen by looking at the data, in words."""
     found, sums = [], fit.centre.integrators
     if asked.order == "auto":
-        found.append(f"chosen by BIC: order {fit.order}")
+        found.append(f"order {fit.order}, chosen by BIC")
     if asked.horizon is None:
-        found.append(f"chosen by AIC: a horizon of {fit.horizon} samples, {fit.horizon * fit.model.dt:g} s")
+        found.append(f"horizon of {fit.horizon} samples ({fit.horizon * fit.model.dt:g} s), chosen by AIC")
     if asked.integrators == "auto" and not asked.stable:
-        poles = "one pole is" if sums == 1 else f"{sums} poles are"
-        verb = "integrates" if sums == 1 else "integrate"
-        found.append(
-            f"{' and '.join(fit.integrating)} {verb}, by a unit-root test: {poles} fixed at 1"
-            if sums
-            else "no output integrates, by a unit-root test"
-        )
+        poles = "no pole" if not sums else "one pole" if sums == 1 else f"{sums} poles"
+        verb = "integrate" if sums > 1 else "integrates"
+        found.append(f"{poles} fixed at 1: {' and '.join(fit.integrating) or 'no output'} {verb}, by a unit-root test")
     if asked.offset == "auto" and sums:
-        found.append(
-            "no drift at zero input shows in the record: none is fitted"
-            if fit.centre.rest is not None
-            else "the record shows a drift at zero input: it is fitted"
-        )
+        rests = fit.centre.rest is not None
+        found.append(f"{'no' if rests else 'a'} drift at zero input: the record shows {'none' if rests else 'one'}")
     return tuple(found)
 
 
