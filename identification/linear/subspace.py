@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
 from typing import Any, Literal, Protocol
@@ -35,6 +36,8 @@ class Settings(Protocol):
     intervals.  "auto": what has the least BIC.
     """
 
+    @property
+    def outputs(self) -> Sequence[str]: ...
     @property
     def order(self) -> int | Literal["auto"]: ...
     @property
@@ -80,6 +83,11 @@ def check_settings(asked: Settings) -> None:
         raise ValueError(f"{name} needs integrators >= 0 as a whole number, or 'auto', got {integrators!r}.")
     if integrators != "auto" and order != "auto" and integrators > order:
         raise ValueError(f"{name} needs no more integrators than its order {order}, got {integrators}.")
+    if integrators != "auto" and integrators > len(asked.outputs):
+        raise ValueError(
+            f"{name} needs no more integrators than outputs ({', '.join(asked.outputs)}), got {integrators}: "
+            "more could not be told apart."
+        )
     if asked.stable and integrators not in ("auto", 0):
         raise ValueError(f"{name} cannot have {integrators} integrators and be stable: ask for one of the two.")
     if asked.offset not in (True, False, "auto"):
