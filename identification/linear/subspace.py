@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import log
 from typing import Any, Literal, Protocol
@@ -35,6 +36,8 @@ class Settings(Protocol):
     intervals.  "auto": what has the least BIC.
     """
 
+    @property
+    def outputs(self) -> Sequence[str]: ...
     @property
     def order(self) -> int | Literal["auto"]: ...
     @property
@@ -80,6 +83,11 @@ def check_settings(asked: Settings) -> None:
         raise ValueError(f"{name} needs integrators >= 0 as a whole number, or 'auto', got {integrators!r}.")
     if integrators != "auto" and order != "auto" and integrators > order:
         raise ValueError(f"{name} needs no more integrators than its order {order}, got {integrators}.")
+    if integrators != "auto" and integrators > len(asked.outputs):
+        raise ValueError(
+            f"{name} needs no more integrators than outputs ({', '.join(asked.outputs)}), got {integrators}: "
+            "more could not be told apart."
+        )
     if asked.stable and integrators not in ("auto", 0):
         raise ValueError(f"{name} cannot have {integrators} integrators and be stable: ask for one of the two.")
     if asked.offset not in (True, False, "auto"):
@@ -394,23 +402,16 @@ def _notes(asked: Settings, fit: StateSpaceFit) -> tuple[str, ...]:
     """What was chosen by looking at the data, in words."""
     found, sums = [], fit.centre.integrators
     if asked.order == "auto":
-        found.append(f"chosen by BIC: order {fit.order}")
+        found.append(f"order {fit.order}, chosen by BIC")
     if asked.horizon is None:
-        found.append(f"chosen by AIC: a horizon of {fit.horizon} samples, {fit.horizon * fit.model.dt:g} s")
+        found.append(f"horizon of {fit.horizon} samples ({fit.horizon * fit.model.dt:g} s), chosen by AIC")
     if asked.integrators == "auto" and not asked.stable:
-        poles = "one pole is" if sums == 1 else f"{sums} poles are"
-        verb = "integrates" if sums == 1 else "integrate"
-        found.append(
-            f"{' and '.join(fit.integrating)} {verb}, by a unit-root test: {poles} fixed at 1"
-            if sums
-            else "no output integrates, by a unit-root test"
-        )
+        poles = "no pole" if not sums else "one pole" if sums == 1 else f"{sums} poles"
+        verb = "integrate" if sums > 1 else "integrates"
+        found.append(f"{poles} fixed at 1: {' and '.join(fit.integrating) or 'no output'} {verb}, by a unit-root test")
     if asked.offset == "auto" and sums:
-        found.append(
-            "no drift at zero input shows in the record: none is fitted"
-            if fit.centre.rest is not None
-            else "the record shows a drift at zero input: it is fitted"
-        )
+        rests = fit.centre.rest is not None
+        found.append(f"{'no' if rests else 'a'} drift at zero input: the record shows {'none' if rests else 'one'}")
     return tuple(found)
 
 
