@@ -72,6 +72,11 @@ def test_the_page_loads_nothing(page, outline):
     assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", page))
 
 
+def test_the_page_says_which_logs_the_vehicle_has_seen(diagnosis, outline):
+    assert diagnosis.given.plant.fitted_to in outline.text
+    assert "its numbers were fitted to" in outline.text
+
+
 def test_the_sections_stand_in_order_and_can_be_reached(outline):
     ids = [attrs["id"] for tag, attrs in outline.tags if tag == "section" and "id" in attrs]
     links = [attrs["href"].removeprefix("#") for tag, attrs in outline.tags if tag == "a"]
