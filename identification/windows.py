@@ -33,12 +33,10 @@ def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice
     inputs, time = inputs_of(plant, record), record.time
     begin = [s.start + _commanded(plant, inputs[s], time[s]) for s in record.segments]
     if family.stepped:
-        found = _between_steps(record, family.stepped, seconds, begin)
-    elif family.afloat is not None:
-        found = _submerged(record, family.afloat, seconds, begin)
-    else:
-        found = _settled(record, record.windows(seconds), plant.settle, begin)
-    return found
+        return _between_steps(record, family.stepped, seconds, begin)
+    if family.afloat is not None:
+        return _submerged(record, family.afloat, seconds, begin)
+    return _settled(record, record.windows(seconds), plant.settle, begin)
 
 
 def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
@@ -51,9 +49,9 @@ def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
     shape, times, count = family.hooks["shape"], family.hooks["actuator_times"], len(family.actuators)
     dead_times, lags, slownesses = zip(*(times(j, p) for j in range(count)), strict=True)
     at, plays, shaped = np.zeros((2, count)), np.zeros((2, count)), np.zeros((2, count))
-    for side, end in enumerate((0, 1)):
+    for side in (0, 1):
         before = inputs[0].copy()
-        before[:count] = [_ends(plant, name)[end] for name in family.actuators]
+        before[:count] = [_ends(plant, name)[side] for name in family.actuators]
         plays[side] = before[:count]
         shape(before, plays[side], p, at[side])
     travel_of = np.abs(at[1] - at[0])

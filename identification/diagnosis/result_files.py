@@ -165,13 +165,13 @@ def again(file: str | os.PathLike, record: Record, progress: Progress = lambda f
     try:
         told = json.loads(Path(file).read_text(encoding="utf-8"))
         vehicle, asked, digest = told["vehicle"], told["asked"], told["record_sha256"]
+        known = {name: vehicle[name] for name in ("deviations", "fitted_to")}
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{file} is no diagnosis.json of this version ({error}): make one by a diagnosis.") from error
     if digest != digest_of(record):
         raise ValueError(f"{file} is of another record, or of one read otherwise: give the same log, mapping and cuts.")
     family = FAMILIES[vehicle["family"]]
     times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
-    known = {name: vehicle[name] for name in ("deviations", "fitted_to")}
     plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times, **known), vehicle["parameters"])
     return diagnose(record, plant, source=told["source"], progress=progress, **asked)
 

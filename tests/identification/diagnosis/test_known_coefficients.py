@@ -1,5 +1,6 @@
 """What a vehicle file says of its coefficients' uncertainty is what a diagnosis allows them."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -66,3 +67,8 @@ def test_the_files_keep_what_was_known_and_say_which_logs_were_seen(log, tmp_pat
     repeated = again(paths["diagnosis.json"], log)
     assert np.array_equal(repeated.after.plant.vector, found.after.plant.vector)
     assert repeated.given.plant.deviations == plant.deviations
+    content = json.loads(paths["diagnosis.json"].read_text())
+    del content["vehicle"]["deviations"]  # as an earlier version wrote it
+    paths["diagnosis.json"].write_text(json.dumps(content))
+    with pytest.raises(ValueError, match=r"no diagnosis\.json of this version"):
+        again(paths["diagnosis.json"], log)
