@@ -33,21 +33,59 @@ def compiled(function: F) -> F:
     Never fastmath: the plain and the compiled form agree to rounding. Calls are inlined, which halves a rollout's time:
     small functions would spend most of theirs counting references to the arrays they are given.
     """
-    return _compiled(function, [function]) if JIT else function
+    return _later(function, [function]) if JIT else function
 
 
 def threads() -> int:
     """How many threads may run compiled code side by side: as many as numba has, 1 in plain Python."""
-    return int(import_module("numba").get_num_threads()) if JIT else 1
+    return int(_numba().get_num_threads()) if JIT else 1
 
 
 def outlined(function: F) -> F:
     """As `compiled`, but called and not inlined: for what is long and called rarely, so that it is optimised once."""
-    return _compiled(function, [function], forceinline=False) if JIT else function
+    return _later(function, [function], forceinline=False) if JIT else function
+
+
+class Later:
+    """A function that numba sees when it is first needed, so that modules load without numba; called as it would be.
+
+    ready: numba's own function, without the look-up of this one.
+    """
+
+    def __init__(self, make: Callable[[], Any], function: Any):
+        self._make, self._ready = make, None
+        self.py_func, self.__name__, self.__doc__ = function, function.__name__, function.__doc__
+        self.__module__ = function.__module__
+
+    @property
+    def ready(self) -> Any:
+        if self._ready is None:
+            self._ready = self._make()
+        return self._ready
+
+    def __call__(self, *arguments: Any) -> Any:
+        return self.ready(*arguments)
+
+
+def ready(function: Any) -> Any:
+    """The fastest form of a compiled function to call again and again from Python."""
+    return function.ready if isinstance(function, Later) else function
+
+
+@lru_cache
+def _numba() -> Any:
+    """numba, which then knows what a `Later` is."""
+    numba: Any = import_module("numba")
+    import_module("numba.extending").typeof_impl.register(Later)(lambda value, context: numba.typeof(value.ready))
+    return numba
+
+
+def _later(function: Any, calls: Iterable[Any], **options: Any) -> Any:
+    return Later(lambda: _compiled(function, calls, **options), function)
 
 
 def _compiled(function: Any, calls: Iterable[Any], **options: Any) -> Any:
-    numba: Any = import_module("numba")  # here, so that plain Python starts without it
+    numba = _numba()
     # numba reads the cache folder when a function is decorated, so other packages' functions keep theirs.
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = str(_cache_folder(frozenset(_package_folder(callee) for callee in calls)))
@@ -70,7 +108,7 @@ def bind(
     it is `range`.
     """
     if parallel:
-        meanings = {**meanings, "prange": import_module("numba").prange if JIT else range}
+        meanings = {**meanings, "prange": _numba().prange if JIT else range}
     source = getattr(template, "py_func", template)
     bound_name = f"{source.__name__}_{name}"
     bound = types.FunctionType(source.__code__, {**source.__globals__, **meanings}, bound_name, source.__defaults__)
@@ -80,12 +118,12 @@ def bind(
     if not JIT:
         return bound
     options = {"forceinline": inline and not parallel, "parallel": parallel}
-    return _compiled(bound, [bound, *filter(callable, meanings.values())], **options)
+    return _later(bound, [bound, *filter(callable, meanings.values())], **options)
 
 
 def for_vector(program: Any) -> Callable[[np.ndarray], Any]:
     """A compiled program of one contiguous float64 vector, without the look-up of its argument's type at each call."""
-    return program.compile("(float64[::1],)") if JIT else program
+    return ready(program).compile("(float64[::1],)") if JIT else program
 
 
 def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
@@ -103,9 +141,7 @@ def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
 
 
 def _tail_of() -> Any:
-    if not JIT:
-        return lambda record, count: record.tail[:count]
-    numba: Any = import_module("numba")
+    numba = _numba()
     types_: Any = import_module("numba.core.types")
     intrinsic: Any = import_module("numba.extending").intrinsic
 
@@ -125,10 +161,14 @@ def _tail_of() -> Any:
     return numba.njit(forceinline=True, no_cfunc_wrapper=True)(tail_of)
 
 
+def _plain_tail_of(record, count):
+    return record.tail[:count]
+
+
 # tail_of(record, count): the `count` numbers that follow the record of a vector longer than it, (count,), no copy, and
 # no references counted: the vector must be kept elsewhere, and the record be one that compiled code made by its view. A
 # record that has been through Python is a copy, with nothing behind it.
-tail_of = _tail_of()
+tail_of: Any = Later(_tail_of, _plain_tail_of) if JIT else _plain_tail_of
 
 
 def _with_tail(record: Any, tail: np.ndarray) -> Any:
@@ -137,6 +177,8 @@ def _with_tail(record: Any, tail: np.ndarray) -> Any:
 
 
 def _namespace(dtype: np.dtype, values: Iterator[float]) -> Any:
+    if dtype.subdtype is not None and dtype.base.fields is not None:
+        return [_namespace(dtype.base, values) for _ in range(int(np.prod(dtype.shape)))]
     if dtype.subdtype is not None:
         return np.array([next(values) for _ in range(int(np.prod(dtype.shape)))]).reshape(dtype.shape)
     if dtype.fields is None:

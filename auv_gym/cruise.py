@@ -1,4 +1,4 @@
-"""Steady straight and level flight of a torpedo vehicle, and the gains with which its fins keep it there.
+"""Steady straight and level flight of a vehicle with fins and a drive, and the gains with which the fins keep it there.
 
 The environments scale observations by the cruise speed, start their episodes in cruise, and leave the fins that the
 agent does not move to these gains.
@@ -16,6 +16,7 @@ from auv_gym.plant import Plant, without_effects
 _DEPTH = 1e3  # m; where the cruise is sought, far below any wave
 _DEPTH_ERROR = 1.0  # in lengths: what is worth the whole of a fin's travel to the regulators
 _ANGLE_ERROR = 0.3  # rad, likewise
+_ROLES = {"yaw": "a part that steers in yaw", "pitch": "one that steers in pitch", "surge": "one that drives it"}
 _VELOCITIES = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps")
 
 
@@ -35,9 +36,43 @@ class Cruise:
     plane_gains: np.ndarray
 
 
+@dataclass(frozen=True)
+class Helm:
+    """The inputs of a vehicle that steer it in yaw and pitch and drive it, by their indices; design: of the drive."""
+
+    rudder: int
+    plane: int
+    drive: int
+    design: float
+
+
+def find_helm(plant: Plant) -> Helm:
+    """The helm of a plant, the first input of each role; raises where its parts leave a role open."""
+    body = plant.family.body
+    if body is None:
+        raise ValueError(f"Level flight needs a vehicle in six degrees of freedom, got {plant.name!r} ({_family(plant)}).")
+    roles = body.by_role()
+    for role, wanted in _ROLES.items():
+        if role not in roles:
+            raise ValueError(
+                f"Level flight needs {wanted}, which {plant.name!r} has not: its inputs are "
+                f"{', '.join(plant.inputs) or 'none'}."
+            )
+    at = {role: plant.inputs.index(roles[role][0]) for role in _ROLES}
+    part, _, command = body.commands[at["surge"]]
+    own = getattr(plant.parameters.parts, part.name)
+    return Helm(at["yaw"], at["pitch"], at["surge"], getattr(own, command.design) if command.design else 0.0)
+
+
+def _family(plant: Plant) -> str:
+    return f"family {plant.family.name!r}"
+
+
 def find_cruise(plant: Plant) -> Cruise:
     """The cruise of a plant; raises if its fins cannot hold it level at the design propulsion."""
-    clean = without_effects(plant)
+    clean, helm = without_effects(plant), find_helm(plant)
+    fins, actuators = [helm.rudder, helm.plane], len(clean.family.actuators)
+    ranges = command_ranges(clean)
     names = clean.family.states
     velocities = [names.index(name) for name in _VELOCITIES]
     u, depth = velocities[0], names.index("depth_m")
@@ -45,17 +80,17 @@ def find_cruise(plant: Plant) -> Cruise:
 
     def flight(unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """States and commands for three velocities, roll, pitch, rudder and stern plane."""
-        x, commands = np.zeros(len(names)), np.zeros(len(clean.inputs))
+        x, commands = np.zeros(len(names)), resting_commands(clean)
         x[depth], x[free] = _DEPTH, unknown[:5]
-        commands[:2], commands[3] = unknown[5:], clean.hull.propulsion.design
+        commands[fins], commands[helm.drive] = unknown[5:], helm.design
         return x, commands
 
     def change(x: np.ndarray, commands: np.ndarray) -> np.ndarray:
         """How the family's states change in a sample, with the actuators where they are told to be all the time."""
         start = np.zeros(len(clean.states))
         start[: x.size] = x
-        for at in (x.size, x.size + commands.size, start.size - commands.size):  # positions, play, last command
-            start[at : at + commands.size] = commands
+        for at in (x.size, x.size + actuators, start.size - actuators):  # positions, play, last command
+            start[at : at + actuators] = commands[:actuators]
         return clean.step(start, commands)[: x.size] - x
 
     def residual(unknown: np.ndarray) -> np.ndarray:
@@ -76,11 +111,12 @@ def find_cruise(plant: Plant) -> Cruise:
     x, commands = flight(unknown)
     limits = command_limits(clean)
     found = np.isfinite(unknown).all() and np.abs(residual(unknown)).max() < 1e-6 and x[u] > 0.0
-    if not found or (np.abs(commands) > limits).any() or not limits[:2].all():
+    moved = commands[:actuators]
+    if not found or (moved < ranges[:, 0]).any() or (moved > ranges[:, 2]).any() or not limits[fins].all():
         raise ValueError(
             f"The environments start from level flight, which {plant.name!r} cannot hold with its fins at "
-            f"hull.propulsion.design = {clean.hull.propulsion.design:g}: check the design command, the fins' moments "
-            "and limits, and the buoyancy."
+            f"{clean.inputs[helm.drive]} = {helm.design:g}: check the design command, the fins' moments and limits, and "
+            "the buoyancy."
         )
 
     def regulator(channels: tuple[str, ...], fin: int, weights: list[float]) -> np.ndarray:
@@ -103,17 +139,30 @@ def find_cruise(plant: Plant) -> Cruise:
         speed=float(x[u]),
         state=state,
         commands=commands,
-        rudder_gains=regulator(("v_mps", "r_radps", "heading_rad"), 0, [0.0, 0.0, 1.0 / _ANGLE_ERROR]),
+        rudder_gains=regulator(("v_mps", "r_radps", "heading_rad"), helm.rudder, [0.0, 0.0, 1.0 / _ANGLE_ERROR]),
         plane_gains=regulator(
-            ("w_mps", "q_radps", "pitch_rad", "depth_m"), 1, [0.0, 0.0, 1.0 / _ANGLE_ERROR, depth_weight]
+            ("w_mps", "q_radps", "pitch_rad", "depth_m"),
+            helm.plane,
+            [0.0, 0.0, 1.0 / _ANGLE_ERROR, depth_weight],
         ),
     )
 
 
+def command_ranges(plant: Plant) -> np.ndarray:
+    """The lowest command, that at rest and the highest of each actuator of a body, in its channel's unit, (n, 3)."""
+    return plant.family.body.ranges(plant.parameters)
+
+
 def command_limits(plant: Plant) -> np.ndarray:
-    """The largest commands of a torpedo's inputs, in the inputs' units, shape (4,)."""
-    hull = plant.hull
-    return np.array([hull.rudder.limit, hull.stern_plane.limit, hull.bow_plane.limit, hull.propulsion.limit])
+    """How far the commands of each actuator of a body go from rest, in its channel's unit, (n,)."""
+    low, rest, high = command_ranges(plant).T
+    return np.maximum(high - rest, rest - low)
+
+
+def resting_commands(plant: Plant) -> np.ndarray:
+    """The inputs of a body at which its parts rest, and what stands for those that nothing moves, (n_inputs,)."""
+    shared = [plant.constants[name] for name in plant.inputs[len(plant.family.actuators) :]]
+    return np.concatenate([command_ranges(plant)[:, 1], shared])
 
 
 def _jacobian(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:

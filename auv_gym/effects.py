@@ -9,7 +9,7 @@ dives of a float over forty minutes or, for oil, over several days.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, make_dataclass
 from math import pi
 from typing import Any
 
@@ -18,21 +18,60 @@ from auv_gym.physics.discovered_terms import DiscoveredHeave, DiscoveredYaw
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
 
-@dataclass(frozen=True)
-class ActuatorEffects:
-    """What can happen to an angle command on its way to the fin.
+# What can happen between a command and what it moves, whatever that is: neutral value, title, unit, bounds. `U` stands
+# for the unit of the command, and bounds in it are those of an angle or of a share, to be multiplied by a `span`.
+_ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float]]] = {
+    "offset": (0.0, "{} offset", "U", (-0.5, 0.5)),
+    "gain": (1.0, "{} gain", "1", (0.05, 5.0)),
+    "deadband": (0.0, "{} deadband (half width)", "U", (0.0, 0.5)),
+    "backlash": (0.0, "{} backlash (full width)", "U", (0.0, 0.5)),
+    "dead_time": (0.0, "{} dead time", "s", (0.0, 20.0)),
+    "lost_travel": (0.0, "{} saturates early, by", "U", (0.0, 1.0)),
+    "lag": (0.0, "{} lag (time constant)", "s", (0.0, 60.0)),
+    "slowness": (0.0, "{} rate limit, as time per angle", "s/U", (0.0, 200.0)),
+    "lost": (0.0, "share of the {} lost", "1", (0.0, 1.0)),
+    "stuck": (0.0, "{} stuck, 1 for wholly", "1", (0.0, 1.0)),
+    "stuck_at": (0.0, "angle at which the {} is stuck", "U", (-1.6, 1.6)),
+}
 
-    Order: gain and offset, deadband, backlash, dead time, saturation, then lag and rate limit.
+
+def effects_on_commands(
+    name: str,
+    module: str,
+    unit: str,
+    probes: Mapping[str, float],
+    *,
+    span: float = 1.0,
+    titles: Mapping[str, str] | None = None,
+    more: Mapping[str, Any] | None = None,
+) -> type:
+    """A group of the effects that a kind of actuator can have; all kinds take these from here.
+
+    probes: the smallest change worth detecting of each effect that there is, 0 for what no fit may free.  unit: of the
+    command, "1" for shares of its range.  span: of the bounds, over those of an angle.  titles: in place of the usual
+    ones.  more: further fields, made by `param`.  module: where pickle looks for the class, by its name.
+    Order of action: gain and offset, deadband, backlash, dead time, saturation, then lag and rate limit.
     """
+    fields: list[tuple[str, type, Any]] = []
+    for effect, (neutral, title, stated, (low, high)) in _ON_COMMANDS.items():
+        if effect not in probes:
+            continue
+        of_unit = stated in ("U", "s/U")
+        scale = span if stated == "U" else 1.0 / span if stated == "s/U" else 1.0
+        stated = stated.replace("U", unit).replace("s/1", "s") if of_unit else stated
+        title = (titles or {}).get(effect, title)
+        field = param(neutral, stated, title, bounds=(low * scale, high * scale), probe=probes[effect])
+        fields.append((effect, float, field))
+    fields += [(effect, float, field) for effect, field in (more or {}).items()]
+    doc = f"What can happen between a command and what it moves ({unit}); see `effects_on_commands`."
+    return make_dataclass(name, fields, frozen=True, namespace={"__module__": module, "__doc__": doc})
 
-    offset: float = param(0.0, "rad", "{} offset", bounds=(-0.5, 0.5), probe=0.010)
-    gain: float = param(1.0, "1", "{} gain", bounds=(0.05, 5.0), probe=0.10)
-    deadband: float = param(0.0, "rad", "{} deadband (half width)", bounds=(0.0, 0.5), probe=0.015)
-    backlash: float = param(0.0, "rad", "{} backlash (full width)", bounds=(0.0, 0.5), probe=0.03)
-    dead_time: float = param(0.0, "s", "{} dead time", bounds=(0.0, 20.0), probe=0.5)
-    lost_travel: float = param(0.0, "rad", "{} saturates early, by", bounds=(0.0, 1.0), probe=0.04)
-    lag: float = param(0.0, "s", "{} lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
-    slowness: float = param(0.0, "s/rad", "{} rate limit, as time per angle", bounds=(0.0, 200.0), probe=2.0)
+
+FIN_PROBES = {
+    **{"offset": 0.010, "gain": 0.10, "deadband": 0.015, "backlash": 0.03, "dead_time": 0.5, "lost_travel": 0.04},
+    **{"lag": 0.5, "slowness": 2.0},
+}
+ActuatorEffects = effects_on_commands("ActuatorEffects", __name__, "rad", FIN_PROBES)
 
 
 @dataclass(frozen=True)
@@ -74,35 +113,11 @@ class GliderTerms:
 class GliderEffects:
     """All effects of the heading family."""
 
-    rudder: ActuatorEffects = part(ActuatorEffects, "rudder")
+    rudder: Any = part(ActuatorEffects, "rudder")
     yaw: YawEffects = part(YawEffects)
     compass: CompassEffects = part(CompassEffects)
     current: CurrentEffects = part(CurrentEffects)
     discovered: GliderTerms = part(GliderTerms)
-
-
-@dataclass(frozen=True)
-class FinEffects:
-    """Damage to a fin: how much of it is gone, and whether it follows its command."""
-
-    lost: float = param(0.0, "1", "share of the {} lost", bounds=(0.0, 1.0), probe=0.1)
-    stuck: float = param(0.0, "1", "{} stuck, 1 for wholly", bounds=(0.0, 1.0), probe=0.1)
-    stuck_at: float = param(0.0, "rad", "angle at which the {} is stuck", bounds=(-1.6, 1.6))
-
-
-@dataclass(frozen=True)
-class PropellerEffects:
-    """What can happen between a propulsion command and the thrust; sizes as shares of the largest command."""
-
-    offset: float = param(0.0, "1", "propeller offset", bounds=(-0.5, 0.5), probe=0.03)
-    gain: float = param(1.0, "1", "propeller gain", bounds=(0.05, 5.0), probe=0.05)
-    deadband: float = param(0.0, "1", "propeller deadband (half width)", bounds=(0.0, 0.5), probe=0.03)
-    dead_time: float = param(0.0, "s", "propeller dead time", bounds=(0.0, 20.0), probe=0.5)
-    lost_travel: float = param(0.0, "1", "propeller saturates early, by", bounds=(0.0, 1.0), probe=0.05)
-    lag: float = param(0.0, "s", "propeller lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
-    slowness: float = param(0.0, "s", "propeller rate limit, as time to full", bounds=(0.0, 200.0), probe=2.0)
-    thrust_loss: float = param(0.0, "1", "share of the thrust lost", bounds=(0.0, 1.0), probe=0.03)
-    torque: float = param(0.0, "m", "propeller torque on the hull per thrust", bounds=(-1.0, 1.0), probe=0.003)
 
 
 @dataclass(frozen=True)
@@ -255,16 +270,9 @@ class SamplingEffects:
 
 
 @dataclass(frozen=True)
-class TorpedoEffects:
-    """All effects of the six-degree-of-freedom family."""
+class BodyEffects:
+    """The effects of every vehicle in six degrees of freedom, whatever its parts; each part brings its own."""
 
-    rudder: ActuatorEffects = part(ActuatorEffects, "rudder")
-    stern_plane: ActuatorEffects = part(ActuatorEffects, "stern plane")
-    bow_plane: ActuatorEffects = part(ActuatorEffects, "bow plane")
-    propeller: PropellerEffects = part(PropellerEffects)
-    rudder_fin: FinEffects = part(FinEffects, "rudder")
-    stern_plane_fin: FinEffects = part(FinEffects, "stern plane")
-    bow_plane_fin: FinEffects = part(FinEffects, "bow plane")
     current: FlowEffects = part(FlowEffects)
     waves: WaveEffects = part(WaveEffects)
     water: WaterEffects = part(WaterEffects)
@@ -381,4 +389,4 @@ class FloatEffects:
 
 
 # By kind of vehicle, see `Family.kind`: what can be listed without the physics of the families.
-EFFECTS: Mapping[str, type] = {"glider": GliderEffects, "torpedo": TorpedoEffects, "float": FloatEffects}
+EFFECTS: Mapping[str, type] = {"glider": GliderEffects, "body": BodyEffects, "float": FloatEffects}

@@ -20,7 +20,7 @@ from auv_gym.channels import channel
 from auv_gym.model import Model
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, load_vehicle, save_vehicle, vehicle_of_text, vehicle_text
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.body.learned_hull import LearnedHull
 from auv_gym.writing import replacing
 
 FORMAT, VERSION = "auv-gym model", 1

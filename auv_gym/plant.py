@@ -22,15 +22,17 @@ from auv_gym.param import check_value, did_you_mean, list_paths, pack, replace_a
 from auv_gym.presets import find_vehicle, list_headings
 from auv_gym.record import Record
 from auv_gym.rollout import Programs, bind_family, scratch_for
-from auv_gym.vehicles import FAMILIES, Family
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles import FAMILIES, FAMILY_NAMES, Family
+from auv_gym.vehicles.body.files import parts_of, parts_text
+from auv_gym.vehicles.body.learned_hull import LearnedHull
+from auv_gym.vehicles.former import of_parts
 from auv_gym.writing import replacing
 
 _FILE_KEYS = (
     "family", "name", "title", "description", "fitted_to", "dt_s", "longest_step_s", "window_s", "settle_s",
     "written_by",
 )  # fmt: skip
-_TABLES = ("hull", "effects")
+_TABLES = ("hull", "parts", "effects")
 _ENTRY_KEYS = {"value", "unit", "deviation", "source"}
 _ANY = (-np.inf, np.inf)
 SHARED_ROWS = 5000  # of all runs together, from which on threads share them
@@ -80,6 +82,11 @@ class Plant:
     @property
     def hull(self) -> Any:
         return self.parameters.hull
+
+    @property
+    def parts(self) -> Any:
+        """The parameters of the parts of a vehicle in six degrees of freedom, by name."""
+        return self.parameters.parts
 
     @property
     def effects(self) -> Any:
@@ -310,8 +317,8 @@ class Runs:
 def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
     """Raises unless a standard deviation can be that of a coefficient at a path."""
     unit = spec_at(parameters, path).unit
-    if not path.startswith("hull."):
-        raise ValueError(f"{path} cannot have a deviation: only coefficients of the hull do, under [hull].")
+    if not path.startswith(("hull.", "parts.")):
+        raise ValueError(f"{path} cannot have a deviation: only coefficients of the hull and of parts do.")
     number = isinstance(deviation, int | float | np.floating) and not isinstance(deviation, bool)
     if not number or not 0.0 <= deviation < np.inf:
         raise ValueError(
@@ -364,6 +371,7 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
         f'written_by = "auv-gym {__version__}"',
     ]
     table = ""
+    said = parts_text(plant.family.body)
     for parameter in list_paths(plant):
         spec, value = spec_at(plant, parameter), value_at(plant, parameter)
         if parameter.startswith("effects.") and value == spec.neutral:
@@ -371,7 +379,7 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
         head, _, key = parameter.rpartition(".")
         if head != table:
             table = head
-            lines += ["", f"[{table}]"]
+            lines += ["", f"[{table}]", *said.pop(table, ())]
         more = f", deviation = {float(plant.deviations[parameter])!r}" if parameter in plant.deviations else ""
         more += f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
         lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{more} }}')
@@ -392,10 +400,10 @@ def _parse(text: str, origin: str) -> Plant:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"Vehicle file {origin} is not valid TOML: {error}.") from None
+    content = of_parts(content)
     named = content.get("family", "nothing")
-    if not isinstance(named, str) or named not in FAMILIES:
-        raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILIES)}, got {named!r}.")
-    family = FAMILIES[named]
+    if not isinstance(named, str) or named not in FAMILY_NAMES:
+        raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILY_NAMES)}, got {named!r}.")
     for key, value in content.items():
         if key not in _FILE_KEYS and key not in _TABLES:
             hint = did_you_mean(key, (*_FILE_KEYS, *_TABLES))
@@ -406,6 +414,13 @@ def _parse(text: str, origin: str) -> Plant:
             kind, wanted = (int | float, "a number of seconds")
         if not isinstance(value, kind) or isinstance(value, bool):
             raise ValueError(f"Vehicle file {origin}: {key} needs {wanted}, got {value!r}.")
+    try:
+        if named == "body":
+            family, content = parts_of(content)
+        else:
+            family = FAMILIES[named]
+    except ValueError as error:
+        raise ValueError(f"Vehicle file {origin}: {error}.") from None
     tables = {key: content[key] for key in _TABLES if key in content}
     parameters = family.parameters()
     values, notes, primes, deviations = {}, {}, [], {}

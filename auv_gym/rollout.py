@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import bind, view_as
+from auv_gym.compiled import bind, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import decay_of, travel
 from auv_gym.vehicles.family import Family
@@ -232,7 +232,7 @@ def scratch_for(family: Family) -> np.ndarray:
 
 def _work_type(family: Family) -> np.dtype:
     """Work arrays as fields of one record: compiled code counts no references to these, at a third of a step's time."""
-    states, actuators = family.integrated, len(family.actuators)
+    states, actuators = family.integrated, max(len(family.actuators), 1)
     rows = dict.fromkeys(("z", "before", "slope", "y", "total"), (states,))
     rows |= {"terms": (max(family.scratch, 1),), "path": (3, actuators)}
     rows |= dict.fromkeys(("target", "lags", "slownesses", "decays"), (actuators,))
@@ -243,9 +243,10 @@ _BOUND: dict[str, Programs] = {}
 
 
 def bind_family(family: Family) -> Programs:
-    """The programs of a family's kind; each is compiled when first called and found in the cache afterwards."""
-    if family.kind in _BOUND:
-        return _BOUND[family.kind]
+    """The programs of a family; each is compiled when first called and found in the cache afterwards."""
+    program = family.program or family.kind
+    if program in _BOUND:
+        return _BOUND[program]
     sizes = {
         "STATES": len(family.states),
         "INTEGRATED": family.integrated,
@@ -259,15 +260,15 @@ def bind_family(family: Family) -> Programs:
         "BLOCK": family.block,
     }
     known = {**sizes, **family.hooks, "view": family.view, "travel": travel}
-    known["workspace"] = view_as(_work_type(family), f"{family.kind}_work")
+    known["workspace"] = view_as(_work_type(family), f"{program}_work")
     for name, template in (("rk4", _rk4), ("interval", _interval), ("drive", _drive)):
-        known[name] = bind(template, family.kind, **known)
-    _BOUND[family.kind] = Programs(
-        step=bind(_step, family.kind, inline=False, **known),
-        read=bind(_read, family.kind, **known),
-        settle=bind(_settle, family.kind, **known),
-        rollout=bind(_rollout, family.kind, **known),
-        derivative=family.hooks["derivative"],
-        derive=family.hooks["derive"],
+        known[name] = bind(template, program, **known)
+    _BOUND[program] = Programs(
+        step=ready(bind(_step, program, inline=False, **known)),
+        read=ready(bind(_read, program, **known)),
+        settle=ready(bind(_settle, program, **known)),
+        rollout=ready(bind(_rollout, program, **known)),
+        derivative=ready(family.hooks["derivative"]),
+        derive=ready(family.hooks["derive"]),
     )
-    return _BOUND[family.kind]
+    return _BOUND[program]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.cruise import Cruise, command_limits, find_cruise
+from auv_gym.cruise import Cruise, command_limits, find_cruise, find_helm, resting_commands
 from auv_gym.engine import find_engine
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, without_effects
@@ -21,7 +21,7 @@ from controllers.s_plane import SPlane
 from controllers.tracking import Points
 
 KINDS = ("pid", "s_plane", "gpc")
-TARGETS = {"torpedo": ("depth_m", "heading_rad", "u_mps"), "glider": ("heading_rad",), "float": ("depth_m",)}
+TARGETS = {"body": ("depth_m", "heading_rad", "u_mps"), "glider": ("heading_rad",), "float": ("depth_m",)}
 _POINTS = 9  # of the steady speeds at commands from rest to the limit
 _FASTEST = 20.0  # m/s
 
@@ -58,32 +58,36 @@ def pid_autopilot(
     dt: s between calls, default the plant's.  pitch_limit: rad, in place of the tuned one.  gains: a file, or the
     gains themselves.  Raises where there are none for this vehicle and time.
     """
-    chosen = _targets(plant, targets, also=("pitch_rad",) if plant.family.kind == "torpedo" else ())
+    chosen = _targets(plant, targets, also=("pitch_rad",) if plant.family.kind == "body" else ())
     known = gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
     if plant.family.kind == "glider":
         return Pid(**_settings(known, "pid", "heading"), limit=plant.hull.rudder_limit)
     if plant.family.kind == "float":
         return _engine_pid(plant, known)
-    cruise, limits = _cruise(plant), command_limits(plant)
-    rudder, plane, _, propulsion = (float(command) for command in cruise.commands)
+    cruise, limits, helm = _cruise(plant), command_limits(plant), find_helm(plant)
+    rudder, plane, propulsion = (float(cruise.commands[i]) for i in (helm.rudder, helm.plane, helm.drive))
     pitch = Pid(
         **_settings(known, "pid", "pitch"),
         measured="pitch_rad",
-        command="stern_plane_rad",
+        command=plant.inputs[helm.plane],
         rate_measured="q_radps",
-        limit=float(limits[1]),
+        limit=float(limits[helm.plane]),
         neutral=plane,
     )
     loops: dict[str, Controller] = {
         "heading_rad": Pid(
-            **_settings(known, "pid", "heading"), rate_measured="r_radps", limit=float(limits[0]), neutral=rudder
+            **_settings(known, "pid", "heading"),
+            command=plant.inputs[helm.rudder],
+            rate_measured="r_radps",
+            limit=float(limits[helm.rudder]),
+            neutral=rudder,
         ),
         "u_mps": Pid(
             **_settings(known, "pid", "speed"),
             measured="u_mps",
-            command=plant.inputs[3],
-            limit=0.5 * float(limits[3]),
-            middle=0.5 * float(limits[3]),
+            command=plant.inputs[helm.drive],
+            limit=0.5 * float(limits[helm.drive]),
+            middle=0.5 * float(limits[helm.drive]),
             neutral=propulsion,
             steady=steady_speeds(plant),
         ),
@@ -113,39 +117,40 @@ def s_plane_autopilot(
     dt: s between calls, default the plant's.  gains: a file, or the gains themselves.  Raises where there are none for
     this vehicle and time.
     """
-    if plant.family.kind != "torpedo":
+    if plant.family.kind != "body":
         raise ValueError(
             f"S-plane control is there for vehicles in six degrees of freedom, got {plant.name!r} of family "
             f"{plant.family.name!r}: take kind 'pid'."
         )
     chosen = _targets(plant, targets)
     known = gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
-    cruise, limits = _cruise(plant), command_limits(plant)
-    rudder, plane, _, propulsion = (float(command) for command in cruise.commands)
+    cruise, limits, helm = _cruise(plant), command_limits(plant), find_helm(plant)
+    rudder, plane, propulsion = (float(cruise.commands[i]) for i in (helm.rudder, helm.plane, helm.drive))
     to_starboard, to_nose_up = (float(np.sign(gain)) for gain in (cruise.rudder_gains[2], cruise.plane_gains[2]))
     loops = {
         "heading_rad": SPlane(
             **_settings(known, "s_plane", "heading"),
-            span=to_starboard * float(limits[0]),
+            command=plant.inputs[helm.rudder],
+            span=to_starboard * float(limits[helm.rudder]),
             rate_measured="r_radps",
-            limit=float(limits[0]),
+            limit=float(limits[helm.rudder]),
             neutral=rudder,
         ),
         "depth_m": SPlane(
             **_settings(known, "s_plane", "depth"),
-            span=-to_nose_up * float(limits[1]),
+            span=-to_nose_up * float(limits[helm.plane]),
             measured="depth_m",
-            command="stern_plane_rad",
-            limit=float(limits[1]),
+            command=plant.inputs[helm.plane],
+            limit=float(limits[helm.plane]),
             neutral=plane,
         ),
         "u_mps": SPlane(
             **_settings(known, "s_plane", "speed"),
-            span=0.5 * float(limits[3]),
+            span=0.5 * float(limits[helm.drive]),
             measured="u_mps",
-            command=plant.inputs[3],
-            limit=0.5 * float(limits[3]),
-            middle=0.5 * float(limits[3]),
+            command=plant.inputs[helm.drive],
+            limit=0.5 * float(limits[helm.drive]),
+            middle=0.5 * float(limits[helm.drive]),
             neutral=propulsion,
             steady=steady_speeds(plant),
         ),
@@ -155,17 +160,19 @@ def s_plane_autopilot(
 
 def steady_speeds(plant: Plant) -> Points:
     """Forward speeds, m/s, and the propulsion commands that hold them on a level straight course, without effects."""
-    clean = without_effects(plant)
+    clean, helm = without_effects(plant), find_helm(plant)
+    actuators, highest = len(clean.family.actuators), float(command_limits(clean)[helm.drive])
     depth = clean.family.states.index("depth_m")
     points = [(0.0, 0.0)]
-    for command in np.linspace(0.0, float(clean.hull.propulsion.limit), _POINTS)[1:]:
-        commands = np.array([0.0, 0.0, 0.0, command])
+    for command in np.linspace(0.0, highest, _POINTS)[1:]:
+        commands = resting_commands(clean)
+        commands[helm.drive] = command
         low, high = 0.0, _FASTEST
         for _ in range(40):
             x = np.zeros(len(clean.states))
             x[0], x[depth] = 0.5 * (low + high), 1e3  # far below any wave
-            for at in (len(clean.family.states), x.size - commands.size):
-                x[at : at + commands.size] = commands
+            for at in (len(clean.family.states), x.size - actuators):
+                x[at : at + actuators] = commands[:actuators]
             gains = float(clean.step(x, commands)[0]) > x[0]
             low, high = (x[0], high) if gains else (low, x[0])
         points.append((float(0.5 * (low + high)), float(command)))
@@ -192,11 +199,13 @@ def _engine_pid(plant: Plant, gains: Gains) -> Pid:
 
 def _joined(plant: Plant, loops: Sequence[Controller], gains: Gains) -> Controller:
     """The loops side by side; the bow planes share the work of the stern planes where they are to."""
-    has_bow = plant.hull.bow_plane.limit > 0.0 and gains.bow_share != 0.0
-    shared = [
-        Mirrored(loop, gains.bow_share) if has_bow and "stern_plane_rad" in commands_of(loop) else loop
-        for loop in loops
-    ]
+    source, *mirrors = plant.family.body.by_role()["pitch"]
+    shared = list(loops)
+    if mirrors and gains.bow_share != 0.0:
+        shared = [
+            Mirrored(loop, gains.bow_share, source=source, command=mirrors[0]) if source in commands_of(loop) else loop
+            for loop in loops
+        ]
     return Joint(tuple(shared))
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.cruise import command_limits, find_cruise, find_helm
 from auv_gym.engine import find_engine
 from auv_gym.linear import linearise
-from auv_gym.plant import Plant
+from auv_gym.plant import Plant, without_effects
 from controllers.controller import Controller
 from controllers.gpc import Gpc
 from controllers.loops import Joint
@@ -32,9 +32,7 @@ _CAREFUL_LENGTHS = 4.0  # of the way, while the reference nears the target
 _STABLE = 1.0 + 1e-6  # largest pole
 # change of the disturbances while a torpedo goes its length, of the limits of inputs and outputs, that the filters
 # reckon with: what the linear form leaves out of a vehicle that pitches, turns and slows down
-_PLANE_DRIFT = 0.03
-_RUDDER_DRIFT = 0.03
-_DRIVE_DRIFT = 0.007
+_DRIFTS = {"pitch": 0.03, "yaw": 0.03, "surge": 0.007}
 _OFFSET_DRIFT = 0.003
 _SAMPLES = 3.0  # while a torpedo goes its length: the horizon is then ten lengths
 _ENGINE_SAMPLES = 15.0  # in the time of a float's engine, half the horizon
@@ -59,7 +57,7 @@ def gpc_autopilot(
     """
     kind = plant.family.kind
     makers = {
-        "torpedo": {
+        "body": {
             "depth_m": _torpedo_depth,
             "heading_rad": _torpedo_heading,
             "u_mps": _torpedo_speed,
@@ -78,7 +76,7 @@ def gpc_autopilot(
             f"{', '.join(unknown) or 'none'}."
         )
     if pitch_limit is not None:
-        if kind != "torpedo" or not 0.0 < pitch_limit < radians(85.0):
+        if kind != "body" or not 0.0 < pitch_limit < radians(85.0):
             raise ValueError(f"gpc_autopilot needs a pitch_limit of a torpedo, 0 to 1.48 rad, got {pitch_limit!r}.")
         if "depth_m" in names:
             settings = {**settings, "pitch_limit": pitch_limit}
@@ -105,13 +103,13 @@ def _torpedo_depth(plant: Plant, settings: dict[str, Any]) -> Controller:
 
 
 def _torpedo_pitch(plant: Plant, settings: dict[str, Any]) -> Controller:
-    planes = (plant.inputs[1],)
+    planes = (plant.inputs[find_helm(plant).plane],)
     model = linearise(plant, planes, ("pitch_rad",), states=("w_mps", "q_radps", "pitch_rad"))
     return _by_fins(plant, model, settings, weights={"pitch_rad": 1.0 / _ANGLE_ERROR})
 
 
 def _torpedo_heading(plant: Plant, settings: dict[str, Any]) -> Controller:
-    model = linearise(plant, (plant.inputs[0],), ("heading_rad", "r_radps"))
+    model = linearise(plant, (plant.inputs[find_helm(plant).rudder],), ("heading_rad", "r_radps"))
     rate = 1.0 / _length_time(plant)
     stable = np.abs(model.poles()).max() < _STABLE
     fastest = (_TURN if stable else _CAREFUL_TURN) * rate
@@ -126,7 +124,7 @@ def _torpedo_heading(plant: Plant, settings: dict[str, Any]) -> Controller:
 
 
 def _torpedo_speed(plant: Plant, settings: dict[str, Any]) -> Gpc:
-    model = linearise(plant, (plant.inputs[3],))
+    model = linearise(plant, (plant.inputs[find_helm(plant).drive],))
     cruise = plant.hull.length / _length_time(plant)
     return _gpc(plant, model, settings, weights={"u_mps": 1.0 / (_SPEED_ERROR * cruise)})
 
@@ -139,19 +137,19 @@ def _by_fins(plant: Plant, model, settings: dict[str, Any], **fields: Any) -> Sc
 
 
 def _gpc(plant: Plant, model, settings: dict[str, Any], **fields: Any) -> Gpc:
-    hull, limits = plant.hull, command_limits(plant)
-    actuators = dict(zip(plant.inputs, (hull.rudder, hull.stern_plane, hull.bow_plane, hull.propulsion)))
-    shares = dict(zip(plant.inputs, (_RUDDER_DRIFT, _PLANE_DRIFT, _PLANE_DRIFT, _DRIVE_DRIFT)))
+    limits, body = command_limits(plant), plant.family.body
+    role_of = {name: role for role, names in body.by_role().items() for name in names}
+    view = plant.family.view(without_effects(plant).derived)
     walk = sqrt(plant.dt / _length_time(plant))
     rates, ranges = {}, {}
     drift = {name: walk * _OFFSET_DRIFT * high for name, (_, high) in fields.get("output_limits", {}).items()}
     for name in model.inputs:
-        limit, slowness = float(limits[plant.inputs.index(name)]), actuators[name].slowness
-        drive = name == plant.inputs[3]
-        ranges[name] = (0.0 if drive else -limit, limit)
-        drift[name] = walk * shares[name] * limit
-        if slowness > 0.0:  # s per rad; of the propulsion, s per its limit
-            rates[name] = (limit if drive else 1.0) / slowness
+        at = plant.inputs.index(name)
+        limit, (_, _, slowness) = float(limits[at]), plant.family.hooks["actuator_times"](at, view)
+        ranges[name] = (0.0 if role_of[name] == "surge" else -limit, limit)
+        drift[name] = walk * _DRIFTS[role_of[name]] * limit
+        if slowness > 0.0:
+            rates[name] = 1.0 / slowness
     own = {key: value for key, value in settings.items() if key != "pitch_limit"}
     noise = {name: NOISE[name] for name in model.outputs}
     return Gpc(model, **{"input_limits": ranges, "rate_limits": rates, "noise": noise, "drift": drift, **fields, **own})
@@ -182,7 +180,7 @@ def _float_depth(plant: Plant, settings: dict[str, Any]) -> Gpc:
 def _samples(plant: Plant, dt: float | None) -> int:
     """Samples of the plant from one plan to the next."""
     wanted = plant.dt if dt is None else dt
-    if dt is None and plant.family.kind == "torpedo":
+    if dt is None and plant.family.kind == "body":
         wanted = _length_time(plant) / _SAMPLES
     elif dt is None and plant.family.kind == "float":
         wanted = find_engine(plant).time / _ENGINE_SAMPLES

@@ -56,5 +56,5 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
             f"No controller follows the target of this environment ({', '.join(targets) or 'a path'}); of "
             f"{plant.name} they follow {', '.join(known)}: compare in another environment."
         )
-    chosen = targets if plant.family.kind == "torpedo" else None
+    chosen = targets if plant.family.kind == "body" else None
     return Pilot(autopilot(without_effects(plant), kind, chosen, **settings))

@@ -33,9 +33,10 @@ def level_flight(plant: Plant, depth: float) -> tuple[np.ndarray, np.ndarray]:
     x = np.zeros(len(plant.states))
     x[: cruise.state.size] = cruise.state
     x[plant.family.states.index("depth_m")] = depth
-    sensors_at = cruise.state.size + 2 * cruise.commands.size
-    x[cruise.state.size : sensors_at] = np.tile(cruise.commands, 2)
-    x[sensors_at + len(plant.family.sensors) :] = np.tile(cruise.commands, plant.history)
+    actuators = cruise.commands[: len(plant.family.actuators)]
+    sensors_at = cruise.state.size + 2 * actuators.size
+    x[cruise.state.size : sensors_at] = np.tile(actuators, 2)
+    x[sensors_at + len(plant.family.sensors) :] = np.tile(actuators, plant.history)
     plant.programs.settle(x, plant.derived)
     return x, cruise.commands.copy()
 

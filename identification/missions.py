@@ -11,7 +11,6 @@ import numpy as np
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from auv_gym.vehicles import FAMILIES
 from identification.experiment import closed_loop
 from identification.float_experiment import depth_control, oil_mission, summer_lake
 from identification.torpedo_experiment import steer
@@ -84,5 +83,5 @@ MISSIONS: Mapping[str, Mission] = {
         "from depth to depth in a stratified lake", ("duration", "target_depths", "depth_noise"), _lake
     ),
     "float_oil": Mission("dives with pump and valve", ("target_depths", "depth_noise"), _dives),
-    **{name: _STEER for name, family in FAMILIES.items() if family.kind == "torpedo"},
+    "body": _STEER,
 }

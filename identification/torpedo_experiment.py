@@ -7,7 +7,7 @@ from math import pi, radians
 
 import numpy as np
 
-from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.cruise import command_limits, find_cruise, find_helm
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant
@@ -50,7 +50,7 @@ def steer(
     the plant's own `effects.sampling` has noise, that stands.
     Raises ValueError for other vehicles, or if the run is cut short.
     """
-    if plant.family.kind != "torpedo":
+    if plant.family.kind != "body":
         raise ValueError(
             f"steer needs a vehicle in six degrees of freedom, got {plant.name!r} of family {plant.family.name!r}."
         )
@@ -61,7 +61,7 @@ def steer(
     env = TaskEnv(
         "Depth",
         replace_at(plant, noisy),
-        actions=(*plant.inputs[:2], plant.inputs[3]),
+        actions=steered(plant),
         duration=duration,
     )
     loop = autopilot(plant) if controller is None else controller
@@ -74,6 +74,12 @@ def steer(
             f"The run of {plant.name} was cut short: {run.reason}. Check its effects, or lower excitation."
         )
     return run.record
+
+
+def steered(plant: Plant) -> tuple[str, str, str]:
+    """The inputs that steer a vehicle in yaw and pitch and drive it."""
+    helm = find_helm(plant)
+    return plant.inputs[helm.rudder], plant.inputs[helm.plane], plant.inputs[helm.drive]
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +119,7 @@ def draw_manoeuvres(plant: Plant, rng: np.random.Generator, duration: float, exc
     clock = max(round(_CLOCK * lap / plant.dt), 2) * plant.dt
     signals = {
         name: make_signal("prbs", time.size, plant.dt, rng, amplitude=excitation * float(limits[i]), clock_s=clock)
-        for i, name in enumerate(plant.inputs[:2])
+        for i, name in ((plant.inputs.index(name), name) for name in steered(plant)[:2])
     }
     return Manoeuvres(time, first, wanted, signals)
 

@@ -60,7 +60,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
     if arguments.envs < 1 or arguments.rounds < 1:
         raise ValueError(f"--envs and --rounds need 1 or more, got {arguments.envs} and {arguments.rounds}.")
     plant = replace(load_vehicle(arguments.vehicle, dt=DT), longest_step=SUBSTEP)
-    if plant.family.kind != "torpedo":
+    if plant.family.kind != "body":
         raise ValueError(f"--vehicle needs a vehicle in six degrees of freedom, got {plant.name!r}.")
     float_plant = replace(load_vehicle("qiandao_float", dt=FLOAT_DT), longest_step=FLOAT_SUBSTEP)
     substeps, float_substeps = ceil(DT / SUBSTEP - 1e-9), ceil(FLOAT_DT / FLOAT_SUBSTEP - 1e-9)
@@ -180,9 +180,9 @@ def _bare(plant: Plant, count: int) -> tuple[Callable[[], object], int]:
     start[0] = 1.0
     rows = np.tile(start, (count, 1))
     draws = np.random.default_rng(0)
-    limits = np.array([plant.hull.rudder.limit, plant.hull.stern_plane.limit, 0.0, plant.hull.propulsion.limit])
+    limits = np.array([plant.parts.rudder.limit, plant.parts.stern_plane.limit, 0.0, plant.parts.propeller.limit])
     inputs = draws.uniform(-0.5, 0.5, (count, 4)) * limits
-    inputs[:, 3] = plant.hull.propulsion.design
+    inputs[:, 3] = plant.parts.propeller.design
 
     def run() -> None:
         for _ in range(steps):

@@ -11,7 +11,7 @@ import numpy as np
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.vector_env import TaskVectorEnv
 from auv_gym.plant import Plant
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.body.learned_hull import LearnedHull
 from identification.kernel.machine import KernelMachine
 
 TASK, STEPS, ROUNDS, MANY = "Depth", 500, 7, 64

@@ -149,7 +149,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 @lru_cache(maxsize=4)
 def truth(vehicle: str = VEHICLE) -> Polynomial:
     """The pitch of a vehicle whose plane follows its command at once, and what disturbs it, as ARMAX."""
-    quick = {"hull.stern_plane.lag": 0.0, "hull.stern_plane.slowness": 0.0}
+    quick = {"parts.stern_plane.lag": 0.0, "parts.stern_plane.slowness": 0.0}
     form = linearise(replace_at(load_vehicle(vehicle), quick), [PLANE], [PITCH], states=STATES, dt=DT)
     a = np.real(np.poly(form.poles()))
     impulse = [(form.c @ np.linalg.matrix_power(form.a, k) @ form.b).item() for k in range(ORDER)]

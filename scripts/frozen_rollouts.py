@@ -60,6 +60,9 @@ SWINGS: Mapping[str, float] = {
     "kg/m4": 0.001,
 }
 
+# of inputs whose wave is as long as it was when every vehicle had an input for bow planes
+PLACES: Mapping[str, int] = {"propeller_rpm": 3, "propeller_V": 3, "speed_cmd_mps": 3}
+
 
 @dataclass(frozen=True, eq=False)
 class Rollout:
@@ -236,7 +239,7 @@ def _wave(name: str, index: int, time: np.ndarray) -> np.ndarray:
         return time
     if unit not in SWINGS:
         raise ValueError(f"Needed a swing for the input {name} in {unit}, known are {', '.join(SWINGS)}: add its unit.")
-    half_periods = np.arange(time.size) // (HOLD + 2 * index)
+    half_periods = np.arange(time.size) // (HOLD + 2 * PLACES.get(name, index))
     return SWINGS[unit] * (1.0 - 2.0 * (half_periods % 2))
 
 

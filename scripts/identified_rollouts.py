@@ -109,8 +109,8 @@ SCENES: Mapping[str, Scene] = {
             "hull.heave.uq",
             "hull.pitch.uw",
             "hull.pitch.uq",
-            "hull.stern_plane.moment",
-            "hull.bow_plane.moment",
+            "parts.stern_plane.moment",
+            "parts.bow_plane.moment",
         ),
         shown=("depth_m", "pitch_rad"),
         guard={"pitch_limit": 0.028},
@@ -127,7 +127,7 @@ SCENES: Mapping[str, Scene] = {
         outputs=("r_radps",),  # which the controller reads beside the heading, so that both have to agree
         armax={"n_a": 2, "n_b": 2, "n_c": 2},
         order=2,
-        free=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "hull.rudder.moment"),
+        free=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "parts.rudder.moment"),
         shown=("heading_rad", "r_radps"),
         window=10.0,  # s: its pitch is unstable, and a free run of minutes says nothing of it
     ),

@@ -70,7 +70,7 @@ def sheet(result: Result) -> Figure:
             axes.plot(run.time, run[name] if name == "u_mps" else np.degrees(run[name]), **look)
         _time_axis(axes, title)
     axes.set_ylim(bottom=0.0)
-    to_starboard = 1.0 if trial.plant.hull.rudder.moment > 0.0 else -1.0
+    to_starboard = 1.0 if trial.plant.parts.rudder.moment > 0.0 else -1.0
     for row, angle in enumerate(result.zigzags):
         run, axes = result.runs[f"zigzag {angle}/{angle}"], figure.add_subplot(grid[row, 2])
         order = to_starboard * np.degrees(run["rudder_rad"][:-1])  # without the fifth execute
@@ -112,7 +112,7 @@ def overview(results: Sequence[Result]) -> Figure:
     for result, look in zip(results, (LOOKS[i % len(LOOKS)] for i in range(len(results)))):
         trial, length = result.trial, result.trial.length
         run = result.runs["turn to starboard"]
-        rudder = degrees(trial.plant.hull.rudder.limit)
+        rudder = degrees(trial.plant.parts.rudder.limit)
         label = f"{trial.plant.name}, rudder {rudder:.0f}°"
         plan.plot(run["east_m"] / length, run["north_m"] / length, label=label, linewidth=TRACK, **look)
         _outlines(plan, run, 1.0, trial.plant.hull.diameter / length, look["color"], 1.0 / length)
@@ -150,7 +150,7 @@ def _plan(axes: Axes, result: Result) -> None:
     width = turn.tactical_diameter
     _measure(axes, (0.0, low), (width, low), (0.5 * width, low), f"tactical diameter {width:.1f} m")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title(f"turning circles, rudder {degrees(hull.rudder.limit):.0f}°: north, m", loc="left")
+    axes.set_title(f"turning circles, rudder {degrees(result.trial.plant.parts.rudder.limit):.0f}°: north, m", loc="left")
     axes.set_xlabel("east, m")
 
 

@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.table import Table
 
 from auv_gym.cli.console import steps_bar
-from auv_gym.cruise import Cruise, command_limits, find_cruise
+from auv_gym.cruise import Cruise, command_limits, find_cruise, find_helm
 from auv_gym.envs.tasks import HELD_PITCH
 from auv_gym.model import Diverged, check_finite
 from auv_gym.param import replace_at
@@ -137,7 +137,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def presets() -> list[str]:
     """The presets in six degrees of freedom."""
-    return [name for name in list_vehicles() if load_vehicle(name).family.kind == "torpedo"]
+    return [name for name in list_vehicles() if load_vehicle(name).family.kind == "body"]
 
 
 # The approach, and runs from it
@@ -146,7 +146,7 @@ def presets() -> list[str]:
 def approach(vehicle: str, speed: float | None = None) -> Trial:
     """A vehicle in level flight at a speed, m/s, or at its design command; raises where it cannot fly so."""
     plant = load_vehicle(vehicle, dt=DT)
-    if plant.family.kind != "torpedo":
+    if plant.family.kind != "body":
         raise ValueError(f"The manoeuvres need a vehicle in six degrees of freedom, got {plant.name!r}.")
     cruise = find_cruise(plant)
     if speed is None:
@@ -154,13 +154,13 @@ def approach(vehicle: str, speed: float | None = None) -> Trial:
     if not 0.0 < speed < inf:
         raise ValueError(f"--speed needs a number above 0 m/s, got {speed!r}.")
     for _ in range(60):
-        drive = plant.hull.propulsion
+        drive = plant.parts.propeller
         if abs(cruise.speed - speed) < 1e-4 * speed:
             return Trial(plant, cruise)
         command = drive.design * speed / cruise.speed  # speed goes nearly with the command in all propulsion laws
         if command > drive.limit:
             break
-        plant = replace_at(plant, {"hull.propulsion.design": command})
+        plant = replace_at(plant, {"parts.propeller.design": command})
         cruise = find_cruise(plant)
     raise ValueError(f"{plant.name!r} cannot approach at {speed:g} m/s: its propulsion ends at {drive.limit:g}.")
 
@@ -171,13 +171,13 @@ def stern_plane(trial: Trial, x: np.ndarray, depth: float) -> float:
     farthest = HELD_PITCH * abs(k[2] / k[3])
     away = min(max(x[DEPTH] - depth, -farthest), farthest)
     off = k[0] * (x[W] - cruise.state[W]) + k[1] * x[Q] + k[2] * (x[PITCH] - cruise.state[PITCH]) + k[3] * away
-    return cruise.commands[1] - off
+    return cruise.commands[find_helm(trial.plant).plane] - off
 
 
 def course_rudder(trial: Trial, x: np.ndarray) -> float:
     """The rudder that keeps heading zero, by the regulator of the environments."""
     k = trial.cruise.rudder_gains
-    return trial.cruise.commands[0] - (k[0] * (x[V] - trial.cruise.state[V]) + k[1] * x[R] + k[2] * x[HEADING])
+    return trial.cruise.commands[find_helm(trial.plant).rudder] - (k[0] * (x[V] - trial.cruise.state[V]) + k[1] * x[R] + k[2] * x[HEADING])
 
 
 def fly(
@@ -193,7 +193,8 @@ def fly(
     the rudder has changed sides, ends the run.
     """
     plant, cruise = trial.plant, trial.cruise
-    limits, size = command_limits(plant), cruise.state.size
+    limits, size, helm = command_limits(plant), cruise.state.size, find_helm(plant)
+    fins = [helm.rudder, helm.plane]
     x = np.zeros(len(plant.states))
     x[:size] = cruise.state
     x[DEPTH] = START_DEPTH
@@ -205,8 +206,8 @@ def fly(
         rudder = steer(x, before)
         orders += before * rudder < 0.0
         before = rudder
-        commands[0], commands[1] = rudder, stern_plane(trial, x, depth)
-        commands[:2] = np.clip(commands[:2], -limits[:2], limits[:2])
+        commands[fins] = rudder, stern_plane(trial, x, depth)
+        commands[fins] = np.clip(commands[fins], -limits[fins], limits[fins])
         states.append(x[:size])
         inputs.append(commands.copy())
         if enough(x, orders):
@@ -224,7 +225,7 @@ def manoeuvre(vehicle: str, speed: float | None = None, advance: Callable[[str],
     trial, runs = approach(vehicle, speed), {}
     for side, sign in SIDES.items():
         advance(f"{vehicle}: turn to {side}")
-        runs[f"turn to {side}"] = turning_circle(trial, sign * trial.plant.hull.rudder.limit)
+        runs[f"turn to {side}"] = turning_circle(trial, sign * trial.plant.parts.rudder.limit)
     for angle in ZIGZAGS:
         advance(f"{vehicle}: zigzag {angle}/{angle}")
         runs[f"zigzag {angle}/{angle}"] = zigzag(trial, radians(angle))
@@ -260,7 +261,7 @@ def zigzag(trial: Trial, angle: float) -> Record:
             return -rudder if x[HEADING] > 0.0 else rudder
         return before or rudder
 
-    limit = trial.plant.hull.rudder.limit
+    limit = trial.plant.parts.rudder.limit
     if angle > 1.01 * limit:  # vt690 has 19.996 deg
         raise ValueError(
             f"{trial.plant.name!r} has {degrees(limit):.3g} deg of rudder, a zigzag needs {degrees(angle):.3g}."
@@ -289,7 +290,7 @@ def depth_change(trial: Trial) -> Record:
 
 def _to_starboard(trial: Trial) -> float:
     """The sign of a rudder angle that turns the bow to starboard; yaw moments are positive to starboard."""
-    return 1.0 if trial.plant.hull.rudder.moment > 0.0 else -1.0
+    return 1.0 if trial.plant.parts.rudder.moment > 0.0 else -1.0
 
 
 def _longest(trial: Trial) -> float:
@@ -387,7 +388,7 @@ def quantities() -> list[Quantity]:
     """What the table has in its rows; two values are those of the turns to starboard and to port."""
     table: list[Quantity] = [
         ("approach speed, m/s", "", 2, lambda r: [r.trial.cruise.speed]),
-        ("**turning circle**, rudder, deg", "", 0, lambda r: [degrees(r.trial.plant.hull.rudder.limit)]),
+        ("**turning circle**, rudder, deg", "", 0, lambda r: [degrees(r.trial.plant.parts.rudder.limit)]),
         ("advance, lengths", "4.5", 2, lambda r: [t.advance / r.trial.length for t in r.turns.values()]),
         ("transfer, lengths", "", 2, lambda r: [t.transfer / r.trial.length for t in r.turns.values()]),
         (
@@ -481,7 +482,7 @@ def as_json(result: Result) -> dict[str, Any]:
     return {
         "length_m": trial.length,
         "speed_mps": trial.cruise.speed,
-        "rudder_rad": trial.plant.hull.rudder.limit,
+        "rudder_rad": trial.plant.parts.rudder.limit,
         "turning_circle": {side: turn._asdict() for side, turn in result.turns.items()},
         "zigzag": {f"{angle}/{angle}": zigzag._asdict() for angle, zigzag in result.zigzags.items()},
         "depth_change": result.depth_change._asdict(),

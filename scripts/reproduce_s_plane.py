@@ -79,7 +79,7 @@ CASES = (
 
 def speed_at(voltage: float, plant: Plant) -> float:
     """The steady forward speed at a voltage, m/s."""
-    return find_cruise(replace_at(plant, "hull.propulsion.design", voltage)).speed
+    return find_cruise(replace_at(plant, "parts.propeller.design", voltage)).speed
 
 
 def fly(case: Case, kind: str, seed: int | None, model: Model | None = None) -> Run:

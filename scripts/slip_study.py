@@ -92,14 +92,14 @@ def attempt(vehicle: str, seed: int, record: Record, slip: Slip | None) -> Attem
 def log_of(plant: Plant, seed: int = 1) -> Record:
     """A clean log of the vehicle's standard experiment."""
     settings = DIVES if plant.family.name == "float_piston" else {}
-    if plant.family.kind == "torpedo":
+    if plant.family.kind == "body":
         settings = {"duration": DURATION}
     return fly(plant, np.random.default_rng(seed), **settings)
 
 
 def doubts(record: Record, plant: Plant) -> tuple[Doubt, ...]:
     """The doubts about a log in windows of its vehicle's length, shorter ones for the short log of a torpedo."""
-    seconds = WINDOW if plant.family.kind == "torpedo" else plant.window
+    seconds = WINDOW if plant.family.kind == "body" else plant.window
     return doubts_of(record, plant, free_run_windows(plant, record, seconds))
 
 

@@ -27,7 +27,7 @@ from scipy.optimize import minimize
 
 from auv_gym.channels import channel, set_point_of
 from auv_gym.cli.console import progress_bar
-from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.cruise import command_limits, find_cruise, find_helm
 from auv_gym.engine import find_engine
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, value_at
@@ -45,7 +45,7 @@ PITCH_LIMIT = 0.35  # rad
 BOW_SHARE = -1.0  # bow planes against stern planes: a moment without a force
 CHANGE = 0.2  # of the main coefficients
 OFF = 0.05  # of an actuator's range, by which it is off its zero
-VERTICAL = ("hull.heave.uw", "hull.pitch.uw", "hull.pitch.uq", "hull.stern_plane.moment")
+VERTICAL = ("hull.heave.uw", "hull.pitch.uw", "hull.pitch.uq", "parts.stern_plane.moment")
 SEGMENT = 30.0  # s per time scale of the vehicle; two make a run
 OVERSHOOT, TRAVEL = 10.0, 0.15  # weights: of overshoot over the step, of full travels of the command
 EVALUATIONS = 40  # of the cost, per loop
@@ -146,7 +146,7 @@ def bench_of(plant: Plant, seed: int) -> Bench:
     """The trial of a vehicle: steps that fit its size, changed plants drawn from the seed."""
     rng, paths = np.random.default_rng(seed), list(plant.family.coefficients)
     offsets: dict[str, float] = {}
-    if plant.family.kind == "torpedo":
+    if plant.family.kind == "body":
         paths += VERTICAL
         offsets = {
             f"effects.{fin}.offset": OFF * value_at(plant, f"hull.{fin}.limit") for fin in ("rudder", "stern_plane")
@@ -184,12 +184,12 @@ def first_gains(plant: Plant, s_plane: bool = False) -> Gains:
             "integral_range": reach,
         }
         return Gains(plant.name, plant.dt, loops={"pid": {"depth": loop}})
-    cruise, limits = find_cruise(plant), command_limits(plant)
+    cruise, limits, helm = find_cruise(plant), command_limits(plant), find_helm(plant)
     length, speed = plant.hull.length, cruise.speed
     time = length / speed
     _, turn, rudder = (float(gain) for gain in cruise.rudder_gains)
     _, rate, pitch, depth = (float(gain) for gain in cruise.plane_gains)
-    push = 0.5 * float(limits[3]) / speed
+    push = 0.5 * float(limits[helm.drive]) / speed
     by_pitch = depth / pitch
     pid = {
         "speed": {"proportional": push, "integral": push / (10.0 * time), "integral_range": 0.3 * speed},
@@ -201,8 +201,8 @@ def first_gains(plant: Plant, s_plane: bool = False) -> Gains:
     if s_plane or (plant.name == PUBLISHED and plant.dt < time):
         scales = {
             "speed": (speed, 1.0 * speed / time),
-            "heading": _scales("heading", float(limits[0]), rudder, turn),
-            "depth": _scales("depth", float(limits[1]), pitch * by_pitch, pitch / speed),
+            "heading": _scales("heading", float(limits[helm.rudder]), rudder, turn),
+            "depth": _scales("depth", float(limits[helm.plane]), pitch * by_pitch, pitch / speed),
         }
         filters = {"speed": time, "heading": 0.0, "depth": time}
         loops["s_plane"] = {
@@ -214,7 +214,7 @@ def first_gains(plant: Plant, s_plane: bool = False) -> Gains:
             }
             for name in ("speed", "heading", "depth")
         }
-    return Gains(plant.name, plant.dt, BOW_SHARE if limits[2] > 0.0 else 0.0, loops)
+    return Gains(plant.name, plant.dt, BOW_SHARE if len(plant.family.body.by_role()["pitch"]) > 1 else 0.0, loops)
 
 
 def cost(bench: Bench, gains: Gains, kind: str, name: str) -> float:
@@ -285,9 +285,10 @@ def _moved_by(plant: Plant, name: str) -> tuple[str, float]:
         return engine.channel, 2.0 * engine.half
     if plant.family.kind == "glider":
         return "rudder_rad", 2.0 * plant.hull.rudder_limit
-    index = {"heading_rad": 0, "depth_m": 1, "u_mps": 3}[name]
+    helm = find_helm(plant)
+    index = {"heading_rad": helm.rudder, "depth_m": helm.plane, "u_mps": helm.drive}[name]
     limit = float(command_limits(plant)[index])
-    return plant.inputs[index], limit if index == 3 else 2.0 * limit
+    return plant.inputs[index], limit if index == helm.drive else 2.0 * limit
 
 
 def _improved(bench: Bench, gains: Gains, kind: str, name: str, evaluations: int, told: Callable[[int], None]) -> Gains:
@@ -325,7 +326,7 @@ def _improved(bench: Bench, gains: Gains, kind: str, name: str, evaluations: int
 
 def _steps(plant: Plant) -> tuple[Steps, Mapping[str, float], float, float, Callable[[Plant], Start]]:
     """Steps of the targets, targets that stand, s of a run, s of the vehicle's time scale, and where a run starts."""
-    if plant.family.kind == "torpedo":
+    if plant.family.kind == "body":
         cruise, length = find_cruise(plant), plant.hull.length
         scale = max(length / cruise.speed, 3.0 * plant.dt)
         duration = 2.0 * SEGMENT * scale

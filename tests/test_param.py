@@ -146,7 +146,7 @@ def test_of_many_parameters_the_neighbours_of_an_unknown_one_are_listed():
     with pytest.raises(
         ValueError, match=r"Known: hull\.rudder\.lift, hull\.rudder\.moment, .*hull\.rudder\.slowness\.$"
     ):
-        value_at(plant, "hull.rudder.lifting")
+        value_at(plant, "parts.rudder.lifting")
     with pytest.raises(ValueError, match=r"Known: effects\.rudder, effects\.stern_plane, .*effects\.sampling\.$"):
         value_at(plant, "effects.rudders.offset")
     with pytest.raises(ValueError, match=r"Known: hull\.density, hull\.gravity.*, effects\.rudder, "):

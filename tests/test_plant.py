@@ -64,8 +64,8 @@ def make_record(plant: Plant, samples: int = 60) -> Record:
     k = np.arange(samples)
     rudder = np.where(k < 4, 0.0, 0.5 * np.sin(0.4 * k) + 0.1 * np.sign(np.sin(1.3 * k)))
     rest = {"u_mps": 0.35 + 0.05 * np.sin(0.2 * k), "roll_rad": 0.1 * np.cos(0.3 * k)}
-    if plant.family.kind == "torpedo":
-        full = np.where(k < 4, 0.0, plant.hull.propulsion.design)
+    if plant.family.kind == "body":
+        full = np.where(k < 4, 0.0, plant.parts.propeller.design)
         rest = {"stern_plane_rad": -0.6 * rudder, plant.inputs[3]: full}
     return Record.from_arrays(plant.dt * k, {"rudder_rad": rudder, **rest})
 
@@ -95,7 +95,7 @@ def test_stepping_is_the_compiled_rollout(name, effects):
     assert stepped(plant, record, x) == pytest.approx(plant.run(record, record.segments, x[None, :]), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", [name for name in PRESETS if load_vehicle(name).family.kind == "torpedo"])
+@pytest.mark.parametrize("name", [name for name in PRESETS if load_vehicle(name).family.kind == "body"])
 @pytest.mark.parametrize("effects", TORPEDO_EFFECTS.values(), ids=TORPEDO_EFFECTS)
 def test_stepping_in_six_degrees_of_freedom_is_the_compiled_rollout(name, effects):
     plant = with_effects(load_vehicle(name), effects)
@@ -226,7 +226,7 @@ def test_what_follows_from_the_parameters_follows_them(name):
         assert np.array_equal(one.derived[: one.vector.size], one.vector)
         assert one.derived.shape == (one.family.derived,)
         assert np.isfinite(one.derived).all()
-    if plant.family.kind == "torpedo":
+    if plant.family.kind == "body":
         surge = [np.linalg.inv(p.family.view(p.derived).computed.inverse_mass)[0, 0] for p in (plant, heavier)]
         assert surge[1] - surge[0] == pytest.approx(0.1 * plant.hull.mass, rel=1e-9)
 
@@ -373,15 +373,15 @@ BAD_FILES = {
     "NaN": (HEAD + "[hull]\nmass = nan", "hull.mass needs a value from 1 to 10000 kg, got nan"),
     "infinite": (HEAD + "[effects.yaw]\nmoment = inf", "effects.yaw.moment needs a value from -50 to 50 N m, got inf"),
     "unknown term": (TORPEDO + "[hull.surge]\nuu = -5.0", "No parameter 'hull.surge.uu'. Did you mean 'hull.surge."),
-    "key of another group": (TORPEDO + "[hull.rudder]\nmass = 5.0", "No parameter 'hull.rudder.mass'. "),
+    "key of another group": (TORPEDO + "[parts.rudder]\nmass = 5.0", "No parameter 'parts.rudder.mass'. "),
     "unknown group": (TORPEDO + "[effects.wave]\nperiod = 5.0", "Did you mean 'effects.waves.period'"),
     "angle in degrees": (
-        TORPEDO + '[hull.rudder]\nlimit = { value = 20.0, unit = "deg" }',
-        "hull.rudder.limit is in rad, got unit 'deg': convert the value",
+        TORPEDO + '[parts.rudder]\nlimit = { value = 20.0, unit = "deg" }',
+        "parts.rudder.limit is in rad, got unit 'deg': convert the value",
     ),
     "prime angle": (
-        TORPEDO + '[hull.rudder]\nlimit = { value = 0.3, unit = "prime" }',
-        "hull.rudder.limit is in rad, which has no prime form: give the value in rad",
+        TORPEDO + '[parts.rudder]\nlimit = { value = 0.3, unit = "prime" }',
+        "parts.rudder.limit is in rad, which has no prime form: give the value in rad",
     ),
     "prime linear damping": (
         TORPEDO + '[hull.surge]\nu = { value = -0.3, unit = "prime" }',
@@ -451,7 +451,7 @@ def test_prime_values_are_made_dimensional_by_density_and_length(tmp_path):
         [hull.roll]
         up = { value = -0.01, unit = "prime" }
         qr = { value = 0.01, unit = "prime" }
-        [hull.rudder]
+        [parts.rudder]
         lift = { value = 0.03, unit = "prime" }
         moment = { value = -0.02, unit = "prime" }
         [hull]
@@ -463,10 +463,10 @@ def test_prime_values_are_made_dimensional_by_density_and_length(tmp_path):
     hull, base = plant.hull, 0.5 * 1000.0
     powers = {
         (hull.sway.v_v, -0.2): 2,
-        (hull.rudder.lift, 0.03): 2,
+        (parts.rudder.lift, 0.03): 2,
         (hull.added_mass.y_vdot, -0.03): 3,
         (hull.sway.ur, 0.02): 3,
-        (hull.rudder.moment, -0.02): 3,
+        (parts.rudder.moment, -0.02): 3,
         (hull.added_mass.y_rdot, 0.002): 4,
         (hull.roll.up, -0.01): 4,
         (hull.added_mass.m_qdot, -0.003): 5,

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import bind, view_as
+from auv_gym.compiled import bind, ready, view_as
 from auv_gym.envs import float_kernel, torpedo_kernel
 from auv_gym.envs.layout import (
     DIVERGED,
@@ -370,7 +370,7 @@ class Kernel:
     step_many: Any
 
 
-_TEMPLATES = {"torpedo": torpedo_kernel.TEMPLATES, "float": float_kernel.TEMPLATES}
+_TEMPLATES = {"body": torpedo_kernel.TEMPLATES, "float": float_kernel.TEMPLATES}
 _BEFORE, _AFTER = (_target_error, _draw_target, _first_target), (_fault, _sample, _observe, _outcome, _advance, _begin)
 _CALLED = ("aim", "lead_on", "begin")  # too long, or too rare, to be compiled into those that call them
 _BOUND: dict[str, Kernel] = {}
@@ -378,8 +378,9 @@ _BOUND: dict[str, Kernel] = {}
 
 def bind_kernel(family: Family) -> Kernel:
     """The programs for a family's kind."""
-    if family.kind in _BOUND:
-        return _BOUND[family.kind]
+    program = family.program or family.kind
+    if program in _BOUND:
+        return _BOUND[program]
     kind, programs = family.kind, bind_family(family)
     plan, row, layout = plan_type(family), row_type(family), LAYOUTS[family.kind]
 
@@ -402,9 +403,10 @@ def bind_kernel(family: Family) -> Kernel:
         **{_symbol(name): index for index, name in enumerate(family.states)},
         **{f"READ_{_symbol(name)}": index for index, name in enumerate(family.outputs)},
         **{f"IN_{_symbol(name)}": index for index, name in enumerate(family.inputs)},
+        **{f"{role.upper()}_INPUT": at for role, at in _helm(family).items()},
         "view": family.view,
-        "view_plan": view_as(plan, f"plan_{kind}"),
-        "view_row": view_as(row, f"row_{kind}", writable=True),
+        "view_plan": view_as(plan, f"plan_{program}"),
+        "view_row": view_as(row, f"row_{program}", writable=True),
         "vehicle_step": programs.step,
         "read": programs.read,
         "settle": programs.settle,
@@ -413,17 +415,23 @@ def bind_kernel(family: Family) -> Kernel:
     }
     for template in (*_BEFORE, *_TEMPLATES[kind], *_AFTER):  # each after those that it calls
         name = template.__name__[1:]
-        known[name] = bind(template, kind, inline=name not in _CALLED, **known)
-    _BOUND[kind] = Kernel(
-        begin_one=bind(_begin_one, kind, inline=False, **known),
-        step_one=bind(_step_one, kind, inline=False, **known),
-        command_one=bind(_command_one, kind, inline=False, **known),
-        look_one=bind(_look_one, kind, inline=False, **known),
-        outcome_one=bind(_outcome_one, kind, inline=False, **known),
-        begin_many=bind(_begin_many, kind, parallel=True, **known),
-        step_many=bind(_step_many, kind, parallel=True, **known),
+        known[name] = bind(template, program, inline=name not in _CALLED, **known)
+    _BOUND[program] = Kernel(
+        begin_one=ready(bind(_begin_one, program, inline=False, **known)),
+        step_one=ready(bind(_step_one, program, inline=False, **known)),
+        command_one=ready(bind(_command_one, program, inline=False, **known)),
+        look_one=ready(bind(_look_one, program, inline=False, **known)),
+        outcome_one=ready(bind(_outcome_one, program, inline=False, **known)),
+        begin_many=ready(bind(_begin_many, program, parallel=True, **known)),
+        step_many=ready(bind(_step_many, program, parallel=True, **known)),
     )
-    return _BOUND[kind]
+    return _BOUND[program]
+
+
+def _helm(family: Family) -> dict[str, int]:
+    """The first input of each role; -1 where there is none."""
+    roles = family.body.by_role() if family.body else {}
+    return {role: family.inputs.index(roles[role][0]) if role in roles else -1 for role in ("yaw", "pitch", "surge")}
 
 
 def _symbol(channel: str) -> str:

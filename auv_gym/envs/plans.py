@@ -24,7 +24,7 @@ from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spe
 from auv_gym.plant import Plant
 from auv_gym.vehicles import FAMILIES
 
-_VEHICLES = {"torpedo": "a vehicle in six degrees of freedom", "float": "a profiling float"}
+_VEHICLES = {"body": "a vehicle in six degrees of freedom", "float": "a profiling float"}
 
 
 def make_episodes(
@@ -58,7 +58,7 @@ def make_episodes(
         raise ValueError(f"actions= is for torpedoes, got it for {name}, whose action is its engine: leave it out.")
     plant = vehicle_of(task.vehicle if vehicle is None else vehicle, dt)
     if plant.family.kind != task.kind:
-        families = ", ".join(name for name, family in FAMILIES.items() if family.kind == task.kind)
+        families = ", ".join([name for name, family in FAMILIES.items() if family.kind == task.kind] or [task.kind])
         raise ValueError(
             f"{name} needs {_VEHICLES[task.kind]} (families {families}), got {plant.name!r} of family "
             f"{plant.family.name!r}."

@@ -56,7 +56,7 @@ class Task:
     band: tuple[float, float] = (-1e9, 1e9)
     duration: float = 60.0
     current: float = 0.0
-    kind: Literal["torpedo", "float"] = "torpedo"
+    kind: Literal["body", "float"] = "body"
     vehicle: str = "remus100"
     least: float = -inf
 

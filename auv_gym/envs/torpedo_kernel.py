@@ -1,7 +1,4 @@
-"""What is the torpedo's own in a compiled step: fins and propulsion, envelope, targets and paths; see `kernel`.
-
-Its inputs are rudder, stern plane, bow plane and propulsion, in this order.
-"""
+"""What is a body's own in a compiled step: its commands, envelope, targets and paths; see `kernel`."""
 
 from __future__ import annotations
 
@@ -20,10 +17,10 @@ from auv_gym.envs.layout import (
 )
 from auv_gym.envs.path import leg_axes, leg_between, point_ahead
 from auv_gym.physics.frames import wrapped
-from auv_gym.vehicles.learned_hull import ROOM, support_distance
+from auv_gym.vehicles.body.learned_hull import ROOM, support_distance
 
 # Open names of the templates, bound by `kernel`.
-STATES = INPUTS = OUTPUTS = SHARES = START_DRAWS = CHANGE_DRAWS = 0
+STATES = INPUTS = ACTUATORS = OUTPUTS = SHARES = START_DRAWS = CHANGE_DRAWS = YAW_INPUT = PITCH_INPUT = 0
 U = V = W = P = Q = R = NORTH = EAST = DEPTH = ROLL = PITCH = HEADING = WAVE_PHASE = 0
 READ_W = READ_Q = READ_R = READ_V = READ_NORTH = READ_EAST = READ_DEPTH = READ_PITCH = READ_HEADING = 0
 view: Any
@@ -40,25 +37,27 @@ def _command(t, e):
     plane the depth at which the episode began.
     """
     travel = 0.0
-    for j in range(INPUTS):
+    for j in range(ACTUATORS):
         a = int(t.action_of[j])
         if a >= 0:
             share = min(max(e.action[a], -1.0), 1.0)
             travel += abs(share - e.features[SHARES + j])
-            e.command[j], e.features[SHARES + j] = share * t.limit[j], share
-    if t.action_of[0] < 0.0:
+            e.command[j], e.features[SHARES + j] = t.rest[j] + share * t.limit[j], share
+    if t.action_of[YAW_INPUT] < 0.0:
         k = t.rudder_gains
         off = wrapped(e.features[READ_HEADING] - e.held[1])
         value = k[0] * (e.features[READ_V] - t.cruise_state[V]) + k[1] * e.features[READ_R] + k[2] * off
-        e.command[0] = min(max(t.cruise_command[0] - value, -t.limit[0]), t.limit[0])
-        e.features[SHARES] = e.command[0] / t.limit[0]
-    if t.action_of[1] < 0.0:
+        limit = t.limit[YAW_INPUT]
+        e.command[YAW_INPUT] = min(max(t.cruise_command[YAW_INPUT] - value, -limit), limit)
+        e.features[SHARES + YAW_INPUT] = e.command[YAW_INPUT] / limit
+    if t.action_of[PITCH_INPUT] < 0.0:
         k = t.plane_gains
         deep = min(max(e.features[READ_DEPTH] - e.held[0], -t.held_depth_error), t.held_depth_error)
         value = k[0] * (e.features[READ_W] - t.cruise_state[W]) + k[1] * e.features[READ_Q]
         value += k[2] * (e.features[READ_PITCH] - t.cruise_state[PITCH]) + k[3] * deep
-        e.command[1] = min(max(t.cruise_command[1] - value, -t.limit[1]), t.limit[1])
-        e.features[SHARES + 1] = e.command[1] / t.limit[1]
+        limit = t.limit[PITCH_INPUT]
+        e.command[PITCH_INPUT] = min(max(t.cruise_command[PITCH_INPUT] - value, -limit), limit)
+        e.features[SHARES + PITCH_INPUT] = e.command[PITCH_INPUT] / limit
     e.term[1] = -t.weight[1] * 0.5 * travel / t.actions
 
 
@@ -187,7 +186,8 @@ def _place(plan, drawn, t, e, row):
     e.reached = 0.0
     for j in range(INPUTS):
         e.command[j] = t.cruise_command[j]
-        e.features[SHARES + j] = e.command[j] / t.limit[j] if t.limit[j] > 0.0 else 0.0
+    for j in range(ACTUATORS):
+        e.features[SHARES + j] = (e.command[j] - t.rest[j]) / t.limit[j] if t.limit[j] > 0.0 else 0.0
 
 
 def _set_out(plan, x, t, e, row):

@@ -1,4 +1,4 @@
-"""What a torpedo makes of a task: its cruise gives the scales, the first state and the gains of the held fins."""
+"""What a body with fins and a drive makes of a task: its cruise gives the scales, the first state and the gains of the held fins."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.cruise import command_limits, command_ranges, find_cruise, find_helm
 from auv_gym.envs import tasks
 from auv_gym.envs.options import check_number
 from auv_gym.envs.setting import Setting
@@ -19,8 +19,8 @@ _START = (
     "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps",
 )  # fmt: skip
 _HELD = {  # what the regulators of held fins read
-    "rudder_rad": ("v_mps", "r_radps", "heading_rad"),
-    "stern_plane_rad": ("w_mps", "q_radps", "pitch_rad", "depth_m"),
+    "yaw": ("v_mps", "r_radps", "heading_rad"),
+    "pitch": ("w_mps", "q_radps", "pitch_rad", "depth_m"),
 }
 
 
@@ -31,19 +31,20 @@ def torpedo_setting(
     waypoints: Sequence[Sequence[float]] | None,
     actions: Sequence[str] | None,
 ) -> Setting:
-    """The setting of a torpedo task; raises on waypoints or actions it cannot have, and without level flight."""
+    """The setting of a task with fins and a drive; raises on waypoints or actions it cannot have, and without level flight."""
     duration = task.duration if duration is None else duration
     check_number("duration", duration, "s", above=0.0)
     cruise, family = find_cruise(plant), plant.family
     length, speed = plant.hull.length, cruise.speed
     rate = speed / length
     largest = task.current * speed
-    stands_for = {PROPULSION: plant.inputs[3]}
+    helm, limits = find_helm(plant), command_limits(plant)
+    stands_for = _channels(plant)
     moved = (
-        [stands_for.get(a, a) for a in task.actions if _moves(a, plant)] if actions is None else _given(actions, plant)
+        [stands_for[a] for a in task.actions if a in stands_for] if actions is None else _given(actions, plant)
     )
-    held = [fin for fin in _HELD if fin not in moved]
-    limits = command_limits(plant)
+    first = {"yaw": plant.inputs[helm.rudder], "pitch": plant.inputs[helm.plane]}
+    held = {role: name for role, name in first.items() if name not in moved}
     where = (task.channel,) if task.channel else ("north_m", "east_m", "depth_m", "heading_rad")
     points = np.zeros((0, 3)) if waypoints is None else _checked(waypoints)
     return Setting(
@@ -51,14 +52,14 @@ def torpedo_setting(
         duration=duration,
         stands_for=stands_for,
         actions=tuple(moved),
-        middles=np.zeros(len(moved)),
+        middles=command_ranges(plant)[[family.inputs.index(a) for a in moved], 1],
         limits=limits[[family.inputs.index(a) for a in moved]],
         start=_START,
         randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest))
         if largest > 0.0
         else {},
         read=(*(o.source for o in task.observed if o.source in plant.outputs), *where),
-        driven=tuple(a for a in moved if a != "bow_plane_rad"),
+        driven=tuple(a for a in moved if a != stands_for.get("bow_plane_rad")),
         # where a vehicle needs more changes than the shortest times or legs give, they are used again
         shortest=task.hold[0] / rate if task.channel else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
@@ -68,9 +69,10 @@ def torpedo_setting(
             "cruise_state": cruise.state,
             "cruise_command": cruise.commands,
             "limit": limits,
-            "action_of": [moved.index(channel) if channel in moved else -1 for channel in family.inputs],
-            "rudder_gains": cruise.rudder_gains if "rudder_rad" in held else 0.0,
-            "plane_gains": cruise.plane_gains if "stern_plane_rad" in held else 0.0,
+            "rest": command_ranges(plant)[:, 1],
+            "action_of": [moved.index(channel) if channel in moved else -1 for channel in family.actuators],
+            "rudder_gains": cruise.rudder_gains if "yaw" in held else 0.0,
+            "plane_gains": cruise.plane_gains if "pitch" in held else 0.0,
             "held_depth_error": tasks.HELD_PITCH * abs(cruise.plane_gains[2] / cruise.plane_gains[3]),
             "follows_path": not task.channel,
             "leg": [k * length for k in tasks.LEG],
@@ -85,19 +87,20 @@ def torpedo_setting(
             "rate_limit": tasks.RATE_LIMIT * rate,
         },
         tables={"waypoints": points},
-        read_for={fin: _HELD[fin] for fin in held},
+        read_for={name: _HELD[role] for role, name in held.items()},
     )
 
 
-def _moves(name: str, plant: Plant) -> bool:
-    """Whether the vehicle has an input; only bow planes may lack."""
-    bow = plant.hull.bow_plane
-    return name != "bow_plane_rad" or (bow.limit > 0.0 and (bow.lift != 0.0 or bow.moment != 0.0))
+def _channels(plant: Plant) -> dict[str, str]:
+    """The vehicle's own channels of what a task calls rudder, stern plane, bow plane and propulsion."""
+    roles = plant.family.body.by_role()
+    named = {"rudder_rad": roles["yaw"][0], "stern_plane_rad": roles["pitch"][0], PROPULSION: roles["surge"][0]}
+    return {**named, **({"bow_plane_rad": roles["pitch"][1]} if len(roles["pitch"]) > 1 else {})}
 
 
 def _given(actions: Sequence[str], plant: Plant) -> list[str]:
     """The inputs that are asked for as actions; raises on what the vehicle has not."""
-    can = [name for name in plant.family.actuators if _moves(name, plant)]
+    can = list(plant.family.actuators)
     if isinstance(actions, str) or not actions or len(set(actions)) < len(actions):
         raise ValueError(f"actions= needs one or more names, each once, of {', '.join(can)}; got {actions!r}.")
     for name in actions:

@@ -21,7 +21,8 @@ class TorpedoView:
         family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
         self._episodes, self._row, self._record = episodes, row, episodes.record(row)
         self._at = {name: state_at + i for i, name in enumerate(family.states)}
-        self._limits = dict(zip(family.inputs, episodes.settings["limit"].tolist(), strict=True))
+        settings = episodes.settings
+        self._limits = dict(zip(family.actuators, zip(settings["rest"].tolist(), settings["limit"].tolist()), strict=True))
         self._track: list[tuple[float, float, float, float]] = []
         self._waypoints: list[tuple[float, float, float]] = []
 
@@ -38,14 +39,16 @@ class TorpedoView:
     def scene(self) -> Any:
         """The present moment and how it came there, a `Scene`."""
         track = np.array(self._track)
-        shares = dict(zip(self._limits, self._record["command"].tolist(), strict=True))
+        told = dict(zip(self._episodes.plant.inputs, self._record["command"].tolist(), strict=True))
         velocity = self._states("u_mps", "v_mps", "w_mps")
         return self._scene(
             trail=track[:, 1:],
             time=track[:, 0],
             attitude=self._states("roll_rad", "pitch_rad", "heading_rad"),
             speed=float(np.linalg.norm(velocity)),
-            commands={name: (shares[name], limit) for name, limit in self._limits.items() if limit > 0.0},
+            commands={
+                name: (told[name], (rest - limit, rest + limit)) for name, (rest, limit) in self._limits.items() if limit
+            },
             target=self._goal(),
             current=self._current(),
             title=f"{self._episodes.task.name}   {self._episodes.plant.title or self._episodes.plant.name}",

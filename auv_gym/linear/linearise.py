@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_gym.cruise import find_cruise
+from auv_gym.cruise import command_limits, find_cruise, find_helm
 from auv_gym.engine import find_engine
 from auv_gym.linear.state_space import StateSpace
 from auv_gym.param import did_you_mean
@@ -15,6 +15,7 @@ from auv_gym.plant import Plant, without_effects
 
 _VERTICAL = ("w_mps", "q_radps", "pitch_rad", "depth_m")
 _HORIZONTAL = ("v_mps", "r_radps", "heading_rad")
+_PLANES = {"yaw": _HORIZONTAL, "pitch": _VERTICAL, "surge": ("u_mps",)}
 _SMALL = 1e-5  # of a difference quotient: rounding and curvature both stay below 1e-9
 _DEEP = 100.0  # m, where a float is far from the surface
 _NEAR_REST = 0.1  # of a float's fastest speed: a drag with the square of the speed has no slope at rest
@@ -88,9 +89,9 @@ def linearise(
 def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:
     """Which of the family's states each input moves at first order."""
     family = plant.family
-    if family.kind == "torpedo":
-        rudder, stern, bow, propulsion = family.inputs
-        return {rudder: _HORIZONTAL, stern: _VERTICAL, bow: _VERTICAL, propulsion: ("u_mps",)}
+    if family.body is not None:
+        roles = family.body.by_role()
+        return {name: _PLANES[role] for role, names in roles.items() for name in names}
     if family.kind == "glider":
         return dict.fromkeys(family.inputs[:3], ("heading_rad", "r_radps"))
     if family.kind == "float":
@@ -99,15 +100,14 @@ def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:
 
 
 def _usual_inputs(plant: Plant) -> list[str]:
-    if plant.family.kind != "torpedo":
+    if plant.family.body is None:
         return list(plant.family.required)
-    bow = plant.hull.bow_plane
-    return ["stern_plane_rad"] + (["bow_plane_rad"] if bow.limit > 0.0 and (bow.lift or bow.moment) else [])
+    return list(plant.family.body.by_role().get("pitch", plant.family.required))
 
 
 def _steady(plant: Plant) -> tuple[np.ndarray, np.ndarray]:
     """The family's states and inputs in steady motion."""
-    if plant.family.kind == "torpedo":
+    if plant.family.body is not None:
         cruise = find_cruise(plant)
         return cruise.state, cruise.commands
     state = np.zeros(len(plant.family.states))
@@ -119,9 +119,10 @@ def _steady(plant: Plant) -> tuple[np.ndarray, np.ndarray]:
 
 def _steps(plant: Plant, names: Sequence[str]) -> np.ndarray:
     """Half the difference of each name's quotient, in its unit."""
-    if plant.family.kind == "torpedo":
-        drive = plant.inputs[3]  # in volts or turns, where the others are in rad and m/s
-        scale = max(plant.hull.propulsion.limit, 1.0)
+    if plant.family.body is not None:
+        helm = find_helm(plant)
+        drive = plant.inputs[helm.drive]  # in volts or turns, where the others are in rad and m/s
+        scale = max(float(command_limits(plant)[helm.drive]), 1.0)
         return np.array([_SMALL * (scale if name.startswith(drive) else 1.0) for name in names])
     if plant.family.kind != "float":
         return np.full(len(names), _SMALL)

@@ -25,7 +25,7 @@ class Family:
     """
 
     name: str
-    kind: str  # what compiled code is shared by
+    kind: str
     title: str
     parameters: type
     inputs: tuple[str, ...]
@@ -70,6 +70,9 @@ class Family:
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""
+    program: str = ""  # families of one program share their compiled code; by default those of one kind
+    body: Any = None  # of a hull and its parts, what is known of these: `vehicles.body.compose.Body`
+    rebuild: tuple[Callable[..., Any], tuple[Any, ...]] | None = None  # of families that have no name of their own
 
     @property
     def leading(self) -> str:
@@ -77,7 +80,7 @@ class Family:
         return self.main_output or self.outputs[0]
 
     def __reduce__(self):
-        return _named, (self.name,)
+        return self.rebuild or (_named, (self.name,))
 
 
 def _named(name: str) -> Family:

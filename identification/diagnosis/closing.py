@@ -9,7 +9,7 @@ from math import inf
 import numpy as np
 
 from auv_gym.channels import channel, set_point_of, wrap
-from auv_gym.cruise import command_limits
+from auv_gym.cruise import command_ranges, find_helm
 from auv_gym.model import outputs_of
 from auv_gym.plant import Plant
 from auv_gym.record import Record
@@ -176,9 +176,10 @@ def _limits(plant: Plant) -> dict[str, tuple[float, float]]:
         return {"rudder_rad": (-plant.hull.rudder_limit, plant.hull.rudder_limit)}
     if plant.family.kind == "float":
         return {"piston_m": (plant.hull.piston_low, plant.hull.piston_high)}
-    largest = command_limits(plant)
-    found = {name: (-float(largest[i]), float(largest[i])) for i, name in enumerate(plant.inputs)}
-    return found | {plant.inputs[3]: (0.0, float(largest[3]))}
+    ranges = command_ranges(plant)
+    found = {name: (float(low), float(high)) for name, (low, _, high) in zip(plant.inputs, ranges)}
+    drive = plant.inputs[find_helm(plant).drive]
+    return found | {drive: (0.0, found[drive][1])}
 
 
 def _steered_part(record: Record, targets: tuple[str, ...]) -> Record:

@@ -14,7 +14,7 @@ import numpy as np
 
 from auv_gym.cruise import Cruise, command_limits, find_cruise
 from auv_gym.plant import Plant
-from identification.torpedo_experiment import NOISE
+from identification.torpedo_experiment import NOISE, steered
 
 Tables = dict[str, Any]
 _TURN = radians(50.0)
@@ -39,7 +39,7 @@ class Design:
 
 def designs_of(plant: Plant) -> tuple[Design, ...]:
     """The experiments that there are for a vehicle of this family."""
-    if plant.family.kind == "torpedo":
+    if plant.family.kind == "body":
         return _torpedo()
     if plant.family.kind == "glider":
         return _glider()
@@ -221,7 +221,7 @@ def _torpedo() -> tuple[Design, ...]:
                 "kind": "env",
                 "id": "Depth",
                 "duration_s": duration,
-                "actions": [plant.inputs[0], plant.inputs[1], plant.inputs[3]],
+                "actions": list(steered(plant)),
                 "start": {"heading_rad": 0.0, "depth_m": start, "u_mps": cruise.speed},
                 "targets": targets,
             }
@@ -239,7 +239,7 @@ def _torpedo() -> tuple[Design, ...]:
         # the regulator's gain takes rudder off where the heading is too far to starboard
         side = 1.0 if _cruise(plant).rudder_gains[2] > 0.0 else -1.0
         amplitude = side * min(_ZIGZAG, 0.8 * float(command_limits(plant)[0]))
-        return {"kind": "zigzag", "at": plant.inputs[0], "amplitude": amplitude}
+        return {"kind": "zigzag", "at": steered(plant)[0], "amplitude": amplitude}
 
     return (
         Design("mission", "heading, depth and speed in steps, fins excited", lambda p, t: _mission(duration=t)),

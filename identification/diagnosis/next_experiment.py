@@ -31,7 +31,7 @@ from identification.windows import free_run_windows
 ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
 FILE = "next_experiment.toml"
 # the least and the most by family or kind; others: 2 to 60
-_MINUTES = {"float_oil": (600.0, 40000.0), "float_piston": (5.0, 240.0), "torpedo": (1.0, 30.0)}
+_MINUTES = {"float_oil": (600.0, 40000.0), "float_piston": (5.0, 240.0), "body": (1.0, 30.0)}
 _FIRST = 2.0  # of the least minutes: how long the first simulations are
 _REFINED = 2  # designs that are simulated once more, for as long as they are expected to take
 

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull, trend_terms
+from auv_gym.vehicles.body.learned_hull import VELOCITIES, LearnedHull, trend_terms
 from identification.estimate import Estimate
 from identification.kernel import fixed_size, regression
 from identification.kernel.centres import farthest

@@ -12,19 +12,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from math import ceil, sqrt
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
-from auv_gym.compiled import compiled
+from auv_gym.compiled import bind
 from auv_gym.physics.frames import compiled_euler_rates, quaternion_of
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from auv_gym.rollout import scratch_for
-from auv_gym.vehicles.learned_hull import VELOCITIES, LearnedHull, trend_terms
-from auv_gym.vehicles.torpedo import derivative
-from auv_gym.vehicles.torpedo_derived import view
+from auv_gym.vehicles import Family
+from auv_gym.vehicles.body.learned_hull import VELOCITIES, LearnedHull, trend_terms
 from identification.kernel.smoothing import Smoothness, smoothed, smoothness_of
 from identification.linear.regressors import Series
 
@@ -69,7 +70,7 @@ def hull_targets(plant: Plant, records: Sequence[Record]) -> HullTargets:
     _check_plant(plant)
     runs = _runs(plant, records)
     bare = replace(plant, learned=LearnedHull.silent())
-    mass = np.array(view(bare.derived).computed.mass)
+    mass = np.array(bare.family.view(bare.derived).computed.mass)
     curves, found = _smoothed(runs)
     ends = ENDS
     law = np.zeros((_features(np.zeros((1, 6))).shape[1], 6))
@@ -118,6 +119,7 @@ class _Run:
     pieces: int
     nodes: np.ndarray
     actuators: np.ndarray
+    inputs: np.ndarray
     heading: np.ndarray
     depth: np.ndarray
     known: np.ndarray
@@ -138,7 +140,9 @@ class _Run:
             )
         rates = np.empty((self.nodes.size, 8))
         scratch = np.empty(bare.family.scratch)
-        _known_rates(states, self.actuators, self.heading, self.depth, bare.derived, scratch, rates)
+        known_rates(bare.family)(
+            states, self.actuators, self.inputs, self.heading, self.depth, bare.derived, scratch, rates
+        )
         rates[:, :6] -= _features(states[:, :6]) @ law
         step = (self.time[1] - self.time[0]) / self.pieces
         pairs = rates.reshape(-1, 2, 8)
@@ -165,9 +169,17 @@ def _features(velocities: np.ndarray) -> np.ndarray:
     return np.column_stack([np.ones(len(velocities)), trend_terms(velocities)])
 
 
-@compiled
-def _known_rates(states, actuators, heading, depth, derived, scratch, rates):
-    """Rates of u v w p q r roll pitch, (n, 8), of a plant at states (n, 8)."""
+view: Any  # open names of the template below
+derivative: Any
+
+
+@lru_cache
+def known_rates(family: Family) -> Any:
+    """The compiled rates of u v w p q r roll pitch, (n, 8), of a family at states (n, 8)."""
+    return bind(_known_rates, family.program, view=family.view, derivative=family.hooks["derivative"])
+
+
+def _known_rates(states, actuators, inputs, heading, depth, derived, scratch, rates):
     p = view(derived)
     z, dz = np.zeros(14), np.empty(14)
     for i in range(states.shape[0]):
@@ -176,19 +188,19 @@ def _known_rates(states, actuators, heading, depth, derived, scratch, rates):
         roll, pitch, q, r = states[i, 6], states[i, 7], states[i, 4], states[i, 5]
         z[8] = depth[i]
         z[9], z[10], z[11], z[12] = quaternion_of(roll, pitch, heading[i])
-        derivative(z, actuators[i], actuators[i], p, dz, scratch)
+        derivative(z, actuators[i], inputs[i], p, dz, scratch)
         for k in range(6):
             rates[i, k] = dz[k]
         rates[i, 6], rates[i, 7], _ = compiled_euler_rates(states[i, 3], q, r, roll, pitch)
 
 
 def _check_plant(plant: Plant) -> None:
-    if plant.family.kind != "torpedo":
+    if plant.family.kind != "body":
         raise ValueError(
             f"The forces on a hull need a vehicle in six degrees of freedom, got {plant.name!r} of family "
             f"{plant.family.name!r}."
         )
-    if view(plant.derived).computed.has_moving_water != 0.0:
+    if plant.family.view(plant.derived).computed.has_moving_water != 0.0:
         raise ValueError(
             f"The forces on a hull need water that is still or flows steadily, got {plant.name!r} with waves or shear: "
             "set effects.waves and the shear of effects.current to zero."
@@ -202,7 +214,7 @@ def _runs(plant: Plant, records: Sequence[Record]) -> list[_Run]:
     if len({tuple(record.has(name) for name in optional) for record in records}) > 1:
         raise ValueError(f"The records must have {', '.join(optional)} all or none: leave it out with record.without.")
     commanded = [name for name in plant.inputs if name not in optional or records[0].has(name)]
-    computed = view(plant.derived).computed
+    computed = plant.family.view(plant.derived).computed
     turns = computed.has_environment != 0.0 or computed.has_tether != 0.0
     others = ("heading_rad", "depth_m") if turns else ()
     series = Series.of(records, commanded, (*READINGS, *others), "The hull's forces")
@@ -223,7 +235,8 @@ def _runs(plant: Plant, records: Sequence[Record]) -> list[_Run]:
         heading, depth = (np.interp(nodes, time, column) for column in (measured[:, 8:] if turns else _zeros(time)).T)
         still = np.zeros((time.size, 8)), np.zeros((nodes.size, 8))
         actuators = _positions(plant, inputs, series.dt, pieces)
-        runs.append(_Run(time, measured[:, :8], pieces, nodes, actuators, heading, depth, *still))
+        held = np.repeat(inputs[:-1], 2 * pieces, axis=0)
+        runs.append(_Run(time, measured[:, :8], pieces, nodes, actuators, held, heading, depth, *still))
     return runs
 
 

@@ -18,7 +18,7 @@ CAUSES_OF = {
     "glider": ("drag", "current", "fin", "clock"),
     "float_piston": ("drag", "current", "tether", "fin", "clock"),
     "float_oil": ("drag", "current", "tether", "clock"),
-    "torpedo": ("drag", "current", "tether", "fin", "clock"),
+    "body": ("drag", "current", "tether", "fin", "clock"),
 }
 SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
 VISIBLE = 1.0  # excess over the noise variance that a refit of the coefficients must leave in some channel

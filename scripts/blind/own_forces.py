@@ -23,6 +23,7 @@ class Hull:
     """A torpedo in numbers: mass matrices (6, 6), polynomials (6, n) over products of two velocities, and the tree."""
 
     tree: Any
+    parts: Any
     rigid: np.ndarray
     inverse: np.ndarray
     momentum: np.ndarray
@@ -55,6 +56,7 @@ class Hull:
         letters = [name.replace("_", "") for name in used]
         return cls(
             tree=tree,
+            parts=plant.parts,
             rigid=rigid,
             inverse=np.linalg.inv(rigid + added),
             momentum=rigid + 0.5 * tree.coriolis_of_added_mass * (added + added.T),
@@ -105,8 +107,8 @@ class Hull:
         u, v, w, _, q, r = nu
         total = np.zeros(6)
         for fin, angle, slip, turn, swing in (
-            (self.tree.rudder, fins[0], v, r, r),
-            (self.tree.stern_plane, fins[1], w, -q, q),
+            (self.parts.rudder, fins[0], v, r, r),
+            (self.parts.stern_plane, fins[1], w, -q, q),
         ):
             if fin.inflow != 0.0:
                 flow = fin.inflow * atan2(slip + fin.station * turn, abs(u))
@@ -114,18 +116,18 @@ class Hull:
             angle = min(max(angle, -fin.stall), fin.stall)
             square = u * abs(u)
             total[0] += angle * (square * fin.drag * angle + u * (fin.drag_rate * swing + fin.drag_slip * slip))
-            at = (1, 5) if fin is self.tree.rudder else (2, 4)
+            at = (1, 5) if fin is self.parts.rudder else (2, 4)
             total[at[0]] += square * fin.lift * angle
             total[at[1]] += square * fin.moment * angle
         return total
 
     def _drive(self, nu: np.ndarray, fins: np.ndarray) -> np.ndarray:
-        law, u, command = self.tree.propulsion, nu[0], fins[2]
+        law, u, command = self.parts.propeller, nu[0], fins[2]
         n = command * pi / 30.0
         thrust = law.t_nn * n * abs(n) + law.t_nu * abs(n) * u + law.t_cc * command * abs(command)
         torque = law.q_nn * n * abs(n) + law.q_nu * abs(n) * u + law.torque_arm * thrust
         total = np.array([thrust, 0.0, 0.0, torque, 0.0, 0.0])
-        slip = self.tree.slipstream
+        slip, plane = law.wake, self.parts.stern_plane.wake
         if slip.c_t1 == 0.0:
             return total
         drive = slip.pitch * n  # u times eta
@@ -133,10 +135,10 @@ class Hull:
         stream = -u + np.sign(n) * (loading - abs(u)) / (sqrt(slip.c_t1 + 1.0) - 1.0)
         _, _, w, p, q, _ = nu
         angle = fins[1]
-        total[0] += stream * angle * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle)
-        total[2] += stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * angle)
+        total[0] += stream * angle * (plane.drag_rate * q + plane.drag_slip * w + plane.drag * u * angle)
+        total[2] += stream * (slip.z_uq * q + slip.z_uw * w + plane.lift * u * angle)
         total[3] += stream * slip.k_up * p
-        total[4] += stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * angle)
+        total[4] += stream * (slip.m_uq * q + slip.m_uw * w + plane.moment * u * angle)
         return total
 
 

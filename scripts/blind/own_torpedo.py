@@ -17,7 +17,7 @@ from auv_gym.plant import Plant
 from auv_gym.record import Record
 from controllers.autopilots import autopilot
 from controllers.excited import Excited
-from identification.torpedo_experiment import draw_manoeuvres
+from identification.torpedo_experiment import draw_manoeuvres, steered
 from scripts.blind.disturbances import Around, Slack
 from scripts.blind.own_forces import Hull, cross
 
@@ -44,8 +44,8 @@ def own_manoeuvres(
 ) -> Record:
     """A record as `steer` makes one; noise: standard deviation by sensor.  Raises ValueError where it is cut short."""
     drawn = draw_manoeuvres(plant, rng, duration, excitation)
-    limits = command_limits(plant)[[0, 1, 3]]
-    names = (*plant.inputs[:2], plant.inputs[3])
+    names = steered(plant)
+    limits = command_limits(plant)[[plant.inputs.index(name) for name in names]]
     controller = Excited(autopilot(plant), drawn.signals, plant.dt)
     body, memory, rows = Body(Hull.of(plant), around), controller.start(), []
     x = np.zeros(19)
@@ -109,8 +109,8 @@ class Body:
     @cached_property
     def actuators(self) -> list[tuple[float, float]]:
         """Lag and slowness of rudder, plane and propulsion."""
-        tree = self.hull.tree
-        drive = tree.propulsion
+        tree = self.hull.parts
+        drive = tree.propeller
         return [
             (tree.rudder.lag, tree.rudder.slowness),
             (tree.stern_plane.lag, tree.stern_plane.slowness),

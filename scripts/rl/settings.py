@@ -145,7 +145,7 @@ SETTINGS: Mapping[str, Setting] = {
             "n_c": 2,
             "integrating": ("heading_rad",),
         },
-        free=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "hull.rudder.moment"),
+        free=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "parts.rudder.moment"),
         drawn={
             "effects.rudder.lag": (0.0, 2.0),
             "effects.rudder.dead_time": (0.0, 1.0),

@@ -133,7 +133,7 @@ def torpedo_derivative(z, actuators, inputs, p, dz, terms):
         hull.x_g, hull.y_g, hull.z_g, hull.x_b, hull.y_b, hull.z_b, r31, r32, r33,
     )  # fmt: skip
 
-    rudder, stern, bow = hull.rudder, hull.stern_plane, hull.bow_plane
+    rudder, stern, bow = parts.rudder, parts.stern_plane, parts.bow_plane
     angle_r = angle_of_attack(actuators[0], u, v, r, rudder)
     angle_s = angle_of_attack(actuators[1], u, w, -q, stern)
     angle_b = angle_of_attack(actuators[2], u, w, -q, bow)
@@ -142,7 +142,7 @@ def torpedo_derivative(z, actuators, inputs, p, dz, terms):
     z_fins = square * (stern.lift * angle_s + bow.lift * angle_b)
     m_fins = square * (stern.moment * angle_s + bow.moment * angle_b)
 
-    law, slip, n = hull.propulsion, hull.slipstream, RADPS_PER_RPM * actuators[3]
+    law, slip, n = parts.propeller, hull.slipstream, RADPS_PER_RPM * actuators[3]
     thrust = shaft_law(n, u, law.t_nn, law.t_nu) + law.t_cc * actuators[3] * abs(actuators[3])
     thrust += table_thrust(actuators[3], u, law.table)
     torque = shaft_law(n, u, law.q_nn, law.q_nu) + law.torque_arm * thrust
@@ -176,7 +176,7 @@ def torpedo_derivative(z, actuators, inputs, p, dz, terms):
 @compiled
 def torpedo_shape(inputs, memory, p, shaped):
     hull = p.hull
-    limits = (hull.rudder.limit, hull.stern_plane.limit, hull.bow_plane.limit, hull.propulsion.limit)
+    limits = (parts.rudder.limit, parts.stern_plane.limit, parts.bow_plane.limit, parts.propeller.limit)
     for j in range(4):
         shaped[j] = min(max(inputs[j], -limits[j]), limits[j])
 
@@ -185,12 +185,12 @@ def torpedo_shape(inputs, memory, p, shaped):
 def torpedo_times(index, p):
     hull = p.hull
     if index == 0:
-        return 0.0, hull.rudder.lag, hull.rudder.slowness
+        return 0.0, parts.rudder.lag, parts.rudder.slowness
     if index == 1:
-        return 0.0, hull.stern_plane.lag, hull.stern_plane.slowness
+        return 0.0, parts.stern_plane.lag, parts.stern_plane.slowness
     if index == 2:
-        return 0.0, hull.bow_plane.lag, hull.bow_plane.slowness
-    return 0.0, hull.propulsion.lag, hull.propulsion.slowness / hull.propulsion.limit
+        return 0.0, parts.bow_plane.lag, parts.bow_plane.slowness
+    return 0.0, parts.propeller.lag, parts.propeller.slowness / parts.propeller.limit
 
 
 @compiled

@@ -46,7 +46,7 @@ SHOWING = showing()
 @lru_cache
 def vehicle(name: str) -> Plant:
     """A preset; quick bow planes and piston: a small rate limit does not show behind a lag, nor a lag behind one."""
-    quick = {"npsauv": {"hull.bow_plane.lag": 0.0}, "qiandao_float": {"hull.piston_slowness": 0.0}}
+    quick = {"npsauv": {"parts.bow_plane.lag": 0.0}, "qiandao_float": {"hull.piston_slowness": 0.0}}
     return replace_at(load_vehicle(name), quick.get(name, {}))
 
 
@@ -81,10 +81,10 @@ def torpedo_record(plant: Plant, samples: int = 400) -> Record:
     return Record.from_arrays(
         t,
         {
-            "rudder_rad": hull.rudder.limit * moved(0.35, 2.6, 0.5),
-            "stern_plane_rad": hull.stern_plane.limit * moved(0.9, 2.9, 1.0),
-            "bow_plane_rad": hull.bow_plane.limit * moved(0.7, 1.1, 2.0),
-            plant.inputs[3]: hull.propulsion.limit * (0.7 + 0.4 * moved(0.4, 1.3, 0.0)),
+            "rudder_rad": parts.rudder.limit * moved(0.35, 2.6, 0.5),
+            "stern_plane_rad": parts.stern_plane.limit * moved(0.9, 2.9, 1.0),
+            "bow_plane_rad": parts.bow_plane.limit * moved(0.7, 1.1, 2.0),
+            plant.inputs[3]: parts.propeller.limit * (0.7 + 0.4 * moved(0.4, 1.3, 0.0)),
         },
     )
 

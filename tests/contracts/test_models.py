@@ -87,8 +87,8 @@ def commands(model: Model, moved: float, running: float = 1.0) -> np.ndarray:
     running: share of the propeller's command at the design speed.
     """
     constants = {**model.constants, "rudder_rad": moved, "oil_volume_m3": -1e-4 * moved}
-    if model.family.kind == "torpedo":
-        constants[model.inputs[3]] = running * model.hull.propulsion.design
+    if model.family.kind == "body":
+        constants[model.inputs[3]] = running * model.parts.propeller.design
     if model.family.kind == "float":
         constants["piston_m"] = model.hull.piston_neutral - 0.1 * moved
     return np.array([constants.get(name, 0.0) for name in model.inputs])

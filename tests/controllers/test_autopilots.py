@@ -18,7 +18,7 @@ from controllers.trial import NOISE, at_rest, fly, level_flight
 
 DEEP = 50.0  # m, where torpedoes start
 ENTRIES = [(entry.vehicle, entry.dt) for entry in read_gains()]
-TORPEDOES = [entry for entry in ENTRIES if load_vehicle(entry[0]).family.kind == "torpedo"]
+TORPEDOES = [entry for entry in ENTRIES if load_vehicle(entry[0]).family.kind == "body"]
 LOOPS = [(e.vehicle, e.dt, kind) for e in read_gains() if (e.vehicle, e.dt) in TORPEDOES for kind in e.loops]
 # s after which depth, heading and speed are within 5 % of a step of `torpedo_run`, or two standard deviations of noise
 SETTLED = {
@@ -93,7 +93,7 @@ def test_a_torpedo_settles_with_noise(vehicle, dt, kind):
 @pytest.mark.parametrize("vehicle, dt", TORPEDOES)
 def test_the_same_gains_hold_on_a_changed_vehicle(vehicle, dt, side):
     plant = load_vehicle(vehicle, dt=dt)
-    fins = ("hull.rudder.moment", "hull.stern_plane.moment")
+    fins = ("parts.rudder.moment", "parts.stern_plane.moment")
     damping = ("hull.yaw.ur", "hull.yaw.uv", "hull.pitch.uq", "hull.pitch.uw", "hull.surge.u_u")
     changes = {**dict.fromkeys(fins, side), **dict.fromkeys(damping, 2.0 - side)}
     changed = replace_at(plant, {path: value_at(plant, path) * factor for path, factor in changes.items()})
@@ -166,7 +166,7 @@ def test_the_speed_fed_forward_is_held(vehicle):
     points = steady_speeds(plant)
     assert (np.diff(np.array(points), axis=0) > 0.0).all()
     speeds, commands = np.array(points).T
-    design = plant.hull.propulsion.design
+    design = plant.parts.propeller.design
     # level flight needs some pitch and plane, whose drag the points leave out
     assert np.interp(design, commands, speeds) == pytest.approx(find_cruise(plant).speed, rel=0.05)
 

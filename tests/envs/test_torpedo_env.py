@@ -15,7 +15,7 @@ from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import load_vehicle, save_vehicle
 from auv_gym.splice import splice
 
-TORPEDO = [name for name, task in TASKS.items() if task.kind == "torpedo"]
+TORPEDO = [name for name, task in TASKS.items() if task.kind == "body"]
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
 CURRENT = {"effects.current.north": (-0.3, 0.3), "effects.current.east": (-0.3, 0.3)}
 
@@ -90,7 +90,7 @@ def test_the_observation_of_depth():
     env = TaskEnv("Depth", "remus100")
     first, info = env.reset(seed=3, options={"target": 15.0, "start": {"depth_m": 13.0}})
     cruise, length = find_cruise(env.plant), env.plant.hull.length
-    plane = cruise.commands[1] / env.plant.hull.stern_plane.limit
+    plane = cruise.commands[1] / env.plant.parts.stern_plane.limit
     expected = [
         2.0 / (5 * length),
         cruise.state[10] / (pi / 2),
@@ -112,7 +112,7 @@ def test_the_observation_of_depth():
     ]
     np.testing.assert_allclose(observation, expected, atol=1e-6)
     assert env.episodes.observations == ("depth_error", "pitch", "pitch_rate", "heave", "speed", "stern_plane")
-    assert info["command"]["stern_plane_rad"] == 0.5 * env.plant.hull.stern_plane.limit
+    assert info["command"]["stern_plane_rad"] == 0.5 * env.plant.parts.stern_plane.limit
     assert info["command"]["rudder_rad"] == pytest.approx(cruise.commands[0], abs=1e-12)  # held, with nothing to mend
 
 
@@ -145,7 +145,7 @@ def test_the_observation_of_speed():
         np.float32(0.4),
     ]
     np.testing.assert_allclose(observation, expected, atol=1e-6)
-    assert info["command"]["speed_cmd_mps"] == pytest.approx(0.4 * env.plant.hull.propulsion.limit)
+    assert info["command"]["speed_cmd_mps"] == pytest.approx(0.4 * env.plant.parts.propeller.limit)
 
 
 def test_the_observation_and_reward_of_a_path():
@@ -207,7 +207,7 @@ def test_bow_planes_are_part_of_the_action_where_a_vehicle_has_them():
     assert env.episodes.actions == ("stern_plane_rad", "bow_plane_rad")
     assert env.action_space.shape == (2,)
     _, _, _, _, info = run(env, [(0.5, -1.0)])[0]
-    assert info["command"]["bow_plane_rad"] == -env.plant.hull.bow_plane.limit
+    assert info["command"]["bow_plane_rad"] == -env.plant.parts.bow_plane.limit
 
 
 # ---------------------------------------------------------------------------- targets and paths
@@ -524,7 +524,7 @@ class Glide:
 def test_a_model_drives_the_environment():
     env = TaskEnv("Depth", model=Glide())
     _, info = env.reset(seed=1, options={"start": {"depth_m": 12.0}, "target": 15.0})
-    depth, limit = 12.0, env.plant.hull.stern_plane.limit
+    depth, limit = 12.0, env.plant.parts.stern_plane.limit
     assert info["reading"]["depth_m"] == depth
     for k in range(30):
         observation, reward, _, _, info = env.step(np.array([0.5], np.float32))

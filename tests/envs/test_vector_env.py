@@ -16,7 +16,7 @@ from auv_gym.envs.vector_env import TaskVectorEnv
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 
-TORPEDO = [name for name, task in TASKS.items() if task.kind == "torpedo"]
+TORPEDO = [name for name, task in TASKS.items() if task.kind == "body"]
 ROOT = str(Path(__file__).parents[2])
 # Everything that is drawn: noisy, late, coarse and missing readings, dead times, parameters of vehicle and water.
 DRAWN = {

@@ -97,7 +97,7 @@ def test_a_torpedo_keeps_the_commands_of_held_fins():
     env = made("Depth", duration=30.0)
     assert commanded(env) == ("stern_plane_rad",)
     run = drive(env, Fixed({"stern_plane_rad": 9.0}, []), seed=2, start={"heading_rad": 0.3, "depth_m": 30.0})
-    limit = env.unwrapped.plant.hull.stern_plane.limit
+    limit = env.unwrapped.plant.parts.stern_plane.limit
     assert run.record["stern_plane_rad"].max() == pytest.approx(limit)  # what the vehicle got, not what was asked
     assert run.record.has("rudder_rad")
     assert run.truth["heading_rad"][0] == pytest.approx(0.3)

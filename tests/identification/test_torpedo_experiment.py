@@ -25,7 +25,7 @@ def test_it_turns_dives_and_changes_speed_under_control(vehicle):
     assert np.median(np.abs(away)) < 0.15  # most of the time it is where it was told to be
     assert np.median(np.abs(record["depth_m"] - record["depth_cmd_m"])) < 0.5 * length
     assert set(np.round(np.unique(record["excitation_rudder_rad"]), 9)) == {
-        round(side * 0.15 * float(plant.hull.rudder.limit), 9) for side in (-1, 1)
+        round(side * 0.15 * float(plant.parts.rudder.limit), 9) for side in (-1, 1)
     }
 
 

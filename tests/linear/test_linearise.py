@@ -61,7 +61,7 @@ def test_its_error_is_of_second_order_in_the_step(vehicle, axis):
     # all that moves: planes that couple a little are a first-order error of a form that leaves the others out
     states = [name for name in plant.family.states if not name.startswith(("north", "east", "wave"))]
     model = linearise(plant, inputs, states=states, dt=2.0 * plant.dt)
-    large = -0.02 * plant.hull.propulsion.limit if axis == "surge" else 0.005
+    large = -0.02 * plant.parts.propeller.limit if axis == "surge" else 0.005
     errors = []
     for size in (large, 0.5 * large):
         true, linear = responses(plant, model, size)
@@ -73,7 +73,7 @@ def test_its_error_is_of_second_order_in_the_step(vehicle, axis):
 
 def test_an_actuator_with_a_lag_is_a_state():
     model = linearise(load_vehicle("npsauv"))
-    lag = load_vehicle("npsauv").hull.stern_plane.lag
+    lag = load_vehicle("npsauv").parts.stern_plane.lag
     at = model.states.index("stern_plane_rad position change")
     assert model.a[at, at] == pytest.approx(np.exp(-model.dt / lag), abs=1e-6)
     assert model.inputs == ("stern_plane_rad", "bow_plane_rad")

@@ -50,7 +50,7 @@ def test_the_band_holds_the_poles_of_the_vertical_plane(results):
 def test_information_by_hand():
     """Independent white signals: each column has its own variance, in its own unit."""
     plant, rng = load_vehicle("npsauv", dt=DT), np.random.default_rng(0)
-    n, stop = 20_000, value_at(load_vehicle("npsauv"), "hull.stern_plane.limit")
+    n, stop = 20_000, value_at(load_vehicle("npsauv"), "parts.stern_plane.limit")
     signals = {name: 0.1 * stop * rng.standard_normal(n) for name in PLANES}
     record = Record.from_arrays(DT * np.arange(n), {"depth_m": 7.0 + 5.3 * 0.3 * rng.standard_normal(n), **signals})
     smallest, condition = information(plant, record)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.body.learned_hull import LearnedHull
 from scripts import reproduce_ls_svm
 from scripts.ls_svm.control import CASES, compared, steered
 from scripts.ls_svm.experiments import BANG, MANOEUVRES, NOISE, bang_bang_runs, circled, flown, judged, vehicle

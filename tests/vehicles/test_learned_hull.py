@@ -13,7 +13,7 @@ from auv_gym.model_files import load_model, save_model
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle, save_vehicle
 from auv_gym.record import Record
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.body.learned_hull import LearnedHull
 from auv_gym.vehicles.torpedo import derivative, enter
 from auv_gym.vehicles.torpedo_derived import view
 
@@ -103,8 +103,8 @@ CHANGES = {
     "effects.load.x_g": 0.01,
     "effects.hull.added_mass_sway": 0.2,
     "effects.discovered.yaw.vv": 5.0,
-    "effects.rudder_fin.lost": 0.4,
-    "effects.propeller.thrust_loss": 0.2,
+    "effects.rudder.lost": 0.4,
+    "effects.propeller.lost": 0.2,
 }
 
 

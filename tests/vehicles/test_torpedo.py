@@ -19,7 +19,7 @@ from auv_gym.vehicles.torpedo import TORPEDO, fill_terms
 from auv_gym.vehicles.torpedo_derived import mass_problem
 from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
-PRESETS = [name for name in sorted(list_vehicles()) if load_vehicle(name).family.kind == "torpedo"]
+PRESETS = [name for name in sorted(list_vehicles()) if load_vehicle(name).family.kind == "body"]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SYMBOLS = "uvwpqr"
 # [u v w p q r | roll pitch heading] of a vehicle that moves any way, as fast as one does
@@ -123,9 +123,9 @@ def fin_forces(hull, nu: np.ndarray, angles) -> np.ndarray:
     u, v, w, _, q, r = nu
     total = np.zeros(6)
     for fin, angle, slip, turn, station_turn, force, moment in (
-        (hull.rudder, angles[0], v, r, r, 1, 5),
-        (hull.stern_plane, angles[1], w, q, -q, 2, 4),
-        (hull.bow_plane, angles[2], w, q, -q, 2, 4),
+        (parts.rudder, angles[0], v, r, r, 1, 5),
+        (parts.stern_plane, angles[1], w, q, -q, 2, 4),
+        (parts.bow_plane, angles[2], w, q, -q, 2, 4),
     ):
         seen = math.atan2(slip + fin.station * station_turn, abs(u)) * (1.0 if u * fin.lift > 0.0 else -1.0)
         angle = np.clip(angle - fin.inflow * seen, -fin.stall, fin.stall)
@@ -136,7 +136,7 @@ def fin_forces(hull, nu: np.ndarray, angles) -> np.ndarray:
 
 
 def propulsion_forces(hull, nu: np.ndarray, stern_angle: float, command: float) -> np.ndarray:
-    law, slip, u, n = hull.propulsion, hull.slipstream, nu[0], command * math.pi / 30.0
+    law, slip, u, n = parts.propeller, hull.slipstream, nu[0], command * math.pi / 30.0
     sign = math.copysign(1.0, command)
     rows = [
         [value_at(law.table, f"v{v:g}.at_{'m' if s < 0 else ''}{abs(round(100 * s))}") for s in INFLOWS]
@@ -184,7 +184,7 @@ def accelerations(plant: Plant, x: np.ndarray, actuators) -> np.ndarray:
 @settings(max_examples=15)
 def test_accelerations_are_those_of_the_equations_in_matrix_form(name, motion, fins, command, u):
     plant = load_vehicle(name)
-    actuators = (*np.multiply(fins, 0.6), command * plant.hull.propulsion.limit)
+    actuators = (*np.multiply(fins, 0.6), command * plant.parts.propeller.limit)
     x = state(plant, np.r_[motion[0] + u if abs(motion[0] + u) > 1e-3 else 0.1, motion[1:]])
     found = rates(plant, x, actuators)
     assert found[:6] == pytest.approx(accelerations(plant, x, actuators), rel=1e-11, abs=1e-12)
@@ -325,7 +325,7 @@ def one_sided(plant: Plant) -> dict[str, float]:
 ONE_SIDED = {
     "heu_torpedo": [],
     "npsauv": ["hull.i_xy", "hull.i_yz"],
-    "remus100": ["hull.propulsion.q_nn"],  # the propeller's torque
+    "remus100": ["parts.propeller.q_nn"],  # the propeller's torque
     # as fitted to captive tests: |v|, |r| and u v, u r in surge, and accelerations of the other plane
     "vt690": [
         *("hull.added_mass.x_vdot", "hull.added_mass.x_rdot"),
@@ -342,7 +342,7 @@ def test_the_mirror_image_of_a_motion_is_a_motion(name, motion, rudder, planes, 
     plant = load_vehicle(name)
     assert sorted(one_sided(plant)) == sorted(ONE_SIDED[name])
     plant = replace_at(plant, dict.fromkeys(ONE_SIDED[name], 0.0))
-    u = np.array([rudder, planes, planes, command * plant.hull.propulsion.limit])
+    u = np.array([rudder, planes, planes, command * plant.parts.propeller.limit])
     x = state(plant, motion, position=(2.0, 3.0, 4.0))
     mirrored = x.copy()
     mirrored[:13] *= FLIPPED
@@ -359,7 +359,7 @@ def test_a_steady_current_is_a_moving_frame(name, shear):
     current = np.array([0.4, -0.3, 0.1])
     drifting = replace_at(plant, {f"effects.current.{d}": c for d, c in zip(("north", "east", "down"), current)})
     drifting = replace_at(drifting, "effects.current.shear_north", shear)
-    x, u = state(plant, MOTION / 3.0), (0.1, -0.05, 0.0, plant.hull.propulsion.design)
+    x, u = state(plant, MOTION / 3.0), (0.1, -0.05, 0.0, plant.parts.propeller.design)
     still, drifted = run(plant, x, u, samples=200)[-1], run(drifting, x, u, samples=200)[-1]
     moved = [6, 7, 8]
     assert np.array_equal(np.delete(drifted, moved), np.delete(still, moved))

@@ -142,7 +142,7 @@ def nps_1994(tmp_path_factory) -> Plant:
     path = tmp_path_factory.mktemp("vehicles") / "nps_1994.toml"
     path.write_text(text, encoding="utf-8")
     plant = load_vehicle(path)
-    return replace_at(plant, "hull.propulsion.t_nn", plant.hull.propulsion.t_nn * 1000.0 / 1025.0)
+    return replace_at(plant, "parts.propeller.t_nn", plant.parts.propeller.t_nn * 1000.0 / 1025.0)
 
 
 @pytest.mark.parametrize("name", PRESETS)
@@ -228,7 +228,7 @@ def test_nps_runs_at_the_published_speed_per_shaft_speed(rpm):
 
 def hold_course(plant: Plant, depth: float, propulsion: float):
     """Rudder and stern plane that hold heading zero and a depth, as a function of the state."""
-    up = math.copysign(1.0, plant.hull.stern_plane.moment)  # which way the stern plane pitches
+    up = math.copysign(1.0, plant.parts.stern_plane.moment)  # which way the stern plane pitches
     integral = 0.0
 
     def command(x: np.ndarray) -> tuple[float, ...]:
@@ -281,7 +281,7 @@ def test_heu_speed_per_voltage(voltage, speed):
 
 def test_heu_thrust_table_rises_with_voltage_and_falls_with_inflow():
     plant = load_vehicle("heu_torpedo")
-    table = np.array(plant.family.view(plant.derived).hull.propulsion.table, dtype=float)
+    table = np.array(plant.family.view(plant.derived).parts.propeller.table, dtype=float)
     grid = table.reshape(len(VOLTAGES), len(INFLOWS))
     assert np.all(np.diff(grid, axis=0) > 0.0)
     assert np.all(np.diff(grid, axis=1) < 0.0)
@@ -344,7 +344,7 @@ def test_vt690_needs_buoyancy_to_fly_as_in_its_log():
 @pytest.mark.parametrize("name", PRESETS)
 def test_sign_conventions_of_the_fins(name):
     plant = load_vehicle(name)
-    propulsion = plant.hull.propulsion.design
+    propulsion = plant.parts.propeller.design
     straight = run(plant, (0.0, 0.0, 0.0, propulsion), 4.0, 1.5)[-1]
     rudder = run(plant, (0.1, 0.0, 0.0, propulsion), 4.0, 1.5)[-1] - straight
     plane = run(plant, (0.0, 0.1, 0.0, propulsion), 4.0, 1.5)[-1] - straight
@@ -361,8 +361,8 @@ def test_full_deflection_stays_finite(name):
     plant = load_vehicle(name)
     hull = plant.hull
     # ahead only: the polynomials are of captive tests in forward motion, where their terms u p and u q damp
-    stops = np.array([hull.rudder.limit, hull.stern_plane.limit, hull.bow_plane.limit, hull.propulsion.limit])
-    top = max(steady_speed(plant, hull.propulsion.limit, 1.0), 2.2)
+    stops = np.array([parts.rudder.limit, parts.stern_plane.limit, parts.bow_plane.limit, parts.propeller.limit])
+    top = max(steady_speed(plant, parts.propeller.limit, 1.0), 2.2)
     for signs in itertools.product((-1.0, 1.0), (-1.0, 1.0), (-1.0, 0.0, 1.0)):
         states = run(plant, stops * np.array([*signs, 1.0]), 60.0, 0.0)
         assert np.all(np.isfinite(states))

@@ -46,7 +46,7 @@ def test_coefficients_that_were_wrong_are_a_finding_of_their_own():
     assert found.verdict == "coefficients"
     assert not found.effects
     wrong = {c.path for c in found.coefficients if c.wrong}
-    assert {"hull.rudder.moment", "hull.surge.u_u"} <= wrong
+    assert {"parts.rudder.moment", "hull.surge.u_u"} <= wrong
     assert "coefficients were wrong" in found.summary()
     assert set(as_json(found)["coefficients_wrong"]) == wrong
 

@@ -11,7 +11,7 @@ from auv_gym.model import simulate
 from auv_gym.model_files import load_model, save_model
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.body.learned_hull import LearnedHull
 from identification.estimator import make_estimator, summary
 from identification.excitation import bang_bang
 from identification.kernel.hull import MIRRORED, HullFit, HullLsSvm

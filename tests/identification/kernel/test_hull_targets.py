@@ -12,7 +12,7 @@ from auv_gym.param import replace_at
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.plant import Plant, load_vehicle, without_effects
 from auv_gym.record import Record, concat
-from auv_gym.vehicles.learned_hull import LearnedHull
+from auv_gym.vehicles.body.learned_hull import LearnedHull
 from auv_gym.vehicles.torpedo import fill_terms, polynomial
 from auv_gym.vehicles.torpedo_derived import N_TERMS, view
 from identification.excitation import bang_bang

@@ -1,4 +1,4 @@
-"""Forces on a torpedo's hull as learned from data: sums of Gaussian bells over its velocities, beside a trend.
+"""Forces on a hull as learned from data: sums of Gaussian bells over its velocities, beside a trend.
 
 They stand in place of everything that the hull's coefficients give, C(v)v + D(v)v; mass, weight, fins, propulsion and
 effects stay the vehicle's.  Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, equation (20).

@@ -1,33 +1,44 @@
-"""Underwater vehicles in six degrees of freedom: torpedo-shaped hulls with fins and a propeller.
+"""Underwater vehicles in six degrees of freedom: a hull and its parts.
 
-    M dnu/dt = -C(nu) nu + polynomials(nu) + cross-flow drag + fins + propulsion + weight and buoyancy + loads
+    M dnu/dt = -C(nu) nu + polynomials(nu) + cross-flow drag + parts + weight and buoyancy + loads
 
 nu = [u v w p q r] is the velocity through the water, so that a steady current only moves the frame. States between
 samples are [nu | north east depth | roll pitch heading | wave phase]; inside a sample the attitude is a quaternion, and
 a vehicle may pitch through 90 deg.  Source: Fossen 2021, eqs. (6.1), (8.1), (10.150).
+
+`derivative` and the functions below it are templates: what parts a vehicle has is bound by `compose`.
 """
 
 from __future__ import annotations
 
 from math import cos, pi, sin, sqrt
+from typing import Any
 
 from auv_gym.compiled import compiled, outlined
-from auv_gym.physics.actuators import shape_command, shaped_command
 from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of, wrapped
-from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
-from auv_gym.physics.propulsion import (
-    RADPS_PER_RPM,
-    shaft_law,
-    slipstream_speed,
-    table_thrust,
-)
+from auv_gym.physics.hydrodynamics import cross_flow_drag, righting
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.physics.water import orbital_velocity
-from auv_gym.vehicles.family import Family
-from auv_gym.vehicles.learned_hull import ROOM, learned_forces
-from auv_gym.vehicles.torpedo_derived import N_DERIVED, N_TERMS, derive, mass_problem, view
-from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
-from auv_gym.vehicles.torpedo_sensors import SENSORS, output, sense, settle_sensors
+from auv_gym.vehicles.body.derived import N_TERMS
+from auv_gym.vehicles.body.kinds import Motion
+from auv_gym.vehicles.body.learned_hull import ROOM, learned_forces
+
+SCRATCH = N_TERMS + 5 + ROOM  # numbers that a derivative works with
+
+# Open names of the templates, bound by `compose`.
+COUNT = COMMANDS = FIRST = SHARED = 0
+SLOT = ""
+forces_with_hull: Any
+forces_of_drives: Any
+wakes: Any
+accelerate: Any
+part_force: Any
+part_wake: Any
+part_shape: Any
+part_times: Any
+part_derive: Any
+before: Any
+own: Any
 
 
 @compiled
@@ -63,32 +74,6 @@ def polynomial(computed, start, end, terms):
     for i in range(start, end):
         total += computed.coefficients[i] * terms[int(computed.terms[i])]
     return total
-
-
-@compiled
-def fin_drag(angle, square, push, turn, slip, fin):
-    """Axial force of a pair of fins, N; square: u|u|, push: u, both times the relative density."""
-    return angle * (square * (fin.drag * angle) + push * (fin.drag_rate * turn + fin.drag_slip * slip))
-
-
-@compiled
-def fin_angle(position, damage):
-    """The angle at which a fin stands, rad, given where its actuator is."""
-    return (1.0 - damage.stuck) * position + damage.stuck * damage.stuck_at
-
-
-@compiled
-def thrust_and_torque(command, u, p):
-    """Thrust, N, and roll moment, N m, of the propeller at a command in its channel's unit."""
-    law = p.hull.propulsion
-    n = RADPS_PER_RPM * command
-    thrust = shaft_law(n, u, law.t_nn, law.t_nu) + law.t_cc * command * abs(command)
-    torque = shaft_law(n, u, law.q_nn, law.q_nu)
-    if p.computed.has_table != 0.0:
-        thrust += table_thrust(command, u, law.table)
-    working = p.computed.density * (1.0 - p.effects.propeller.thrust_loss)
-    thrust *= working
-    return thrust, working * torque + (law.torque_arm + p.effects.propeller.torque) * thrust
 
 
 @outlined
@@ -144,26 +129,10 @@ def moving_water(north, east, down, depth, phase, p, r11, r12, r13, r21, r22, r2
     )
 
 
-@outlined
-def slipstream(shaft_speed, u, w, p, q, angle, deflected, slip):
-    """Surge and heave force, N, roll and pitch moment, N m, of the planes and the hull in the propeller's slipstream.
-
-    angle: of the stern plane, rad; deflected: the same, less what of the plane is lost.
-    """
-    stream = slipstream_speed(shaft_speed, u, slip.pitch, slip.c_t1)
-    return (
-        stream * deflected * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle),
-        stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * deflected),
-        stream * slip.k_up * p,
-        stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * deflected),
-    )
-
-
-@compiled
 def derivative(z, actuators, inputs, p, dz, terms):
     """State derivative of [u v w p q r | north east depth | quaternion | wave phase] into dz.
 
-    actuators: [rudder, stern plane, bow plane rad, propulsion command].  terms: scratch, shape (N_TERMS + 5 + ROOM,).
+    actuators: where the parts' commands have moved them.  terms: scratch, shape (SCRATCH,).
     """
     u, v, w, roll_rate, q, r = z[0], z[1], z[2], z[3], z[4], z[5]
     hull, effects, computed = p.hull, p.effects, p.computed
@@ -220,45 +189,21 @@ def derivative(z, actuators, inputs, p, dz, terms):
         r33,
     )
 
-    rudder, stern, bow = hull.rudder, hull.stern_plane, hull.bow_plane
-    rudder_there = 1.0 - effects.rudder_fin.lost
-    stern_there = 1.0 - effects.stern_plane_fin.lost
-    angle_r = angle_of_attack(fin_angle(actuators[0], effects.rudder_fin), u, v, r, rudder)
-    angle_s = angle_of_attack(fin_angle(actuators[1], effects.stern_plane_fin), u, w, -q, stern)
-    push = computed.density * u
-    square = push * abs(u)
-    x_rudder = fin_drag(angle_r, square, push, r, v, rudder)
-    x_stern = fin_drag(angle_s, square, push, q, w, stern)
-    x_bow = z_bow = m_bow = 0.0
-    if computed.has_bow_plane != 0.0:
-        bow_there = 1.0 - effects.bow_plane_fin.lost
-        angle_b = angle_of_attack(fin_angle(actuators[2], effects.bow_plane_fin), u, w, -q, bow)
-        x_bow = bow_there * fin_drag(angle_b, square, push, q, w, bow)
-        z_bow = bow_there * (bow.lift * angle_b)
-        m_bow = bow_there * (bow.moment * angle_b)
-    x_fins = rudder_there * x_rudder + (stern_there * x_stern + x_bow)
-    y_fins = rudder_there * (square * (rudder.lift * angle_r))
-    n_fins = rudder_there * (square * (rudder.moment * angle_r))
-    z_fins = square * (stern_there * (stern.lift * angle_s) + z_bow)
-    m_fins = square * (stern_there * (stern.moment * angle_s) + m_bow)
-
-    thrust, torque = thrust_and_torque(actuators[3], u, p)
-    slip = hull.slipstream
-    if slip.c_t1 != 0.0:  # calls, here and below, so that the usual step is short
-        n = RADPS_PER_RPM * actuators[3]
-        x_slip, z_slip, k_slip, m_slip = slipstream(n, u, w, roll_rate, q, angle_s, stern_there * angle_s, slip)
-        x_fins += computed.density * x_slip
-        z_fins += computed.density * z_slip
-        torque += computed.density * k_slip
-        m_fins += computed.density * m_slip
-
+    wake = wakes(actuators, u, p)
+    water = hull.density * computed.density
+    motion = Motion(
+        u, v, w, roll_rate, q, r, wake, computed.density, water, hull.gravity, z[8],
+        r11, r12, r13, r21, r22, r23, r31, r32, r33,
+    )  # fmt: skip
+    x_flow, y_flow, z_flow, k_flow, m_flow, n_flow = forces_with_hull(actuators, inputs, motion, p)
+    x_drive, y_drive, z_drive, k_drive, m_drive, n_drive = forces_of_drives(actuators, inputs, motion, p)
     load = effects.load
-    x_force = (x_hull + x_fins) + ((f1 + g1) + (thrust + load.force_x))
-    y_force = (y_hull + y_fins) + ((f2 + g2) + load.force_y)
-    z_force = (z_hull + z_fins) + ((f3 + g3) + load.force_z)
-    k_moment = (k_hull + torque) + ((f4 + g4) + load.moment_x)
-    m_moment = (m_hull + m_fins) + ((f5 + g5) + load.moment_y)
-    n_moment = (n_hull + n_fins) + ((f6 + g6) + load.moment_z)
+    x_force = (x_hull + x_flow) + ((f1 + g1) + (x_drive + load.force_x))
+    y_force = (y_hull + y_flow) + ((f2 + g2) + (y_drive + load.force_y))
+    z_force = (z_hull + z_flow) + ((f3 + g3) + (z_drive + load.force_z))
+    k_moment = ((k_hull + k_flow) + k_drive) + ((f4 + g4) + load.moment_x)
+    m_moment = ((m_hull + m_flow) + m_drive) + ((f5 + g5) + load.moment_y)
+    n_moment = ((n_hull + n_flow) + n_drive) + ((f6 + g6) + load.moment_z)
     if computed.has_tether != 0.0:
         drag = load.tether_drag * sqrt(u * u + v * v + w * w)
         tx = r11 * load.tether_north + r21 * load.tether_east + r31 * load.tether_down - drag * u
@@ -287,11 +232,7 @@ def derivative(z, actuators, inputs, p, dz, terms):
         m_moment += a5
         n_moment += a6
 
-    i = computed.inverse_mass
-    for k in range(6):
-        dz[k] = (i[k, 0] * x_force + i[k, 1] * y_force + i[k, 2] * z_force) + (
-            i[k, 3] * k_moment + i[k, 4] * m_moment + i[k, 5] * n_moment
-        )
+    accelerate(x_force, y_force, z_force, k_moment, m_moment, n_moment, p, dz)
     dz[6], dz[7], dz[8] = north, east, down
     # quaternion rates, Fossen 2021, eq. (2.76)
     e0, e1, e2, e3 = z[9], z[10], z[11], z[12]
@@ -324,93 +265,123 @@ def leave(z, x):
 
 
 @compiled
-def shape(inputs, memory, p, shaped):
-    """The four commands after their memoryless effects and backlash, into shaped; memory is updated."""
-    hull, effects = p.hull, p.effects
-    shaped[0], memory[0] = shape_command(inputs[0], memory[0], hull.rudder.limit, effects.rudder)
-    shaped[1], memory[1] = shape_command(inputs[1], memory[1], hull.stern_plane.limit, effects.stern_plane)
-    shaped[2], memory[2] = shape_command(inputs[2], memory[2], hull.bow_plane.limit, effects.bow_plane)
-    propeller, limit = effects.propeller, hull.propulsion.limit
-    shaped[3], memory[3] = shaped_command(
-        inputs[3],
-        memory[3],
-        propeller.gain,
-        propeller.offset * limit,
-        propeller.deadband * limit,
-        0.0,
-        limit - propeller.lost_travel * limit,
-    )
+def by_inverse(x_force, y_force, z_force, k_moment, m_moment, n_moment, p, dz):
+    """Accelerations of a body whose masses do not move, into dz."""
+    i = p.computed.inverse_mass
+    for k in range(6):
+        dz[k] = (i[k, 0] * x_force + i[k, 1] * y_force + i[k, 2] * z_force) + (
+            i[k, 3] * k_moment + i[k, 4] * m_moment + i[k, 5] * n_moment
+        )
+
+
+# What the parts add, kind by kind: for each kind a function of the form `_..._of_kind`, and a chain of them by `_then`.
+
+
+def forces_of_kind(actuators, inputs, motion, p):
+    """The sum of the forces of all parts of one kind: X, Y, Z in N and K, M, N in N m."""
+    x = y = z = k = m = n = 0.0
+    parts, effects, derived = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT), getattr(p.derived, SLOT)
+    for i in range(COUNT):
+        at = FIRST + i * COMMANDS
+        a, b, c, d, e, f = part_force(at, actuators, inputs, SHARED, motion, parts[i], effects[i], derived[i])
+        x += a
+        y += b
+        z += c
+        k += d
+        m += e
+        n += f
+    return x, y, z, k, m, n
+
+
+def forces_then(actuators, inputs, motion, p):
+    """The forces of the kinds before, and of one more."""
+    x, y, z, k, m, n = before(actuators, inputs, motion, p)
+    a, b, c, d, e, f = own(actuators, inputs, motion, p)
+    return x + a, y + b, z + c, k + d, m + e, n + f
 
 
 @compiled
-def actuator_times(index, p):
-    """Dead time s, lag s and slowness (s per unit) of an actuator, the vehicle's own and the effect's together."""
-    hull, effects = p.hull, p.effects
-    if index == 0:
-        return (
-            effects.rudder.dead_time,
-            hull.rudder.lag + effects.rudder.lag,
-            hull.rudder.slowness + effects.rudder.slowness,
-        )
-    if index == 1:
-        fin, effect = hull.stern_plane, effects.stern_plane
-        return effect.dead_time, fin.lag + effect.lag, fin.slowness + effect.slowness
-    if index == 2:
-        fin, effect = hull.bow_plane, effects.bow_plane
-        return effect.dead_time, fin.lag + effect.lag, fin.slowness + effect.slowness
-    drive, propeller = hull.propulsion, effects.propeller
-    return propeller.dead_time, drive.lag + propeller.lag, (drive.slowness + propeller.slowness) / drive.limit
+def no_forces(actuators, inputs, motion, p):
+    """The forces of no part."""
+    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
-def _family(name: str, propulsion: str, title: str) -> Family:
-    commands = ("rudder_rad", "stern_plane_rad", "bow_plane_rad", propulsion)
-    return Family(
-        name=name,
-        kind="torpedo",
-        title=title,
-        parameters=TorpedoParameters,
-        inputs=commands,
-        required=("rudder_rad", "stern_plane_rad", propulsion),
-        states=(
-            *("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps"),
-            *("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad", "wave_phase_rad"),
-        ),
-        integrated=14,
-        scratch=N_TERMS + 5 + ROOM,
-        learns=True,
-        actuators=commands,
-        sensors=SENSORS,
-        outputs=(
-            *("roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"),
-            *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
-        ),
-        coefficients=(
-            *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
-            *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
-            *("hull.rudder.moment", "hull.stern_plane.moment"),
-        ),
-        main_output="heading_rad",
-        nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
-        at_rest=("roll_rad", "p_radps"),
-        twins={"effects.hull.damping_surge": "hull.surge.u_u"},
-        derived=N_DERIVED,
-        problem=mass_problem,
-        view=view,
-        hooks={
-            "derivative": derivative,
-            "stable_step": stable_step,
-            "shape": shape,
-            "actuator_times": actuator_times,
-            "sense": sense,
-            "settle_sensors": settle_sensors,
-            "output": output,
-            "enter": enter,
-            "leave": leave,
-            "derive": derive,
-        },
+def wakes_of_kind(actuators, u, p):
+    """What all parts of one kind add to the flow at the surfaces, m/s."""
+    wake = 0.0
+    parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
+    for i in range(COUNT):
+        wake += part_wake(FIRST + i * COMMANDS, actuators, u, parts[i], effects[i])
+    return wake
+
+
+def wakes_then(actuators, u, p):
+    """The wakes of the kinds before, and of one more."""
+    return before(actuators, u, p) + own(actuators, u, p)
+
+
+@compiled
+def no_wakes(actuators, u, p):
+    """The wake of no part."""
+    return 0.0
+
+
+def shape_of_kind(inputs, memory, p, shaped):
+    """The commands of one kind after their memoryless effects and backlash, into shaped; memory is updated."""
+    parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
+    for i in range(COUNT):
+        for c in range(COMMANDS):
+            j = FIRST + i * COMMANDS + c
+            shaped[j], memory[j] = part_shape(inputs[j], memory[j], parts[i], effects[i], c)
+
+
+def shape_then(inputs, memory, p, shaped):
+    """The commands of the kinds before, and of one more."""
+    before(inputs, memory, p, shaped)
+    own(inputs, memory, p, shaped)
+
+
+@compiled
+def no_shapes(inputs, memory, p, shaped):
+    """The commands of no part."""
+    return
+
+
+def times_of_kind(index, p):
+    """Dead time s, lag s and slowness, s per unit, of an actuator of one kind."""
+    k = (index - FIRST) // COMMANDS
+    return part_times(
+        getattr(p.parts, SLOT)[k], getattr(p.effects.parts, SLOT)[k], index - FIRST - k * COMMANDS
     )
 
 
-TORPEDO = _family("torpedo", "propeller_rpm", "six degrees of freedom, propeller by shaft speed")
-TORPEDO_VOLTAGE = _family("torpedo_voltage", "propeller_V", "six degrees of freedom, propeller by voltage")
-TORPEDO_SPEED = _family("torpedo_speed", "speed_cmd_mps", "six degrees of freedom, thrust for a desired speed")
+def times_then(index, p):
+    """The times of an actuator of the kinds before, or of one more."""
+    if index >= FIRST:
+        return own(index, p)
+    return before(index, p)
+
+
+@compiled
+def no_actuator(index, p):
+    """The times of an actuator that there is not."""
+    return 0.0, 0.0, 0.0
+
+
+def derive_kind(p):
+    """What follows from the parameters of the parts of one kind."""
+    parts, effects, derived = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT), getattr(p.derived, SLOT)
+    for i in range(COUNT):
+        part_derive(parts[i], effects[i], p.hull, derived[i])
+
+
+def derive_then(p):
+    """What follows from the parameters of the kinds before, and of one more."""
+    before(p)
+    own(p)
+
+
+@compiled
+def nothing_derived(p):
+    """What follows from the parameters of no part."""
+    return

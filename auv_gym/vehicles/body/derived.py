@@ -1,20 +1,24 @@
-"""What follows from the parameters of a six-degree-of-freedom vehicle alone, worked out once and not in every step.
+"""What follows from the parameters of a vehicle in six degrees of freedom alone, worked out once and not in every step.
 
-The compiled functions of the family read parameters and derived numbers as one record, `view(derived)`.
+The compiled functions of the family read parameters and derived numbers as one record, `view(derived)`; what parts it
+has differs from vehicle to vehicle, `compose` says how. `derive` is a template, see `compiled.bind`.
 """
 
 from __future__ import annotations
 
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import compiled, outlined, view_as
-from auv_gym.param import list_paths, pack, record_type
+from auv_gym.compiled import compiled, outlined
 from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
-from auv_gym.physics.propulsion import COLUMNS, ROWS
 from auv_gym.physics.rigid_body import fill_rigid_body_mass, invert
-from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
+
+# Open names of the template, bound by `compose`.
+N_PARAMETERS = N_DERIVED = 0
+writable_view: Any
+derive_parts: Any
 
 N_TERMS = len(TERMS)
 # What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
@@ -22,7 +26,7 @@ _DAMPING = tuple(1.0 if len(t) == 1 or "_" in t or t[0] == "u" else 0.0 for t in
 # What fouling scales: drag proper, without lift.
 _DRAG = tuple(1.0 if len(t) == 1 or "_" in t else 0.0 for t in TERMS)
 
-_COMPUTED = np.dtype(
+COMPUTED = np.dtype(
     (
         np.record,
         [
@@ -45,8 +49,6 @@ _COMPUTED = np.dtype(
             ("z_g", np.float64),
             ("has_environment", np.float64),
             ("has_cross_flow", np.float64),
-            ("has_bow_plane", np.float64),
-            ("has_table", np.float64),
             ("has_lag", np.float64),
             ("has_moving_water", np.float64),
             ("has_waves", np.float64),
@@ -55,14 +57,6 @@ _COMPUTED = np.dtype(
         ],
     )
 )
-_PARAMETERS = record_type(TorpedoParameters)
-_WHOLE = np.dtype(
-    (np.record, [("hull", _PARAMETERS["hull"]), ("effects", _PARAMETERS["effects"]), ("computed", _COMPUTED)])
-)
-N_PARAMETERS = len(list_paths(TorpedoParameters()))
-N_DERIVED = _WHOLE.itemsize // 8
-view = view_as(_WHOLE, "torpedo")
-writable_view = view_as(_WHOLE, "torpedo", writable=True)
 
 
 @outlined
@@ -172,7 +166,6 @@ def without_given_momentum(hull, momentum):
             momentum[i, j] -= rigid[i, j] + half * (added[i, j] + added[j, i])
 
 
-@outlined
 def derive(vector, derived):
     """The parameters and what follows from them alone into derived, shape (N_DERIVED,): masses, active terms, flags.
 
@@ -242,13 +235,6 @@ def derive(vector, derived):
     computed.x_g, computed.y_g, computed.z_g = hull.x_g + load.x_g, hull.y_g + load.y_g, hull.z_g + load.z_g
     stiffness = computed.weight * computed.z_g - computed.buoyancy * hull.z_b
     computed.damping[3, 0] += 0.5 * sqrt(abs(computed.inverse_mass[3, 3] * stiffness))
-    bow = hull.bow_plane
-    there = bow.lift != 0.0 or bow.moment != 0.0 or bow.drag != 0.0 or bow.drag_rate != 0.0 or bow.drag_slip != 0.0
-    computed.has_bow_plane = 1.0 if there else 0.0
-    computed.has_table = 0.0
-    for i in range(ROWS * COLUMNS):
-        if hull.propulsion.table[i] != 0.0:
-            computed.has_table = 1.0
     lags = effects.depth.lag + effects.compass.lag + effects.gyros.lag
     computed.has_lag = 1.0 if lags + effects.dvl_ground.lag + effects.dvl_water.lag > 0.0 else 0.0
     waves, current = effects.waves, effects.current
@@ -257,23 +243,4 @@ def derive(vector, derived):
     computed.has_moving_water = 1.0 if sheared or computed.has_waves != 0.0 else 0.0
     pulled = load.tether_north != 0.0 or load.tether_east != 0.0 or load.tether_down != 0.0
     computed.has_tether = 1.0 if pulled or load.tether_drag != 0.0 else 0.0
-
-
-def mass_problem(parameters: TorpedoParameters) -> str:
-    """What is wrong with the mass matrix, or nothing: its symmetric part must be positive definite."""
-    derived = np.zeros(N_DERIVED)
-    derive(pack(parameters), derived)
-    computed = derived.view(_WHOLE)[0].computed
-    rigid, whole = computed.rigid_mass, computed.mass
-    for name, part in (
-        ("mass matrix of the rigid body", rigid),
-        ("mass matrix with added mass", 0.5 * (whole + whole.T)),
-    ):
-        values, vectors = np.linalg.eigh(part)
-        if values[0] <= 0.0:
-            axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[int(np.argmax(np.abs(vectors[:, 0])))]
-            return (
-                f"the {name} is not positive definite (smallest eigenvalue {values[0]:.3g}, mostly in {axis}): "
-                "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there)"
-            )
-    return ""
+    derive_parts(p)

@@ -1,0 +1,1 @@
+"""Vehicles in six degrees of freedom: a hull and its parts."""

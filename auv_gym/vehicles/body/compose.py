@@ -1,0 +1,352 @@
+"""The family of a vehicle in six degrees of freedom: a hull and the parts that its file names.
+
+Parts of one kind lie side by side in the parameters, so that compiled code sees them as an array of records; how many
+there are is a constant of that code. What depends on the kinds is bound pairwise, a chain with a link for each kind,
+and cached by the counts: two vehicles with as many parts of the same kinds share their code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, make_dataclass
+from dataclasses import fields as dataclass_fields
+from functools import lru_cache
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from auv_gym.compiled import bind, view_as
+from auv_gym.effects import BodyEffects
+from auv_gym.param import list_paths, pack, part, record_type
+from auv_gym.vehicles.body import derived as derived_numbers
+from auv_gym.vehicles.body import dynamics
+from auv_gym.vehicles.body.hull import Hull
+from auv_gym.vehicles.body.kinds import Command, PartKind, part_kind
+from auv_gym.vehicles.body.sensors import SENSORS, output, sense, settle_sensors
+from auv_gym.vehicles.family import Family
+
+RESERVED = ("hull", "parts", *(field.name for field in dataclass_fields(BodyEffects)))  # names that a part cannot have
+STATES = (
+    *("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps"),
+    *("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad", "wave_phase_rad"),
+)
+OUTPUTS = (
+    *("roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"),
+    *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
+)
+_HULL_COEFFICIENTS = (
+    *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
+    *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
+)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part as a vehicle file names it: its kind, the form of the kind, and the channels of its commands."""
+
+    name: str
+    kind: str
+    choice: str = ""
+    channels: tuple[str, ...] = ()
+
+    @property
+    def found(self) -> PartKind:
+        return part_kind(self.kind, self.choice)
+
+    @property
+    def title(self) -> str:
+        return self.name.replace("_", " ")
+
+    def channel(self, index: int) -> str:
+        """The channel of one of its commands."""
+        if index < len(self.channels) and self.channels[index]:
+            return self.channels[index]
+        command = self.found.commands[index]
+        return command.channel or f"{self.name}_{command.suffix}"
+
+
+@dataclass(frozen=True)
+class Body:
+    """What a family in six degrees of freedom knows of its parts, in the order of its parameters."""
+
+    parts: tuple[Part, ...]
+
+    @property
+    def commands(self) -> tuple[tuple[Part, int, Command], ...]:
+        """All commands in the order of the inputs: the part, which of its commands, and what it is."""
+        return tuple((part, i, c) for part in self.parts for i, c in enumerate(part.found.commands))
+
+    def by_role(self) -> dict[str, tuple[str, ...]]:
+        """The channels that serve each role, in the order of the inputs."""
+        roles: dict[str, tuple[str, ...]] = {}
+        for part_, i, command in self.commands:
+            if command.role:
+                roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
+        return roles
+
+    def ranges(self, parameters: Any) -> np.ndarray:
+        """The lowest command, that at rest and the highest of every command, in its channel's unit, (n, 3)."""
+        rows = []
+        for part_, _, command in self.commands:
+            own = getattr(parameters.parts, part_.name)
+            low, high = command.limits(own)
+            rows.append((low, getattr(own, command.rest) if command.rest else 0.0, high))
+        return np.array(rows, dtype=float).reshape(len(rows), 3)
+
+
+def compose(parts: Sequence[Part]) -> Family:
+    """The family of a hull with these parts; the same object for the same parts, in whatever order they come.
+
+    Raises ValueError on an unknown kind, on names that are taken twice or reserved, and on channels taken twice.
+    """
+    ordered = sorted(parts, key=lambda part: (part.found.order, part.found.slot or part.kind))
+    for part_ in ordered:
+        _check(part_, ordered)
+    channels = [part_.channel(i) for part_, i, _ in Body(tuple(ordered)).commands]
+    for name in channels:
+        if channels.count(name) > 1:
+            raise ValueError(f"two parts take their commands from {name}: name another channel for one of them")
+    return _composed(tuple(ordered))
+
+
+def _check(part_: Part, among: Sequence[Part]) -> None:
+    if not part_.name.isidentifier():
+        raise ValueError(f"a part needs a name of letters, digits and underscores, got {part_.name!r}")
+    if part_.name in RESERVED or part_.name.startswith("_"):
+        raise ValueError(f"a part cannot be called {part_.name!r}, which is the name of something else: choose another")
+    if sum(other.name == part_.name for other in among) > 1:
+        raise ValueError(f"there are two parts of the name {part_.name!r}: choose another for one of them")
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """The parts that share compiled code: their kind, how many they are, and the index of the first's first command."""
+
+    name: str
+    kind: PartKind
+    parts: tuple[Part, ...]
+    first: int
+    shared: int
+
+    def meanings(self) -> dict[str, Any]:
+        counts = {"COUNT": len(self.parts), "COMMANDS": max(len(self.kind.commands), 1), "FIRST": self.first}
+        return {**counts, "SHARED": self.shared, "SLOT": self.name}
+
+
+@lru_cache(maxsize=256)
+def _composed(parts: tuple[Part, ...]) -> Family:
+    body = Body(parts)
+    commands = tuple(part_.channel(i) for part_, i, _ in body.commands)
+    shared: dict[str, str] = {}
+    for part_ in parts:
+        for channel, parameter in part_.found.shared.items():
+            shared.setdefault(channel, f"parts.{part_.name}.{parameter}")
+    slots, first = [], 0
+    for name, group in groupby(parts, key=lambda part: part.found.slot or part.kind):
+        members = tuple(group)
+        kind = members[0].found
+        at = len(commands) + list(shared).index(next(iter(kind.shared))) if kind.shared else -1
+        slots.append(_Slot(name, kind, members, first, at))
+        first += len(members) * len(kind.commands)
+    program = "body_" + "_".join(f"{slot.name}{len(slot.parts)}" for slot in slots) if slots else "body"
+    tree = _tree(parts)
+    record = _record(slots)
+    n_parameters, n_derived = len(list_paths(tree())), record.itemsize // 8
+    view = view_as(record, program)
+    hooks = _hooks(program, slots, record, n_parameters, n_derived)
+
+    def problem(parameters: Any) -> str:
+        return mass_problem(parameters, hooks["derive"], record) or part_problem(parts, parameters)
+
+    first_of_kind = [slot.parts[0] for slot in slots]
+    return Family(
+        name="body",
+        kind="body",
+        program=program,
+        title="six degrees of freedom, a hull and its parts",
+        body=body,
+        parameters=tree,
+        inputs=(*commands, *shared),
+        required=tuple(part_.channel(i) for part_, i, command in body.commands if command.required),
+        constants={
+            **{
+                part_.channel(i): f"parts.{part_.name}.{command.rest}" for part_, i, command in body.commands if command.rest
+            },
+            **shared,
+        },
+        states=STATES,
+        integrated=14,
+        scratch=dynamics.SCRATCH,
+        learns=True,
+        actuators=commands,
+        sensors=SENSORS,
+        outputs=OUTPUTS,
+        coefficients=(
+            *_HULL_COEFFICIENTS,
+            *(f"parts.{part_.name}.{name}" for part_ in first_of_kind for name in part_.found.coefficients),
+        ),
+        main_output="heading_rad",
+        nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
+        at_rest=("roll_rad", "p_radps"),
+        twins={
+            "effects.hull.damping_surge": "hull.surge.u_u",
+            **{
+                f"effects.{part_.name}.{effect}": f"parts.{part_.name}.{coefficient}"
+                for part_ in parts
+                for effect, coefficient in part_.found.twins.items()
+            },
+        },
+        derived=n_derived,
+        problem=problem,
+        view=view,
+        hooks=hooks,
+        rebuild=(_rebuilt, (parts,)),
+    )
+
+
+def _rebuilt(parts: tuple[Part, ...]) -> Family:
+    return compose(parts)
+
+
+def _tree(parts: tuple[Part, ...]) -> type:
+    """The parameter tree: hull, parts by name, effects of the parts by name and of the body."""
+
+    def group(name: str, members: Sequence[tuple[str, type, Any]], doc: str) -> type:
+        def reduced(self: Any) -> Any:
+            return _unpacked, (parts, name, pack(self).tobytes())
+
+        space = {"__module__": __name__, "__doc__": doc, "__reduce__": reduced}
+        return make_dataclass(name, members, frozen=True, namespace=space)
+
+    own = [(p.name, p.found.parameters, part(p.found.parameters, p.title)) for p in parts]
+    happening = [(p.name, p.found.effects, part(p.found.effects, p.title)) for p in parts]
+    body = [
+        (f.name, f.metadata["group"], part(f.metadata["group"], f.metadata["subject"]))
+        for f in dataclass_fields(BodyEffects)
+    ]
+    named = group("Parts", own, "The parts of a vehicle by name.")
+    effects = group("Effects", [*happening, *body], "The effects of the parts by name, and those of every body.")
+    whole = [("hull", Hull, part(Hull)), ("parts", named, part(named)), ("effects", effects, part(effects))]
+    return group("Parameters", whole, "The parameter tree of a vehicle in six degrees of freedom.")
+
+
+def _unpacked(parts: tuple[Part, ...], name: str, numbers: bytes) -> Any:
+    """What pickle makes of a tree of a composed vehicle."""
+    tree = _composed(parts).parameters()
+    made = {"Parts": tree.parts, "Effects": tree.effects, "Parameters": tree}[name]
+    values = iter(np.frombuffer(numbers))
+
+    def filled(node: Any) -> Any:
+        given = {f.name: next(values) if "spec" in f.metadata else filled(getattr(node, f.name)) for f in dataclass_fields(node)}
+        return type(node)(**{name: float(v) if isinstance(v, np.floating) else v for name, v in given.items()})
+
+    return filled(made)
+
+
+def _record(slots: Sequence[_Slot]) -> np.dtype:
+    """The record that compiled code sees: the tree with the parts of a kind as an array, then what is derived."""
+
+    def arrays(group: Callable[[PartKind], np.dtype]) -> np.dtype:
+        return _record_of([(slot.name, group(slot.kind), (len(slot.parts),)) for slot in slots])
+
+    body = record_type(BodyEffects)
+    shared = [(name, body[name]) for name in body.names or ()]
+    effects = [("parts", arrays(lambda kind: record_type(kind.effects))), *shared]
+    return _record_of(
+        [
+            ("hull", record_type(Hull)),
+            ("parts", arrays(lambda kind: record_type(kind.parameters))),
+            ("effects", _record_of(effects)),
+            ("computed", derived_numbers.COMPUTED),
+            ("derived", arrays(lambda kind: _record_of([(n, np.float64) for n in (*kind.numbers, "unused")]))),
+        ]
+    )
+
+
+def _record_of(fields: Sequence[tuple]) -> np.dtype:
+    return np.dtype((np.record, [*fields]))
+
+
+def _hooks(
+    program: str, slots: Sequence[_Slot], record: np.dtype, n_parameters: int, n_derived: int
+) -> Mapping[str, Callable[..., Any]]:
+    """The compiled functions of the family."""
+
+    def chain(nothing: Any, of_kind: Any, then: Any, function: str, among: Sequence[_Slot]) -> Any:
+        linked = nothing
+        for slot in among:
+            given = getattr(slot.kind, function)
+            if given is None:
+                continue
+            name = f"{program}_{slot.name}"
+            own = bind(of_kind, name, **slot.meanings(), **{f"part_{function}": given})
+            linked = bind(then, name, before=linked, own=own, FIRST=slot.first)
+        return linked
+
+    moved = [slot for slot in slots if slot.kind.commands]
+    with_hull = [slot for slot in slots if slot.kind.with_hull]
+    others = [slot for slot in slots if not slot.kind.with_hull]
+    forces = (dynamics.no_forces, dynamics.forces_of_kind, dynamics.forces_then, "force")
+    derivative = bind(
+        dynamics.derivative,
+        program,
+        forces_with_hull=chain(*forces, with_hull),
+        forces_of_drives=chain(*forces, others),
+        wakes=chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots),
+        accelerate=dynamics.by_inverse,
+    )
+    derive = bind(
+        derived_numbers.derive,
+        program,
+        inline=False,
+        N_PARAMETERS=n_parameters,
+        N_DERIVED=n_derived,
+        writable_view=view_as(record, program, writable=True),
+        derive_parts=chain(
+            dynamics.nothing_derived, dynamics.derive_kind, dynamics.derive_then, "derive", slots
+        ),
+    )
+    return {
+        "derivative": derivative,
+        "stable_step": dynamics.stable_step,
+        "shape": chain(dynamics.no_shapes, dynamics.shape_of_kind, dynamics.shape_then, "shape", moved),
+        "actuator_times": chain(dynamics.no_actuator, dynamics.times_of_kind, dynamics.times_then, "times", moved),
+        "sense": sense,
+        "settle_sensors": settle_sensors,
+        "output": output,
+        "enter": dynamics.enter,
+        "leave": dynamics.leave,
+        "derive": derive,
+    }
+
+
+def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) -> str:
+    """What is wrong with the mass matrix, or nothing: its symmetric part must be positive definite."""
+    numbers = np.zeros(record.itemsize // 8)
+    derive(pack(parameters), numbers)
+    computed = numbers.view(record)[0].computed
+    rigid, whole = computed.rigid_mass, computed.mass
+    for name, matrix in (
+        ("mass matrix of the rigid body", rigid),
+        ("mass matrix with added mass", 0.5 * (whole + whole.T)),
+    ):
+        values, vectors = np.linalg.eigh(matrix)
+        if values[0] <= 0.0:
+            axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[int(np.argmax(np.abs(vectors[:, 0])))]
+            return (
+                f"the {name} is not positive definite (smallest eigenvalue {values[0]:.3g}, mostly in {axis}): "
+                "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there)"
+            )
+    return ""
+
+
+def part_problem(parts: Sequence[Part], parameters: Any) -> str:
+    """What is impossible about the numbers of a part, or nothing."""
+    for part_ in parts:
+        found = part_.found.problem(getattr(parameters.parts, part_.name))
+        if found:
+            return f"parts.{part_.name}{found}"
+    return ""
+
+

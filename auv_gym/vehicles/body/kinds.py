@@ -1,0 +1,194 @@
+"""What a kind of part is, and where the kinds are found.
+
+A kind is one module with one `KIND`. The package `parts` holds those that come with auv-gym; a distribution adds its
+own by an entry point of the group `auv_gym.parts` that names a `PartKind`, a script by `register_part`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import import_module
+from importlib.metadata import entry_points
+from pkgutil import iter_modules
+from typing import Any, Literal, NamedTuple
+
+from auv_gym.compiled import compiled
+from auv_gym.param import did_you_mean
+
+Role = Literal["", "yaw", "pitch", "surge"]
+
+
+class Motion(NamedTuple):
+    """What the force of a part may depend on; all velocities through the water, in body axes, m/s and rad/s.
+
+    wake: m/s, what propellers add to the flow behind them, see `physics.propulsion.slipstream_speed`.  density: of the
+    water over that of the coefficients; water: the same in kg/m^3.  gravity: m/s^2.  depth: m.  r11 to r33: the
+    rotation from body axes to north, east, down.
+    """
+
+    u: float
+    v: float
+    w: float
+    p: float
+    q: float
+    r: float
+    wake: float
+    density: float
+    water: float
+    gravity: float
+    depth: float
+    r11: float
+    r12: float
+    r13: float
+    r21: float
+    r22: float
+    r23: float
+    r31: float
+    r32: float
+    r33: float
+
+
+@dataclass(frozen=True)
+class Command:
+    """An input of a part.
+
+    suffix: of its channel, which is the part's name and this; or channel, or what the file names.  role: what
+    autopilots and environments use it for: "yaw", "pitch", "surge".  limits: from the part's parameters, the lowest and
+    the highest command, in the channel's unit.  rest: the parameter that is the command at which the part rests; by
+    default 0.  required: whether a record must have it; one that may lack is at rest.  design: the parameter that is
+    the command at the design speed.
+    """
+
+    suffix: str
+    limits: Callable[[Any], tuple[float, float]]
+    role: Role = ""
+    rest: str = ""
+    required: bool = True
+    design: str = ""
+    channel: str = ""
+
+
+class Sketch(NamedTuple):
+    """A line of a part's drawing: points in body axes, m; `command` turns it about `axis` through `pivot`, -1: none."""
+
+    points: tuple[tuple[float, float, float], ...]
+    command: int = -1
+    pivot: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axis: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@compiled
+def no_shape(command, memory, part, effects, index):
+    """The command as it is, of a part without an actuator."""
+    return command, command
+
+
+@compiled
+def no_times(part, effects, index):
+    """No dead time, lag or rate limit."""
+    return 0.0, 0.0, 0.0
+
+
+def _no_problem(part: Any) -> str:
+    return ""
+
+
+def _no_sketch(part: Any) -> tuple[Sketch, ...]:
+    return ()
+
+
+@dataclass(frozen=True, eq=False)
+class PartKind:
+    """A kind of part: its parameters and effects, its commands, and its compiled functions.
+
+    `part`, `effects` and `derived` are the records of one part of the kind; `at` is the index of its first actuator.
+
+    force(at, actuators, inputs, shared, motion, part, effects, derived): X, Y, Z in N and K, M, N in N m about the body's
+        origin, as a tuple; shared: index in inputs of the first of `shared`.
+    shape(command, memory, part, effects, index): a command after its memoryless effects and backlash, and the memory.
+    times(part, effects, index): dead time, s, lag, s, slowness, s per unit, of command `index`.
+    derive(part, effects, hull, derived): fills the numbers named in `numbers`, which do not change in a run.
+    wake(at, actuators, u, part, effects): m/s, see `Motion`.
+    block(at, actuators, part, effects): of a part that has a mass which moves, see `moving_mass`.
+    damping(part, effects, derived, density, rates): adds to rates, (6, 3), how the force on each axis falls with its
+        own speed: constant, per |u|, per own speed; for the stable step.
+
+    Functions that a kind does not need are None. with_hull: whether its forces are added to those of the hull, as those
+    of the flow are, or to the loads, as those of a drive are; it changes the order of a sum.
+    slot: kinds of one slot share their compiled code.  order: of the kinds in a vehicle.
+    coefficients: parameters that a first fit frees, of the first part of the kind.  twins: effects that act as a
+    parameter of the part does.  choice, variants: the key of a part's table that chooses one of several forms.
+    shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
+    record does not have it.  problem: words about impossible numbers, or nothing.  sketch: lines to draw.
+    """
+
+    name: str
+    title: str
+    parameters: type
+    effects: type
+    order: int = 100
+    commands: tuple[Command, ...] = ()
+    force: Any = None
+    shape: Any = no_shape
+    times: Any = no_times
+    derive: Any = None
+    wake: Any = None
+    block: Any = None
+    damping: Any = None
+    numbers: tuple[str, ...] = ()
+    with_hull: bool = False
+    slot: str = ""
+    coefficients: tuple[str, ...] = ()
+    twins: Mapping[str, str] = field(default_factory=dict)
+    choice: str = ""
+    variants: Mapping[str, PartKind] = field(default_factory=dict)
+    shared: Mapping[str, str] = field(default_factory=dict)
+    texts: Mapping[str, Callable[[Any], Mapping[str, float]]] = field(default_factory=dict)
+    problem: Callable[[Any], str] = _no_problem
+    sketch: Callable[[Any], tuple[Sketch, ...]] = _no_sketch
+
+    def __post_init__(self):
+        if not self.name.isidentifier():
+            raise ValueError(f"A kind of part needs a name that is an identifier, got {self.name!r}.")
+        if self.force is None and not self.variants:
+            raise ValueError(f"The kind of part {self.name!r} needs a force, or variants that have one.")
+
+
+_REGISTERED: dict[str, PartKind] = {}
+
+
+def register_part(kind: PartKind) -> PartKind:
+    """Make a kind of part known by its name, in place of an earlier one of this name; returns it."""
+    if kind.name in _found() and kind.name not in _REGISTERED:
+        raise ValueError(f"There is a kind of part {kind.name!r} already: choose another name.")
+    _REGISTERED[kind.name] = kind
+    return kind
+
+
+def part_kinds() -> dict[str, PartKind]:
+    """All kinds of part by name."""
+    return dict(sorted({**_found(), **_REGISTERED}.items(), key=lambda item: (item[1].order, item[0])))
+
+
+def part_kind(name: str, choice: str = "") -> PartKind:
+    """The kind of this name, and of its variants the chosen one; raises ValueError where there is none."""
+    kind = _REGISTERED.get(name) or _found().get(name)
+    if kind is None:
+        kinds = part_kinds()
+        raise ValueError(f"there is no kind of part {name!r}. {did_you_mean(name, kinds)}Kinds: {', '.join(kinds)}")
+    if not kind.variants:
+        return kind
+    if choice not in kind.variants:
+        known = ", ".join(kind.variants)
+        raise ValueError(f"a part of kind {name!r} needs {kind.choice} = one of {known}, got {choice!r}")
+    return kind.variants[choice]
+
+
+@lru_cache
+def _found() -> dict[str, PartKind]:
+    parts = import_module("auv_gym.vehicles.body.parts")
+    kinds = [import_module(f"{parts.__name__}.{found.name}").KIND for found in iter_modules(parts.__path__)]
+    kinds += [entry.load() for entry in entry_points(group="auv_gym.parts")]
+    return {kind.name: kind for kind in kinds}

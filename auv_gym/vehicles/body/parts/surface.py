@@ -1,0 +1,169 @@
+"""A control surface given by its coefficients, as captive tests have them: a rudder or a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from auv_gym.compiled import compiled, outlined
+from auv_gym.effects import FIN_PROBES, effects_on_commands
+from auv_gym.param import param, part
+from auv_gym.physics.actuators import shape_command
+from auv_gym.physics.hydrodynamics import angle_of_attack
+from auv_gym.vehicles.body.kinds import Command, PartKind, Role, Sketch
+
+
+@dataclass(frozen=True)
+class SurfaceInWake:
+    """Coefficients that a propeller's wake, m/s, multiplies; in place of a factor u of the surface's own.
+
+    Source: Healey and Lienard 1993, IEEE J. Oceanic Eng. 18(3), the terms with eps.
+    """
+
+    lift: float = param(0.0, "kg/m", "{} force per angle and u, in the wake", bounds=(-1e6, 1e6))
+    moment: float = param(0.0, "kg", "{} moment per angle and u, in the wake", bounds=(-1e6, 1e6))
+    drag: float = param(0.0, "kg/m", "{} axial force per angle squared and u, in the wake", bounds=(-1e6, 1e6))
+    drag_rate: float = param(0.0, "kg", "{} axial force per angle and turn rate, in the wake", bounds=(-1e6, 1e6))
+    drag_slip: float = param(0.0, "kg/m", "{} axial force per angle and cross speed, in the wake", bounds=(-1e6, 1e6))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A pair of fins that move together; force = u|u| lift angle, moment = u|u| moment angle, drag = u|u| drag angle^2.
+
+    lift is Y_uudr of a rudder and Z_uuds of a plane, moment N_uudr and M_uuds; the vehicle's own sign convention of the
+    angle is in these signs. The hull's polynomials usually hold what the undeflected fins do; where they do not,
+    `inflow` 1 adds the angle of the flow at `station` to the fin's angle of attack.
+    """
+
+    lift: float = param(0.0, "kg/m", "{} force per angle", bounds=(-1e6, 1e6))
+    moment: float = param(0.0, "kg", "{} moment per angle", bounds=(-1e6, 1e6))
+    drag: float = param(0.0, "kg/m", "{} axial force per angle squared", bounds=(-1e6, 1e6))
+    drag_rate: float = param(0.0, "kg", "{} axial force per angle, u and turn rate", bounds=(-1e6, 1e6))
+    drag_slip: float = param(0.0, "kg/m", "{} axial force per angle, u and cross speed", bounds=(-1e6, 1e6))
+    inflow: float = param(0.0, "1", "share of the flow angle that the {} sees", bounds=(-2.0, 2.0))
+    station: float = param(0.0, "m", "where the flow angle at the {} is taken, forward", bounds=(-50.0, 50.0))
+    stall: float = param(1.5708, "rad", "angle of attack at which the {} stalls", bounds=(0.01, 1.5708))
+    limit: float = param(0.349066, "rad", "{} stop", bounds=(0.0, 1.5708))
+    lag: float = param(0.0, "s", "{} actuator time constant", bounds=(0.0, 10.0))
+    slowness: float = param(0.0, "s/rad", "{} actuator rate limit, as time per angle", bounds=(0.0, 100.0))
+    wake: Any = part(SurfaceInWake)
+
+
+SurfaceEffects = effects_on_commands(
+    "SurfaceEffects", __name__, "rad", {**FIN_PROBES, "lost": 0.1, "stuck": 0.1, "stuck_at": 0.0}
+)
+
+
+@compiled
+def shape(command, memory, part, effects, index):
+    """The commanded angle after the actuator's effects, and the new backlash memory, rad."""
+    return shape_command(command, memory, part.limit, effects)
+
+
+@compiled
+def times(part, effects, index):
+    """Dead time s, lag s and slowness s/rad, the vehicle's own and the effect's together."""
+    return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
+
+
+@compiled
+def surface_force(position, motion, cross, turn, rate, part, effects):
+    """Axial and cross force, N, and moment, N m, of a surface; cross: v or w; turn: r or -q; rate: r or q.
+
+    position: of the actuator, rad.
+    """
+    placed = (1.0 - effects.stuck) * position + effects.stuck * effects.stuck_at
+    there = 1.0 - effects.lost
+    angle = angle_of_attack(placed, motion.u, cross, turn, part)
+    push = motion.density * motion.u
+    square = push * abs(motion.u)
+    axial = there * drag_force(angle, square, push, rate, cross, part)
+    across = there * (square * (part.lift * angle))
+    moment = there * (square * (part.moment * angle))
+    if motion.wake != 0.0:
+        x, y, n = force_in_wake(motion, there, angle, cross, rate, part.wake)
+        axial += x
+        across += y
+        moment += n
+    return axial, across, moment
+
+
+@compiled
+def drag_force(angle, square, push, rate, slip, fin):
+    """Axial force of a pair of fins, N; square: u|u|, push: u, both times the relative density."""
+    return angle * (square * (fin.drag * angle) + push * (fin.drag_rate * rate + fin.drag_slip * slip))
+
+
+@outlined
+def force_in_wake(motion, there, angle, cross, rate, wake):
+    """What the wake of a propeller adds: axial and cross force, N, and moment, N m."""
+    stream = motion.density * motion.wake * there
+    along = wake.drag_rate * rate + wake.drag_slip * cross + wake.drag * motion.u * angle
+    return (
+        stream * angle * along,
+        stream * (wake.lift * motion.u * angle),
+        stream * (wake.moment * motion.u * angle),
+    )
+
+
+@compiled
+def yaw_force(at, actuators, inputs, shared, motion, part, effects, derived):
+    """Forces of a rudder."""
+    x, y, n = surface_force(actuators[at], motion, motion.v, motion.r, motion.r, part, effects)
+    return x, y, 0.0, 0.0, 0.0, n
+
+
+@compiled
+def pitch_force(at, actuators, inputs, shared, motion, part, effects, derived):
+    """Forces of a plane."""
+    x, z, m = surface_force(actuators[at], motion, motion.w, -motion.q, motion.q, part, effects)
+    return x, 0.0, z, 0.0, m, 0.0
+
+
+def _limits(surface: Surface) -> tuple[float, float]:
+    return -surface.limit, surface.limit
+
+
+def _sketch(axis: tuple[float, float, float]) -> Callable[[Surface], tuple[Sketch, ...]]:
+    def sketch(surface: Surface) -> tuple[Sketch, ...]:
+        """A blade where the lever of its moment says that it sits."""
+        lever = surface.moment / surface.lift if surface.lift else surface.station
+        x = lever if axis[2] else -lever
+        return (Sketch(((x - 0.05, 0.0, 0.0), (x + 0.05, 0.0, 0.0)), command=0, pivot=(x, 0.0, 0.0), axis=axis),)
+
+    return sketch
+
+
+def _form(axis: Role, force: Any, about: tuple[float, float, float]) -> PartKind:
+    return PartKind(
+        name="surface",
+        title="control surface given by its coefficients",
+        parameters=Surface,
+        effects=SurfaceEffects,
+        order=10 if axis == "yaw" else 11,
+        slot=f"surface_{axis}",
+        choice="axis",
+        commands=(Command("rad", _limits, role=axis),),
+        force=force,
+        shape=shape,
+        times=times,
+        with_hull=True,
+        coefficients=("moment",),
+        sketch=_sketch(about),
+    )
+
+
+KIND = PartKind(
+    name="surface",
+    title="control surface given by its coefficients",
+    parameters=Surface,
+    effects=SurfaceEffects,
+    order=10,
+    choice="axis",
+    variants={
+        "yaw": _form("yaw", yaw_force, (0.0, 0.0, 1.0)),
+        "pitch": _form("pitch", pitch_force, (0.0, 1.0, 0.0)),
+    },
+)
