@@ -179,8 +179,8 @@ def _with_tail(record: Any, tail: np.ndarray) -> Any:
 def _namespace(dtype: np.dtype, values: Iterator[float]) -> Any:
     if dtype.subdtype is not None and dtype.base.fields is not None:
         return [_namespace(dtype.base, values) for _ in range(int(np.prod(dtype.shape)))]
-    if dtype.subdtype is not None:
-        return np.array([next(values) for _ in range(int(np.prod(dtype.shape)))]).reshape(dtype.shape)
+    if dtype.subdtype is not None:  # of whole numbers, which lie in the vector as they are, the bits
+        return np.array([next(values) for _ in range(int(np.prod(dtype.shape)))]).view(dtype.base).reshape(dtype.shape)
     if dtype.fields is None:
         return next(values)
     return types.SimpleNamespace(**{name: _namespace(dtype[name], values) for name in dtype.names or ()})

@@ -50,7 +50,9 @@ def find_helm(plant: Plant) -> Helm:
     """The helm of a plant, the first input of each role; raises where its parts leave a role open."""
     body = plant.family.body
     if body is None:
-        raise ValueError(f"Level flight needs a vehicle in six degrees of freedom, got {plant.name!r} ({_family(plant)}).")
+        raise ValueError(
+            f"Level flight needs a vehicle in six degrees of freedom, got {plant.name!r} ({_family(plant)})."
+        )
     roles = body.by_role()
     for role, wanted in _ROLES.items():
         if role not in roles:

@@ -17,7 +17,6 @@ from auv_gym.param import param, part
 from auv_gym.physics.discovered_terms import DiscoveredHeave, DiscoveredYaw
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
-
 # What can happen between a command and what it moves, whatever that is: neutral value, title, unit, bounds. `U` stands
 # for the unit of the command, and bounds in it are those of an angle or of a share, to be multiplied by a `span`.
 _ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float]]] = {
@@ -68,8 +67,8 @@ def effects_on_commands(
 
 
 FIN_PROBES = {
-    **{"offset": 0.010, "gain": 0.10, "deadband": 0.015, "backlash": 0.03, "dead_time": 0.5, "lost_travel": 0.04},
-    **{"lag": 0.5, "slowness": 2.0},
+    "offset": 0.010, "gain": 0.10, "deadband": 0.015, "backlash": 0.03, "dead_time": 0.5, "lost_travel": 0.04,
+    "lag": 0.5, "slowness": 2.0,
 }
 ActuatorEffects = effects_on_commands("ActuatorEffects", __name__, "rad", FIN_PROBES)
 

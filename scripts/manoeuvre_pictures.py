@@ -150,7 +150,9 @@ def _plan(axes: Axes, result: Result) -> None:
     width = turn.tactical_diameter
     _measure(axes, (0.0, low), (width, low), (0.5 * width, low), f"tactical diameter {width:.1f} m")
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_title(f"turning circles, rudder {degrees(result.trial.plant.parts.rudder.limit):.0f}°: north, m", loc="left")
+    axes.set_title(
+        f"turning circles, rudder {degrees(result.trial.plant.parts.rudder.limit):.0f}°: north, m", loc="left"
+    )
     axes.set_xlabel("east, m")
 
 

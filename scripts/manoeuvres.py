@@ -177,7 +177,9 @@ def stern_plane(trial: Trial, x: np.ndarray, depth: float) -> float:
 def course_rudder(trial: Trial, x: np.ndarray) -> float:
     """The rudder that keeps heading zero, by the regulator of the environments."""
     k = trial.cruise.rudder_gains
-    return trial.cruise.commands[find_helm(trial.plant).rudder] - (k[0] * (x[V] - trial.cruise.state[V]) + k[1] * x[R] + k[2] * x[HEADING])
+    return trial.cruise.commands[find_helm(trial.plant).rudder] - (
+        k[0] * (x[V] - trial.cruise.state[V]) + k[1] * x[R] + k[2] * x[HEADING]
+    )
 
 
 def fly(

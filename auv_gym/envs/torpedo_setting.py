@@ -40,9 +40,7 @@ def torpedo_setting(
     largest = task.current * speed
     helm, limits = find_helm(plant), command_limits(plant)
     stands_for = _channels(plant)
-    moved = (
-        [stands_for[a] for a in task.actions if a in stands_for] if actions is None else _given(actions, plant)
-    )
+    moved = [stands_for[a] for a in task.actions if a in stands_for] if actions is None else _given(actions, plant)
     first = {"yaw": plant.inputs[helm.rudder], "pitch": plant.inputs[helm.plane]}
     held = {role: name for role, name in first.items() if name not in moved}
     where = (task.channel,) if task.channel else ("north_m", "east_m", "depth_m", "heading_rad")

@@ -22,7 +22,9 @@ class TorpedoView:
         self._episodes, self._row, self._record = episodes, row, episodes.record(row)
         self._at = {name: state_at + i for i, name in enumerate(family.states)}
         settings = episodes.settings
-        self._limits = dict(zip(family.actuators, zip(settings["rest"].tolist(), settings["limit"].tolist()), strict=True))
+        self._limits = dict(
+            zip(family.actuators, zip(settings["rest"].tolist(), settings["limit"].tolist()), strict=True)
+        )
         self._track: list[tuple[float, float, float, float]] = []
         self._waypoints: list[tuple[float, float, float]] = []
 
@@ -47,7 +49,9 @@ class TorpedoView:
             attitude=self._states("roll_rad", "pitch_rad", "heading_rad"),
             speed=float(np.linalg.norm(velocity)),
             commands={
-                name: (told[name], (rest - limit, rest + limit)) for name, (rest, limit) in self._limits.items() if limit
+                name: (told[name], (rest - limit, rest + limit))
+                for name, (rest, limit) in self._limits.items()
+                if limit
             },
             target=self._goal(),
             current=self._current(),

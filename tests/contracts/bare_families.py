@@ -4,6 +4,8 @@ from dataclasses import replace
 from math import sin
 
 import numpy as np
+from auv_gym.vehicles.torpedo import fill_terms
+from auv_gym.vehicles.torpedo_derived import N_PARAMETERS, N_TERMS, fill_added_mass, writable_view
 
 from auv_gym.compiled import compiled
 from auv_gym.physics.buoyancy import exposed_volume
@@ -17,8 +19,6 @@ from auv_gym.vehicles.glider import stable_step as glider_stable_step
 from auv_gym.vehicles.profiling_float import GRAVITY as FLOAT_GRAVITY
 from auv_gym.vehicles.profiling_float import stable_step as float_stable_step
 from auv_gym.vehicles.profiling_float import steady_speed
-from auv_gym.vehicles.torpedo import fill_terms
-from auv_gym.vehicles.torpedo_derived import N_PARAMETERS, N_TERMS, fill_added_mass, writable_view
 
 
 @compiled

@@ -4,6 +4,8 @@ from dataclasses import replace
 import gymnasium
 import numpy as np
 import pytest
+from auv_gym.vehicles.torpedo import derivative, enter
+from auv_gym.vehicles.torpedo_derived import view
 
 from auv_gym.compiled import compiled
 from auv_gym.envs.task_env import TaskEnv
@@ -14,8 +16,6 @@ from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle, save_vehicle
 from auv_gym.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
-from auv_gym.vehicles.torpedo import derivative, enter
-from auv_gym.vehicles.torpedo_derived import view
 
 HEU = load_vehicle("heu_torpedo")
 TYPICAL = np.array([0.3, 0.1, 0.1, 0.2, 0.2, 0.2])

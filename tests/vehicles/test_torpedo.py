@@ -6,6 +6,9 @@ from itertools import product
 
 import numpy as np
 import pytest
+from auv_gym.vehicles.torpedo import TORPEDO, fill_terms
+from auv_gym.vehicles.torpedo_derived import mass_problem
+from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -15,9 +18,6 @@ from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.physics.polynomials import TERMS
 from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.vehicles.torpedo import TORPEDO, fill_terms
-from auv_gym.vehicles.torpedo_derived import mass_problem
-from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 
 PRESETS = [name for name in sorted(list_vehicles()) if load_vehicle(name).family.kind == "body"]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")

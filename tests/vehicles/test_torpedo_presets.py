@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from auv_gym.vehicles.torpedo import derivative, enter, thrust_and_torque
+from auv_gym.vehicles.torpedo_derived import fill_added_mass
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.physics.frames import euler_angles_of, rotation_of
 from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.vehicles.torpedo import derivative, enter, thrust_and_torque
-from auv_gym.vehicles.torpedo_derived import fill_added_mass
 
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
 FOLDER = Path(__file__).parents[2] / "auv_gym" / "vehicles" / "presets"

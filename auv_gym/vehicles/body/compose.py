@@ -171,7 +171,9 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         required=tuple(part_.channel(i) for part_, i, command in body.commands if command.required),
         constants={
             **{
-                part_.channel(i): f"parts.{part_.name}.{command.rest}" for part_, i, command in body.commands if command.rest
+                part_.channel(i): f"parts.{part_.name}.{command.rest}"
+                for part_, i, command in body.commands
+                if command.rest
             },
             **shared,
         },
@@ -238,7 +240,10 @@ def _unpacked(parts: tuple[Part, ...], name: str, numbers: bytes) -> Any:
     values = iter(np.frombuffer(numbers))
 
     def filled(node: Any) -> Any:
-        given = {f.name: next(values) if "spec" in f.metadata else filled(getattr(node, f.name)) for f in dataclass_fields(node)}
+        given = {
+            f.name: next(values) if "spec" in f.metadata else filled(getattr(node, f.name))
+            for f in dataclass_fields(node)
+        }
         return type(node)(**{name: float(v) if isinstance(v, np.floating) else v for name, v in given.items()})
 
     return filled(made)
@@ -287,13 +292,16 @@ def _hooks(
     moved = [slot for slot in slots if slot.kind.commands]
     with_hull = [slot for slot in slots if slot.kind.with_hull]
     others = [slot for slot in slots if not slot.kind.with_hull]
+    wakes = chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots)
+    in_wake = chain(dynamics.nothing_in_wakes, dynamics.in_wake_of_kind, dynamics.in_wake_then, "in_wake", slots)
     forces = (dynamics.no_forces, dynamics.forces_of_kind, dynamics.forces_then, "force")
     derivative = bind(
         dynamics.derivative,
         program,
         forces_with_hull=chain(*forces, with_hull),
         forces_of_drives=chain(*forces, others),
-        wakes=chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots),
+        # a call, so that the usual step is short
+        forces_in_wakes=bind(dynamics.wake_forces, program, inline=False, wakes=wakes, in_wake=in_wake),
         accelerate=dynamics.by_inverse,
     )
     derive = bind(
@@ -302,10 +310,10 @@ def _hooks(
         inline=False,
         N_PARAMETERS=n_parameters,
         N_DERIVED=n_derived,
+        ACTUATORS=sum(len(slot.parts) * len(slot.kind.commands) for slot in slots),
+        wakes=wakes,
         writable_view=view_as(record, program, writable=True),
-        derive_parts=chain(
-            dynamics.nothing_derived, dynamics.derive_kind, dynamics.derive_then, "derive", slots
-        ),
+        derive_parts=chain(dynamics.nothing_derived, dynamics.derive_kind, dynamics.derive_then, "derive", slots),
     )
     return {
         "derivative": derivative,
@@ -348,5 +356,3 @@ def part_problem(parts: Sequence[Part], parameters: Any) -> str:
         if found:
             return f"parts.{part_.name}{found}"
     return ""
-
-

@@ -16,9 +16,10 @@ from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
 from auv_gym.physics.rigid_body import fill_rigid_body_mass, invert
 
 # Open names of the template, bound by `compose`.
-N_PARAMETERS = N_DERIVED = 0
+N_PARAMETERS = N_DERIVED = ACTUATORS = 0
 writable_view: Any
 derive_parts: Any
+wakes: Any
 
 N_TERMS = len(TERMS)
 # What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
@@ -35,8 +36,8 @@ COMPUTED = np.dtype(
             ("momentum", np.float64, (6, 6)),  # M_RB and the share of M_A whose Coriolis forces are added
             ("rigid_mass", np.float64, (6, 6)),
             ("coefficients", np.float64, (6 * N_TERMS,)),  # those of the polynomials that are not zero, axis by axis
-            ("terms", np.float64, (6 * N_TERMS,)),  # of each, the index in what `fill_terms` gives
-            ("ends", np.float64, (6,)),  # where each axis's coefficients end
+            ("terms", np.uint64, (6 * N_TERMS,)),  # of each, the index in what `fill_terms` gives
+            ("ends", np.uint64, (7,)),  # where the coefficients begin, and where each axis's end
             ("environment", np.float64, (len(ENVIRONMENT_TERMS), 6)),
             ("damping", np.float64, (6, 3)),  # rates, 1/s: constant, per |u|, per own speed; for the stable step
             ("cross_y", np.float64),
@@ -53,6 +54,7 @@ COMPUTED = np.dtype(
             ("has_moving_water", np.float64),
             ("has_waves", np.float64),
             ("has_tether", np.float64),
+            ("has_wake", np.float64),
             ("learned", np.float64),  # length of the table of a learned hull, which follows in the vector, or 0
         ],
     )
@@ -187,6 +189,7 @@ def derive(vector, derived):
         without_given_momentum(hull, computed.momentum)
     invert(computed.mass.copy(), computed.inverse_mass)
     count = 0
+    computed.ends[0] = 0
     for i in range(6):
         for j in range(3):
             computed.damping[i, j] = 0.0
@@ -209,7 +212,7 @@ def derive(vector, derived):
                 computed.damping[i, 2] += 2.0 * own
             if i > 0 and k == 16 + i:  # u times the axis's own velocity
                 computed.damping[i, 1] += own
-        computed.ends[i] = count
+        computed.ends[i + 1] = count
     computed.has_environment = 0.0
     for k in range(len(ENVIRONMENT_TERMS)):
         for i in range(6):
@@ -244,3 +247,4 @@ def derive(vector, derived):
     pulled = load.tether_north != 0.0 or load.tether_east != 0.0 or load.tether_down != 0.0
     computed.has_tether = 1.0 if pulled or load.tether_drag != 0.0 else 0.0
     derive_parts(p)
+    computed.has_wake = 1.0 if wakes(np.zeros(ACTUATORS), 1.0, p) != 0.0 else 0.0

@@ -20,7 +20,7 @@ from auv_gym.physics.hydrodynamics import cross_flow_drag, righting
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.physics.water import orbital_velocity
 from auv_gym.vehicles.body.derived import N_TERMS
-from auv_gym.vehicles.body.kinds import Motion
+from auv_gym.vehicles.body.kinds import NONE, Motion
 from auv_gym.vehicles.body.learned_hull import ROOM, learned_forces
 
 SCRATCH = N_TERMS + 5 + ROOM  # numbers that a derivative works with
@@ -30,10 +30,13 @@ COUNT = COMMANDS = FIRST = SHARED = 0
 SLOT = ""
 forces_with_hull: Any
 forces_of_drives: Any
+forces_in_wakes: Any
 wakes: Any
+in_wake: Any
 accelerate: Any
 part_force: Any
 part_wake: Any
+part_in_wake: Any
 part_shape: Any
 part_times: Any
 part_derive: Any
@@ -72,7 +75,7 @@ def polynomial(computed, start, end, terms):
     """The sum of one axis's coefficients, which stand from start to end, times their terms."""
     total = 0.0
     for i in range(start, end):
-        total += computed.coefficients[i] * terms[int(computed.terms[i])]
+        total += computed.coefficients[i] * terms[computed.terms[i]]
     return total
 
 
@@ -140,12 +143,12 @@ def derivative(z, actuators, inputs, p, dz, terms):
 
     # Contributions are kept apart and added in pairs at the end: one long sum would be a chain of waits.
     fill_terms(u, v, w, roll_rate, q, r, terms)
-    x_hull = polynomial(computed, 0, int(computed.ends[0]), terms)
-    y_hull = polynomial(computed, int(computed.ends[0]), int(computed.ends[1]), terms)
-    z_hull = polynomial(computed, int(computed.ends[1]), int(computed.ends[2]), terms)
-    k_hull = polynomial(computed, int(computed.ends[2]), int(computed.ends[3]), terms)
-    m_hull = polynomial(computed, int(computed.ends[3]), int(computed.ends[4]), terms)
-    n_hull = polynomial(computed, int(computed.ends[4]), int(computed.ends[5]), terms)
+    x_hull = polynomial(computed, computed.ends[0], computed.ends[1], terms)
+    y_hull = polynomial(computed, computed.ends[1], computed.ends[2], terms)
+    z_hull = polynomial(computed, computed.ends[2], computed.ends[3], terms)
+    k_hull = polynomial(computed, computed.ends[3], computed.ends[4], terms)
+    m_hull = polynomial(computed, computed.ends[4], computed.ends[5], terms)
+    n_hull = polynomial(computed, computed.ends[5], computed.ends[6], terms)
     if computed.learned != 0.0:
         l1, l2, l3, l4, l5, l6 = learned_forces(p, z, terms[N_TERMS + 5 :])
         x_hull += l1
@@ -189,10 +192,9 @@ def derivative(z, actuators, inputs, p, dz, terms):
         r33,
     )
 
-    wake = wakes(actuators, u, p)
     water = hull.density * computed.density
     motion = Motion(
-        u, v, w, roll_rate, q, r, wake, computed.density, water, hull.gravity, z[8],
+        u, v, w, roll_rate, q, r, computed.density, water, hull.gravity, z[8],
         r11, r12, r13, r21, r22, r23, r31, r32, r33,
     )  # fmt: skip
     x_flow, y_flow, z_flow, k_flow, m_flow, n_flow = forces_with_hull(actuators, inputs, motion, p)
@@ -204,6 +206,14 @@ def derivative(z, actuators, inputs, p, dz, terms):
     k_moment = ((k_hull + k_flow) + k_drive) + ((f4 + g4) + load.moment_x)
     m_moment = ((m_hull + m_flow) + m_drive) + ((f5 + g5) + load.moment_y)
     n_moment = ((n_hull + n_flow) + n_drive) + ((f6 + g6) + load.moment_z)
+    if computed.has_wake != 0.0:
+        a1, a2, a3, a4, a5, a6 = forces_in_wakes(actuators, motion, p)
+        x_force += a1
+        y_force += a2
+        z_force += a3
+        k_moment += a4
+        m_moment += a5
+        n_moment += a6
     if computed.has_tether != 0.0:
         drag = load.tether_drag * sqrt(u * u + v * v + w * w)
         tx = r11 * load.tether_north + r21 * load.tether_east + r31 * load.tether_down - drag * u
@@ -279,7 +289,7 @@ def by_inverse(x_force, y_force, z_force, k_moment, m_moment, n_moment, p, dz):
 
 def forces_of_kind(actuators, inputs, motion, p):
     """The sum of the forces of all parts of one kind: X, Y, Z in N and K, M, N in N m."""
-    x = y = z = k = m = n = 0.0
+    x = y = z = k = m = n = NONE
     parts, effects, derived = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT), getattr(p.derived, SLOT)
     for i in range(COUNT):
         at = FIRST + i * COMMANDS
@@ -303,7 +313,40 @@ def forces_then(actuators, inputs, motion, p):
 @compiled
 def no_forces(actuators, inputs, motion, p):
     """The forces of no part."""
-    return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return NONE, NONE, NONE, NONE, NONE, NONE
+
+
+def wake_forces(actuators, motion, p):
+    """What all parts do in the wakes of all propellers."""
+    return in_wake(wakes(actuators, motion.u, p), actuators, motion, p)
+
+
+def in_wake_of_kind(wake, actuators, motion, p):
+    """The sum of what the parts of one kind do in the wakes of all propellers."""
+    x = y = z = k = m = n = NONE
+    parts, effects = getattr(p.parts, SLOT), getattr(p.effects.parts, SLOT)
+    for i in range(COUNT):
+        a, b, c, d, e, f = part_in_wake(FIRST + i * COMMANDS, actuators, wake, motion, parts[i], effects[i])
+        x += a
+        y += b
+        z += c
+        k += d
+        m += e
+        n += f
+    return x, y, z, k, m, n
+
+
+def in_wake_then(wake, actuators, motion, p):
+    """What the kinds before do in the wakes, and one more."""
+    x, y, z, k, m, n = before(wake, actuators, motion, p)
+    a, b, c, d, e, f = own(wake, actuators, motion, p)
+    return x + a, y + b, z + c, k + d, m + e, n + f
+
+
+@compiled
+def nothing_in_wakes(wake, actuators, motion, p):
+    """The forces of no part."""
+    return NONE, NONE, NONE, NONE, NONE, NONE
 
 
 def wakes_of_kind(actuators, u, p):
@@ -350,9 +393,7 @@ def no_shapes(inputs, memory, p, shaped):
 def times_of_kind(index, p):
     """Dead time s, lag s and slowness, s per unit, of an actuator of one kind."""
     k = (index - FIRST) // COMMANDS
-    return part_times(
-        getattr(p.parts, SLOT)[k], getattr(p.effects.parts, SLOT)[k], index - FIRST - k * COMMANDS
-    )
+    return part_times(getattr(p.parts, SLOT)[k], getattr(p.effects.parts, SLOT)[k], index - FIRST - k * COMMANDS)
 
 
 def times_then(index, p):

@@ -17,15 +17,16 @@ from typing import Any, Literal, NamedTuple
 from auv_gym.compiled import compiled
 from auv_gym.param import did_you_mean
 
+# No force: x + -0.0 is x in all bits, and so a compiler leaves the sum out, which it must not with 0.0.
+NONE = -0.0
 Role = Literal["", "yaw", "pitch", "surge"]
 
 
 class Motion(NamedTuple):
     """What the force of a part may depend on; all velocities through the water, in body axes, m/s and rad/s.
 
-    wake: m/s, what propellers add to the flow behind them, see `physics.propulsion.slipstream_speed`.  density: of the
-    water over that of the coefficients; water: the same in kg/m^3.  gravity: m/s^2.  depth: m.  r11 to r33: the
-    rotation from body axes to north, east, down.
+    density: of the water over that of the coefficients; water: the same in kg/m^3.  gravity: m/s^2.  depth: m.
+    r11 to r33: the rotation from body axes to north, east, down.
     """
 
     u: float
@@ -34,7 +35,6 @@ class Motion(NamedTuple):
     p: float
     q: float
     r: float
-    wake: float
     density: float
     water: float
     gravity: float
@@ -106,11 +106,13 @@ class PartKind:
     `part`, `effects` and `derived` are the records of one part of the kind; `at` is the index of its first actuator.
 
     force(at, actuators, inputs, shared, motion, part, effects, derived): X, Y, Z in N and K, M, N in N m about the body's
-        origin, as a tuple; shared: index in inputs of the first of `shared`.
+        origin, as a tuple, `NONE` where there is none; shared: index in inputs of the first of `shared`.
     shape(command, memory, part, effects, index): a command after its memoryless effects and backlash, and the memory.
     times(part, effects, index): dead time, s, lag, s, slowness, s per unit, of command `index`.
     derive(part, effects, hull, derived): fills the numbers named in `numbers`, which do not change in a run.
-    wake(at, actuators, u, part, effects): m/s, see `Motion`.
+    wake(at, actuators, u, part, effects): what a propeller adds to the flow behind it, m/s, at the speed u; of one that
+        has a wake it is not 0 at u = 1 and rest, see `physics.propulsion.slipstream_speed`.
+    in_wake(at, actuators, wake, motion, part, effects): what the wakes of all propellers, m/s, add to the part's force.
     block(at, actuators, part, effects): of a part that has a mass which moves, see `moving_mass`.
     damping(part, effects, derived, density, rates): adds to rates, (6, 3), how the force on each axis falls with its
         own speed: constant, per |u|, per own speed; for the stable step.
@@ -135,6 +137,7 @@ class PartKind:
     times: Any = no_times
     derive: Any = None
     wake: Any = None
+    in_wake: Any = None
     block: Any = None
     damping: Any = None
     numbers: tuple[str, ...] = ()

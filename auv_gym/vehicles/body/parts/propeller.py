@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, make_dataclass
 from typing import Any
 
-from auv_gym.compiled import compiled, outlined
+from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
 from auv_gym.param import param, part
 from auv_gym.physics.actuators import shaped_command
@@ -19,7 +19,7 @@ from auv_gym.physics.propulsion import (
     slipstream_speed,
     table_thrust,
 )
-from auv_gym.vehicles.body.kinds import Command, PartKind, Sketch
+from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Sketch
 
 
 @dataclass(frozen=True)
@@ -91,8 +91,8 @@ PropellerEffects = effects_on_commands(
     __name__,
     "1",
     {
-        **{"offset": 0.03, "gain": 0.05, "deadband": 0.03, "dead_time": 0.5, "lost_travel": 0.05},
-        **{"lag": 0.5, "slowness": 2.0, "lost": 0.03},
+        "offset": 0.03, "gain": 0.05, "deadband": 0.03, "dead_time": 0.5, "lost_travel": 0.05,
+        "lag": 0.5, "slowness": 2.0, "lost": 0.03,
     },
     titles={"slowness": "{} rate limit, as time to full", "lost": "share of the thrust lost"},
     more={
@@ -135,26 +135,20 @@ def thrust_and_torque(command, u, density, part, effects, derived):
     return thrust, working * torque + (part.torque_arm + effects.torque) * thrust
 
 
-@outlined
-def hull_in_wake(motion, wake):
-    """Heave force, N, roll and pitch moment, N m, of the hull in the wake."""
-    stream = motion.density * motion.wake
-    return (
-        stream * (wake.z_uq * motion.q + wake.z_uw * motion.w),
-        stream * wake.k_up * motion.p,
-        stream * (wake.m_uq * motion.q + wake.m_uw * motion.w),
-    )
+@compiled
+def force(at, actuators, inputs, shared, motion, part, effects, derived):
+    """Thrust along the hull's axis, and torque about it."""
+    thrust, torque = thrust_and_torque(actuators[at], motion.u, motion.density, part, effects, derived)
+    return thrust, NONE, NONE, torque, NONE, NONE
 
 
 @compiled
-def force(at, actuators, inputs, shared, motion, part, effects, derived):
-    """Thrust along the hull's axis, and torque about it; where it has a wake, what the hull does in it."""
-    thrust, torque = thrust_and_torque(actuators[at], motion.u, motion.density, part, effects, derived)
-    heave = pitch = 0.0
-    if part.wake.c_t1 != 0.0:  # a call, so that the usual step is short
-        heave, roll, pitch = hull_in_wake(motion, part.wake)
-        torque += roll
-    return thrust, 0.0, heave, torque, pitch, 0.0
+def in_wake(at, actuators, wake, motion, part, effects):
+    """What the hull does in the wake."""
+    stream, law = motion.density * wake, part.wake
+    heave = stream * (law.z_uq * motion.q + law.z_uw * motion.w)
+    pitch = stream * (law.m_uq * motion.q + law.m_uw * motion.w)
+    return NONE, NONE, heave, stream * law.k_up * motion.p, pitch, NONE
 
 
 @compiled
@@ -197,6 +191,7 @@ def _form(suffix: str, channel: str = "") -> PartKind:
         times=times,
         derive=derive,
         wake=wake,
+        in_wake=in_wake,
         numbers=("has_table",),
     )
 

@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from auv_gym.compiled import compiled, outlined
+from auv_gym.compiled import compiled
 from auv_gym.effects import FIN_PROBES, effects_on_commands
 from auv_gym.param import param, part
 from auv_gym.physics.actuators import shape_command
 from auv_gym.physics.hydrodynamics import angle_of_attack
-from auv_gym.vehicles.body.kinds import Command, PartKind, Role, Sketch
+from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch
 
 
 @dataclass(frozen=True)
@@ -69,25 +69,23 @@ def times(part, effects, index):
 
 
 @compiled
-def surface_force(position, motion, cross, turn, rate, part, effects):
-    """Axial and cross force, N, and moment, N m, of a surface; cross: v or w; turn: r or -q; rate: r or q.
+def angle_and_share(position, motion, cross, turn, part, effects):
+    """The angle of attack, rad, and the share of the surface that is there; cross: v or w; turn: r or -q.
 
     position: of the actuator, rad.
     """
     placed = (1.0 - effects.stuck) * position + effects.stuck * effects.stuck_at
-    there = 1.0 - effects.lost
-    angle = angle_of_attack(placed, motion.u, cross, turn, part)
+    return angle_of_attack(placed, motion.u, cross, turn, part), 1.0 - effects.lost
+
+
+@compiled
+def surface_force(position, motion, cross, turn, rate, part, effects):
+    """Axial and cross force, N, and moment, N m, of a surface; rate: r or q; others as above."""
+    angle, there = angle_and_share(position, motion, cross, turn, part, effects)
     push = motion.density * motion.u
     square = push * abs(motion.u)
     axial = there * drag_force(angle, square, push, rate, cross, part)
-    across = there * (square * (part.lift * angle))
-    moment = there * (square * (part.moment * angle))
-    if motion.wake != 0.0:
-        x, y, n = force_in_wake(motion, there, angle, cross, rate, part.wake)
-        axial += x
-        across += y
-        moment += n
-    return axial, across, moment
+    return axial, there * (square * (part.lift * angle)), there * (square * (part.moment * angle))
 
 
 @compiled
@@ -96,30 +94,41 @@ def drag_force(angle, square, push, rate, slip, fin):
     return angle * (square * (fin.drag * angle) + push * (fin.drag_rate * rate + fin.drag_slip * slip))
 
 
-@outlined
-def force_in_wake(motion, there, angle, cross, rate, wake):
-    """What the wake of a propeller adds: axial and cross force, N, and moment, N m."""
-    stream = motion.density * motion.wake * there
-    along = wake.drag_rate * rate + wake.drag_slip * cross + wake.drag * motion.u * angle
-    return (
-        stream * angle * along,
-        stream * (wake.lift * motion.u * angle),
-        stream * (wake.moment * motion.u * angle),
-    )
+@compiled
+def force_in_wake(position, wake, motion, cross, turn, rate, part, effects):
+    """What a wake, m/s, adds to the axial and the cross force, N, and to the moment, N m."""
+    angle, there = angle_and_share(position, motion, cross, turn, part, effects)
+    stream, law = motion.density * wake * there, part.wake
+    along = law.drag_rate * rate + law.drag_slip * cross + law.drag * motion.u * angle
+    return stream * angle * along, stream * (law.lift * motion.u * angle), stream * (law.moment * motion.u * angle)
 
 
 @compiled
 def yaw_force(at, actuators, inputs, shared, motion, part, effects, derived):
     """Forces of a rudder."""
     x, y, n = surface_force(actuators[at], motion, motion.v, motion.r, motion.r, part, effects)
-    return x, y, 0.0, 0.0, 0.0, n
+    return x, y, NONE, NONE, NONE, n
+
+
+@compiled
+def yaw_in_wake(at, actuators, wake, motion, part, effects):
+    """What a wake adds to the forces of a rudder."""
+    x, y, n = force_in_wake(actuators[at], wake, motion, motion.v, motion.r, motion.r, part, effects)
+    return x, y, NONE, NONE, NONE, n
 
 
 @compiled
 def pitch_force(at, actuators, inputs, shared, motion, part, effects, derived):
     """Forces of a plane."""
     x, z, m = surface_force(actuators[at], motion, motion.w, -motion.q, motion.q, part, effects)
-    return x, 0.0, z, 0.0, m, 0.0
+    return x, NONE, z, NONE, m, NONE
+
+
+@compiled
+def pitch_in_wake(at, actuators, wake, motion, part, effects):
+    """What a wake adds to the forces of a plane."""
+    x, z, m = force_in_wake(actuators[at], wake, motion, motion.w, -motion.q, motion.q, part, effects)
+    return x, NONE, z, NONE, m, NONE
 
 
 def _limits(surface: Surface) -> tuple[float, float]:
@@ -136,7 +145,7 @@ def _sketch(axis: tuple[float, float, float]) -> Callable[[Surface], tuple[Sketc
     return sketch
 
 
-def _form(axis: Role, force: Any, about: tuple[float, float, float]) -> PartKind:
+def _form(axis: Role, force: Any, in_wake: Any, about: tuple[float, float, float]) -> PartKind:
     return PartKind(
         name="surface",
         title="control surface given by its coefficients",
@@ -147,6 +156,7 @@ def _form(axis: Role, force: Any, about: tuple[float, float, float]) -> PartKind
         choice="axis",
         commands=(Command("rad", _limits, role=axis),),
         force=force,
+        in_wake=in_wake,
         shape=shape,
         times=times,
         with_hull=True,
@@ -163,7 +173,7 @@ KIND = PartKind(
     order=10,
     choice="axis",
     variants={
-        "yaw": _form("yaw", yaw_force, (0.0, 0.0, 1.0)),
-        "pitch": _form("pitch", pitch_force, (0.0, 1.0, 0.0)),
+        "yaw": _form("yaw", yaw_force, yaw_in_wake, (0.0, 0.0, 1.0)),
+        "pitch": _form("pitch", pitch_force, pitch_in_wake, (0.0, 1.0, 0.0)),
     },
 )
