@@ -9,8 +9,11 @@ from typing import Any
 COMMANDS = {"torpedo": "shaft_speed", "torpedo_voltage": "voltage", "torpedo_speed": "speed"}
 _FINS = {"rudder": "yaw", "stern_plane": "pitch", "bow_plane": "pitch"}
 _STERN_IN_WAKE = {
-    "x_uq_stern": "drag_rate", "x_uw_stern": "drag_slip", "x_uu_stern": "drag",
-    "z_uu_stern": "lift", "m_uu_stern": "moment",
+    "x_uq_stern": "drag_rate",
+    "x_uw_stern": "drag_slip",
+    "x_uu_stern": "drag",
+    "z_uu_stern": "lift",
+    "m_uu_stern": "moment",
 }
 
 
