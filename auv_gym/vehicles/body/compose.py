@@ -286,14 +286,14 @@ def _hooks(
 ) -> Mapping[str, Callable[..., Any]]:
     """The compiled functions of the family."""
 
-    def chain(nothing: Any, of_kind: Any, then: Any, function: str, among: Sequence[_Slot], **more: Any) -> Any:
+    def chain(nothing: Any, of_kind: Any, then: Any, function: str, among: Sequence[_Slot], more: Any = None) -> Any:
         linked = nothing
         for slot in among:
             given = getattr(slot.kind, function)
             if given is None:
                 continue
             name = f"{program}_{slot.name}"
-            own = bind(of_kind, name, **slot.meanings(), **more, **{f"part_{function}": given})
+            own = bind(of_kind, name, **slot.meanings(), **(more or {}), **{f"part_{function}": given})
             linked = bind(then, name, before=linked, own=own, FIRST=slot.first)
         return linked
 
@@ -302,7 +302,7 @@ def _hooks(
     others = [slot for slot in slots if not slot.kind.with_hull]
     moves, actuators = _moves(slots), sum(len(slot.parts) * len(slot.kind.commands) for slot in slots)
     carried = {"ACTUATORS": actuators, "RATES_AT": len(SENSORS)}
-    blocks = chain(dynamics.no_load, dynamics.load_blocks_of_kind, dynamics.load_blocks_then, "block", slots, **carried)
+    blocks = chain(dynamics.no_load, dynamics.load_blocks_of_kind, dynamics.load_blocks_then, "block", slots, carried)
     wakes = chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots)
     in_wake = chain(dynamics.nothing_in_wakes, dynamics.in_wake_of_kind, dynamics.in_wake_then, "in_wake", slots)
     forces = (dynamics.no_forces, dynamics.forces_of_kind, dynamics.forces_then, "force")
@@ -330,7 +330,7 @@ def _hooks(
     hooks = {}
     if moves:
         exchanged = chain(
-            dynamics.no_exchange, dynamics.exchange_of_kind, dynamics.exchange_then, "block", slots, **carried
+            dynamics.no_exchange, dynamics.exchange_of_kind, dynamics.exchange_then, "block", slots, carried
         )
         hooks["kick"] = bind(dynamics.kick, program, exchange_blocks=exchanged, **carried)
     return {
