@@ -40,7 +40,8 @@ def template(x):
     return hook(x) + 0.5
 template.__module__ = "auv_gym.rollout"  # as if a family outside the package had brought the hook
 bound = bind(template, "toy", hook=added)
-stats = lambda function: [sum(count.values()) for count in (function.stats.cache_hits, function.stats.cache_misses)]
+counts = lambda function: (function.ready.stats.cache_hits, function.ready.stats.cache_misses)
+stats = lambda function: [sum(count.values()) for count in counts(function)]
 print(json.dumps([doubled(1.0), bound(1.0), stats(doubled)]))
 """
 
@@ -104,7 +105,9 @@ def test_other_packages_keep_their_cache_folder():
         return 1.0
 
     assert folder_of_others == numba.config.CACHE_DIR
-    assert str(one._cache.cache_path).startswith(str(compiled_module._cache_folder(frozenset({Path(__file__).parent}))))
+    assert str(one.ready._cache.cache_path).startswith(
+        str(compiled_module._cache_folder(frozenset({Path(__file__).parent})))
+    )
 
 
 scale = offset = None

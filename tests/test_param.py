@@ -144,7 +144,7 @@ def test_a_group_may_be_an_array_in_the_record():
 def test_of_many_parameters_the_neighbours_of_an_unknown_one_are_listed():
     plant = load_vehicle("remus100")
     with pytest.raises(
-        ValueError, match=r"Known: hull\.rudder\.lift, hull\.rudder\.moment, .*hull\.rudder\.slowness\.$"
+        ValueError, match=r"Known: parts\.rudder\.lift, parts\.rudder\.moment, .*parts\.rudder\.wake\.drag_slip\.$"
     ):
         value_at(plant, "parts.rudder.lifting")
     with pytest.raises(ValueError, match=r"Known: effects\.rudder, effects\.stern_plane, .*effects\.sampling\.$"):

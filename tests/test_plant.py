@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from auv_gym.cruise import find_helm
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle, save_vehicle
 from auv_gym.presets import Heading, list_headings
 from auv_gym.record import Record
-from auv_gym.vehicles import FAMILIES
+from auv_gym.vehicles import FAMILY_NAMES
 
 PRESETS = sorted(list_vehicles())
 GLIDERS = [name for name in PRESETS if load_vehicle(name).family.kind == "glider"]
@@ -49,7 +50,7 @@ TORPEDO_EFFECTS = {
     "lags and rate limits": {"rudder.lag": 0.5, "stern_plane.slowness": 3.0, "propeller.lag": 2.0},
     "shaped commands": {"stern_plane.backlash": 0.1, "rudder.deadband": 0.05, "propeller.gain": 0.8},
     "water": {"current.east": 0.3, "current.shear_north": 0.02, "waves.amplitude_cos": 0.5, "water.density": 0.01},
-    "loads and damage": {"load.payload": 0.5, "load.tether_drag": 1.0, "rudder_fin.lost": 0.3, "hull.fouling": 0.2},
+    "loads and damage": {"load.payload": 0.5, "load.tether_drag": 1.0, "rudder.lost": 0.3, "hull.fouling": 0.2},
     "sensors": {"depth.lag": 2.0, "gyros.lag": 0.3, "compass.lag": 1.0, "dvl_ground.lag": 0.5, "dvl_water.lag": 1.0},
     "sensor errors": {"gyros.misalignment": 0.1, "compass.deviation_sin": 0.1, "depth.scale": 0.02, "depth.bias": 0.5},
 }
@@ -66,7 +67,7 @@ def make_record(plant: Plant, samples: int = 60) -> Record:
     rest = {"u_mps": 0.35 + 0.05 * np.sin(0.2 * k), "roll_rad": 0.1 * np.cos(0.3 * k)}
     if plant.family.kind == "body":
         full = np.where(k < 4, 0.0, plant.parts.propeller.design)
-        rest = {"stern_plane_rad": -0.6 * rudder, plant.inputs[3]: full}
+        rest = {"stern_plane_rad": -0.6 * rudder, plant.inputs[find_helm(plant).drive]: full}
     return Record.from_arrays(plant.dt * k, {"rudder_rad": rudder, **rest})
 
 
@@ -252,7 +253,7 @@ def test_a_preset_cites_every_number_it_sets(name):
 def test_what_is_known_of_a_coefficient(tmp_path):
     file = tmp_path / "v.toml"
     file.write_text(
-        'family = "torpedo"\nfitted_to = "dive 3"\n[hull]\nlength = 2.0\ndensity = 1000.0\n'
+        'family = "body"\nfitted_to = "dive 3"\n[hull]\nlength = 2.0\ndensity = 1000.0\n'
         'x_g = { value = 0.1, unit = "m", deviation = 0.02, source = "weighed" }\n'
         '[hull.sway]\nuv = { value = -0.02, unit = "prime", deviation = 0.001 }\n'
     )
@@ -331,8 +332,9 @@ def test_an_older_file_stays_where_writing_fails(tmp_path):
     assert [f.name for f in tmp_path.iterdir()] == ["a.toml"]
 
 
-NAMES = ", ".join(FAMILIES)
-HEAD, TORPEDO = 'family = "glider"\n', 'family = "torpedo"\n'
+NAMES = ", ".join(FAMILY_NAMES)
+HEAD, BODY = 'family = "glider"\n', 'family = "body"\n'
+RUDDER = BODY + '[parts.rudder]\nkind = "surface"\naxis = "yaw"\n'
 BAD_FILES = {
     "not TOML": ("family = ", "Vehicle file v.toml is not valid TOML: "),
     "no family": ("dt_s = 1.0", f"needs family = one of {NAMES}, got 'nothing'"),
@@ -363,7 +365,7 @@ BAD_FILES = {
     "text for a deviation": (HEAD + '[hull]\nmass = { value = 50.0, deviation = "5 kg" }', "got '5 kg'"),
     "deviation of an effect": (
         HEAD + "[effects.rudder]\noffset = { value = 0.1, deviation = 0.1 }",
-        "effects.rudder.offset cannot have a deviation: only coefficients of the hull do",
+        "effects.rudder.offset cannot have a deviation: only coefficients of the hull and of parts do",
     ),
     "no value": (HEAD + '[hull]\nmass = { unit = "kg" }', "hull.mass needs a number in kg, got None"),
     "text for a value": (HEAD + '[hull]\nmass = "50"', "hull.mass needs a number in kg, got '50'"),
@@ -372,37 +374,37 @@ BAD_FILES = {
     "out of bounds": (HEAD + "[hull]\nmass = -50.0", "hull.mass needs a value from 1 to 10000 kg, got -50"),
     "NaN": (HEAD + "[hull]\nmass = nan", "hull.mass needs a value from 1 to 10000 kg, got nan"),
     "infinite": (HEAD + "[effects.yaw]\nmoment = inf", "effects.yaw.moment needs a value from -50 to 50 N m, got inf"),
-    "unknown term": (TORPEDO + "[hull.surge]\nuu = -5.0", "No parameter 'hull.surge.uu'. Did you mean 'hull.surge."),
-    "key of another group": (TORPEDO + "[parts.rudder]\nmass = 5.0", "No parameter 'parts.rudder.mass'. "),
-    "unknown group": (TORPEDO + "[effects.wave]\nperiod = 5.0", "Did you mean 'effects.waves.period'"),
+    "unknown term": (BODY + "[hull.surge]\nuu = -5.0", "No parameter 'hull.surge.uu'. Did you mean 'hull.surge."),
+    "key of another group": (RUDDER + "mass = 5.0", "No parameter 'parts.rudder.mass'. "),
+    "unknown group": (BODY + "[effects.wave]\nperiod = 5.0", "Did you mean 'effects.waves.period'"),
     "angle in degrees": (
-        TORPEDO + '[parts.rudder]\nlimit = { value = 20.0, unit = "deg" }',
+        RUDDER + 'limit = { value = 20.0, unit = "deg" }',
         "parts.rudder.limit is in rad, got unit 'deg': convert the value",
     ),
     "prime angle": (
-        TORPEDO + '[parts.rudder]\nlimit = { value = 0.3, unit = "prime" }',
+        RUDDER + 'limit = { value = 0.3, unit = "prime" }',
         "parts.rudder.limit is in rad, which has no prime form: give the value in rad",
     ),
     "prime linear damping": (
-        TORPEDO + '[hull.surge]\nu = { value = -0.3, unit = "prime" }',
+        BODY + '[hull.surge]\nu = { value = -0.3, unit = "prime" }',
         "hull.surge.u is in kg/s, which has no prime form: give the value in kg/s",
     ),
     "prime of a glider": (HEAD + '[hull]\nn_r = { value = -0.3, unit = "prime" }', "hull.n_r is in 1, which has no"),
     "prime text": (
-        TORPEDO + '[hull.sway]\nuv = { value = "-0.3", unit = "prime" }',
+        BODY + '[hull.sway]\nuv = { value = "-0.3", unit = "prime" }',
         "hull.sway.uv needs a number in kg/m, got '-0.3'",
     ),
     "prime out of bounds": (
-        TORPEDO + '[hull]\nlength = 2.0\ndensity = 1000.0\n[hull.added_mass]\ny_vdot = { value = 0.5, unit = "prime" }',
+        BODY + '[hull]\nlength = 2.0\ndensity = 1000.0\n[hull.added_mass]\ny_vdot = { value = 0.5, unit = "prime" }',
         "hull.added_mass.y_vdot needs a value from -1e+07 to 0 kg, got 2000",
     ),
     "unreal inertia": (
-        TORPEDO + "[hull]\nmass = 50.0\nz_g = 1.0\ni_xx = 3.0\ni_yy = 80.0",
+        BODY + "[hull]\nmass = 50.0\nz_g = 1.0\ni_xx = 3.0\ni_yy = 80.0",
         "the mass matrix of the rigid body is not positive definite (smallest eigenvalue -28.7, mostly in roll): "
         "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there).",
     ),
     "unreal added mass": (
-        TORPEDO + "[hull.added_mass]\nz_qdot = 30.0\nm_wdot = 30.0",
+        BODY + "[hull.added_mass]\nz_qdot = 30.0\nm_wdot = 30.0",
         "v.toml: the mass matrix with added mass is not positive definite (smallest eigenvalue -13.2, mostly in pitch)",
     ),
     "no inertia left": (HEAD + "[hull]\ninertia = 1.0", "minus the added inertia D5 N_rdot must be positive"),
@@ -452,21 +454,23 @@ def test_prime_values_are_made_dimensional_by_density_and_length(tmp_path):
         up = { value = -0.01, unit = "prime" }
         qr = { value = 0.01, unit = "prime" }
         [parts.rudder]
+        kind = "surface"
+        axis = "yaw"
         lift = { value = 0.03, unit = "prime" }
         moment = { value = -0.02, unit = "prime" }
         [hull]
         density = 1000.0
         length = 1.5
     """
-    (tmp_path / "v.toml").write_text(TORPEDO + text)
+    (tmp_path / "v.toml").write_text(BODY + text)
     plant = load_vehicle(tmp_path / "v.toml")
-    hull, base = plant.hull, 0.5 * 1000.0
+    hull, rudder, base = plant.hull, plant.parts.rudder, 0.5 * 1000.0
     powers = {
         (hull.sway.v_v, -0.2): 2,
-        (parts.rudder.lift, 0.03): 2,
+        (rudder.lift, 0.03): 2,
         (hull.added_mass.y_vdot, -0.03): 3,
         (hull.sway.ur, 0.02): 3,
-        (parts.rudder.moment, -0.02): 3,
+        (rudder.moment, -0.02): 3,
         (hull.added_mass.y_rdot, 0.002): 4,
         (hull.roll.up, -0.01): 4,
         (hull.added_mass.m_qdot, -0.003): 5,

@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from auv_gym.cruise import find_helm
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 
 ROOT = Path(__file__).parents[1]
-SAMPLES = {"glider": 60, "torpedo": 12, "float": 25}  # one of a torpedo takes plain Python some milliseconds
+SAMPLES = {"glider": 60, "body": 12, "float": 25}  # one of a torpedo takes plain Python some milliseconds
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
     "effects.discovered.yaw.sin_heading": 0.5,
@@ -75,7 +76,7 @@ def trajectory(plant: Plant) -> np.ndarray:
     else:
         columns |= {"stern_plane_rad": 0.3 * np.cos(0.5 * k), "bow_plane_rad": 0.2 * np.sin(0.7 * k)}
         plant = replace(plant, longest_step=0.5 * plant.dt)
-        columns[plant.inputs[3]] = plant.parts.propeller.design * (1.0 + 0.2 * np.sin(k))
+        columns[plant.inputs[find_helm(plant).drive]] = plant.parts.propeller.design * (1.0 + 0.2 * np.sin(k))
         start |= {"u_mps": 1.2, "v_mps": 0.1, "w_mps": -0.1, "p_radps": 0.1, "depth_m": 4.0, "pitch_rad": 0.1}
     record = Record.from_arrays(plant.dt * k, columns)
     x = plant.initial(np.array([start.get(name, 0.0) for name in plant.outputs]))

@@ -1,18 +1,21 @@
 """Each kind of vehicle without a word about effects, operation by operation: what neutral effects must give."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import sin
+from typing import Any
 
 import numpy as np
-from auv_gym.vehicles.torpedo import fill_terms
-from auv_gym.vehicles.torpedo_derived import N_PARAMETERS, N_TERMS, fill_added_mass, writable_view
 
-from auv_gym.compiled import compiled
+from auv_gym.compiled import bind, compiled, view_as
+from auv_gym.param import list_paths
 from auv_gym.physics.buoyancy import exposed_volume
 from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned, rotation_of
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
 from auv_gym.physics.propulsion import RADPS_PER_RPM, shaft_law, slipstream_speed, table_thrust
 from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, invert
+from auv_gym.vehicles.body.derived import COMPUTED, N_TERMS, fill_added_mass
+from auv_gym.vehicles.body.dynamics import fill_terms
 from auv_gym.vehicles.family import Family
 from auv_gym.vehicles.glider import GRAVITY
 from auv_gym.vehicles.glider import stable_step as glider_stable_step
@@ -77,13 +80,17 @@ def glider_output(x, actuators, sensors, p, y):
     y[3] = x[3]
 
 
-@compiled
-def torpedo_derive(vector, derived):
+# What differs between bodies: the numbers of parameters and of planes, and the view of the parameters.
+N_PARAMETERS = PLANES = 0
+parameters_view: Any = None
+computed_view = view_as(COMPUTED, "bare_computed", writable=True)
+
+
+def body_derive(vector, derived):
     """Of what the family computes, what the hull alone needs."""
     for i in range(N_PARAMETERS):
         derived[i] = vector[i]
-    p = writable_view(derived)
-    hull, computed = p.hull, p.computed
+    hull, computed = parameters_view(derived).hull, computed_view(derived[N_PARAMETERS:])
     matrix, added = np.empty((6, 6)), np.empty((6, 6))
     fill_rigid_body_mass(hull.mass, hull.x_g, hull.y_g, hull.z_g, hull, computed.rigid_mass)
     fill_added_mass(hull.added_mass, added)
@@ -116,8 +123,15 @@ def drag_of(fin, angle, u, turn, slip):
 
 
 @compiled
-def torpedo_derivative(z, actuators, inputs, p, dz, terms):
-    """Hull, fins, propeller, weight and buoyancy in still water."""
+def wake_of(fin, stream, angle, u, turn, slip):
+    """Axial and cross force and moment of a fin in the wake."""
+    law = fin.wake
+    axial = stream * angle * (law.drag_rate * turn + law.drag_slip * slip + law.drag * u * angle)
+    return axial, stream * (law.lift * u * angle), stream * (law.moment * u * angle)
+
+
+def body_derivative(z, actuators, inputs, p, dz, terms):
+    """Hull, a rudder, planes, a propeller, weight and buoyancy in still water."""
     u, v, w, roll_rate, q, r = z[0], z[1], z[2], z[3], z[4], z[5]
     hull, computed = p.hull, p.computed
     r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(z[9], z[10], z[11], z[12])
@@ -133,32 +147,46 @@ def torpedo_derivative(z, actuators, inputs, p, dz, terms):
         hull.x_g, hull.y_g, hull.z_g, hull.x_b, hull.y_b, hull.z_b, r31, r32, r33,
     )  # fmt: skip
 
-    rudder, stern, bow = parts.rudder, parts.stern_plane, parts.bow_plane
+    rudder, square = p.parts.surface_yaw[0], u * abs(u)
     angle_r = angle_of_attack(actuators[0], u, v, r, rudder)
-    angle_s = angle_of_attack(actuators[1], u, w, -q, stern)
-    angle_b = angle_of_attack(actuators[2], u, w, -q, bow)
-    square = u * abs(u)
-    x_fins = drag_of(rudder, angle_r, u, r, v) + (drag_of(stern, angle_s, u, q, w) + drag_of(bow, angle_b, u, q, w))
-    z_fins = square * (stern.lift * angle_s + bow.lift * angle_b)
-    m_fins = square * (stern.moment * angle_s + bow.moment * angle_b)
+    x_planes = z_planes = m_planes = 0.0
+    for k in range(PLANES):
+        plane = p.parts.surface_pitch[k]
+        angle = angle_of_attack(actuators[1 + k], u, w, -q, plane)
+        x_planes += drag_of(plane, angle, u, q, w)
+        z_planes += square * (plane.lift * angle)
+        m_planes += square * (plane.moment * angle)
 
-    law, slip, n = parts.propeller, hull.slipstream, RADPS_PER_RPM * actuators[3]
-    thrust = shaft_law(n, u, law.t_nn, law.t_nu) + law.t_cc * actuators[3] * abs(actuators[3])
-    thrust += table_thrust(actuators[3], u, law.table)
+    law, command = p.parts.propeller[0], actuators[1 + PLANES]
+    n = RADPS_PER_RPM * command
+    thrust = shaft_law(n, u, law.t_nn, law.t_nu) + law.t_cc * command * abs(command)
+    thrust += table_thrust(command, u, law.table)
     torque = shaft_law(n, u, law.q_nn, law.q_nu) + law.torque_arm * thrust
-    if slip.c_t1 != 0.0:
-        stream = slipstream_speed(n, u, slip.pitch, slip.c_t1)
-        x_fins += stream * angle_s * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * angle_s)
-        z_fins += stream * (slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * angle_s)
-        torque += stream * slip.k_up * roll_rate
-        m_fins += stream * (slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * angle_s)
 
-    x1 = (x1 + x_fins) + ((f1 + g1) + thrust)
+    x1 = (x1 + (drag_of(rudder, angle_r, u, r, v) + x_planes)) + ((f1 + g1) + thrust)
     x2 = (x2 + sway + square * (rudder.lift * angle_r)) + (f2 + g2)
-    x3 = (x3 + heave + z_fins) + (f3 + g3)
+    x3 = (x3 + heave + z_planes) + (f3 + g3)
     x4 = (x4 + torque) + (f4 + g4)
-    x5 = (x5 + pitch + m_fins) + (f5 + g5)
+    x5 = (x5 + pitch + m_planes) + (f5 + g5)
     x6 = (x6 + yaw + square * (rudder.moment * angle_r)) + (f6 + g6)
+    if law.wake.c_t1 != 0.0:
+        stream = slipstream_speed(n, u, law.wake.pitch, law.wake.c_t1)
+        x_wake, y_wake, n_wake = wake_of(rudder, stream, angle_r, u, r, v)
+        x_planes = z_planes = m_planes = 0.0
+        for k in range(PLANES):
+            plane = p.parts.surface_pitch[k]
+            x_plane, z_plane, m_plane = wake_of(
+                plane, stream, angle_of_attack(actuators[1 + k], u, w, -q, plane), u, q, w
+            )
+            x_planes += x_plane
+            z_planes += z_plane
+            m_planes += m_plane
+        x1 += x_wake + x_planes
+        x2 += y_wake
+        x3 += z_planes + stream * (law.wake.z_uq * q + law.wake.z_uw * w)
+        x4 += stream * law.wake.k_up * roll_rate
+        x5 += m_planes + stream * (law.wake.m_uq * q + law.wake.m_uw * w)
+        x6 += n_wake
     i = computed.inverse_mass
     for k in range(6):
         dz[k] = (i[k, 0] * x1 + i[k, 1] * x2 + i[k, 2] * x3) + (i[k, 3] * x4 + i[k, 4] * x5 + i[k, 5] * x6)
@@ -173,28 +201,25 @@ def torpedo_derivative(z, actuators, inputs, p, dz, terms):
     dz[13] = 0.0
 
 
-@compiled
-def torpedo_shape(inputs, memory, p, shaped):
-    hull = p.hull
-    limits = (parts.rudder.limit, parts.stern_plane.limit, parts.bow_plane.limit, parts.propeller.limit)
-    for j in range(4):
-        shaped[j] = min(max(inputs[j], -limits[j]), limits[j])
+def body_shape(inputs, memory, p, shaped):
+    shaped[0] = min(max(inputs[0], -p.parts.surface_yaw[0].limit), p.parts.surface_yaw[0].limit)
+    for k in range(PLANES):
+        limit = p.parts.surface_pitch[k].limit
+        shaped[1 + k] = min(max(inputs[1 + k], -limit), limit)
+    limit = p.parts.propeller[0].limit
+    shaped[1 + PLANES] = min(max(inputs[1 + PLANES], -limit), limit)
 
 
-@compiled
-def torpedo_times(index, p):
-    hull = p.hull
+def body_times(index, p):
     if index == 0:
-        return 0.0, parts.rudder.lag, parts.rudder.slowness
-    if index == 1:
-        return 0.0, parts.stern_plane.lag, parts.stern_plane.slowness
-    if index == 2:
-        return 0.0, parts.bow_plane.lag, parts.bow_plane.slowness
-    return 0.0, parts.propeller.lag, parts.propeller.slowness / parts.propeller.limit
+        return 0.0, p.parts.surface_yaw[0].lag, p.parts.surface_yaw[0].slowness
+    if index <= PLANES:
+        return 0.0, p.parts.surface_pitch[index - 1].lag, p.parts.surface_pitch[index - 1].slowness
+    return 0.0, p.parts.propeller[0].lag, p.parts.propeller[0].slowness / p.parts.propeller[0].limit
 
 
 @compiled
-def torpedo_output(x, actuators, sensors, p, y):
+def body_output(x, actuators, sensors, p, y):
     y[0], y[1], y[2] = x[9], x[10], x[11]
     y[3], y[4], y[5] = x[3], x[4], x[5]
     for k in range(3):
@@ -257,14 +282,6 @@ _HOOKS = {
         "actuator_times": no_times,
         "output": glider_output,
     },
-    "torpedo": {
-        "derive": torpedo_derive,
-        "derivative": torpedo_derivative,
-        "stable_step": unlimited_step,
-        "shape": torpedo_shape,
-        "actuator_times": torpedo_times,
-        "output": torpedo_output,
-    },
     "float": {
         "derivative": float_derivative,
         "stable_step": float_stable_step,
@@ -275,7 +292,27 @@ _HOOKS = {
 }
 
 
+def body_hooks(family: Family) -> dict[str, Callable[..., Any]]:
+    """Of a body of one rudder, planes and one propeller."""
+    assert family.body is not None
+    kinds = [part.found.slot for part in family.body.parts]
+    planes = kinds.count("surface_pitch")
+    assert kinds == ["surface_yaw", *["surface_pitch"] * planes, "propeller"]
+    sizes = {"PLANES": planes, "N_PARAMETERS": len(list_paths(family.parameters()))}
+    templates = {
+        "derive": body_derive,
+        "derivative": body_derivative,
+        "shape": body_shape,
+        "actuator_times": body_times,
+    }
+    known = {**sizes, "parameters_view": family.view}
+    bound = {hook: bind(template, f"bare_{family.program}", **known) for hook, template in templates.items()}
+    return {**bound, "stable_step": unlimited_step, "output": body_output}
+
+
 def bare(family: Family) -> Family:
     """The family without its effects."""
-    hooks = {**family.hooks, **_HOOKS[family.kind], "sense": no_sense, "settle_sensors": no_settling}
-    return replace(family, name=f"bare_{family.name}", kind=f"bare_{family.kind}", hooks=hooks)
+    own = body_hooks(family) if family.kind == "body" else _HOOKS[family.kind]
+    hooks = {**family.hooks, **own, "sense": no_sense, "settle_sensors": no_settling}
+    program = f"bare_{family.program or family.kind}"
+    return replace(family, name=f"bare_{family.name}", kind=f"bare_{family.kind}", program=program, hooks=hooks)

@@ -1,12 +1,13 @@
 """What holds for every effect: neutral is the identity bit for bit, and a probe shows at first order."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 from bare_families import bare
 
+from auv_gym.cruise import find_helm
 from auv_gym.effects import EFFECTS
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
@@ -30,9 +31,11 @@ def showing() -> list[tuple[str, str]]:
     glider, torpedo = load_vehicle("slocum"), load_vehicle("heu_torpedo")
     diver = load_vehicle("qiandao_float")
     free = [(name, p) for name in ("ganeshblue", "slocum") for p in effect_paths(glider) if spec_at(glider, p).probe]
-    for path in effect_paths(torpedo):
-        if spec_at(torpedo, path).probe:
-            free.append(("npsauv" if "bow_plane" in path else "heu_torpedo", path))  # the one with bow planes
+    free += [("heu_torpedo", path) for path in effect_paths(torpedo) if spec_at(torpedo, path).probe]
+    with_bow_plane = load_vehicle("npsauv")
+    for path in effect_paths(with_bow_plane):
+        if spec_at(with_bow_plane, path).probe and ".bow_plane." in path:
+            free.append(("npsauv", path))
     for path in effect_paths(diver):
         if spec_at(diver, path).probe and path not in COMPANIONS:
             free += [("qiandao_float", path)] if ".oil." not in path else []
@@ -72,21 +75,19 @@ def glider_record(plant: Plant, samples: int = 150) -> Record:
 
 def torpedo_record(plant: Plant, samples: int = 400) -> Record:
     """Every command moves, also into its stops, in small steps and back."""
-    t = plant.dt * np.arange(samples)
-    hull = plant.hull
+    t, parts = plant.dt * np.arange(samples), plant.parts
 
     def moved(slow: float, quick: float, phase: float) -> np.ndarray:
         return 1.1 * np.sin(slow * t + phase) + 0.4 * np.sin(quick * t) + 0.1 * np.sign(np.sin(2.3 * t + phase))
 
-    return Record.from_arrays(
-        t,
-        {
-            "rudder_rad": parts.rudder.limit * moved(0.35, 2.6, 0.5),
-            "stern_plane_rad": parts.stern_plane.limit * moved(0.9, 2.9, 1.0),
-            "bow_plane_rad": parts.bow_plane.limit * moved(0.7, 1.1, 2.0),
-            plant.inputs[3]: parts.propeller.limit * (0.7 + 0.4 * moved(0.4, 1.3, 0.0)),
-        },
-    )
+    columns = {
+        "rudder_rad": parts.rudder.limit * moved(0.35, 2.6, 0.5),
+        "stern_plane_rad": parts.stern_plane.limit * moved(0.9, 2.9, 1.0),
+        plant.inputs[find_helm(plant).drive]: parts.propeller.limit * (0.7 + 0.4 * moved(0.4, 1.3, 0.0)),
+    }
+    if "bow_plane_rad" in plant.inputs:
+        columns["bow_plane_rad"] = parts.bow_plane.limit * moved(0.7, 1.1, 2.0)
+    return Record.from_arrays(t, columns)
 
 
 def float_record(plant: Plant, samples: int = 300) -> Record:
@@ -114,13 +115,13 @@ def float_record(plant: Plant, samples: int = 300) -> Record:
 
 STARTS = {
     "glider": [0.4, 0.01, 5.0, -3.0],
-    "torpedo": [1.2, 0.05, -0.05, 0.02, 0.01, 0.02, 5.0, -3.0, 6.0, 0.05, -0.05, 0.4, 0.0],
+    "body": [1.2, 0.05, -0.05, 0.02, 0.01, 0.02, 5.0, -3.0, 6.0, 0.05, -0.05, 0.4, 0.0],
     "float": [300.0, 0.05, 1e-5],
 }
 
 
 def rich_record(plant: Plant) -> Record:
-    return {"glider": glider_record, "torpedo": torpedo_record, "float": float_record}[plant.family.kind](plant)
+    return {"glider": glider_record, "body": torpedo_record, "float": float_record}[plant.family.kind](plant)
 
 
 def outputs(plant: Plant, record: Record, kind: str = "") -> np.ndarray:
@@ -222,3 +223,13 @@ def test_every_discovered_term_acts_and_leaves_no_trace(name, count):
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=list(FAMILIES))
 def test_the_effects_of_a_kind_are_those_of_its_families(family):
     assert type(family.parameters().effects) is EFFECTS[family.kind]
+
+
+@pytest.mark.parametrize("name", [name for name in sorted(list_vehicles()) if load_vehicle(name).family.body])
+def test_the_effects_of_a_body_are_those_of_its_parts_and_of_every_body(name):
+    plant = load_vehicle(name)
+    found = {field.name: type(getattr(plant.effects, field.name)) for field in fields(plant.effects)}
+    parts = {part.name: part.found.effects for part in plant.family.body.parts}
+    shared = {field.name: type(getattr(EFFECTS["body"](), field.name)) for field in fields(EFFECTS["body"])}
+    assert len(found) == len(parts) + len(shared)
+    assert found == {**parts, **shared}

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from auv_gym.channels import CHANNELS
+from auv_gym.cruise import find_helm
 from auv_gym.linear import Polynomial, linearise
 from auv_gym.model import Model, predict, simulate
 from auv_gym.narx import Narx
@@ -20,7 +21,7 @@ STEERED = {
 }
 EFFECTS = {
     "glider": {**STEERED, "effects.yaw.quadratic_damping": 20.0},
-    "torpedo": {
+    "body": {
         **STEERED,
         "effects.stern_plane.offset": 0.02,
         "effects.propeller.lag": 1.0,
@@ -55,8 +56,8 @@ EFFECTS = {
     },
 }
 # what other steps change: a float's are of seconds, within which a lagging depth sensor takes its motion as even
-CUT_STEPS = {"glider": 1e-6, "torpedo": 1e-6, "float": 1e-4}
-MOVED = {"glider": "heading_rad", "torpedo": "heading_rad", "float": "depth_m"}
+CUT_STEPS = {"glider": 1e-6, "body": 1e-6, "float": 1e-4}
+MOVED = {"glider": "heading_rad", "body": "heading_rad", "float": "depth_m"}
 
 
 def with_effects(plant: Plant) -> Plant:
@@ -88,7 +89,7 @@ def commands(model: Model, moved: float, running: float = 1.0) -> np.ndarray:
     """
     constants = {**model.constants, "rudder_rad": moved, "oil_volume_m3": -1e-4 * moved}
     if model.family.kind == "body":
-        constants[model.inputs[3]] = running * model.parts.propeller.design
+        constants[model.inputs[find_helm(model).drive]] = running * model.parts.propeller.design
     if model.family.kind == "float":
         constants["piston_m"] = model.hull.piston_neutral - 0.1 * moved
     return np.array([constants.get(name, 0.0) for name in model.inputs])

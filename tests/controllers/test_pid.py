@@ -194,7 +194,7 @@ def test_bad_settings_are_refused(settings, words):
 
 
 def test_a_vehicle_in_six_degrees_of_freedom_has_no_poles_to_place():
-    with pytest.raises(ValueError, match="glider's linear form, got 'remus100' of family 'torpedo'"):
+    with pytest.raises(ValueError, match="glider's linear form, got 'remus100' of family 'body'"):
         heading_pid(load_vehicle("remus100"))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from env_runs import InPython, check_goes_on, check_plain_python_agrees, go, memory_growth
 
-from auv_gym.cruise import find_cruise
+from auv_gym.cruise import find_cruise, find_helm
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.tasks import TASKS
 from auv_gym.param import list_paths, replace_at, value_at
@@ -184,9 +184,12 @@ def test_the_observation_and_reward_of_a_path():
         assert by_name[name] == pytest.approx(value, abs=1e-6), name
     terms = info["reward_terms"]
     assert terms["path"] == pytest.approx(-0.5 * hypot(across, below) / (5 * length), rel=1e-9)
-    wanted = 0.8 * cruise.speed
+    wanted, helm = 0.8 * cruise.speed, find_helm(env.plant)
     assert terms["progress"] == pytest.approx(-0.5 * abs(wanted - along / env.plant.dt) / wanted, rel=1e-9)
-    commands = np.array([0.1, -0.4, 0.9], np.float32) - cruise.commands[[0, 1, 3]] / env.episodes.limits
+    commands = (
+        np.array([0.1, -0.4, 0.9], np.float32)
+        - cruise.commands[[helm.rudder, helm.plane, helm.drive]] / env.episodes.limits
+    )
     assert terms["command_travel"] == pytest.approx(-0.05 * np.abs(commands).mean() / 2, rel=1e-9)
     assert reward == sum(terms.values())
     assert info["target"] == {"north_m": 40.0, "east_m": 0.0, "depth_m": 15.0}
@@ -254,7 +257,7 @@ def held_plane(cruise, y, deep):
 
 def follow(env, steps):
     """Steps with a plain controller of heading, depth and speed along the path; the infos."""
-    cruise, infos = find_cruise(env.plant), []
+    cruise, drive, infos = find_cruise(env.plant), find_helm(env.plant).drive, []
     _, info = env.reset(seed=4)
     k_rudder = cruise.rudder_gains
     for _ in range(steps):
@@ -264,7 +267,7 @@ def follow(env, steps):
         deep = y["depth_m"] - target["depth_m"]
         rudder = -k_rudder @ [y["v_mps"], y["r_radps"], np.clip(off, -0.5, 0.5)]
         plane = held_plane(cruise, y, deep)
-        command = {"rudder_rad": rudder, "stern_plane_rad": plane, env.plant.inputs[3]: cruise.commands[3]}
+        command = {"rudder_rad": rudder, "stern_plane_rad": plane, env.plant.inputs[drive]: cruise.commands[drive]}
         action = [command[name] / limit for name, limit in zip(env.episodes.actions, env.episodes.limits, strict=True)]
         _, _, terminated, truncated, info = env.step(np.array(action, np.float32))
         infos.append(info)

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 
 from auv_gym.param import pack, record_type
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
-from auv_gym.vehicles.torpedo_parameters import Fins
+from auv_gym.vehicles.body.parts.surface import Surface
 
 speeds, sizes = st.floats(-2.0, 2.0), st.floats(0.0, 2.0)
 LENGTH, DENSITY, DRAG_Y, DRAG_Z = 2.0, 1000.0, 0.12, 0.15
@@ -139,7 +139,7 @@ def test_a_low_centre_of_gravity_rights_the_vehicle(angle):
 
 
 def fin(**values):
-    return pack(Fins(**values)).view(record_type(Fins))[0]
+    return pack(Surface(**values)).view(record_type(Surface))[0]
 
 
 @given(angle=st.floats(-1.5, 1.5), u=speeds, cross=speeds, turn=speeds)

@@ -141,7 +141,7 @@ def test_a_slight_rudder_turns_the_torpedo_as_linear_theory_says():
     trial = approach("heu_torpedo")
     hull, order = trial.plant.hull, radians(3.0)
     turn = turn_of(turning_circle(trial, order))
-    sway, yaw, rudder = hull.sway, hull.yaw, parts.rudder
+    sway, yaw, rudder = hull.sway, hull.yaw, trial.plant.parts.rudder
     free = sway.uv * yaw.ur - yaw.uv * (sway.ur - hull.mass)
     rate = (yaw.uv * rudder.lift - sway.uv * rudder.moment) / free  # of turn, per rudder and speed, 1/m
     # the damping terms in v|v| and r|r|, which theory leaves out, make the circle 5 % wider at this angle

@@ -6,9 +6,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-from auv_gym.vehicles.torpedo import TORPEDO, fill_terms
-from auv_gym.vehicles.torpedo_derived import mass_problem
-from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -18,20 +15,35 @@ from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.physics.polynomials import TERMS
 from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
+from auv_gym.vehicles import Part, compose
+from auv_gym.vehicles.body.dynamics import SCRATCH, fill_terms
 
 PRESETS = [name for name in sorted(list_vehicles()) if load_vehicle(name).family.kind == "body"]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SYMBOLS = "uvwpqr"
+FAMILY = compose(
+    [
+        Part("rudder", "surface", "yaw"),
+        Part("stern_plane", "surface", "pitch"),
+        Part("propeller", "propeller", "shaft_speed"),
+    ]
+)
 # [u v w p q r | roll pitch heading] of a vehicle that moves any way, as fast as one does
 MOTION = np.array([1.5, 0.4, 0.4, 0.4, 0.3, 0.3, 0.6, 0.6, 3.0])
 motions = arrays(float, 9, elements=st.floats(-1.0, 1.0)).map(lambda shares: shares * MOTION)
 shares = st.floats(-1.0, 1.0)
 
 
-def body(hull: dict[str, float] | None = None) -> Plant:
-    """A neutral body of 50 kg without drag, fins or propeller, but for these values of its hull."""
+def body(hull: dict[str, float] | None = None, parts: dict[str, float] | None = None) -> Plant:
+    """A neutral body of 50 kg without drag, whose parts have no force, but for these values of its hull and parts."""
     values = {f"hull.{path}": value for path, value in (hull or {}).items()}
-    return Plant("body", TORPEDO, replace_at(TorpedoParameters(), values), dt=0.1, longest_step=0.05)
+    values |= {f"parts.{path}": value for path, value in (parts or {}).items()}
+    return Plant("body", FAMILY, replace_at(FAMILY.parameters(), values), dt=0.1, longest_step=0.05)
+
+
+def moved(plant: Plant, **parts: float) -> np.ndarray:
+    """Commands, or positions of the actuators, by the name of the part; 0 but for what is given."""
+    return np.array([parts.get(part.name, 0.0) for part in plant.family.body.parts])
 
 
 def state(plant: Plant, motion: np.ndarray, position=(0.0, 0.0, 0.0), phase=0.0) -> np.ndarray:
@@ -41,7 +53,7 @@ def state(plant: Plant, motion: np.ndarray, position=(0.0, 0.0, 0.0), phase=0.0)
     return x
 
 
-def rates(plant: Plant, x: np.ndarray, actuators=(0.0, 0.0, 0.0, 0.0)) -> np.ndarray:
+def rates(plant: Plant, x: np.ndarray, actuators=None) -> np.ndarray:
     """The derivative of [u v w p q r | north east depth | quaternion | wave phase]."""
     z, dz, scratch = (
         np.empty(plant.family.integrated),
@@ -49,16 +61,16 @@ def rates(plant: Plant, x: np.ndarray, actuators=(0.0, 0.0, 0.0, 0.0)) -> np.nda
         np.empty(plant.family.scratch),
     )
     plant.family.hooks["enter"](np.ascontiguousarray(x[:13]), z)
-    commands = np.array(actuators, dtype=float)
+    commands = moved(plant) if actuators is None else actuators
     plant.family.hooks["derivative"](z, commands, commands, plant.family.view(plant.derived), dz, scratch)
     return dz
 
 
-def run(plant: Plant, x: np.ndarray, u=(0.0, 0.0, 0.0, 0.0), samples=100) -> np.ndarray:
+def run(plant: Plant, x: np.ndarray, u=None, samples=100) -> np.ndarray:
     """The full states at and after x, shape (samples + 1, n_states)."""
     states = [x]
     for _ in range(samples):
-        states.append(plant.step(states[-1], np.array(u, dtype=float)))
+        states.append(plant.step(states[-1], moved(plant) if u is None else u))
     return np.array(states)
 
 
@@ -119,24 +131,33 @@ def cross_flow(hull, nu: np.ndarray) -> np.ndarray:
     return np.array([0.0, *force.sum(axis=1), 0.0, -(x * force[1]).sum(), (x * force[0]).sum()])
 
 
-def fin_forces(hull, nu: np.ndarray, angles) -> np.ndarray:
+def fins_of(plant: Plant, nu: np.ndarray, angles: dict[str, float]):
+    """Each fin of a vehicle, its angle of attack, slip, turn rate, and the axes of its force and moment."""
     u, v, w, _, q, r = nu
-    total = np.zeros(6)
-    for fin, angle, slip, turn, station_turn, force, moment in (
-        (parts.rudder, angles[0], v, r, r, 1, 5),
-        (parts.stern_plane, angles[1], w, q, -q, 2, 4),
-        (parts.bow_plane, angles[2], w, q, -q, 2, 4),
+    for name, slip, turn, station_turn, force, moment in (
+        ("rudder", v, r, r, 1, 5),
+        ("stern_plane", w, q, -q, 2, 4),
+        ("bow_plane", w, q, -q, 2, 4),
     ):
+        if not hasattr(plant.parts, name):
+            continue
+        fin = getattr(plant.parts, name)
         seen = math.atan2(slip + fin.station * station_turn, abs(u)) * (1.0 if u * fin.lift > 0.0 else -1.0)
-        angle = np.clip(angle - fin.inflow * seen, -fin.stall, fin.stall)
+        angle = np.clip(angles.get(name, 0.0) - fin.inflow * seen, -fin.stall, fin.stall)
+        yield fin, angle, slip, turn, force, moment
+
+
+def fin_forces(plant: Plant, nu: np.ndarray, angles: dict[str, float]) -> np.ndarray:
+    u, total = nu[0], np.zeros(6)
+    for fin, angle, slip, turn, force, moment in fins_of(plant, nu, angles):
         total[0] += u * abs(u) * fin.drag * angle**2 + u * angle * (fin.drag_rate * turn + fin.drag_slip * slip)
         total[force] += u * abs(u) * fin.lift * angle
         total[moment] += u * abs(u) * fin.moment * angle
     return total
 
 
-def propulsion_forces(hull, nu: np.ndarray, stern_angle: float, command: float) -> np.ndarray:
-    law, slip, u, n = parts.propeller, hull.slipstream, nu[0], command * math.pi / 30.0
+def propulsion_forces(plant: Plant, nu: np.ndarray, angles: dict[str, float], command: float) -> np.ndarray:
+    law, u, n = plant.parts.propeller, nu[0], command * math.pi / 30.0
     sign = math.copysign(1.0, command)
     rows = [
         [value_at(law.table, f"v{v:g}.at_{'m' if s < 0 else ''}{abs(round(100 * s))}") for s in INFLOWS]
@@ -146,19 +167,22 @@ def propulsion_forces(hull, nu: np.ndarray, stern_angle: float, command: float) 
     thrust = law.t_nn * n * abs(n) + law.t_nu * abs(n) * u + law.t_cc * command * abs(command)
     thrust += sign * np.interp(abs(command), VOLTAGES, at_inflow)
     total = np.array([thrust, 0, 0, law.q_nn * n * abs(n) + law.q_nu * abs(n) * u + law.torque_arm * thrust, 0, 0])
-    if slip.c_t1 > 0.0:
-        eta = slip.pitch * n / u
-        loading = max(slip.c_t1 * eta * abs(eta), -1.0)
-        eps = -1.0 + np.sign(n / u) * (math.sqrt(loading + 1.0) - 1.0) / (math.sqrt(slip.c_t1 + 1.0) - 1.0)
-        w, p, q, d = nu[2], nu[3], nu[4], stern_angle
-        total += u * eps * np.array([
-            d * (slip.x_uq_stern * q + slip.x_uw_stern * w + slip.x_uu_stern * u * d),
-            0.0,
-            slip.z_uq * q + slip.z_uw * w + slip.z_uu_stern * u * d,
-            slip.k_up * p,
-            slip.m_uq * q + slip.m_uw * w + slip.m_uu_stern * u * d,
-            0.0,
-        ])  # fmt: skip
+    wake = law.wake
+    if wake.c_t1 > 0.0:
+        eta = wake.pitch * n / u
+        loading = max(wake.c_t1 * eta * abs(eta), -1.0)
+        eps = -1.0 + np.sign(n / u) * (math.sqrt(loading + 1.0) - 1.0) / (math.sqrt(wake.c_t1 + 1.0) - 1.0)
+        w, p, q = nu[2:5]
+        total += (
+            u
+            * eps
+            * np.array([0.0, 0.0, wake.z_uq * q + wake.z_uw * w, wake.k_up * p, wake.m_uq * q + wake.m_uw * w, 0.0])
+        )
+        for fin, d, slip, turn, force, moment in fins_of(plant, nu, angles):
+            x, y, m = fin.wake.drag_rate * turn + fin.wake.drag_slip * slip, fin.wake.lift, fin.wake.moment
+            total[0] += u * eps * d * (x + fin.wake.drag * u * d)
+            total[force] += u * eps * y * u * d
+            total[moment] += u * eps * m * u * d
     return total
 
 
@@ -168,13 +192,13 @@ def restoring(hull, attitude: np.ndarray) -> np.ndarray:
     return np.r_[(weight - hull.buoyancy) * down, np.cross(arm, down)]
 
 
-def accelerations(plant: Plant, x: np.ndarray, actuators) -> np.ndarray:
+def accelerations(plant: Plant, x: np.ndarray, angles: dict[str, float], command: float) -> np.ndarray:
     hull, nu = plant.hull, x[:6]
     rigid, added = inertia_matrices(hull)
     momentum = rigid + hull.coriolis_of_added_mass * 0.5 * (added + added.T)
     forces = polynomials(hull, nu)
-    forces += cross_flow(hull, nu) + fin_forces(hull, nu, actuators[:3])
-    forces += propulsion_forces(hull, nu, actuators[1], actuators[3])
+    forces += cross_flow(hull, nu) + fin_forces(plant, nu, angles)
+    forces += propulsion_forces(plant, nu, angles, command)
     forces += restoring(hull, rotation(x)) - coriolis(momentum, nu) @ nu
     return np.linalg.solve(rigid + added, forces)
 
@@ -184,16 +208,17 @@ def accelerations(plant: Plant, x: np.ndarray, actuators) -> np.ndarray:
 @settings(max_examples=15)
 def test_accelerations_are_those_of_the_equations_in_matrix_form(name, motion, fins, command, u):
     plant = load_vehicle(name)
-    actuators = (*np.multiply(fins, 0.6), command * plant.parts.propeller.limit)
+    angles = dict(zip(("rudder", "stern_plane", "bow_plane"), np.multiply(fins, 0.6)))
+    command *= plant.parts.propeller.limit
     x = state(plant, np.r_[motion[0] + u if abs(motion[0] + u) > 1e-3 else 0.1, motion[1:]])
-    found = rates(plant, x, actuators)
-    assert found[:6] == pytest.approx(accelerations(plant, x, actuators), rel=1e-11, abs=1e-12)
+    found = rates(plant, x, moved(plant, **angles, propeller=command))
+    assert found[:6] == pytest.approx(accelerations(plant, x, angles, command), rel=1e-11, abs=1e-12)
     assert found[6:9] == pytest.approx(rotation(x) @ x[:3], abs=1e-14)
 
 
 @given(nu=arrays(float, 6, elements=st.floats(-3.0, 3.0)))
 def test_the_terms_of_the_polynomials_are_what_their_names_say(nu):
-    found = np.empty(TORPEDO.scratch)
+    found = np.empty(SCRATCH)
     fill_terms(*nu, found)
     assert np.array_equal(found[: len(TERMS)], [term(name, nu) for name in TERMS])
     assert np.array_equal(found[len(TERMS) : len(TERMS) + 5], abs(nu[0]) * nu[1:])
@@ -248,21 +273,22 @@ def hulls(draw) -> Plant:
             values[f"{axis}.u{symbol}"] = -draw(st.floats(0.0, 50.0))
     values |= dict(zip(("cross_flow.drag_y", "cross_flow.drag_z"), numbers(2, 0.0, 1.0), strict=True))
     values |= {"cross_flow.height": 0.2, "cross_flow.breadth": 0.2}
+    parts = {}
     for fin, sign in (("rudder", 1.0), ("stern_plane", -1.0)):
         lift, station = draw(st.floats(-20.0, 20.0)), -draw(st.floats(0.3, 1.0))
-        values |= {f"{fin}.lift": lift, f"{fin}.moment": sign * station * lift, f"{fin}.station": station}
-        values |= {f"{fin}.inflow": 1.0, f"{fin}.drag": -draw(st.floats(0.0, 10.0))}
-    return body(values)
+        parts |= {f"{fin}.lift": lift, f"{fin}.moment": sign * station * lift, f"{fin}.station": station}
+        parts |= {f"{fin}.inflow": 1.0, f"{fin}.drag": -draw(st.floats(0.0, 10.0))}
+    return body(values, parts)
 
 
 @given(plant=hulls(), motion=motions)
 def test_without_thrust_the_power_is_that_of_the_drag(plant, motion):
-    assert mass_problem(plant.parameters) == ""
+    assert plant.family.problem(plant.parameters) == ""
     hull, x = plant.hull, state(plant, motion)
     nu = x[:6]
     matrix = sum(inertia_matrices(hull))
     power = nu @ matrix @ rates(plant, x)[:6] - nu @ restoring(hull, rotation(x))
-    drag = nu @ (polynomials(hull, nu) + cross_flow(hull, nu) + fin_forces(hull, nu, (0.0, 0.0, 0.0)))
+    drag = nu @ (polynomials(hull, nu) + cross_flow(hull, nu) + fin_forces(plant, nu, {}))
     # gyroscopic powers of some 1e3 W cancel
     assert power == pytest.approx(drag, abs=1e-9)
     assert drag <= 0.0
@@ -342,11 +368,15 @@ def test_the_mirror_image_of_a_motion_is_a_motion(name, motion, rudder, planes, 
     plant = load_vehicle(name)
     assert sorted(one_sided(plant)) == sorted(ONE_SIDED[name])
     plant = replace_at(plant, dict.fromkeys(ONE_SIDED[name], 0.0))
-    u = np.array([rudder, planes, planes, command * plant.parts.propeller.limit])
+    command *= plant.parts.propeller.limit
+    u, mirrored_u = (
+        moved(plant, rudder=side * rudder, stern_plane=planes, bow_plane=planes, propeller=command)
+        for side in (1.0, -1.0)
+    )
     x = state(plant, motion, position=(2.0, 3.0, 4.0))
     mirrored = x.copy()
     mirrored[:13] *= FLIPPED
-    one, other = run(plant, x, u, samples=3)[-1], run(plant, mirrored, u * [-1, 1, 1, 1], samples=3)[-1]
+    one, other = run(plant, x, u, samples=3)[-1], run(plant, mirrored, mirrored_u, samples=3)[-1]
     # every operation is odd or even, so that no rounding differs
     assert np.array_equal(other[:13], FLIPPED * one[:13])
 
@@ -359,12 +389,13 @@ def test_a_steady_current_is_a_moving_frame(name, shear):
     current = np.array([0.4, -0.3, 0.1])
     drifting = replace_at(plant, {f"effects.current.{d}": c for d, c in zip(("north", "east", "down"), current)})
     drifting = replace_at(drifting, "effects.current.shear_north", shear)
-    x, u = state(plant, MOTION / 3.0), (0.1, -0.05, 0.0, plant.parts.propeller.design)
+    x = state(plant, MOTION / 3.0)
+    u = moved(plant, rudder=0.1, stern_plane=-0.05, propeller=plant.parts.propeller.design)
     still, drifted = run(plant, x, u, samples=200)[-1], run(drifting, x, u, samples=200)[-1]
-    moved = [6, 7, 8]
-    assert np.array_equal(np.delete(drifted, moved), np.delete(still, moved))
+    shifted = [6, 7, 8]
+    assert np.array_equal(np.delete(drifted, shifted), np.delete(still, shifted))
     # a thousand additions of metres
-    assert drifted[moved] - still[moved] == pytest.approx(current * 200 * plant.dt, abs=1e-10)
+    assert drifted[shifted] - still[shifted] == pytest.approx(current * 200 * plant.dt, abs=1e-10)
     ground = dict(zip(drifting.outputs, drifting.output(drifted), strict=True))
     through = rotation(drifted) @ [ground["u_dvl_mps"], ground["v_dvl_mps"], ground["w_dvl_mps"]]
     assert through - rotation(drifted) @ drifted[:3] == pytest.approx(current, abs=1e-14)
@@ -476,16 +507,17 @@ def smooth() -> Plant:
         "added_mass.x_udot": -2.0, "added_mass.y_vdot": -40.0, "added_mass.z_wdot": -40.0, "added_mass.k_pdot": -0.3,
         "added_mass.m_qdot": -6.0, "added_mass.n_rdot": -6.0, "added_mass.y_rdot": 2.0, "added_mass.n_vdot": 2.0,
         "surge.u": -8.0, "sway.v": -60.0, "heave.w": -60.0, "roll.p": -3.0, "pitch.q": -20.0, "yaw.r": -20.0,
+        "i_xx": 1.0, "i_yy": 5.0, "i_zz": 5.0, "i_xz": 0.2, "z_g": 0.02,
+    }, {
         "rudder.lift": 8.0, "rudder.moment": -7.0, "rudder.lag": 0.7,
         "stern_plane.lift": -8.0, "stern_plane.moment": -7.0, "stern_plane.lag": 0.5,
-        "i_xx": 1.0, "i_yy": 5.0, "i_zz": 5.0, "i_xz": 0.2, "z_g": 0.02,
-        "propulsion.t_nn": 0.001, "propulsion.limit": 2000.0,
+        "propeller.t_nn": 0.001, "propeller.limit": 2000.0,
     })  # fmt: skip
     return replace(plant, dt=0.5)
 
 
 def test_fourth_order_on_a_smooth_manoeuvre():
-    x, u = state(smooth(), np.array([1.0, 0, 0, 0, 0, 0, 0.1, 0.2, 0.3])), (0.2, 0.15, 0.0, 1200.0)
+    x, u = state(smooth(), np.array([1.0, 0, 0, 0, 0, 0, 0.1, 0.2, 0.3])), np.array([0.2, 0.15, 1200.0])
 
     def path(step):
         return run(replace(smooth(), longest_step=step), x, u, samples=8)[:, :12]
@@ -533,7 +565,7 @@ def test_a_loop_passes_the_vertical_smoothly(heading):
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_heading_goes_on_over_several_turns(side):
     plant = load_vehicle("heu_torpedo")
-    states = run(plant, state(plant, np.r_[1.5, np.zeros(8)]), (-0.2 * side, 0.0, 0.0, 4.5), samples=2000)
+    states = run(plant, state(plant, np.r_[1.5, np.zeros(8)]), np.array([-0.2 * side, 0.0, 4.5]), samples=2000)
     heading = states[:, 11]
     assert side * heading[-1] > 6.0 * math.pi
     assert np.abs(np.diff(heading)).max() < 0.1
@@ -545,7 +577,7 @@ def test_the_heading_goes_on_over_several_turns(side):
 def test_a_rolling_motion_too_quick_for_the_step_stays_stable():
     plant = replace(load_vehicle("remus100"), dt=1.0, longest_step=1.0)
     x = state(plant, np.array([1.5, 0.2, 0.2, 2.0, 0.5, 0.5, 0.5, 0.0, 0.0]))
-    states = run(plant, x, (0.0, 0.0, 0.0, 1500.0), samples=120)
+    states = run(plant, x, np.array([0.0, 0.0, 1500.0]), samples=120)
     assert np.abs(states[:, :6]).max() < 5.0
-    fine = run(load_vehicle("remus100"), x, (0.0, 0.0, 0.0, 1500.0), samples=1200)
+    fine = run(load_vehicle("remus100"), x, np.array([0.0, 0.0, 1500.0]), samples=1200)
     assert states[-1, 0] == pytest.approx(fine[-1, 0], abs=1e-3)

@@ -10,12 +10,18 @@ from scipy.spatial.transform import Rotation
 from auv_gym.param import replace_at, spec_at
 from auv_gym.physics.polynomials import ENVIRONMENT_TERMS, TERMS
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.vehicles.torpedo import TORPEDO
-from auv_gym.vehicles.torpedo_derived import mass_problem
-from auv_gym.vehicles.torpedo_parameters import TorpedoParameters
+from auv_gym.vehicles import Part, compose
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 FINS = ("rudder", "stern_plane", "bow_plane")
+FAMILY = compose(
+    [
+        Part("rudder", "surface", "yaw"),
+        Part("stern_plane", "surface", "pitch"),
+        Part("bow_plane", "surface", "pitch"),
+        Part("propeller", "propeller", "shaft_speed"),
+    ]
+)
 GRAVITY = 9.81
 HULL = {
     "buoyancy": 480.0, "x_b": 0.01, "z_b": -0.01, "z_g": 0.02, "x_g": 0.005, "i_xx": 1.0, "i_yy": 6.0, "i_zz": 6.0,
@@ -26,13 +32,16 @@ HULL = {
     "roll.p": -0.2, "roll.p_p": -0.4, "roll.up": -0.3, "pitch.q": -2.0, "pitch.q_q": -20.0, "pitch.uq": -3.0,
     "pitch.uw": 15.0, "pitch.vp": -1.0, "yaw.r": -2.5, "yaw.r_r": -25.0, "yaw.ur": -4.0, "yaw.uv": -14.0,
     "cross_flow.drag_y": 0.6, "cross_flow.drag_z": 0.5, "cross_flow.height": 0.2, "cross_flow.breadth": 0.2,
+}  # fmt: skip
+PARTS = {
     "rudder.lift": 8.0, "rudder.moment": -6.0, "rudder.drag": -5.0, "rudder.drag_slip": 0.5,
     "stern_plane.lift": -8.0, "stern_plane.moment": -6.0, "stern_plane.drag": -5.0, "stern_plane.drag_rate": 0.4,
     "bow_plane.lift": -3.0, "bow_plane.moment": 2.0, "bow_plane.drag": -1.0,
-    "slipstream.c_t1": 0.1, "slipstream.pitch": 0.012, "slipstream.x_uu_stern": -1.0, "slipstream.z_uu_stern": -2.0,
-    "slipstream.z_uw": -1.5, "slipstream.m_uu_stern": -1.0, "slipstream.k_up": -0.1,
-    "propulsion.t_nn": 0.001, "propulsion.t_nu": -0.01, "propulsion.q_nn": 3e-5, "propulsion.q_nu": -1e-4,
-    "propulsion.limit": 1500.0, "propulsion.torque_arm": 0.01,
+    "stern_plane.wake.drag": -1.0, "stern_plane.wake.lift": -2.0, "stern_plane.wake.moment": -1.0,
+    "propeller.wake.c_t1": 0.1, "propeller.wake.pitch": 0.012, "propeller.wake.z_uw": -1.5,
+    "propeller.wake.k_up": -0.1,
+    "propeller.t_nn": 0.001, "propeller.t_nu": -0.01, "propeller.q_nn": 3e-5, "propeller.q_nu": -1e-4,
+    "propeller.limit": 1500.0, "propeller.torque_arm": 0.01,
 }  # fmt: skip
 MOTION = np.array([1.2, 0.2, -0.15, 0.3, -0.1, 0.2])
 ATTITUDE = np.array([0.2, -0.3, 0.8])  # roll, pitch, heading
@@ -42,10 +51,15 @@ DOWN = TURNED[2]
 
 
 def vehicle(changes: dict[str, float] | None = None, effects: dict[str, float] | None = None) -> Plant:
-    """A vehicle with a little of everything, with these hull values in place of its own, and effects."""
-    values = {f"hull.{path}": value for path, value in {**HULL, **(changes or {})}.items()}
+    """A vehicle with a little of everything, with these values of hull and parts in place of its own, and effects."""
+    values = {place(path): value for path, value in {**HULL, **PARTS, **(changes or {})}.items()}
     values |= {f"effects.{path}": value for path, value in (effects or {}).items()}
-    return Plant("vehicle", TORPEDO, replace_at(TorpedoParameters(), values), dt=0.1, longest_step=0.05)
+    return Plant("vehicle", FAMILY, replace_at(FAMILY.parameters(), values), dt=0.1, longest_step=0.05)
+
+
+def place(path: str) -> str:
+    """Where in the parameters a value of the hull or of a part is."""
+    return f"parts.{path}" if path.startswith((*FINS, "propeller")) else f"hull.{path}"
 
 
 def state(plant: Plant, motion=MOTION, attitude=ATTITUDE, position=(1.0, 2.0, 12.0)) -> np.ndarray:
@@ -146,22 +160,22 @@ def test_no_trim_or_payload_makes_a_mass_matrix_that_cannot_be(name, path):
     plant = load_vehicle(name)
     for value in (*spec_at(plant, f"effects.{path}").bounds, 0.1):
         if plant.hull.mass + value > 0.0 or path != "load.payload":
-            assert mass_problem(replace_at(plant, f"effects.{path}", value).parameters) == ""
+            assert plant.family.problem(replace_at(plant, f"effects.{path}", value).parameters) == ""
 
 
 def scaled(factor: float, *groups: str) -> dict[str, float]:
-    """The hull's values in these groups times a factor."""
-    return {path: factor * value for path, value in HULL.items() if path.startswith(groups)}
+    """The values of hull and parts in these groups times a factor."""
+    return {path: factor * value for path, value in {**HULL, **PARTS}.items() if path.startswith(groups)}
 
 
 HYDRODYNAMIC = ("added_mass", *AXES)
 FIN_FORCES = tuple(f"{fin}.{kind}" for fin in FINS for kind in ("lift", "moment", "drag"))
-SLIPSTREAM = ("slipstream.x", "slipstream.z", "slipstream.m", "slipstream.k")
-THRUST = ("propulsion.t_nn", "propulsion.t_nu", "propulsion.q")
+WAKE = ("stern_plane.wake", "propeller.wake.z", "propeller.wake.k")
+THRUST = ("propeller.t_nn", "propeller.t_nu", "propeller.q")
 OTHER_HULLS = {
     "density": (
         {"water.density": 0.02},
-        scaled(1.02, "buoyancy", "cross_flow.drag", *HYDRODYNAMIC, *FIN_FORCES, *SLIPSTREAM, *THRUST),
+        scaled(1.02, "buoyancy", "cross_flow.drag", *HYDRODYNAMIC, *FIN_FORCES, *WAKE, *THRUST),
     ),
     "fouling": (
         {"hull.fouling": 0.2},
@@ -172,18 +186,18 @@ OTHER_HULLS = {
             or (path.startswith(AXES) and ("_" in path.split(".")[1] or len(path.split(".")[1]) == 1))
         },
     ),
-    "thrust loss": ({"propeller.thrust_loss": 0.3}, scaled(0.7, *THRUST)),
-    "torque": ({"propeller.torque": 0.02}, {"propulsion.torque_arm": 0.03}),
-    "rudder lost": ({"rudder_fin.lost": 0.4}, scaled(0.6, "rudder.lift", "rudder.moment", "rudder.drag")),
+    "thrust loss": ({"propeller.lost": 0.3}, scaled(0.7, *THRUST)),
+    "torque": ({"propeller.torque": 0.02}, {"propeller.torque_arm": 0.03}),
+    "rudder lost": ({"rudder.lost": 0.4}, scaled(0.6, "rudder.lift", "rudder.moment", "rudder.drag")),
     "stern plane lost": (
-        {"stern_plane_fin.lost": 0.4},
+        {"stern_plane.lost": 0.4},
         {
             **scaled(0.6, "stern_plane.lift", "stern_plane.moment", "stern_plane.drag"),
-            **scaled(0.6, "slipstream.x_uu_stern", "slipstream.z_uu_stern", "slipstream.m_uu_stern"),
+            **scaled(0.6, "stern_plane.wake"),
         },
     ),
     "bow plane lost": (
-        {"bow_plane_fin.lost": 1.0},
+        {"bow_plane.lost": 1.0},
         scaled(0.0, "bow_plane.lift", "bow_plane.moment", "bow_plane.drag"),
     ),
     "damping surge": ({"hull.damping_surge": 0.2}, scaled(1.2, "surge.u")),
@@ -211,11 +225,11 @@ def test_an_error_of_coefficients_is_another_hull(effects, changes):
 
 @pytest.mark.parametrize("index, fin", list(enumerate(FINS)))
 def test_a_stuck_fin_stands_where_it_is_stuck(index, fin):
-    stuck = {f"{fin}_fin.stuck": 1.0, f"{fin}_fin.stuck_at": 0.25}
+    stuck = {f"{fin}.stuck": 1.0, f"{fin}.stuck_at": 0.25}
     actuators = list(ACTUATORS)
     for share, angle in ((1.0, 0.25), (0.5, 0.5 * ACTUATORS[index] + 0.125)):
         actuators[index] = angle
-        found = rates(vehicle(effects={**stuck, f"{fin}_fin.stuck": share}))
+        found = rates(vehicle(effects={**stuck, f"{fin}.stuck": share}))
         assert found == pytest.approx(rates(vehicle(), actuators=tuple(actuators)), abs=1e-13)
 
 
@@ -252,9 +266,9 @@ def test_a_fin_has_a_lag_and_a_rate_limit_of_its_own(fin, lag, slowness):
 
 
 def test_the_vehicles_own_lag_and_the_effects_add():
-    own = vehicle({"rudder.lag": 0.3, "rudder.slowness": 2.0, "propulsion.lag": 1.0, "propulsion.slowness": 3.0})
+    own = vehicle({"rudder.lag": 0.3, "rudder.slowness": 2.0, "propeller.lag": 1.0, "propeller.slowness": 3.0})
     both = vehicle(
-        {"rudder.lag": 0.1, "rudder.slowness": 1.5, "propulsion.lag": 0.4, "propulsion.slowness": 1.0},
+        {"rudder.lag": 0.1, "rudder.slowness": 1.5, "propeller.lag": 0.4, "propeller.slowness": 1.0},
         {"rudder.lag": 0.2, "rudder.slowness": 0.5, "propeller.lag": 0.6, "propeller.slowness": 2.0},
     )
     u = (0.3, 0.0, 0.0, 1200.0)
@@ -262,7 +276,7 @@ def test_the_vehicles_own_lag_and_the_effects_add():
 
 
 def test_the_propellers_rate_limit_is_a_time_to_full():
-    plant = vehicle({"propulsion.slowness": 5.0})
+    plant = vehicle({"propeller.slowness": 5.0})
     found = position(plant, driven(plant, (0, 0, 0, 1500.0), 60), "propeller_rpm")
     assert found == pytest.approx(np.minimum(300.0 * 0.1 * np.arange(1, 61), 1500.0), abs=1e-9)
 
@@ -391,7 +405,7 @@ LAGS = {
 def test_a_sensor_with_lag_is_a_first_order_filter_of_the_signal(path, channel):
     lag, dt, samples = 0.7, 0.02, 250
     plain = vehicle(effects={"current.north": 0.3, "current.shear_east": 0.01})
-    plain = Plant("vehicle", TORPEDO, plain.parameters, dt=dt, longest_step=dt)
+    plain = Plant("vehicle", FAMILY, plain.parameters, dt=dt, longest_step=dt)
     lagging = replace_at(plain, f"effects.{path}", lag)
 
     def signal(plant):

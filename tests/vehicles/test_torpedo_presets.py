@@ -4,18 +4,20 @@ import itertools
 import math
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pytest
-from auv_gym.vehicles.torpedo import derivative, enter, thrust_and_torque
-from auv_gym.vehicles.torpedo_derived import fill_added_mass
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.physics.frames import euler_angles_of, rotation_of
 from auv_gym.physics.propulsion import INFLOWS, VOLTAGES
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.plant import Plant, load_vehicle
+from auv_gym.vehicles.body.derived import fill_added_mass
+from auv_gym.vehicles.body.dynamics import enter
+from auv_gym.vehicles.body.parts.propeller import thrust_and_torque
 
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
 FOLDER = Path(__file__).parents[2] / "auv_gym" / "vehicles" / "presets"
@@ -82,17 +84,24 @@ MSS_LARGEST = np.array([0.361, 0.453, 0.259, 1.257, 0.465, 0.302])
 CASES = np.array(MSS_CASES.split(), dtype=float).reshape(-1, 30)
 
 
-def rates(plant: Plant, state: np.ndarray, commands: tuple[float, ...]) -> np.ndarray:
+def rates(plant: Plant, state: np.ndarray, commands: Sequence[float]) -> np.ndarray:
     """The derivative of the integrated state at [u v w p q r | x y z | phi theta psi], actuators at the commands."""
     z, dz = np.zeros(14), np.zeros(14)
     enter(np.append(state, 0.0), z)
     view = plant.family.view(plant.derived)
-    derivative(z, np.array(commands), np.array(commands), view, dz, np.zeros(plant.family.scratch))
+    plant.family.hooks["derivative"](
+        z, np.array(commands), np.array(commands), view, dz, np.zeros(plant.family.scratch)
+    )
     return dz
 
 
 def mass_matrix(plant: Plant) -> np.ndarray:
     return np.linalg.inv(np.array(plant.family.view(plant.derived).computed.inverse_mass))
+
+
+def told(plant: Plant, rudder: float = 0.0, plane: float = 0.0, drive: float = 0.0, bow: float = 0.0) -> np.ndarray:
+    """The inputs: rudder, stern plane, bow planes where there are any, propulsion."""
+    return np.array([rudder, plane, *([bow] if "bow_plane_rad" in plant.inputs else []), drive])
 
 
 def afloat(speed: float, **known: float) -> np.ndarray:
@@ -102,7 +111,7 @@ def afloat(speed: float, **known: float) -> np.ndarray:
 
 
 def run(plant: Plant, command, seconds: float, speed: float) -> np.ndarray:
-    """The states over time, shape (samples, 12); command: the four inputs, or a function of the state."""
+    """The states over time, shape (samples, 12); command: the inputs, or a function of the state."""
     y = np.full(len(plant.outputs), np.nan)
     y[plant.outputs.index("u_mps")] = speed
     x = plant.initial(y)
@@ -114,7 +123,7 @@ def run(plant: Plant, command, seconds: float, speed: float) -> np.ndarray:
 
 
 def steady_speed(plant: Plant, command: float, start: float) -> float:
-    return run(plant, (0.0, 0.0, 0.0, command), 300.0, start)[-1, 0]
+    return run(plant, told(plant, drive=command), 300.0, start)[-1, 0]
 
 
 def modes(plant: Plant, speed: float, command: float) -> np.ndarray:
@@ -124,7 +133,7 @@ def modes(plant: Plant, speed: float, command: float) -> np.ndarray:
         state = afloat(speed)
         state[:6] += small[:6]
         state[9:11] += small[6:]
-        return np.append(rates(plant, state, (0.0, 0.0, 0.0, command))[:6], small[3:5])
+        return np.append(rates(plant, state, told(plant, drive=command))[:6], small[3:5])
 
     h = 1e-6
     return np.linalg.eigvals(np.array([change(h * e) - change(-h * e) for e in np.eye(8)]).T / (2.0 * h))
@@ -151,11 +160,11 @@ def test_every_number_has_a_unit_and_a_source(name):
         for key, entry in table.items():
             if "value" in entry:
                 yield key, entry
-            else:
+            elif not isinstance(entry, str):  # as the kind of a part is
                 yield from leaves(entry)
 
     content = tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
-    found = list(leaves(content["hull"]))
+    found = [*leaves(content["hull"]), *leaves(content["parts"])]
     assert len(found) > 70
     assert [key for key, entry in found if not entry.get("unit") or not entry.get("source")] == []
 
@@ -221,7 +230,7 @@ def test_nps_attitude_rates_agree_with_the_mss_toolbox(nps_1994, case):
 def test_nps_runs_at_the_published_speed_per_shaft_speed(rpm):
     speed = 0.012 * rpm * 2.0 * math.pi / 60.0
     plant = load_vehicle("npsauv")
-    np.testing.assert_allclose(rates(plant, afloat(speed), (0.0, 0.0, 0.0, rpm))[:6], 0.0, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(rates(plant, afloat(speed), told(plant, drive=rpm))[:6], 0.0, rtol=0.0, atol=1e-12)
     # the slowest case settles with a time constant of half a minute at speed 1 m/s
     assert steady_speed(plant, rpm, 0.8 * speed) == pytest.approx(speed, rel=1e-3)
 
@@ -231,11 +240,11 @@ def hold_course(plant: Plant, depth: float, propulsion: float):
     up = math.copysign(1.0, plant.parts.stern_plane.moment)  # which way the stern plane pitches
     integral = 0.0
 
-    def command(x: np.ndarray) -> tuple[float, ...]:
+    def command(x: np.ndarray) -> np.ndarray:
         nonlocal integral
         integral += plant.dt * (x[8] - depth)
         pitch = np.clip(0.1 * (x[8] - depth) + 0.01 * integral, -0.4, 0.4)
-        return 2.0 * x[11] + 2.0 * x[5], up * (2.0 * (pitch - x[10]) - 2.0 * x[4]), 0.0, propulsion
+        return told(plant, 2.0 * x[11] + 2.0 * x[5], up * (2.0 * (pitch - x[10]) - 2.0 * x[4]), propulsion)
 
     return command
 
@@ -243,7 +252,7 @@ def hold_course(plant: Plant, depth: float, propulsion: float):
 def test_remus_makes_its_speed_on_a_held_course():
     plant = load_vehicle("remus100")
     straight = math.sqrt(3.86 / 1.62)  # X_prop against X_u|u|
-    assert rates(plant, afloat(straight), (0.0, 0.0, 0.0, 1500.0))[0] == pytest.approx(0.0, abs=1e-3)
+    assert rates(plant, afloat(straight), told(plant, drive=1500.0))[0] == pytest.approx(0.0, abs=1e-3)
     last = run(plant, hold_course(plant, 5.0, 1500.0), 300.0, 1.5)[-1]
     # 7 N of buoyancy and the heel cost a little of 1.54 m/s
     assert 1.45 < last[0] < straight
@@ -269,7 +278,9 @@ def test_heu_needs_14_newton_at_full_speed():
     plant = load_vehicle("heu_torpedo")
     resistance = -plant.hull.surge.u_u * 1.5**2
     assert resistance == pytest.approx(14.15, abs=0.05)
-    thrust, torque = thrust_and_torque(4.5, 1.5, plant.family.view(plant.derived))
+    p = plant.family.view(plant.derived)
+    own = p.parts.propeller[0], p.effects.parts.propeller[0], p.derived.propeller[0]
+    thrust, torque = thrust_and_torque(4.5, 1.5, p.computed.density, *own)
     assert thrust == pytest.approx(resistance, rel=0.01)
     assert torque == 0.0
 
@@ -281,7 +292,7 @@ def test_heu_speed_per_voltage(voltage, speed):
 
 def test_heu_thrust_table_rises_with_voltage_and_falls_with_inflow():
     plant = load_vehicle("heu_torpedo")
-    table = np.array(plant.family.view(plant.derived).parts.propeller.table, dtype=float)
+    table = np.array(plant.family.view(plant.derived).parts.propeller[0].table, dtype=float)
     grid = table.reshape(len(VOLTAGES), len(INFLOWS))
     assert np.all(np.diff(grid, axis=0) > 0.0)
     assert np.all(np.diff(grid, axis=1) < 0.0)
@@ -319,7 +330,7 @@ def test_listed_cross_terms_are_those_of_an_ideal_fluid(name, tolerance):
 @pytest.mark.parametrize("speed", [0.8, 1.5, 2.2])
 def test_vt690_flies_level_at_the_commanded_speed(speed):
     plant = load_vehicle("vt690")
-    np.testing.assert_allclose(rates(plant, afloat(speed), (0.0, 0.0, 0.0, speed))[:6], 0.0, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(rates(plant, afloat(speed), told(plant, drive=speed))[:6], 0.0, rtol=0.0, atol=1e-12)
     assert steady_speed(plant, speed, 0.5) == pytest.approx(speed, rel=1e-4)
 
 
@@ -331,7 +342,7 @@ def test_vt690_needs_buoyancy_to_fly_as_in_its_log():
 
     def balance(buoyancy: float, plane: float) -> np.ndarray:
         trimmed = replace_at(plant, "effects.load.net_buoyancy", buoyancy)
-        return (mass_matrix(plant) @ rates(trimmed, state, (0.0, plane, 0.0, speed))[:6])[[2, 4]]
+        return (mass_matrix(plant) @ rates(trimmed, state, told(plant, plane=plane, drive=speed))[:6])[[2, 4]]
 
     at_rest = balance(0.0, 0.0)
     slopes = np.column_stack([balance(1.0, 0.0) - at_rest, (balance(0.0, 0.1) - at_rest) / 0.1])
@@ -345,26 +356,25 @@ def test_vt690_needs_buoyancy_to_fly_as_in_its_log():
 def test_sign_conventions_of_the_fins(name):
     plant = load_vehicle(name)
     propulsion = plant.parts.propeller.design
-    straight = run(plant, (0.0, 0.0, 0.0, propulsion), 4.0, 1.5)[-1]
-    rudder = run(plant, (0.1, 0.0, 0.0, propulsion), 4.0, 1.5)[-1] - straight
-    plane = run(plant, (0.0, 0.1, 0.0, propulsion), 4.0, 1.5)[-1] - straight
+    straight = run(plant, told(plant, drive=propulsion), 4.0, 1.5)[-1]
+    rudder = run(plant, told(plant, rudder=0.1, drive=propulsion), 4.0, 1.5)[-1] - straight
+    plane = run(plant, told(plant, plane=0.1, drive=propulsion), 4.0, 1.5)[-1] - straight
     assert rudder[11] < -0.01  # bow to port
     nose_up = 1.0 if name == "vt690" else -1.0
     assert nose_up * plane[10] > 0.01
     if name == "npsauv":
-        bow = run(plant, (0.0, 0.0, 0.1, propulsion), 4.0, 1.5)[-1] - straight
+        bow = run(plant, told(plant, bow=0.1, drive=propulsion), 4.0, 1.5)[-1] - straight
         assert bow[10] > 0.0
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_full_deflection_stays_finite(name):
     plant = load_vehicle(name)
-    hull = plant.hull
     # ahead only: the polynomials are of captive tests in forward motion, where their terms u p and u q damp
-    stops = np.array([parts.rudder.limit, parts.stern_plane.limit, parts.bow_plane.limit, parts.propeller.limit])
-    top = max(steady_speed(plant, parts.propeller.limit, 1.0), 2.2)
-    for signs in itertools.product((-1.0, 1.0), (-1.0, 1.0), (-1.0, 0.0, 1.0)):
-        states = run(plant, stops * np.array([*signs, 1.0]), 60.0, 0.0)
+    limits = np.array([getattr(plant.parts, part.name).limit for part in plant.family.body.parts])
+    top = max(steady_speed(plant, plant.parts.propeller.limit, 1.0), 2.2)
+    for signs in itertools.product((-1.0, 1.0), (-1.0, 1.0), *[(-1.0, 0.0, 1.0)] * (len(limits) - 3)):
+        states = run(plant, limits * np.array([*signs, 1.0]), 60.0, 0.0)
         assert np.all(np.isfinite(states))
         assert np.abs(states[:, :3]).max() < top
         assert np.abs(states[:, 3:6]).max() < 2.0
