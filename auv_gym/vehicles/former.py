@@ -39,6 +39,25 @@ def of_parts(content: Mapping[str, Any]) -> dict[str, Any]:
     return converted
 
 
+def path_now(path: str) -> str:
+    """What a parameter of a former torpedo is called now; other paths as they are."""
+    head, _, name = path.rpartition(".")
+    if head == "hull.slipstream":
+        return (
+            f"parts.stern_plane.wake.{_STERN_IN_WAKE[name]}"
+            if name in _STERN_IN_WAKE
+            else f"parts.propeller.wake.{name}"
+        )
+    for fin in _FINS:
+        if head == f"hull.{fin}":
+            return f"parts.{fin}.{name}"
+        if head == f"effects.{fin}_fin":
+            return f"effects.{fin}.{name}"
+    if head == "hull.propulsion" or head.startswith("hull.propulsion."):
+        return f"parts.propeller{head.removeprefix('hull.propulsion')}.{name}"
+    return "effects.propeller.lost" if path == "effects.propeller.thrust_loss" else path
+
+
 def _effects(given: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
     effects = {name: dict(group) if isinstance(group, Mapping) else group for name, group in given.items()}
     for name in _FINS:

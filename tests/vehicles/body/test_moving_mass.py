@@ -79,7 +79,7 @@ def test_a_mass_moved_in_free_fall_leaves_momentum_and_the_common_centre_as_they
     states = fall(plant, 18, COMMANDS)
     rates = states[:, list(plant.states).index("battery_m rate")]
     assert np.ptp(states[:, list(plant.states).index("battery_m position")]) == pytest.approx(2 * SLIDE)
-    assert rates.max() > 0.004 and rates.min() < -0.004 and rates[-1] == 0.0  # it goes forth and back and comes to rest
+    assert (rates.max() > 0.004, rates.min() < -0.004, rates[-1]) == (True, True, 0.0)  # forth, back, and at rest
     centres, momenta, angular, _ = (np.array(v) for v in zip(*(motion_of(plant, x) for x in states), strict=True))
     time, mass = np.arange(len(states))[:, None], plant.hull.mass + plant.parts.battery.mass
     falling = np.array([0.0, 0.0, plant.hull.gravity])

@@ -79,7 +79,7 @@ def settled(plant: Plant, commands: np.ndarray, samples: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("volume", "way", "angle"),
+    "volume, way, angle",
     [
         (-0.0004878, 0.03, 0.0),  # down
         (0.0004878, -0.03, 0.0),  # up

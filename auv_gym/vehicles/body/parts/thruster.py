@@ -159,15 +159,15 @@ def read_curve(given: Any) -> dict[str, float]:
     if isinstance(given, str):
         if given not in CURVES:
             raise ValueError(
-                f"curve has no name {given!r}. {did_you_mean(given, CURVES)}Known: {', '.join(CURVES)}; or give rows of "
-                "command, -1 to 1, and thrust in N"
+                f"curve has no name {given!r}. {did_you_mean(given, CURVES)}Known: {', '.join(CURVES)}; or give "
+                "rows of command, -1 to 1, and thrust in N"
             )
         given = CURVES[given]
     try:
         rows = np.array([[float(c), float(t)] for c, t in given])
     except (TypeError, ValueError):
         raise ValueError(
-            f"curve needs rows of command, -1 to 1, and thrust in N, such as [[-1, -40], [0, 0], [1, 50]], got {given!r}"
+            f"curve needs rows of command and thrust, N, such as [[-1, -40], [0, 0], [1, 50]], got {given!r}"
         ) from None
     if len(rows) < 2 or not np.isfinite(rows).all() or rows[0, 0] != -1.0 or rows[-1, 0] != 1.0:
         raise ValueError("curve needs finite rows from command -1 to command 1")
