@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tomllib
+import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -476,6 +477,8 @@ def _parse(text: str, origin: str) -> Plant:
     problem = family.problem(plant.parameters)
     if problem:
         raise ValueError(f"Vehicle file {origin}: {problem}.")
+    for doubt in family.doubts(plant.parameters):
+        warnings.warn(f"Vehicle file {origin}: {doubt}.", stacklevel=4)
     return plant
 
 

@@ -13,6 +13,10 @@ def _no_problem(parameters: Any) -> str:
     return ""
 
 
+def _no_doubts(parameters: Any) -> list[str]:
+    return []
+
+
 @dataclass(frozen=True, eq=False)
 class Family:
     """A right-hand side with its channels, and what else sets one family apart from another.
@@ -43,6 +47,7 @@ class Family:
     learns: bool = False  # whether a table of learned forces may follow the parameters
     block: int = 1_000_000  # steps after which `stable_step` is asked again
     problem: Callable[[Any], str] = _no_problem  # words about impossible parameters, or nothing
+    doubts: Callable[[Any], list[str]] = _no_doubts  # words about parameters that are possible, but hardly meant
     # steps of difference quotients, of a parameter's scale: larger than the rounding of kinks, smaller than a probe; a
     # fit that has come to rest goes on with the next one, for runs that are far from linear in the parameters
     differences: tuple[float, ...] = (1e-2,)

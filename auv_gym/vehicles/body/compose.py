@@ -160,7 +160,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
     hooks = _hooks(program, slots, record, n_parameters, n_derived)
 
     def problem(parameters: Any) -> str:
-        return mass_problem(parameters, hooks["derive"], record) or part_problem(parts, parameters)
+        return part_problem(parts, parameters) or mass_problem(parameters, hooks["derive"], record)
 
     first_of_kind = [slot.parts[0] for slot in slots]
     return Family(
@@ -205,6 +205,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         },
         derived=n_derived,
         problem=problem,
+        doubts=lambda parameters: places_outside(parts, parameters),
         view=view,
         hooks=hooks,
         rebuild=(_rebuilt, (parts,)),
@@ -368,10 +369,27 @@ def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) 
     return ""
 
 
+def places_outside(parts: Sequence[Part], parameters: Any) -> list[str]:
+    """Words about parts that sit farther outside the hull than it is long, which a wrong unit makes them."""
+    length, radius = parameters.hull.length, 0.5 * parameters.hull.diameter
+    found = []
+    for part_ in parts:
+        for key in part_.found.place:
+            place = getattr(getattr(parameters.parts, part_.name), key)
+            farthest = length + (0.5 * length if key.endswith("x") else radius)
+            if abs(place) > farthest:
+                found.append(
+                    f"parts.{part_.name}.{key} = {place:g} m is more than a length outside the hull, which is "
+                    f"{length:g} m long: check its unit and sign"
+                )
+    return found
+
+
 def part_problem(parts: Sequence[Part], parameters: Any) -> str:
     """What is impossible about the numbers of a part, or nothing."""
     for part_ in parts:
-        found = part_.found.problem(getattr(parameters.parts, part_.name))
+        own, kind = getattr(parameters.parts, part_.name), part_.found
+        found = kind.problem(own) or kind.problem_with_hull(own, parameters.hull)
         if found:
-            return f"parts.{part_.name}{found}"
+            return f"parts.{part_.name}{found}".replace("{}", f"parts.{part_.name}")
     return ""

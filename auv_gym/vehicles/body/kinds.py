@@ -119,6 +119,10 @@ def _no_problem(part: Any) -> str:
     return ""
 
 
+def _no_problem_with_hull(part: Any, hull: Any) -> str:
+    return ""
+
+
 def _no_sketch(part: Any) -> tuple[Sketch, ...]:
     return ()
 
@@ -149,7 +153,8 @@ class PartKind:
     parameter of the part does.  choice, variants: the key of a part's table that chooses one of several forms.
     shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
     record does not have it.  texts: parameters that a file may give in words or rows, and what reads them.
-    problem: words about impossible numbers, or nothing; they follow the part's name.  sketch: lines to draw.
+    problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
+    problem_with_hull: the same about the part together with the hull.  sketch: lines to draw.
     place: the parameters that say where the part is.
     """
 
@@ -177,6 +182,7 @@ class PartKind:
     shared: Mapping[str, str] = field(default_factory=dict)
     texts: Mapping[str, Callable[[Any], Mapping[str, float]]] = field(default_factory=dict)
     problem: Callable[[Any], str] = _no_problem
+    problem_with_hull: Callable[[Any, Any], str] = _no_problem_with_hull
     sketch: Callable[[Any], tuple[Sketch, ...]] = _no_sketch
     place: tuple[str, ...] = ()
 
