@@ -95,8 +95,8 @@ BAD = {
     ),
     "two hulls": (
         BODY + '[hull.surge]\nu_u = -2.0\n[parts.wings]\nkind = "wings"\ndrag_0 = 3.0\n',
-        "parts.wings stands for the whole vehicle, but the hull has coefficients of its own, hull.surge.u_u, which would "
-        "count twice: leave them out, or give parts.wings.covers = 0",
+        "parts.wings stands for the whole vehicle, but the hull has coefficients of its own, hull.surge.u_u, which "
+        "would count twice: leave them out, or give parts.wings.covers = 0",
     ),
     "no mass": (
         BODY + "[hull.added_mass]\ny_vdot = -1.0\nn_vdot = 900.0\ny_rdot = 900.0\n",
