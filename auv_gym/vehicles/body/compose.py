@@ -86,6 +86,12 @@ class Body:
                 roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
         return roles
 
+    def required(self) -> tuple[str, ...]:
+        """The channels that a record must have; a second part of a role, such as bow planes, rests where it lacks."""
+        first = {names[0] for names in self.by_role().values()}
+        named = [(part_.channel(i), command) for part_, i, command in self.commands]
+        return tuple(name for name, command in named if command.required and (not command.role or name in first))
+
     def ranges(self, parameters: Any) -> np.ndarray:
         """The lowest command, that at rest and the highest of every command, in its channel's unit, (n, 3)."""
         rows = []
@@ -171,7 +177,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         body=body,
         parameters=tree,
         inputs=(*commands, *shared),
-        required=tuple(part_.channel(i) for part_, i, command in body.commands if command.required),
+        required=body.required(),
         constants={
             **{
                 part_.channel(i): f"parts.{part_.name}.{command.rest}"
