@@ -36,6 +36,7 @@ OUTPUTS = (
     *("roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"),
     *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
 )
+_AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _HULL_COEFFICIENTS = (
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
     *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
@@ -211,6 +212,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         },
         derived=n_derived,
         problem=problem,
+        coefficients_of=lambda parameters: coefficients_of(parts, parameters),
         doubts=lambda parameters: places_outside(parts, parameters),
         view=view,
         hooks=hooks,
@@ -367,7 +369,7 @@ def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) 
     ):
         values, vectors = np.linalg.eigh(matrix)
         if values[0] <= 0.0:
-            axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[int(np.argmax(np.abs(vectors[:, 0])))]
+            axis = _AXES[int(np.argmax(np.abs(vectors[:, 0])))]
             return (
                 f"the {name} is not positive definite (smallest eigenvalue {values[0]:.3g}, mostly in {axis}): "
                 "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there)"
@@ -388,6 +390,29 @@ def places_outside(parts: Sequence[Part], parameters: Any) -> list[str]:
                     f"parts.{part_.name}.{key} = {place:g} m is more than a length outside the hull, which is "
                     f"{length:g} m long: check its unit and sign"
                 )
+    return found
+
+
+def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[str, Callable[[float, float], float]]]:
+    """The effects that do nothing but change one coefficient of a vehicle with these parameters; see `Family`."""
+
+    def scaled(given: float, size: float) -> float:
+        return given * (1.0 + size)
+
+    hull = parameters.hull
+    found = {
+        f"effects.hull.added_mass_{axis}": (f"hull.added_mass.{name}", scaled)
+        for axis, name in zip(_AXES, ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot"), strict=True)
+    }
+    crossed = hull.cross_flow.drag_y != 0.0 or hull.cross_flow.drag_z != 0.0
+    for axis in _AXES:
+        terms = getattr(hull, axis)
+        acting = [term for term in derived_numbers.DAMPING_TERMS if getattr(terms, term) != 0.0]
+        if len(acting) == 1 and not (crossed and axis in ("sway", "heave")):
+            found[f"effects.hull.damping_{axis}"] = (f"hull.{axis}.{acting[0]}", scaled)
+    for part_ in parts:
+        for effect, (name, law) in part_.found.same.items():
+            found[f"effects.{part_.name}.{effect}"] = (f"parts.{part_.name}.{name}", law)
     return found
 
 

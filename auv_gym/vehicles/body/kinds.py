@@ -150,7 +150,8 @@ class PartKind:
     of the flow are, or to the loads, as those of a drive are; it changes the order of a sum.
     slot: kinds of one slot share their compiled code.  order: of the kinds in a vehicle.
     coefficients: parameters that a first fit frees, of the first part of the kind.  twins: effects that act as a
-    parameter of the part does.  choice, variants: the key of a part's table that chooses one of several forms.
+    parameter of the part does.  same: effects that do nothing but change one parameter: its name, and its value from the
+    given one and the effect's size.  choice, variants: the key of a part's table that chooses one of several forms.
     shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
     record does not have it.  texts: parameters that a file may give in words or rows, and what reads them.
     problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
@@ -177,6 +178,7 @@ class PartKind:
     slot: str = ""
     coefficients: tuple[str, ...] = ()
     twins: Mapping[str, str] = field(default_factory=dict)
+    same: Mapping[str, tuple[str, Callable[[float, float], float]]] = field(default_factory=dict)
     choice: str = ""
     variants: Mapping[str, PartKind] = field(default_factory=dict)
     shared: Mapping[str, str] = field(default_factory=dict)

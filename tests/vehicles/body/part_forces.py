@@ -28,15 +28,18 @@ KINDS: dict[tuple[str, str], tuple[dict[str, float], dict[str, float]]] = {
     ("fin", "pitch"): ({"area": 0.02, "lift_slope": 4.0, "drag": 0.02, "plate": 1.1, **PLACE}, {}),
     ("wings", ""): (
         {
-            "drag_0": 7.0, "drag_2": 380.0, "lift_0": -0.4, "lift_1": 440.0, "side": -115.0, "roll": -58.0,
-
-                "roll_rate": -20.0,
-                "pitch_0": -0.3,
-                "pitch": -65.0,
-                "pitch_rate": -205.0,
-                "yaw": -34.0,
-                "yaw_rate": -389.0
-            ,
+            "drag_0": 7.0,
+            "drag_2": 380.0,
+            "lift_0": -0.4,
+            "lift_1": 440.0,
+            "side": -115.0,
+            "roll": -58.0,
+            "roll_rate": -20.0,
+            "pitch_0": -0.3,
+            "pitch": -65.0,
+            "pitch_rate": -205.0,
+            "yaw": -34.0,
+            "yaw_rate": -389.0,
         },
         {"lost": 0.1},
     ),
@@ -44,7 +47,12 @@ KINDS: dict[tuple[str, str], tuple[dict[str, float], dict[str, float]]] = {
     ("thruster", "share"): (
         {
             **PLACE,
-            "to_x": 0.6, "to_y": 0.0, "to_z": -0.8, "torque_arm": 0.02, "voltage": 16.0, "power": 1.2,
+            "to_x": 0.6,
+            "to_y": 0.0,
+            "to_z": -0.8,
+            "torque_arm": 0.02,
+            "voltage": 16.0,
+            "power": 1.2,
             **{f"curve.{name}": 40.0 * c for name, c in (("m100", -1.0), ("m050", -0.5), ("p050", 0.5), ("p100", 1.0))},
         },
         {"lost": 0.3},

@@ -141,6 +141,7 @@ def _form(axis: Role, force: Any, damping: Any) -> PartKind:
         damping=damping,
         with_hull=True,
         coefficients=("lift_slope",),
+        same={"lost": ("area", lambda given, size: given * (1.0 - size))},
         sketch=_sketch,
         place=("x", "y", "z"),
     )
