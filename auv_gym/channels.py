@@ -7,7 +7,7 @@ down; heading clockwise from north; roll to starboard and pitch up positive.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
 from typing import Final, Literal, NamedTuple
@@ -105,7 +105,8 @@ _FLAGS: Final = ("stage",)
 _SI: Final[dict[str, str]] = {
     "s": "s", "m": "m", "rad": "rad", "mps": "m/s", "radps": "rad/s", "mps2": "m/s2", "radps2": "rad/s2", "m3": "m3",
     "m4": "m4", "m3ps": "m3/s", "kg": "kg", "kgpm3": "kg/m3", "kgpm4": "kg/m4", "N": "N", "Nm": "N m", "V": "V",
-    "A": "A", "W": "W", "J": "J", "Hz": "Hz", "rpm": "rpm", "dbar": "dbar", "C": "degC", "psu": "psu", "pct": "%",
+    "us": "us", "share": "1", "A": "A", "W": "W", "J": "J", "Hz": "Hz", "rpm": "rpm", "dbar": "dbar", "C": "degC",
+    "psu": "psu", "pct": "%",
 }  # fmt: skip
 # suffix -> (SI suffix, factor); knots and degrees by definition
 _SCALED: Final[dict[str, tuple[str, float]]] = {
@@ -292,10 +293,27 @@ def _fitting(name: str, stem: str, suffix: str) -> Channel:
     return channel(found)
 
 
+_DECLARED: dict[str, Channel] = {}
+
+
+def declare_input(name: str, label: str) -> Channel:
+    """The channel of a vehicle's input, which from now on is known as one; a listed channel stays as it is.
+
+    Raises where the name says no unit.
+    """
+    found = channel(name)
+    if name not in CHANNELS and name not in _DECLARED:
+        _DECLARED[name] = replace(found, kind="input", label=label)
+        _channel.cache_clear()
+    return channel(name)
+
+
 @lru_cache(maxsize=4096)
 def _channel(name: str) -> Channel:
     if name in CHANNELS:
         return CHANNELS[name]
+    if name in _DECLARED:
+        return _DECLARED[name]
     if is_flag(name):
         return Channel(name, "", name.replace("_", " "))
     stem, _, suffix = name.rpartition("_")

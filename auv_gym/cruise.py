@@ -117,8 +117,8 @@ def find_cruise(plant: Plant) -> Cruise:
     if not found or (moved < ranges[:, 0]).any() or (moved > ranges[:, 2]).any() or not limits[fins].all():
         raise ValueError(
             f"The environments start from level flight, which {plant.name!r} cannot hold with its fins at "
-            f"{clean.inputs[helm.drive]} = {helm.design:g}: check the design command, the fins' moments and limits, and "
-            "the buoyancy."
+            f"{clean.inputs[helm.drive]} = {helm.design:g}: check the design command, the fins' moments and limits, "
+            "and the buoyancy."
         )
 
     def regulator(channels: tuple[str, ...], fin: int, weights: list[float]) -> np.ndarray:

@@ -41,14 +41,16 @@ def effects_on_commands(
     probes: Mapping[str, float],
     *,
     span: float = 1.0,
+    slowest: float | None = None,
     titles: Mapping[str, str] | None = None,
     more: Mapping[str, Any] | None = None,
 ) -> type:
     """A group of the effects that a kind of actuator can have; all kinds take these from here.
 
     probes: the smallest change worth detecting of each effect that there is, 0 for what no fit may free.  unit: of the
-    command, "1" for shares of its range.  span: of the bounds, over those of an angle.  titles: in place of the usual
-    ones.  more: further fields, made by `param`.  module: where pickle looks for the class, by its name.
+    command, "1" for shares of its range.  span: of the bounds, over those of an angle.  slowest: largest slowness, s
+    per unit.  titles: in place of the usual ones.  more: further fields, made by `param`.  module: where pickle looks
+    for the class, by its name.
     Order of action: gain and offset, deadband, backlash, dead time, saturation, then lag and rate limit.
     """
     fields: list[tuple[str, type, Any]] = []
@@ -56,7 +58,8 @@ def effects_on_commands(
         if effect not in probes:
             continue
         of_unit = stated in ("U", "s/U")
-        scale = span if stated == "U" else 1.0 / span if stated == "s/U" else 1.0
+        scale = span if stated == "U" else 1.0
+        high = slowest if effect == "slowness" and slowest is not None else high
         stated = stated.replace("U", unit).replace("s/1", "s") if of_unit else stated
         title = (titles or {}).get(effect, title)
         field = param(neutral, stated, title, bounds=(low * scale, high * scale), probe=probes[effect])
@@ -67,8 +70,14 @@ def effects_on_commands(
 
 
 FIN_PROBES = {
-    "offset": 0.010, "gain": 0.10, "deadband": 0.015, "backlash": 0.03, "dead_time": 0.5, "lost_travel": 0.04,
-    "lag": 0.5, "slowness": 2.0,
+    "offset": 0.010,
+    "gain": 0.10,
+    "deadband": 0.015,
+    "backlash": 0.03,
+    "dead_time": 0.5,
+    "lost_travel": 0.04,
+    "lag": 0.5,
+    "slowness": 2.0,
 }
 ActuatorEffects = effects_on_commands("ActuatorEffects", __name__, "rad", FIN_PROBES)
 

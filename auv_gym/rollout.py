@@ -17,13 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import bind, ready, view_as
+from auv_gym.compiled import bind, compiled, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import decay_of, travel
 from auv_gym.vehicles.family import Family
 
+_ARRIVED = 1e-9  # s before its target where an actuator counts as there
+
 # Open names of the templates, bound per family.
-STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = PARAMETERS = DERIVED = WORK = BLOCK = 0
+STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = PARAMETERS = DERIVED = WORK = BLOCK = MOVES = 0
 derivative: Any
 stable_step: Any
 shape: Any
@@ -33,6 +35,7 @@ settle_sensors: Any
 output: Any
 enter: Any
 leave: Any
+kick: Any
 derive: Any
 view: Any
 rk4: Any
@@ -65,7 +68,8 @@ def _rk4(h, inputs, p, room):
 def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
     """Advance x in place from t0 = times[k] to t1, in equal, stable steps of at most `longest_step` between switchings.
 
-    What is stable is asked again after BLOCK steps.
+    What is stable is asked again after BLOCK steps.  Where masses move in the vehicle (MOVES), steps end where one
+    arrives, and `kick` gives the vehicle the jump of velocity with which a mass starts and stops.
 
     shaped: (n, ACTUATORS) shaped commands, of which rows first..k are known; before row `first` its value is held.
     longest_step: s; 0 moves the actuators only, to find where they stand at the start of a window.
@@ -89,6 +93,12 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
                 target[j] = shaped[i, j]
             else:
                 target[j] = shaped[k, j]
+        if MOVES and longest_step > 0.0:
+            for j in range(ACTUATORS):
+                _, lag, slowness = actuator_times(j, p)
+                way = abs(target[j] - position[j]) * slowness
+                if lag <= 0.0 and way > _ARRIVED:
+                    t_next = min(t_next, t + way)
         pieces = 1
         if longest_step > 0.0:
             # a fit may try coefficients that are too quick for the vehicle's step; fifty times shorter will do
@@ -111,6 +121,8 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
             if longest_step > 0.0:
                 for i in range(INTEGRATED):
                     before[i] = z[i]
+                if MOVES:
+                    kick(z, sensors, path, h, p, room.terms)
                 rk4(h, inputs, p, room)
                 sense(before, z, sensors, h, p)
         t = t_next
@@ -213,6 +225,12 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
                 k += 1
 
 
+@compiled
+def _no_kick(z, sensors, path, h, p, scratch):
+    """The jump of velocity of a vehicle in which no mass moves."""
+    return
+
+
 @dataclass(frozen=True, eq=False)
 class Programs:
     """The compiled programs of one kind of vehicle."""
@@ -234,7 +252,8 @@ def _work_type(family: Family) -> np.dtype:
     """Work arrays as fields of one record: compiled code counts no references to these, at a third of a step's time."""
     states, actuators = family.integrated, max(len(family.actuators), 1)
     rows = dict.fromkeys(("z", "before", "slope", "y", "total"), (states,))
-    rows |= {"terms": (max(family.scratch, 1),), "path": (3, actuators)}
+    # where masses move, the rates of the actuators lie behind their positions
+    rows |= {"terms": (max(family.scratch, 1),), "path": (3, 2 * actuators if family.moves else actuators)}
     rows |= dict.fromkeys(("target", "lags", "slownesses", "decays"), (actuators,))
     return np.dtype((np.record, [(name, np.float64, shape) for name, shape in rows.items()]))
 
@@ -258,8 +277,9 @@ def bind_family(family: Family) -> Programs:
         "DERIVED": family.derived,
         "WORK": scratch_for(family).size,
         "BLOCK": family.block,
+        "MOVES": int(family.moves),
     }
-    known = {**sizes, **family.hooks, "view": family.view, "travel": travel}
+    known = {"kick": _no_kick, **sizes, **family.hooks, "view": family.view, "travel": travel}
     known["workspace"] = view_as(_work_type(family), f"{program}_work")
     for name, template in (("rk4", _rk4), ("interval", _interval), ("drive", _drive)):
         known[name] = bind(template, program, **known)

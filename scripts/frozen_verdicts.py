@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_gym.cli.console import errors, output, progress_bar, table
+from auv_gym.vehicles.former import path_now
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.scoring import score
 from scripts.blind.sealing import write_json
@@ -59,6 +60,15 @@ def brief(said: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def renamed(told: Any) -> Any:
+    """What was stored, with the paths that parameters have now."""
+    if isinstance(told, Mapping):
+        return {path_now(key): renamed(value) for key, value in told.items()}
+    if isinstance(told, list):
+        return [renamed(value) for value in told]
+    return path_now(told) if isinstance(told, str) else told
+
+
 def changes_of(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, ...]:
     """What differs between two briefs, in words."""
     found = []
@@ -83,7 +93,7 @@ def compare(folder: Path, case: str, before: Mapping[str, Any], now: Mapping[str
     """The change of one case, with who is right where its truth is at hand."""
     sealed, right = folder / "truth" / case / "truth.json", None
     if sealed.exists():
-        truth = json.loads(sealed.read_text())
+        truth = renamed(json.loads(sealed.read_text()))
         right = tuple(bool(score(_as_said(one), truth)["right"]) for one in (before, now))
     vehicle = next(
         (line for line in (folder / case / "vehicle.toml").read_text().splitlines() if line.startswith("name")), ""
@@ -133,9 +143,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     for case in cases:
         own = args.folder / case / "verdict.json"
         if case in stored:
-            before[case] = stored[case]
+            before[case] = renamed(stored[case])
         elif not args.baseline and own.exists():
-            before[case] = brief(json.loads(own.read_text()))
+            before[case] = renamed(brief(json.loads(own.read_text())))
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     args.out.mkdir(parents=True, exist_ok=True)
     now = run(args.folder, cases, args.out, args.jobs)

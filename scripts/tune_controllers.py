@@ -30,7 +30,7 @@ from auv_gym.cli.console import progress_bar
 from auv_gym.cruise import command_limits, find_cruise, find_helm
 from auv_gym.engine import find_engine
 from auv_gym.model import Diverged
-from auv_gym.param import replace_at, value_at
+from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from controllers.autopilots import autopilot
 from controllers.gains import Gains, Loops, read_gains, write_gains
@@ -147,10 +147,10 @@ def bench_of(plant: Plant, seed: int) -> Bench:
     rng, paths = np.random.default_rng(seed), list(plant.family.coefficients)
     offsets: dict[str, float] = {}
     if plant.family.kind == "body":
-        paths += VERTICAL
-        offsets = {
-            f"effects.{fin}.offset": OFF * value_at(plant, f"hull.{fin}.limit") for fin in ("rudder", "stern_plane")
-        }
+        known, helm, limits = list_paths(plant), find_helm(plant), command_limits(plant)
+        paths += [path for path in VERTICAL if path in known]
+        fins = {plant.family.body.commands[at][0].name: float(limits[at]) for at in (helm.rudder, helm.plane)}
+        offsets = {f"effects.{fin}.offset": OFF * limit for fin, limit in fins.items()}
     elif plant.family.kind == "glider":
         offsets = {"effects.rudder.offset": OFF * plant.hull.rudder_limit}
     else:

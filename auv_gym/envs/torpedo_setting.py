@@ -1,4 +1,7 @@
-"""What a body with fins and a drive makes of a task: its cruise gives the scales, the first state and the gains of the held fins."""
+"""What a body with fins and a drive makes of a task.
+
+Its cruise gives the scales, the first state and the gains of the held fins.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ def torpedo_setting(
     waypoints: Sequence[Sequence[float]] | None,
     actions: Sequence[str] | None,
 ) -> Setting:
-    """The setting of a task with fins and a drive; raises on waypoints or actions it cannot have, and without level flight."""
+    """The setting of a task; raises on waypoints or actions the vehicle cannot have, and without level flight."""
     duration = task.duration if duration is None else duration
     check_number("duration", duration, "s", above=0.0)
     cruise, family = find_cruise(plant), plant.family

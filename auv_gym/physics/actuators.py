@@ -29,6 +29,17 @@ def shaped_command(command, memory, gain, offset, deadband, backlash, stop):
 
 
 @compiled
+def command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, lost):
+    """As `shaped_command`, of an actuator that rests at `rest` and goes from low to high, less `lost` at either end."""
+    position = (command - rest) * gain + offset
+    position -= min(max(position, -deadband), deadband)
+    position = play(rest + position, memory, backlash)
+    middle = 0.5 * (low + high)
+    half = max(0.5 * (high - low) - lost, 0.0)
+    return min(max(position, middle - half), middle + half), position
+
+
+@compiled
 def shape_command(command, memory, limit, actuator):
     """The commanded angle after an actuator's effects, and the new backlash memory, rad; see `shaped_command`.
 

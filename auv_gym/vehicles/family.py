@@ -70,6 +70,9 @@ class Family:
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""
+    # masses move in the vehicle: the derivative sees the actuators' rates behind their positions, and a hook
+    # `kick(z, sensors, path, h, p, scratch)` fills these in path, and lets momentum pass from the masses to the vehicle
+    moves: bool = False
     program: str = ""  # families of one program share their compiled code; by default those of one kind
     body: Any = None  # of a hull and its parts, what is known of these: `vehicles.body.compose.Body`
     rebuild: tuple[Callable[..., Any], tuple[Any, ...]] | None = None  # of families that have no name of their own

@@ -9,8 +9,11 @@ from typing import Any
 COMMANDS = {"torpedo": "shaft_speed", "torpedo_voltage": "voltage", "torpedo_speed": "speed"}
 _FINS = {"rudder": "yaw", "stern_plane": "pitch", "bow_plane": "pitch"}
 _STERN_IN_WAKE = {
-    "x_uq_stern": "drag_rate", "x_uw_stern": "drag_slip", "x_uu_stern": "drag",
-    "z_uu_stern": "lift", "m_uu_stern": "moment",
+    "x_uq_stern": "drag_rate",
+    "x_uw_stern": "drag_slip",
+    "x_uu_stern": "drag",
+    "z_uu_stern": "lift",
+    "m_uu_stern": "moment",
 }
 
 
@@ -34,6 +37,25 @@ def of_parts(content: Mapping[str, Any]) -> dict[str, Any]:
     if isinstance(content.get("effects"), Mapping):
         converted["effects"] = _effects(content["effects"], parts)
     return converted
+
+
+def path_now(path: str) -> str:
+    """What a parameter of a former torpedo is called now; other paths as they are."""
+    head, _, name = path.rpartition(".")
+    if head == "hull.slipstream":
+        return (
+            f"parts.stern_plane.wake.{_STERN_IN_WAKE[name]}"
+            if name in _STERN_IN_WAKE
+            else f"parts.propeller.wake.{name}"
+        )
+    for fin in _FINS:
+        if head == f"hull.{fin}":
+            return f"parts.{fin}.{name}"
+        if head == f"effects.{fin}_fin":
+            return f"effects.{fin}.{name}"
+    if head == "hull.propulsion" or head.startswith("hull.propulsion."):
+        return f"parts.propeller{head.removeprefix('hull.propulsion')}.{name}"
+    return "effects.propeller.lost" if path == "effects.propeller.thrust_loss" else path
 
 
 def _effects(given: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.channels import declare_input
 from auv_gym.compiled import bind, view_as
 from auv_gym.effects import BodyEffects
 from auv_gym.param import list_paths, pack, part, record_type
@@ -138,6 +139,8 @@ class _Slot:
 def _composed(parts: tuple[Part, ...]) -> Family:
     body = Body(parts)
     commands = tuple(part_.channel(i) for part_, i, _ in body.commands)
+    for part_, i, _ in body.commands:
+        declare_input(part_.channel(i), part_.title)
     shared: dict[str, str] = {}
     for part_ in parts:
         for channel, parameter in part_.found.shared.items():
@@ -182,7 +185,8 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         scratch=dynamics.SCRATCH,
         learns=True,
         actuators=commands,
-        sensors=SENSORS,
+        sensors=(*SENSORS, *(f"{name} rate" for name in commands)) if _moves(slots) else SENSORS,
+        moves=_moves(slots),
         outputs=OUTPUTS,
         coefficients=(
             *_HULL_COEFFICIENTS,
@@ -205,6 +209,10 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         hooks=hooks,
         rebuild=(_rebuilt, (parts,)),
     )
+
+
+def _moves(slots: Sequence[_Slot]) -> bool:
+    return any(slot.kind.block is not None for slot in slots)
 
 
 def _rebuilt(parts: tuple[Part, ...]) -> Family:
@@ -278,20 +286,23 @@ def _hooks(
 ) -> Mapping[str, Callable[..., Any]]:
     """The compiled functions of the family."""
 
-    def chain(nothing: Any, of_kind: Any, then: Any, function: str, among: Sequence[_Slot]) -> Any:
+    def chain(nothing: Any, of_kind: Any, then: Any, function: str, among: Sequence[_Slot], more: Any = None) -> Any:
         linked = nothing
         for slot in among:
             given = getattr(slot.kind, function)
             if given is None:
                 continue
             name = f"{program}_{slot.name}"
-            own = bind(of_kind, name, **slot.meanings(), **{f"part_{function}": given})
+            own = bind(of_kind, name, **slot.meanings(), **(more or {}), **{f"part_{function}": given})
             linked = bind(then, name, before=linked, own=own, FIRST=slot.first)
         return linked
 
     moved = [slot for slot in slots if slot.kind.commands]
     with_hull = [slot for slot in slots if slot.kind.with_hull]
     others = [slot for slot in slots if not slot.kind.with_hull]
+    moves, actuators = _moves(slots), sum(len(slot.parts) * len(slot.kind.commands) for slot in slots)
+    carried = {"ACTUATORS": actuators, "RATES_AT": len(SENSORS)}
+    blocks = chain(dynamics.no_load, dynamics.load_blocks_of_kind, dynamics.load_blocks_then, "block", slots, carried)
     wakes = chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots)
     in_wake = chain(dynamics.nothing_in_wakes, dynamics.in_wake_of_kind, dynamics.in_wake_then, "in_wake", slots)
     forces = (dynamics.no_forces, dynamics.forces_of_kind, dynamics.forces_then, "force")
@@ -302,7 +313,7 @@ def _hooks(
         forces_of_drives=chain(*forces, others),
         # a call, so that the usual step is short
         forces_in_wakes=bind(dynamics.wake_forces, program, inline=False, wakes=wakes, in_wake=in_wake),
-        accelerate=dynamics.by_inverse,
+        accelerate=bind(dynamics.by_elimination, program, load_blocks=blocks) if moves else dynamics.by_inverse,
     )
     derive = bind(
         derived_numbers.derive,
@@ -310,12 +321,20 @@ def _hooks(
         inline=False,
         N_PARAMETERS=n_parameters,
         N_DERIVED=n_derived,
-        ACTUATORS=sum(len(slot.parts) * len(slot.kind.commands) for slot in slots),
+        ACTUATORS=actuators,
         wakes=wakes,
         writable_view=view_as(record, program, writable=True),
         derive_parts=chain(dynamics.nothing_derived, dynamics.derive_kind, dynamics.derive_then, "derive", slots),
+        damp_by_parts=chain(dynamics.nothing_derived, dynamics.damping_of_kind, dynamics.derive_then, "damping", slots),
     )
+    hooks = {}
+    if moves:
+        exchanged = chain(
+            dynamics.no_exchange, dynamics.exchange_of_kind, dynamics.exchange_then, "block", slots, carried
+        )
+        hooks["kick"] = bind(dynamics.kick, program, exchange_blocks=exchanged, **carried)
     return {
+        **hooks,
         "derivative": derivative,
         "stable_step": dynamics.stable_step,
         "shape": chain(dynamics.no_shapes, dynamics.shape_of_kind, dynamics.shape_then, "shape", moved),

@@ -19,6 +19,7 @@ from auv_gym.physics.rigid_body import fill_rigid_body_mass, invert
 N_PARAMETERS = N_DERIVED = ACTUATORS = 0
 writable_view: Any
 derive_parts: Any
+damp_by_parts: Any
 wakes: Any
 
 N_TERMS = len(TERMS)
@@ -39,7 +40,11 @@ COMPUTED = np.dtype(
             ("terms", np.uint64, (6 * N_TERMS,)),  # of each, the index in what `fill_terms` gives
             ("ends", np.uint64, (7,)),  # where the coefficients begin, and where each axis's end
             ("environment", np.float64, (len(ENVIRONMENT_TERMS), 6)),
-            ("damping", np.float64, (6, 3)),  # rates, 1/s: constant, per |u|, per own speed; for the stable step
+            (
+                "damping",
+                np.float64,
+                (6, 4),
+            ),  # rates, 1/s: constant, per |u|, per own speed, per u^2; for the stable step
             ("cross_y", np.float64),
             ("cross_z", np.float64),
             ("density", np.float64),  # relative to that of the coefficients
@@ -191,7 +196,7 @@ def derive(vector, derived):
     count = 0
     computed.ends[0] = 0
     for i in range(6):
-        for j in range(3):
+        for j in range(4):
             computed.damping[i, j] = 0.0
     for i in range(6):
         for k in range(N_TERMS):
@@ -247,4 +252,5 @@ def derive(vector, derived):
     pulled = load.tether_north != 0.0 or load.tether_east != 0.0 or load.tether_down != 0.0
     computed.has_tether = 1.0 if pulled or load.tether_drag != 0.0 else 0.0
     derive_parts(p)
+    damp_by_parts(p)
     computed.has_wake = 1.0 if wakes(np.zeros(ACTUATORS), 1.0, p) != 0.0 else 0.0

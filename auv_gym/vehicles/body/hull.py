@@ -65,7 +65,7 @@ class Hull:
     length: float = param(2.0, "m", "length", bounds=(0.1, 100.0))
     diameter: float = param(0.2, "m", "diameter", bounds=(0.01, 20.0))
     mass: float = param(50.0, "kg", "mass, with the water inside", bounds=(0.1, 1e7))
-    buoyancy: float = param(490.5, "N", "buoyancy", bounds=(0.1, 1e8))
+    buoyancy: float = param(490.5, "N", "buoyancy", bounds=(0.0, 1e8))
     x_g: float = param(0.0, "m", "centre of gravity, forward", bounds=(-10.0, 10.0))
     y_g: float = param(0.0, "m", "centre of gravity, starboard", bounds=(-5.0, 5.0))
     z_g: float = param(0.0, "m", "centre of gravity, down", bounds=(-5.0, 5.0))

@@ -50,6 +50,30 @@ class Motion(NamedTuple):
     r33: float
 
 
+class Block(NamedTuple):
+    """A mass that moves in the body: what it is, where, and how it moves there; body axes, about the body's origin.
+
+    mass: kg.  x, y, z: its centre, m; v_*: its velocity, m/s, and a_*: acceleration, m/s^2, as seen from the body.
+    spin: rate of its turning about x, rad/s.  i_*: inertia about its own centre, kg m^2; i_yz enters with a plus, as an
+    element of the inertia tensor.
+    """
+
+    mass: float
+    x: float
+    y: float
+    z: float
+    v_x: float
+    v_y: float
+    v_z: float
+    a_y: float
+    a_z: float
+    spin: float
+    i_xx: float
+    i_yy: float
+    i_zz: float
+    i_yz: float
+
+
 @dataclass(frozen=True)
 class Command:
     """An input of a part.
@@ -105,17 +129,18 @@ class PartKind:
 
     `part`, `effects` and `derived` are the records of one part of the kind; `at` is the index of its first actuator.
 
-    force(at, actuators, inputs, shared, motion, part, effects, derived): X, Y, Z in N and K, M, N in N m about the body's
-        origin, as a tuple, `NONE` where there is none; shared: index in inputs of the first of `shared`.
+    force(at, actuators, inputs, shared, motion, part, effects, derived): a tuple of X, Y, Z in N and K, M, N in N m
+        about the body's origin, `NONE` where there is none; shared: index in inputs of the first of `shared`.
     shape(command, memory, part, effects, index): a command after its memoryless effects and backlash, and the memory.
     times(part, effects, index): dead time, s, lag, s, slowness, s per unit, of command `index`.
     derive(part, effects, hull, derived): fills the numbers named in `numbers`, which do not change in a run.
     wake(at, actuators, u, part, effects): what a propeller adds to the flow behind it, m/s, at the speed u; of one that
         has a wake it is not 0 at u = 1 and rest, see `physics.propulsion.slipstream_speed`.
     in_wake(at, actuators, wake, motion, part, effects): what the wakes of all propellers, m/s, add to the part's force.
-    block(at, actuators, part, effects): of a part that has a mass which moves, see `moving_mass`.
-    damping(part, effects, derived, density, rates): adds to rates, (6, 3), how the force on each axis falls with its
-        own speed: constant, per |u|, per own speed; for the stable step.
+    block(at, rates_at, actuators, part, effects): a mass that moves in the body, as a `Block`; rates_at: index of the
+        first rate of its actuators, which lie behind their positions.
+    damping(part, effects, derived, water, inverse_mass, rates): adds to rates, (6, 4), by how much each velocity falls
+        with time: 1/s, constant, per |u|, per own speed, per u^2; for the stable step.
 
     Functions that a kind does not need are None. with_hull: whether its forces are added to those of the hull, as those
     of the flow are, or to the loads, as those of a drive are; it changes the order of a sum.
@@ -123,7 +148,9 @@ class PartKind:
     coefficients: parameters that a first fit frees, of the first part of the kind.  twins: effects that act as a
     parameter of the part does.  choice, variants: the key of a part's table that chooses one of several forms.
     shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
-    record does not have it.  problem: words about impossible numbers, or nothing.  sketch: lines to draw.
+    record does not have it.  texts: parameters that a file may give in words or rows, and what reads them.
+    problem: words about impossible numbers, or nothing; they follow the part's name.  sketch: lines to draw.
+    place: the parameters that say where the part is.
     """
 
     name: str
@@ -151,6 +178,7 @@ class PartKind:
     texts: Mapping[str, Callable[[Any], Mapping[str, float]]] = field(default_factory=dict)
     problem: Callable[[Any], str] = _no_problem
     sketch: Callable[[Any], tuple[Sketch, ...]] = _no_sketch
+    place: tuple[str, ...] = ()
 
     def __post_init__(self):
         if not self.name.isidentifier():

@@ -91,8 +91,14 @@ PropellerEffects = effects_on_commands(
     __name__,
     "1",
     {
-        "offset": 0.03, "gain": 0.05, "deadband": 0.03, "dead_time": 0.5, "lost_travel": 0.05,
-        "lag": 0.5, "slowness": 2.0, "lost": 0.03,
+        "offset": 0.03,
+        "gain": 0.05,
+        "deadband": 0.03,
+        "dead_time": 0.5,
+        "lost_travel": 0.05,
+        "lag": 0.5,
+        "slowness": 2.0,
+        "lost": 0.03,
     },
     titles={"slowness": "{} rate limit, as time to full", "lost": "share of the thrust lost"},
     more={

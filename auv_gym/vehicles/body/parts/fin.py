@@ -1,0 +1,160 @@
+"""A control surface given by its geometry: area, place, lift slope and stall; for vehicles without captive tests."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import atan2, sin, sqrt
+from typing import Any
+
+from auv_gym.compiled import compiled
+from auv_gym.effects import FIN_PROBES, effects_on_commands
+from auv_gym.param import param
+from auv_gym.physics.actuators import shape_command
+from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch
+
+AT_REST = 1e-9  # m/s, below which there is no direction of the flow
+
+
+@dataclass(frozen=True)
+class Fin:
+    """Lift rho/2 A C_L V^2 across the flow that the fin sees, and drag rho/2 A C_D V^2 against it, where it sits.
+
+    The flow is the vehicle's, with its turning, at x, y, z, without the part along the fin. C_L = lift_slope times the
+    angle of attack up to stall; beyond, it follows a flat plate, sin(2 angle), to nothing at 90 deg.
+    C_D = drag + induced C_L^2, and beyond stall plate (sin^2 angle - sin^2 stall) more. Two fins that move together are
+    one of twice the area.  A positive angle of a fin with axis "yaw" turns its nose to starboard, of one with axis
+    "pitch" up: behind the centre the former turns the vehicle to port, the latter turns it down.
+    Source: Fossen 2021, sec. 9.7; the lift of a plate beyond stall: Beard and McLain 2012, Small Unmanned Aircraft,
+    eq. (4.9), in form.
+    """
+
+    area: float = param(0.0, "m^2", "area of the {}", bounds=(0.0, 100.0))
+    lift_slope: float = param(0.0, "1/rad", "lift slope of the {}", bounds=(0.0, 10.0))
+    drag: float = param(0.0, "1", "drag coefficient of the {} without lift", bounds=(0.0, 1.0))
+    induced: float = param(0.0, "1", "drag of the {} per lift coefficient squared", bounds=(0.0, 2.0))
+    plate: float = param(0.0, "1", "drag coefficient of the {} across the flow", bounds=(0.0, 3.0))
+    stall: float = param(0.35, "rad", "angle of attack at which the {} stalls", bounds=(0.01, 1.5))
+    x: float = param(0.0, "m", "{}, forward", bounds=(-50.0, 50.0))
+    y: float = param(0.0, "m", "{}, starboard", bounds=(-10.0, 10.0))
+    z: float = param(0.0, "m", "{}, down", bounds=(-10.0, 10.0))
+    limit: float = param(0.349066, "rad", "{} stop", bounds=(0.0, 1.5708))
+    lag: float = param(0.0, "s", "{} actuator time constant", bounds=(0.0, 10.0))
+    slowness: float = param(0.0, "s/rad", "{} actuator rate limit, as time per angle", bounds=(0.0, 100.0))
+
+
+FinEffects = effects_on_commands(
+    "FinEffects", __name__, "rad", {**FIN_PROBES, "lost": 0.1, "stuck": 0.1, "stuck_at": 0.0}
+)
+
+
+@compiled
+def shape(command, memory, part, effects, index):
+    """The commanded angle after the actuator's effects, and the new backlash memory, rad."""
+    return shape_command(command, memory, part.limit, effects)
+
+
+@compiled
+def times(part, effects, index):
+    """Dead time s, lag s and slowness s/rad, the vehicle's own and the effect's together."""
+    return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
+
+
+@compiled
+def lift_and_drag(angle, part):
+    """C_L and C_D at an angle of attack, rad, of any size."""
+    edge, c, s = sin(part.stall), sin(2.0 * part.stall), sin(angle)
+    if abs(angle) <= part.stall:
+        lift, beyond = part.lift_slope * angle, 0.0
+    else:
+        lift, beyond = part.lift_slope * part.stall * sin(2.0 * angle) / c, s * s - edge * edge
+    return lift, part.drag + part.induced * lift * lift + part.plate * max(beyond, 0.0)
+
+
+@compiled
+def fin_force(position, forward, across, water, part, effects):
+    """Force along the chord and across it, N, in a flow, m/s; position: of the actuator, rad."""
+    placed = (1.0 - effects.stuck) * position + effects.stuck * effects.stuck_at
+    square = forward * forward + across * across
+    if square < AT_REST * AT_REST:
+        return NONE, NONE
+    lift, drag = lift_and_drag(placed - atan2(across, forward), part)
+    push = 0.5 * water * part.area * (1.0 - effects.lost) * sqrt(square)
+    return -push * (drag * forward + lift * across), push * (lift * forward - drag * across)
+
+
+@compiled
+def yaw_force(at, actuators, inputs, shared, motion, part, effects, derived):
+    """Forces of an upright fin."""
+    u = motion.u + motion.q * part.z - motion.r * part.y
+    v = motion.v + motion.r * part.x - motion.p * part.z
+    x, y = fin_force(actuators[at], u, v, motion.water, part, effects)
+    return x, y, NONE, -part.z * y, part.z * x, part.x * y - part.y * x
+
+
+@compiled
+def pitch_force(at, actuators, inputs, shared, motion, part, effects, derived):
+    """Forces of a level fin."""
+    u = motion.u + motion.q * part.z - motion.r * part.y
+    w = motion.w + motion.p * part.y - motion.q * part.x
+    x, up = fin_force(actuators[at], u, -w, motion.water, part, effects)
+    return x, NONE, -up, -part.y * up, part.z * x + part.x * up, -part.y * x
+
+
+@compiled
+def yaw_damping(part, effects, derived, water, inverse_mass, rates):
+    """How quickly an upright fin damps sway and yaw, 1/s per |u|."""
+    slope = 0.5 * water * part.area * (part.lift_slope + part.drag + part.plate)
+    rates[1, 1] += abs(inverse_mass[1, 1]) * slope
+    rates[5, 1] += abs(inverse_mass[5, 5]) * slope * part.x * part.x
+
+
+@compiled
+def pitch_damping(part, effects, derived, water, inverse_mass, rates):
+    """How quickly a level fin damps heave and pitch, 1/s per |u|."""
+    slope = 0.5 * water * part.area * (part.lift_slope + part.drag + part.plate)
+    rates[2, 1] += abs(inverse_mass[2, 2]) * slope
+    rates[4, 1] += abs(inverse_mass[4, 4]) * slope * part.x * part.x
+
+
+def _limits(fin: Fin) -> tuple[float, float]:
+    return -fin.limit, fin.limit
+
+
+def _sketch(fin: Fin) -> tuple[Sketch, ...]:
+    half = 0.5 * sqrt(max(fin.area, 1e-4))
+    return (Sketch(((fin.x - half, fin.y, fin.z), (fin.x + half, fin.y, fin.z)), 0, (fin.x, fin.y, fin.z), (0, 0, 1)),)
+
+
+def _form(axis: Role, force: Any, damping: Any) -> PartKind:
+    return PartKind(
+        name="fin",
+        title="control surface given by its geometry",
+        parameters=Fin,
+        effects=FinEffects,
+        order=12 if axis == "yaw" else 13,
+        slot=f"fin_{axis}",
+        choice="axis",
+        commands=(Command("rad", _limits, role=axis),),
+        force=force,
+        shape=shape,
+        times=times,
+        damping=damping,
+        with_hull=True,
+        coefficients=("lift_slope",),
+        sketch=_sketch,
+        place=("x", "y", "z"),
+    )
+
+
+KIND = PartKind(
+    name="fin",
+    title="control surface given by its geometry",
+    parameters=Fin,
+    effects=FinEffects,
+    order=12,
+    choice="axis",
+    variants={
+        "yaw": _form("yaw", yaw_force, yaw_damping),
+        "pitch": _form("pitch", pitch_force, pitch_damping),
+    },
+)

@@ -1,0 +1,241 @@
+"""A thruster where it sits: thrust along its direction by a curve of its command, with supply voltage and lag."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, make_dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from auv_gym.compiled import compiled
+from auv_gym.effects import effects_on_commands
+from auv_gym.param import did_you_mean, param, part
+from auv_gym.physics.actuators import shaped_command
+from auv_gym.vehicles.body.kinds import Command, PartKind, Sketch
+
+POINTS = 41  # of a curve, evenly from the command -1 to 1
+PULSE_MIDDLE, PULSE_HALF = 1500.0, 400.0  # microseconds, of a pulse-width command
+COMMANDS = np.linspace(-1.0, 1.0, POINTS)
+
+
+def _name(command: float) -> str:
+    return f"{'m' if command < 0.0 else 'p'}{abs(round(100.0 * command)):03d}"
+
+
+ThrustCurve = make_dataclass(
+    "ThrustCurve",
+    [
+        (_name(c), float, param(0.0, "N", f"thrust of the {{}} at command {c:g}", bounds=(-1e5, 1e5)))
+        for c in COMMANDS.tolist()
+    ],
+    frozen=True,
+    namespace={
+        "__module__": __name__,
+        "__doc__": "Thrust at commands from -1 to 1, in hundredths in the names, N; linear between.",
+        "as_array": True,
+    },
+)
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """Thrust T(c) (V / voltage)^power along its direction, in body axes, and torque_arm T about it.
+
+    The curve is at the supply `voltage`; power 0 leaves the supply out. A command c within dead_zone of zero gives
+    none. limit: largest c.
+    """
+
+    x: float = param(0.0, "m", "{}, forward", bounds=(-50.0, 50.0))
+    y: float = param(0.0, "m", "{}, starboard", bounds=(-10.0, 10.0))
+    z: float = param(0.0, "m", "{}, down", bounds=(-10.0, 10.0))
+    to_x: float = param(1.0, "1", "direction of the {}, forward", bounds=(-1.0, 1.0))
+    to_y: float = param(0.0, "1", "direction of the {}, starboard", bounds=(-1.0, 1.0))
+    to_z: float = param(0.0, "1", "direction of the {}, down", bounds=(-1.0, 1.0))
+    torque_arm: float = param(0.0, "m", "torque of the {} about its direction per thrust", bounds=(-1.0, 1.0))
+    dead_zone: float = param(0.0, "1", "largest command at which the {} gives no thrust", bounds=(0.0, 0.9))
+    limit: float = param(1.0, "1", "largest command of the {}", bounds=(0.01, 1.0))
+    voltage: float = param(16.0, "V", "supply voltage of the curve of the {}", bounds=(0.1, 1e4))
+    power: float = param(0.0, "1", "power of the supply voltage in the thrust of the {}", bounds=(0.0, 4.0))
+    lag: float = param(0.0, "s", "{} time constant", bounds=(0.0, 60.0))
+    slowness: float = param(0.0, "s", "{} rate limit, as time from zero to full", bounds=(0.0, 600.0))
+    curve: Any = part(ThrustCurve)
+
+
+ThrusterEffects = effects_on_commands(
+    "ThrusterEffects",
+    __name__,
+    "1",
+    {
+        "offset": 0.02,
+        "deadband": 0.03,
+        "dead_time": 0.2,
+        "lost_travel": 0.05,
+        "lag": 0.2,
+        "slowness": 1.0,
+        "lost": 0.05,
+    },
+    titles={"slowness": "{} rate limit, as time to full", "lost": "share of the thrust of {} lost"},
+)
+
+
+@compiled
+def share_of_pulse(command):
+    """A pulse width, microseconds, as a share of full thrust."""
+    return (command - PULSE_MIDDLE) / PULSE_HALF
+
+
+@compiled
+def _shaped(share, memory, part, e):
+    return shaped_command(share, memory, 1.0, e.offset, e.deadband, 0.0, part.limit - e.lost_travel)
+
+
+@compiled
+def shape_pulse(command, memory, part, effects, index):
+    """The command, of a pulse width in microseconds, after its effects, as a share, and the memory."""
+    return _shaped(share_of_pulse(command), memory, part, effects)
+
+
+@compiled
+def shape_share(command, memory, part, effects, index):
+    """The command, a share of full thrust, after its effects, and the memory."""
+    return _shaped(command, memory, part, effects)
+
+
+@compiled
+def times(part, effects, index):
+    """Dead time s, lag s and slowness s, the vehicle's own and the effect's together."""
+    return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
+
+
+@compiled
+def curve_thrust(share, curve):
+    """Thrust, N, at a share of the command, linear between the points of a curve, (POINTS,), held at its ends."""
+    at = min(max(0.5 * (share + 1.0) * (POINTS - 1), 0.0), POINTS - 1.0)
+    i = min(int(at), POINTS - 2)
+    return curve[i] + (at - i) * (curve[i + 1] - curve[i])
+
+
+@compiled
+def force(at, actuators, inputs, shared, motion, part, effects, derived):
+    """Thrust along the thruster's direction, its moment about the origin, and its torque."""
+    share = actuators[at]
+    thrust = (1.0 - effects.lost) * curve_thrust(share, part.curve) if abs(share) > part.dead_zone else 0.0
+    if part.power != 0.0:
+        thrust *= (max(inputs[shared], 0.0) / part.voltage) ** part.power
+    k, m, n = derived.k, derived.m, derived.n
+    return thrust * derived.x, thrust * derived.y, thrust * derived.z, thrust * k, thrust * m, thrust * n
+
+
+@compiled
+def derive(part, effects, hull, derived):
+    """The direction, of length 1, and the moment of a thrust of 1 N, with its torque."""
+    size = sqrt(part.to_x * part.to_x + part.to_y * part.to_y + part.to_z * part.to_z)
+    x, y, z = part.to_x / size, part.to_y / size, part.to_z / size
+    derived.x, derived.y, derived.z = x, y, z
+    derived.k = part.y * z - part.z * y + part.torque_arm * x
+    derived.m = part.z * x - part.x * z + part.torque_arm * y
+    derived.n = part.x * y - part.y * x + part.torque_arm * z
+
+
+# Curves that a vehicle file can name: command, thrust in N.
+CURVES: Mapping[str, tuple[tuple[float, float], ...]] = {
+    # Blue Robotics T200, at its nominal supply; none within 0.05.  Source: measurements of MrEkelund/ExjobbROV
+    # (BlueROV of 2016), measuredthrust.txt, every tenth of the command.
+    "t200": (
+        *((-1.0, -40.1), (-0.9, -36.6), (-0.8, -31.2), (-0.7, -26.6), (-0.6, -21.4), (-0.5, -16.1), (-0.4, -11.0)),
+        *((-0.3, -6.8), (-0.2, -3.5), (-0.1, -0.5), (-0.05, 0.0), (0.05, 0.0), (0.1, 1.1), (0.2, 4.1), (0.3, 8.3)),
+        *((0.4, 13.7), (0.5, 19.2), (0.6, 24.7), (0.7, 31.3), (0.8, 37.1), (0.9, 42.9), (1.0, 50.0)),
+    ),
+}
+
+
+def read_curve(given: Any) -> dict[str, float]:
+    """A curve of a vehicle file at POINTS commands: the name of one, or rows of command, -1 to 1, and thrust in N.
+
+    Raises ValueError on what is no curve, does not reach from -1 to 1, or does not rise.
+    """
+    if isinstance(given, str):
+        if given not in CURVES:
+            raise ValueError(
+                f"curve has no name {given!r}. {did_you_mean(given, CURVES)}Known: {', '.join(CURVES)}; or give "
+                "rows of command, -1 to 1, and thrust in N"
+            )
+        given = CURVES[given]
+    try:
+        rows = np.array([[float(c), float(t)] for c, t in given])
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"curve needs rows of command and thrust, N, such as [[-1, -40], [0, 0], [1, 50]], got {given!r}"
+        ) from None
+    if len(rows) < 2 or not np.isfinite(rows).all() or rows[0, 0] != -1.0 or rows[-1, 0] != 1.0:
+        raise ValueError("curve needs finite rows from command -1 to command 1")
+    if not (np.diff(rows[:, 0]) > 0.0).all() or not (np.diff(rows[:, 1]) >= 0.0).all():
+        at = int(np.argmin(np.minimum(np.diff(rows[:, 0]) > 0.0, np.diff(rows[:, 1]) >= 0.0)))
+        raise ValueError(
+            f"curve needs commands that rise and thrusts that do not fall, got {rows[at].tolist()} before "
+            f"{rows[at + 1].tolist()}: sort its rows, or turn the thruster's direction round"
+        )
+    return dict(zip(map(_name, COMMANDS.tolist()), np.interp(COMMANDS, rows[:, 0], rows[:, 1]).tolist(), strict=True))
+
+
+def _problem(thruster: Thruster) -> str:
+    if not any((thruster.to_x, thruster.to_y, thruster.to_z)):
+        return ": to_x, to_y, to_z is a direction of length 0: say where its thrust points, such as to_x = 1"
+    thrusts = np.array([getattr(thruster.curve, _name(c)) for c in COMMANDS.tolist()])
+    if not (np.diff(thrusts) >= 0.0).all():
+        at = _name(float(COMMANDS[int(np.argmin(np.diff(thrusts)))]))
+        return f".curve falls after {at}: thrust must rise with the command, or turn the thruster's direction round"
+    return ""
+
+
+def _sketch(thruster: Thruster) -> tuple[Sketch, ...]:
+    tail = (thruster.x, thruster.y, thruster.z)
+    head = (thruster.x + 0.1 * thruster.to_x, thruster.y + 0.1 * thruster.to_y, thruster.z + 0.1 * thruster.to_z)
+    return (Sketch((tail, head), command=0),)
+
+
+def _limits_of_pulse(thruster: Thruster) -> tuple[float, float]:
+    return PULSE_MIDDLE - PULSE_HALF * thruster.limit, PULSE_MIDDLE + PULSE_HALF * thruster.limit
+
+
+def _limits_of_share(thruster: Thruster) -> tuple[float, float]:
+    return -thruster.limit, thruster.limit
+
+
+def _form(suffix: str, shape: Any, limits: Any) -> PartKind:
+    return PartKind(
+        name="thruster",
+        title="thruster where it sits",
+        parameters=Thruster,
+        effects=ThrusterEffects,
+        order=40,
+        slot=f"thruster_{suffix}",
+        choice="command",
+        commands=(Command(suffix, limits),),
+        force=force,
+        shape=shape,
+        times=times,
+        derive=derive,
+        numbers=("x", "y", "z", "k", "m", "n"),
+        shared={"supply_V": "voltage"},
+        texts={"curve": read_curve},
+        problem=_problem,
+        sketch=_sketch,
+        place=("x", "y", "z"),
+    )
+
+
+KIND = PartKind(
+    name="thruster",
+    title="thruster where it sits",
+    parameters=Thruster,
+    effects=ThrusterEffects,
+    order=40,
+    choice="command",
+    variants={
+        "share": _form("share", shape_share, _limits_of_share),
+        "pulse": _form("us", shape_pulse, _limits_of_pulse),
+    },
+)
