@@ -298,18 +298,18 @@ def test_a_heading_that_the_model_wraps_is_the_same_heading():
     assert ends[1] == pytest.approx({**ends[0], "heading_rad": 7.0 - 2.0 * pi})
 
 
-@pytest.mark.parametrize("name", ["remus100", "npsauv", "remus100"])
-def test_the_actuators_of_any_parts_are_the_plants(name):
+def test_the_actuators_of_any_parts_are_the_plants():
     """Of vehicles with other parts, one after the other: each has compiled code of its own."""
-    plant = load_vehicle(name)
-    model = splice(plant, Linear(("q_radps",), 0.9, 0.01, dt=plant.dt))
-    x, alone = model.initial(start(plant, u_mps=1.2)), plant.initial(start(plant, u_mps=1.2))
-    for k in range(5):
-        x, alone = model.step(x, commands(plant, k)), plant.step(alone, commands(plant, k))
-    moved = [index for index, state in enumerate(plant.states) if state.endswith((" position", " play"))]
-    assert len(moved) == 2 * len(plant.inputs)
-    for index in moved:
-        assert x[model.states.index(plant.states[index])] == alone[index] != 0.0
+    for name in ("remus100", "npsauv", "remus100"):
+        plant = load_vehicle(name)
+        model = splice(plant, Linear(("q_radps",), 0.9, 0.01, dt=plant.dt))
+        x, alone = model.initial(start(plant, u_mps=1.2)), plant.initial(start(plant, u_mps=1.2))
+        for k in range(5):
+            x, alone = model.step(x, commands(plant, k)), plant.step(alone, commands(plant, k))
+        moved = [index for index, state in enumerate(plant.states) if state.endswith((" position", " play"))]
+        assert len(moved) == 2 * len(plant.inputs)
+        for index in moved:
+            assert x[model.states.index(plant.states[index])] == alone[index] != 0.0, name
 
 
 def test_a_model_sees_what_the_plant_computes():
