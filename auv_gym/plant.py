@@ -401,7 +401,10 @@ def _parse(text: str, origin: str) -> Plant:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"Vehicle file {origin} is not valid TOML: {error}.") from None
-    content = of_parts(content)
+    try:
+        content = of_parts(content)
+    except ValueError as error:
+        raise ValueError(f"Vehicle file {origin}: {error}.") from None
     named = content.get("family", "nothing")
     if not isinstance(named, str) or named not in FAMILY_NAMES:
         raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILY_NAMES)}, got {named!r}.")

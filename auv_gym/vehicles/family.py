@@ -59,8 +59,8 @@ class Family:
     constants: Mapping[str, str] = field(default_factory=dict)
     # effects that act as a coefficient does
     twins: Mapping[str, str] = field(default_factory=dict)
-    # of these parameters, the effects that do nothing but change one coefficient: its path, and its value from the given
-    # one and the effect's size
+    # of these parameters, the effects that do nothing but change one coefficient: its path, and its value from the
+    # given one and the effect's size
     coefficients_of: Callable[[Any], Mapping[str, tuple[str, Callable[[float, float], float]]]] = _no_coefficients
     # states that do not change in a segment and whose value nobody knows, each with the effect that acts as it does;
     # none where the parameter at `shared_unless` is not zero

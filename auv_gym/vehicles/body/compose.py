@@ -295,7 +295,14 @@ def _hooks(
 ) -> Mapping[str, Callable[..., Any]]:
     """The compiled functions of the family."""
 
-    def chain(nothing: Any, of_kind: Any, then: Any, function: str, among: Sequence[_Slot], more: Any = None) -> Any:
+    def chain(
+        nothing: Any,
+        of_kind: Any,
+        then: Any,
+        function: str,
+        among: Sequence[_Slot],
+        more: Mapping[str, Any] | None = None,
+    ) -> Any:
         linked = nothing
         for slot in among:
             given = getattr(slot.kind, function)
@@ -310,7 +317,7 @@ def _hooks(
     with_hull = [slot for slot in slots if slot.kind.with_hull]
     others = [slot for slot in slots if not slot.kind.with_hull]
     moves, actuators = _moves(slots), sum(len(slot.parts) * len(slot.kind.commands) for slot in slots)
-    carried = {"ACTUATORS": actuators, "RATES_AT": len(SENSORS)}
+    carried: dict[str, Any] = {"ACTUATORS": actuators, "RATES_AT": len(SENSORS)}
     blocks = chain(dynamics.no_load, dynamics.load_blocks_of_kind, dynamics.load_blocks_then, "block", slots, carried)
     wakes = chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots)
     in_wake = chain(dynamics.nothing_in_wakes, dynamics.in_wake_of_kind, dynamics.in_wake_then, "in_wake", slots)
@@ -400,7 +407,7 @@ def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[s
         return given * (1.0 + size)
 
     hull = parameters.hull
-    found = {
+    found: dict[str, tuple[str, Callable[[float, float], float]]] = {
         f"effects.hull.added_mass_{axis}": (f"hull.added_mass.{name}", scaled)
         for axis, name in zip(_AXES, ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot"), strict=True)
     }

@@ -150,8 +150,9 @@ class PartKind:
     of the flow are, or to the loads, as those of a drive are; it changes the order of a sum.
     slot: kinds of one slot share their compiled code.  order: of the kinds in a vehicle.
     coefficients: parameters that a first fit frees, of the first part of the kind.  twins: effects that act as a
-    parameter of the part does.  same: effects that do nothing but change one parameter: its name, and its value from the
-    given one and the effect's size.  choice, variants: the key of a part's table that chooses one of several forms.
+    parameter of the part does.  same: effects that do nothing but change one parameter: its name, and its value from
+    the given one and the effect's size.
+    choice, variants: the key of a part's table that chooses one of several forms.
     shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
     record does not have it.  texts: parameters that a file may give in words or rows, and what reads them.
     problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
@@ -199,9 +200,12 @@ _REGISTERED: dict[str, PartKind] = {}
 
 
 def register_part(kind: PartKind) -> PartKind:
-    """Make a kind of part known by its name, in place of an earlier one of this name; returns it."""
-    if kind.name in _found() and kind.name not in _REGISTERED:
-        raise ValueError(f"There is a kind of part {kind.name!r} already: choose another name.")
+    """Make a kind of part known by its name; returns it.  Raises ValueError where there is another of this name."""
+    if (_REGISTERED.get(kind.name) or _found().get(kind.name) or kind) is not kind:
+        raise ValueError(
+            f"There is a kind of part {kind.name!r} already: choose another name, or start Python anew where you have "
+            "changed it."
+        )
     _REGISTERED[kind.name] = kind
     return kind
 
