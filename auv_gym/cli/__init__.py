@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from auv_gym.cli import campaign, compare, diagnose, evaluate, identify, listing, simulate, train  # noqa: F401  # each puts its command into `app`
+from auv_gym.cli import campaign, compare, diagnose, drawing, evaluate, identify, listing, simulate, train  # noqa: F401  # each puts its command into `app`
 from auv_gym.cli.application import app
 from auv_gym.cli.console import errors
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from math import radians
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -17,8 +18,9 @@ from controllers.settling import step_response
 from controllers.trial import NOISE, at_rest, fly, level_flight
 
 DEEP = 50.0  # m, where torpedoes start
+FILES = {"tethys": Path(__file__).parents[2] / "examples" / "vehicles" / "tethys.toml"}  # gains of vehicles in files
 ENTRIES = [(entry.vehicle, entry.dt) for entry in read_gains()]
-TORPEDOES = [entry for entry in ENTRIES if load_vehicle(entry[0]).family.kind == "body"]
+TORPEDOES = [entry for entry in ENTRIES if load_vehicle(FILES.get(entry[0], entry[0])).family.kind == "body"]
 LOOPS = [(e.vehicle, e.dt, kind) for e in read_gains() if (e.vehicle, e.dt) in TORPEDOES for kind in e.loops]
 # s after which depth, heading and speed are within 5 % of a step of `torpedo_run`, or two standard deviations of noise
 SETTLED = {
@@ -26,6 +28,7 @@ SETTLED = {
     ("npsauv", 0.1): (45.0, 25.0, 60.0),
     ("npsauv", 4.0): (50.0, 40.0, 60.0),
     ("remus100", 0.1): (25.0, 8.0, 5.0),
+    ("tethys", 0.2): (30.0, 12.0, 10.0),
     ("vt690", 0.1): (25.0, 12.0, 5.0),
 }
 OVERSHOOT = {"depth_m": 0.05, "heading_rad": 0.06, "u_mps": 0.15}  # of the step
@@ -77,7 +80,7 @@ def test_the_published_gains_of_the_s_plane_are_used():
 
 @pytest.mark.parametrize("vehicle, dt, kind", LOOPS)
 def test_a_torpedo_settles_with_noise(vehicle, dt, kind):
-    plant = load_vehicle(vehicle, dt=dt)
+    plant = load_vehicle(FILES.get(vehicle, vehicle), dt=dt)
     run, steps = torpedo_run(plant, kind)
     for (name, (step, size)), limit in zip(steps.items(), SETTLED[vehicle, dt], strict=True):
         assert step.settling_time < limit, name
@@ -92,7 +95,7 @@ def test_a_torpedo_settles_with_noise(vehicle, dt, kind):
 @pytest.mark.parametrize("side", [0.8, 1.2])
 @pytest.mark.parametrize("vehicle, dt", TORPEDOES)
 def test_the_same_gains_hold_on_a_changed_vehicle(vehicle, dt, side):
-    plant = load_vehicle(vehicle, dt=dt)
+    plant = load_vehicle(FILES.get(vehicle, vehicle), dt=dt)
     fins = ("parts.rudder.moment", "parts.stern_plane.moment")
     damping = ("hull.yaw.ur", "hull.yaw.uv", "hull.pitch.uq", "hull.pitch.uw", "hull.surge.u_u")
     changes = {**dict.fromkeys(fins, side), **dict.fromkeys(damping, 2.0 - side)}
@@ -105,7 +108,7 @@ def test_the_same_gains_hold_on_a_changed_vehicle(vehicle, dt, side):
 
 @pytest.mark.parametrize("vehicle, dt", [entry for entry in ENTRIES if entry not in TORPEDOES])
 def test_gliders_and_floats_settle_with_noise(vehicle, dt):
-    plant = load_vehicle(vehicle, dt=dt)
+    plant = load_vehicle(FILES.get(vehicle, vehicle), dt=dt)
     name = TARGETS[plant.family.kind][0]
     first, target, limit = OTHERS[vehicle]
     rng = np.random.default_rng(3)

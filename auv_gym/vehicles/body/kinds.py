@@ -95,12 +95,18 @@ class Command:
 
 
 class Sketch(NamedTuple):
-    """A line of a part's drawing: points in body axes, m; `command` turns it about `axis` through `pivot`, -1: none."""
+    """A line of a part's drawing: points in body axes, m."""
 
     points: tuple[tuple[float, float, float], ...]
-    command: int = -1
-    pivot: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    axis: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+def blades(x: float, y: float, z: float, half_chord: float, span: float, axis: Role) -> Sketch:
+    """A pair of fins about a place, m: upright ones, with axis "yaw", or level ones."""
+    corners = ((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+    upright = axis == "yaw"
+    return Sketch(
+        tuple((x + i * half_chord, y if upright else y + j * span, z + j * span if upright else z) for i, j in corners)
+    )
 
 
 @compiled

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import atan2, sin, sqrt
 from typing import Any
@@ -10,7 +11,7 @@ from auv_gym.compiled import compiled
 from auv_gym.effects import FIN_PROBES, effects_on_commands
 from auv_gym.param import param
 from auv_gym.physics.actuators import shaped_command
-from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch
+from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch, blades
 
 AT_REST = 1e-9  # m/s, below which there is no direction of the flow
 
@@ -121,9 +122,13 @@ def _limits(fin: Fin) -> tuple[float, float]:
     return -fin.limit, fin.limit
 
 
-def _sketch(fin: Fin) -> tuple[Sketch, ...]:
-    half = 0.5 * sqrt(max(fin.area, 1e-4))
-    return (Sketch(((fin.x - half, fin.y, fin.z), (fin.x + half, fin.y, fin.z)), 0, (fin.x, fin.y, fin.z), (0, 0, 1)),)
+def _sketch(axis: Role) -> Callable[[Fin], tuple[Sketch, ...]]:
+    def sketch(fin: Fin) -> tuple[Sketch, ...]:
+        """Two square blades of the fin's area, to port and starboard or up and down."""
+        half = sqrt(fin.area / 8.0)
+        return (blades(fin.x, fin.y, fin.z, half, 2.0 * half, axis),)
+
+    return sketch
 
 
 def _form(axis: Role, force: Any, damping: Any) -> PartKind:
@@ -143,7 +148,7 @@ def _form(axis: Role, force: Any, damping: Any) -> PartKind:
         with_hull=True,
         coefficients=("lift_slope",),
         same={"lost": ("area", lambda given, size: given * (1.0 - size))},
-        sketch=_sketch,
+        sketch=_sketch(axis),
         place=("x", "y", "z"),
     )
 

@@ -228,7 +228,7 @@ def _problem(mass: MovingMass) -> str:
 def _sketch(mass: MovingMass) -> tuple[Sketch, ...]:
     half = 0.03 + 0.5 * (mass.back + mass.forth)
     x, y = mass.x + 0.5 * (mass.forth - mass.back), mass.y
-    return (Sketch(((x - half, y, mass.z), (x + half, y, mass.z)), command=0),)
+    return (Sketch(((x - half, y, mass.z), (x + half, y, mass.z))),)
 
 
 _SLIDES = Command("m", lambda mass: (-mass.back, mass.forth), required=False)

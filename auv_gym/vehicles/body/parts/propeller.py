@@ -19,7 +19,7 @@ from auv_gym.physics.propulsion import (
     slipstream_speed,
     table_thrust,
 )
-from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Sketch
+from auv_gym.vehicles.body.kinds import NONE, Command, PartKind
 
 
 @dataclass(frozen=True)
@@ -176,10 +176,6 @@ def derive(part, effects, hull, derived):
 
 def _limits(propeller: Propeller) -> tuple[float, float]:
     return -propeller.limit, propeller.limit
-
-
-def _sketch(propeller: Propeller) -> tuple[Sketch, ...]:
-    return ()
 
 
 def _form(suffix: str, channel: str = "") -> PartKind:

@@ -11,7 +11,7 @@ from auv_gym.effects import FIN_PROBES, effects_on_commands
 from auv_gym.param import param, part
 from auv_gym.physics.actuators import shaped_command
 from auv_gym.physics.hydrodynamics import angle_of_attack
-from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch
+from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch, blades
 
 
 @dataclass(frozen=True)
@@ -136,17 +136,16 @@ def _limits(surface: Surface) -> tuple[float, float]:
     return -surface.limit, surface.limit
 
 
-def _sketch(axis: tuple[float, float, float]) -> Callable[[Surface], tuple[Sketch, ...]]:
+def _sketch(axis: Role) -> Callable[[Surface], tuple[Sketch, ...]]:
     def sketch(surface: Surface) -> tuple[Sketch, ...]:
-        """A blade where the lever of its moment says that it sits."""
+        """Blades of no known size where the lever of the moment says that they sit."""
         lever = surface.moment / surface.lift if surface.lift else surface.station
-        x = lever if axis[2] else -lever
-        return (Sketch(((x - 0.05, 0.0, 0.0), (x + 0.05, 0.0, 0.0)), command=0, pivot=(x, 0.0, 0.0), axis=axis),)
+        return (blades(lever if axis == "yaw" else -lever, 0.0, 0.0, 0.05, 0.15, axis),)
 
     return sketch
 
 
-def _form(axis: Role, force: Any, in_wake: Any, about: tuple[float, float, float]) -> PartKind:
+def _form(axis: Role, force: Any, in_wake: Any) -> PartKind:
     return PartKind(
         name="surface",
         title="control surface given by its coefficients",
@@ -162,7 +161,7 @@ def _form(axis: Role, force: Any, in_wake: Any, about: tuple[float, float, float
         times=times,
         with_hull=True,
         coefficients=("moment",),
-        sketch=_sketch(about),
+        sketch=_sketch(axis),
     )
 
 
@@ -174,7 +173,7 @@ KIND = PartKind(
     order=10,
     choice="axis",
     variants={
-        "yaw": _form("yaw", yaw_force, yaw_in_wake, (0.0, 0.0, 1.0)),
-        "pitch": _form("pitch", pitch_force, pitch_in_wake, (0.0, 1.0, 0.0)),
+        "yaw": _form("yaw", yaw_force, yaw_in_wake),
+        "pitch": _form("pitch", pitch_force, pitch_in_wake),
     },
 )

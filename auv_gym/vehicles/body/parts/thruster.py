@@ -193,7 +193,7 @@ def _problem(thruster: Thruster) -> str:
 def _sketch(thruster: Thruster) -> tuple[Sketch, ...]:
     tail = (thruster.x, thruster.y, thruster.z)
     head = (thruster.x + 0.1 * thruster.to_x, thruster.y + 0.1 * thruster.to_y, thruster.z + 0.1 * thruster.to_z)
-    return (Sketch((tail, head), command=0),)
+    return (Sketch((tail, head)),)
 
 
 def _limits_of_pulse(thruster: Thruster) -> tuple[float, float]:

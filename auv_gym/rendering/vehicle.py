@@ -1,0 +1,76 @@
+"""A vehicle in six degrees of freedom from above and from the side, with its parts where its file says they are."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+_HULL, _PART, _GREY = "#8aa4b8", "#b3471d", "#555555"
+_VIEWS = (("from above", 1, "starboard, m"), ("from the side", 2, "down, m"))
+
+
+def draw_vehicle(plant: Any) -> Figure:
+    """The hull, its centres of gravity and buoyancy, and what each part sketches of itself, to scale.
+
+    plant: a vehicle of family "body".  Raises ValueError for others, which have no parts.
+    """
+    body = plant.family.body
+    if body is None:
+        raise ValueError(
+            f"Only a vehicle of family 'body' has parts to draw, got {plant.name!r} of family {plant.family.name!r}."
+        )
+    hull = plant.hull
+    ends = [np.abs(np.array(s.points)[:, 1:]).max() for p in body.parts for s in p.found.sketch(_own(plant, p))]
+    wide, half = 0.625 * hull.length, 1.3 * max(0.0, *ends, 0.5 * hull.diameter, 0.17 * hull.length)
+    figure = Figure(figsize=(9.0, 1.4 + 16.0 * half / wide), layout="constrained")
+    figure.suptitle(plant.title or plant.name, fontsize=12)
+    for axes, (view, across, label) in zip(figure.subplots(2, 1, sharex=True), _VIEWS, strict=True):
+        x, y = _outline(hull.length, hull.diameter)
+        axes.fill(x, y, facecolor=_HULL, alpha=0.35, edgecolor=_HULL)
+        heavy, light = (hull.x_g, hull.y_g, hull.z_g), (hull.x_b, hull.y_b, hull.z_b)
+        axes.plot(heavy[0], heavy[across], "k+", label="centre of gravity of the hull")
+        axes.plot(light[0], light[across], "kx", label="centre of buoyancy")
+        placed: list[float] = []
+        for part in body.parts:
+            lines = [np.array(sketch.points) for sketch in part.found.sketch(_own(plant, part))]
+            for line in lines:
+                axes.plot(line[:, 0], line[:, across], color=_PART, linewidth=2.5, solid_capstyle="round")
+            if not lines:
+                continue
+            at = np.vstack(lines).mean(axis=0)
+            row = sum(abs(at[0] - x) < 0.15 * hull.length for x in placed)
+            placed.append(float(at[0]))
+            axes.annotate(
+                part.title,
+                (at[0], at[across]),
+                (0, 26 + 12 * row),
+                textcoords="offset points",
+                ha="center",
+                fontsize=8,
+                color=_PART,
+                arrowprops={"arrowstyle": "-", "color": _PART, "linewidth": 0.5},
+            )
+        axes.set_ylabel(label)
+        axes.set_title(view, loc="left", fontsize=9, color=_GREY)
+        axes.set_aspect("equal")
+        axes.set_xlim(-wide, wide)
+        axes.set_ylim(half, -half)
+        axes.grid(alpha=0.25)
+    nowhere = [p.title for p in body.parts if not p.found.sketch(_own(plant, p))]
+    axes.set_xlabel("forward, m" + (f"          not drawn, without a place: {', '.join(nowhere)}" if nowhere else ""))
+    axes.legend(loc="lower left", fontsize=8, frameon=False)
+    return figure
+
+
+def _own(plant: Any, part: Any) -> Any:
+    return getattr(plant.parameters.parts, part.name)
+
+
+def _outline(length: float, diameter: float) -> tuple[np.ndarray, np.ndarray]:
+    """A hull with a round nose and a tapered tail."""
+    x = np.linspace(-0.5, 0.5, 201)
+    nose, tail = np.clip((0.5 - x) / 0.15, 0.0, 1.0), np.clip((x + 0.5) / 0.3, 0.0, 1.0)
+    half = 0.5 * diameter * np.sqrt(nose * (2.0 - nose)) * tail**0.6
+    return length * np.r_[x, x[::-1]], np.r_[half, -half[::-1]]
