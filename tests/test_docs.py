@@ -24,7 +24,7 @@ from tests.markdown_blocks import Block, blocks_of
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 WIDTH = 100
-# Run uncompiled, in a process of their own: their vehicle is one that nothing else has, and compiling it takes a minute.
+# Run uncompiled, in a process of their own: nothing else has their vehicle, and compiling it takes a minute.
 PLAIN = ("docs/guides/add_a_part.md",)
 
 BLOCKS = {str(page.relative_to(ROOT)): blocks_of(page.read_text()) for page in PAGES}
