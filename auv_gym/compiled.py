@@ -12,6 +12,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 import types
 from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
@@ -23,6 +24,7 @@ import numpy as np
 
 JIT = os.environ.get("AUV_GYM_JIT", "1") != "0"
 _GENERATIONS_KEPT = 6
+_STARTED = time.time()
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -209,6 +211,8 @@ def _cache_folder(packages: frozenset[Path]) -> Path:
     for folder in sorted(packages | {Path(__file__).parent}):
         for path in sorted(folder.rglob("*.py")):
             text = path.read_bytes()
+            if path.stat().st_mtime > _STARTED:  # what was loaded may be older
+                digest.update(f"{os.getpid()} {_STARTED}".encode())
             if b"compiled" in text or b"param(" in text:  # a view has the layout of its parameter tree built in
                 digest.update(str(path.relative_to(folder)).encode() + b"\0" + text)
     roots = [os.environ.get("AUV_GYM_CACHE"), os.environ.get("XDG_CACHE_HOME"), os.path.expanduser("~/.cache")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tomllib
+import warnings
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
@@ -400,7 +401,10 @@ def _parse(text: str, origin: str) -> Plant:
         content = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"Vehicle file {origin} is not valid TOML: {error}.") from None
-    content = of_parts(content)
+    try:
+        content = of_parts(content)
+    except ValueError as error:
+        raise ValueError(f"Vehicle file {origin}: {error}.") from None
     named = content.get("family", "nothing")
     if not isinstance(named, str) or named not in FAMILY_NAMES:
         raise ValueError(f"Vehicle file {origin} needs family = one of {', '.join(FAMILY_NAMES)}, got {named!r}.")
@@ -476,6 +480,8 @@ def _parse(text: str, origin: str) -> Plant:
     problem = family.problem(plant.parameters)
     if problem:
         raise ValueError(f"Vehicle file {origin}: {problem}.")
+    for doubt in family.doubts(plant.parameters):
+        warnings.warn(f"Vehicle file {origin}: {doubt}.", stacklevel=4)
     return plant
 
 

@@ -343,8 +343,9 @@ _BOUND: dict[str, Any] = {}
 
 
 def _carry_for(family: Family) -> Any:
-    """`_carry` for a family's kind; compiled when first called and found in the cache afterwards."""
-    if family.kind not in _BOUND:
+    """`_carry` for a family; compiled when first called and found in the cache afterwards."""
+    program = family.program or family.kind
+    if program not in _BOUND:
         meanings: dict[str, Any] = {
             "STATES": len(family.states),
             "INTEGRATED": family.integrated,
@@ -354,5 +355,5 @@ def _carry_for(family: Family) -> Any:
             "view": family.view,
             **{name: family.hooks[name] for name in ("enter", "derivative", "sense")},
         }
-        _BOUND[family.kind] = bind(_carry, family.kind, **meanings)
-    return _BOUND[family.kind]
+        _BOUND[program] = bind(_carry, program, **meanings)
+    return _BOUND[program]

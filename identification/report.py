@@ -413,7 +413,20 @@ def _outcome(r: Round) -> str:
 
 
 def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
-    signed = e.neutral == 0.0
+    signed, c = e.neutral == 0.0, e.coefficient
+    if c is not None:
+        return {
+            "title": c.title,
+            "path": c.path,
+            "value": amount(c.value, c.unit),
+            "si": "",
+            "interval": span(c.ci95, c.unit),
+            "interval_si": "",
+            "neutral": quantity(c.given, c.unit),
+            "neutral_label": "value as given",
+            "evidence": (number(e.evidence_train), number(e.evidence_held)),
+            "alternatives": [_alternative(d, p, titles) for p in e.tied_with if p != c.path],
+        }
     return {
         "title": e.title,
         "path": e.path,
@@ -422,6 +435,7 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
         "interval": span(e.ci95, e.unit),
         "interval_si": f"{number(e.ci95[0])} to {number(e.ci95[1])} {e.unit}" if e.unit in ("rad", "rad/s") else "",
         "neutral": "" if signed else quantity(e.neutral, e.unit),
+        "neutral_label": "neutral value",
         "evidence": (number(e.evidence_train), number(e.evidence_held)),
         "alternatives": [_alternative(d, p, titles) for p in e.tied_with],
     }

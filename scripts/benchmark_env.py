@@ -23,6 +23,7 @@ from rich.progress import Progress
 
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.compiled import bind
+from auv_gym.cruise import command_limits, find_helm
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.rollout import bind_family, scratch_for
 
@@ -175,14 +176,13 @@ def _bare(plant: Plant, count: int) -> tuple[Callable[[], object], int]:
     """The compiled batch alone: the plant's own step over as many states as the vector environment has."""
     family, steps = plant.family, max(2_000_000 // (count * 40), 10)
     known = {"vehicle_step": bind_family(family).step, "WORK": scratch_for(family).size}
-    program = bind(_advance_all, family.kind, parallel=True, **known)
+    program = bind(_advance_all, family.program or family.kind, parallel=True, **known)
     start = plant.initial(np.zeros(len(plant.outputs)))
     start[0] = 1.0
     rows = np.tile(start, (count, 1))
     draws = np.random.default_rng(0)
-    limits = np.array([plant.parts.rudder.limit, plant.parts.stern_plane.limit, 0.0, plant.parts.propeller.limit])
-    inputs = draws.uniform(-0.5, 0.5, (count, 4)) * limits
-    inputs[:, 3] = plant.parts.propeller.design
+    inputs, helm = draws.uniform(-0.5, 0.5, (count, len(plant.inputs))) * command_limits(plant), find_helm(plant)
+    inputs[:, helm.drive] = helm.design
 
     def run() -> None:
         for _ in range(steps):

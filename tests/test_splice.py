@@ -110,6 +110,7 @@ def lag(output: str, dt: float) -> Linear:
 
 def commands(model: Any, k: int) -> np.ndarray:
     moving = {"rudder_rad": 0.1 * sin(0.7 * k), "stern_plane_rad": 0.05 * cos(0.3 * k), "propeller_rpm": 1500.0}
+    moving["bow_plane_rad"] = 0.04 * sin(0.5 * k)
     values = {**model.constants, **moving}
     return np.array([values[name] for name in model.inputs])
 
@@ -297,6 +298,20 @@ def test_a_heading_that_the_model_wraps_is_the_same_heading():
     assert ends[1] == pytest.approx({**ends[0], "heading_rad": 7.0 - 2.0 * pi})
 
 
+def test_the_actuators_of_any_parts_are_the_plants():
+    """Of vehicles with other parts, one after the other: each has compiled code of its own."""
+    for name in ("remus100", "npsauv", "remus100"):
+        plant = load_vehicle(name)
+        model = splice(plant, Linear(("q_radps",), 0.9, 0.01, dt=plant.dt))
+        x, alone = model.initial(start(plant, u_mps=1.2)), plant.initial(start(plant, u_mps=1.2))
+        for k in range(5):
+            x, alone = model.step(x, commands(plant, k)), plant.step(alone, commands(plant, k))
+        moved = [index for index, state in enumerate(plant.states) if state.endswith((" position", " play"))]
+        assert len(moved) == 2 * len(plant.inputs)
+        for index in moved:
+            assert x[model.states.index(plant.states[index])] == alone[index] != 0.0, name
+
+
 def test_a_model_sees_what_the_plant_computes():
     plant = replace(replace_at(torpedo(), "effects.gyros.bias_q", 0.5), dt=0.1)
     names = ("q_radps", "u_dvl_mps", "stern_plane_rad")
@@ -321,7 +336,10 @@ GLIDER_EFFECTS = {
 def models() -> dict[str, Spliced]:
     slocum = load_vehicle("slocum")
     affected = replace_at(slocum, GLIDER_EFFECTS)
-    remus = replace_at(load_vehicle("remus100"), {**WATER, "effects.gyros.lag": 0.3, "effects.dvl_ground.lag": 0.5})
+    remus, nps = (
+        replace_at(load_vehicle(name), {**WATER, "effects.gyros.lag": 0.3, "effects.dvl_ground.lag": 0.5})
+        for name in ("remus100", "npsauv")
+    )
     return {
         "glider, heading": splice(slocum, lag("heading_rad", slocum.dt)),
         "glider, rate, with effects": splice(affected, lag("r_radps", slocum.dt)),
@@ -329,6 +347,7 @@ def models() -> dict[str, Spliced]:
         "torpedo, pitch and speed": splice(
             remus, Linear(("pitch_rad", "u_mps"), 0.9, 1e-4, inputs=("propeller_rpm",), dt=remus.dt)
         ),
+        "torpedo of other parts": splice(nps, Linear(RATES, 0.9, 0.05, inputs=("bow_plane_rad",), dt=nps.dt)),
     }
 
 

@@ -185,7 +185,9 @@ def _effect_table(diagnosis: Diagnosis) -> Table:
 
     shown = table("Effects", "effect", "value>", "95 % interval>", "not told apart from")
     for effect in diagnosis.effects:
-        size, limits = quantity(effect.value, effect.unit), interval(effect.ci95, effect.unit)
-        alike = ", ".join(spec_at(diagnosis.given.plant, path).title for path in effect.tied_with)
-        shown.add_row(effect.title, size, limits, alike)
+        told = effect.coefficient or effect  # an effect that does nothing but change a coefficient is told as that
+        size, limits = quantity(told.value, told.unit), interval(told.ci95, told.unit)
+        others = [path for path in effect.tied_with if path != told.path]
+        alike = ", ".join(spec_at(diagnosis.given.plant, path).title for path in others)
+        shown.add_row(told.title, size, limits, alike)
     return shown

@@ -13,6 +13,14 @@ def _no_problem(parameters: Any) -> str:
     return ""
 
 
+def _no_coefficients(parameters: Any) -> Mapping[str, tuple[str, Callable[[float, float], float]]]:
+    return {}
+
+
+def _no_doubts(parameters: Any) -> list[str]:
+    return []
+
+
 @dataclass(frozen=True, eq=False)
 class Family:
     """A right-hand side with its channels, and what else sets one family apart from another.
@@ -43,6 +51,7 @@ class Family:
     learns: bool = False  # whether a table of learned forces may follow the parameters
     block: int = 1_000_000  # steps after which `stable_step` is asked again
     problem: Callable[[Any], str] = _no_problem  # words about impossible parameters, or nothing
+    doubts: Callable[[Any], list[str]] = _no_doubts  # words about parameters that are possible, but hardly meant
     # steps of difference quotients, of a parameter's scale: larger than the rounding of kinks, smaller than a probe; a
     # fit that has come to rest goes on with the next one, for runs that are far from linear in the parameters
     differences: tuple[float, ...] = (1e-2,)
@@ -50,6 +59,9 @@ class Family:
     constants: Mapping[str, str] = field(default_factory=dict)
     # effects that act as a coefficient does
     twins: Mapping[str, str] = field(default_factory=dict)
+    # of these parameters, the effects that do nothing but change one coefficient: its path, and its value from the
+    # given one and the effect's size
+    coefficients_of: Callable[[Any], Mapping[str, tuple[str, Callable[[float, float], float]]]] = _no_coefficients
     # states that do not change in a segment and whose value nobody knows, each with the effect that acts as it does;
     # none where the parameter at `shared_unless` is not zero
     shared: Mapping[str, str] = field(default_factory=dict)

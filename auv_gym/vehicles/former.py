@@ -18,10 +18,17 @@ _STERN_IN_WAKE = {
 
 
 def of_parts(content: Mapping[str, Any]) -> dict[str, Any]:
-    """The content of a file of a former family as that of family "body"; other contents as they are."""
+    """The content of a file of a former family as that of family "body"; other contents as they are.
+
+    Raises ValueError where both forms are mixed.
+    """
     family = content.get("family")
     if not isinstance(family, str) or family not in COMMANDS or not isinstance(content.get("hull", {}), Mapping):
         return dict(content)
+    if "parts" in content:
+        raise ValueError(
+            f'family = "{family}" has no parts: write family = "body", and the fins and propeller as parts'
+        )
     hull = dict(content.get("hull", {}))
     parts: dict[str, Any] = {}
     for name, axis in _FINS.items():

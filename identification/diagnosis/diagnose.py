@@ -18,7 +18,14 @@ from identification.diagnosis.candidates import candidates_of, screen
 from identification.diagnosis.closing import closed_loop
 from identification.diagnosis.discovery import Discovery, discover, library_of
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.findings import coefficient_of, detectable_of, effects_of, twin_effects, twins_of
+from identification.diagnosis.findings import (
+    as_coefficients,
+    coefficient_of,
+    detectable_of,
+    effects_of,
+    twin_effects,
+    twins_of,
+)
 from identification.diagnosis.habitat import habitat_of
 from identification.diagnosis.judgement import EXPLAINED, disagrees, explained_share, verdict_of
 from identification.diagnosis.kinematics import kinematics_of
@@ -158,7 +165,7 @@ def diagnose(
         given=as_given,
         before=before,
         after=after,
-        effects=tuple(effects),
+        effects=tuple(as_coefficients(given.plant, effects)),
         tied=tuple(tied),
         coefficients=found,
         detectable=detectable_of(plant, screening, rounds, {e.path for e in effects}),

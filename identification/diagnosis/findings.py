@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from auv_gym.plant import Plant
 from identification.diagnosis.acceptance import Size, at_limit, threshold, weighed
 from identification.diagnosis.attribution import Round
 from identification.diagnosis.candidates import Screening
-from identification.diagnosis.verdict import Coefficient, Detectable, Effect
+from identification.diagnosis.verdict import AsCoefficient, Coefficient, Detectable, Effect
 from identification.diagnosis.workbench import State, Workbench
 from identification.shooting import REACH
 
@@ -47,6 +48,24 @@ def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], 
                 )
             )
     return effects, groups
+
+
+def as_coefficients(plant: Plant, effects: Sequence[Effect]) -> list[Effect]:
+    """The effects, those that do nothing but change one coefficient with what it comes to."""
+    known = plant.family.coefficients_of(plant.parameters)
+    told = []
+    for effect in effects:
+        if effect.path in known:
+            path, law = known[effect.path]
+            spec, given = spec_at(plant, path), value_at(plant, path)
+            low, high = sorted(law(given, size) for size in effect.ci95)
+            title = spec.title or path
+            effect = replace(
+                effect,
+                coefficient=AsCoefficient(path, title, spec.unit, given, law(given, effect.value), (low, high)),
+            )
+        told.append(effect)
+    return told
 
 
 def coefficient_of(

@@ -14,7 +14,7 @@ import numpy as np
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, save_vehicle
 from auv_gym.record import Record
-from auv_gym.vehicles import FAMILIES
+from auv_gym.vehicles import Body, Part, family_named
 from auv_gym.writing import replacing, writable_folder
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
@@ -82,6 +82,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "ci95": list(e.ci95),
                 "evidence": {"fitted": e.evidence_train, "held_out": e.evidence_held},
                 "tied_with": list(e.tied_with),
+                "coefficient": _plain(asdict(e.coefficient)) if e.coefficient else None,
             }
             for e in d.effects
         ],
@@ -143,6 +144,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "vehicle": {
             "name": d.given.plant.name,
             "family": d.given.plant.family.name,
+            "parts": [_plain(asdict(part)) for part in (d.given.plant.family.body or Body(())).parts],
             "dt_s": d.given.plant.dt,
             "longest_step_s": d.given.plant.longest_step,
             "window_s": d.given.plant.window,
@@ -166,11 +168,12 @@ def again(file: str | os.PathLike, record: Record, progress: Progress = lambda f
         told = json.loads(Path(file).read_text(encoding="utf-8"))
         vehicle, asked, digest = told["vehicle"], told["asked"], told["record_sha256"]
         known = {name: vehicle[name] for name in ("deviations", "fitted_to")}
+        parts = [Part(**{**part, "channels": tuple(part["channels"])}) for part in vehicle["parts"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{file} is no diagnosis.json of this version ({error}): make one by a diagnosis.") from error
     if digest != digest_of(record):
         raise ValueError(f"{file} is of another record, or of one read otherwise: give the same log, mapping and cuts.")
-    family = FAMILIES[vehicle["family"]]
+    family = family_named(vehicle["family"], parts)
     times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
     plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times, **known), vehicle["parameters"])
     return diagnose(record, plant, source=told["source"], progress=progress, **asked)

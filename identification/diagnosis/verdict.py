@@ -28,8 +28,23 @@ Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubt
 
 
 @dataclass(frozen=True)
+class AsCoefficient:
+    """The coefficient that an effect does nothing but change: what was given, what it comes to, and the interval."""
+
+    path: str
+    title: str
+    unit: str
+    given: float
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Effect:
-    """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it."""
+    """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it.
+
+    coefficient: what it is reported as, where it does nothing but change that one.
+    """
 
     path: str
     title: str
@@ -40,6 +55,16 @@ class Effect:
     evidence_train: float
     evidence_held: float
     tied_with: tuple[str, ...] = ()
+    coefficient: AsCoefficient | None = None
+
+    @property
+    def told(self) -> str:
+        """What is the matter, its size and its interval, in words."""
+        c = self.coefficient
+        if c is None:
+            return f"{self.title} ({quantity(self.value, self.unit)}, 95 % interval {interval(self.ci95, self.unit)})"
+        size = f"{quantity(c.value, c.unit)}, 95 % interval {interval(c.ci95, c.unit)}"
+        return f"another {c.title} ({size}, given {quantity(c.given, c.unit)})"
 
 
 @dataclass(frozen=True)
@@ -169,7 +194,7 @@ class Diagnosis:
 
 
 def _sentence(d: Diagnosis) -> str:
-    names = [f"{e.title} ({quantity(e.value, e.unit)}, 95 % interval {interval(e.ci95, e.unit)})" for e in d.effects]
+    names = [e.told for e in d.effects]
     if d.verdict == "doubted":
         doubt = d.doubts[0]
         return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."

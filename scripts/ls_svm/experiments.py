@@ -12,6 +12,7 @@ from math import radians
 
 import numpy as np
 
+from auv_gym.cruise import find_helm
 from auv_gym.model import simulate
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.record import Record
@@ -103,8 +104,8 @@ def circled(manoeuvre: Manoeuvre) -> Record:
     """
     plant = vehicle()
     n = round(manoeuvre.duration / plant.dt) + 1
-    commands = np.zeros((n, len(plant.inputs)))
-    commands[:, 0], commands[:, 3] = radians(manoeuvre.rudder), manoeuvre.voltage
+    commands, helm = np.zeros((n, len(plant.inputs))), find_helm(plant)
+    commands[:, helm.rudder], commands[:, helm.drive] = radians(manoeuvre.rudder), manoeuvre.voltage
     at = plant.outputs.index("depth_m")
     start = np.zeros(len(plant.outputs))
     start[at] = START_DEPTH
@@ -115,7 +116,7 @@ def circled(manoeuvre: Manoeuvre) -> Record:
             side = -1.0
         elif depth < START_DEPTH + TURNING_BACK:
             side = 1.0
-        row[1] = side * radians(manoeuvre.plane)
+        row[helm.plane] = side * radians(manoeuvre.plane)
         x = plant.step(x, row)
     return flown(plant, dict(zip(plant.inputs, commands.T, strict=True)))
 

@@ -36,6 +36,7 @@ OUTPUTS = (
     *("roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"),
     *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
 )
+_AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _HULL_COEFFICIENTS = (
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
     *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
@@ -85,6 +86,12 @@ class Body:
             if command.role:
                 roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
         return roles
+
+    def required(self) -> tuple[str, ...]:
+        """The channels that a record must have; a second part of a role, such as bow planes, rests where it lacks."""
+        first = {names[0] for names in self.by_role().values()}
+        named = [(part_.channel(i), command) for part_, i, command in self.commands]
+        return tuple(name for name, command in named if command.required and (not command.role or name in first))
 
     def ranges(self, parameters: Any) -> np.ndarray:
         """The lowest command, that at rest and the highest of every command, in its channel's unit, (n, 3)."""
@@ -160,7 +167,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
     hooks = _hooks(program, slots, record, n_parameters, n_derived)
 
     def problem(parameters: Any) -> str:
-        return mass_problem(parameters, hooks["derive"], record) or part_problem(parts, parameters)
+        return part_problem(parts, parameters) or mass_problem(parameters, hooks["derive"], record)
 
     first_of_kind = [slot.parts[0] for slot in slots]
     return Family(
@@ -171,7 +178,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         body=body,
         parameters=tree,
         inputs=(*commands, *shared),
-        required=tuple(part_.channel(i) for part_, i, command in body.commands if command.required),
+        required=body.required(),
         constants={
             **{
                 part_.channel(i): f"parts.{part_.name}.{command.rest}"
@@ -205,6 +212,8 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         },
         derived=n_derived,
         problem=problem,
+        coefficients_of=lambda parameters: coefficients_of(parts, parameters),
+        doubts=lambda parameters: places_outside(parts, parameters),
         view=view,
         hooks=hooks,
         rebuild=(_rebuilt, (parts,)),
@@ -286,7 +295,14 @@ def _hooks(
 ) -> Mapping[str, Callable[..., Any]]:
     """The compiled functions of the family."""
 
-    def chain(nothing: Any, of_kind: Any, then: Any, function: str, among: Sequence[_Slot], more: Any = None) -> Any:
+    def chain(
+        nothing: Any,
+        of_kind: Any,
+        then: Any,
+        function: str,
+        among: Sequence[_Slot],
+        more: Mapping[str, Any] | None = None,
+    ) -> Any:
         linked = nothing
         for slot in among:
             given = getattr(slot.kind, function)
@@ -301,7 +317,7 @@ def _hooks(
     with_hull = [slot for slot in slots if slot.kind.with_hull]
     others = [slot for slot in slots if not slot.kind.with_hull]
     moves, actuators = _moves(slots), sum(len(slot.parts) * len(slot.kind.commands) for slot in slots)
-    carried = {"ACTUATORS": actuators, "RATES_AT": len(SENSORS)}
+    carried: dict[str, Any] = {"ACTUATORS": actuators, "RATES_AT": len(SENSORS)}
     blocks = chain(dynamics.no_load, dynamics.load_blocks_of_kind, dynamics.load_blocks_then, "block", slots, carried)
     wakes = chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots)
     in_wake = chain(dynamics.nothing_in_wakes, dynamics.in_wake_of_kind, dynamics.in_wake_then, "in_wake", slots)
@@ -360,7 +376,7 @@ def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) 
     ):
         values, vectors = np.linalg.eigh(matrix)
         if values[0] <= 0.0:
-            axis = ("surge", "sway", "heave", "roll", "pitch", "yaw")[int(np.argmax(np.abs(vectors[:, 0])))]
+            axis = _AXES[int(np.argmax(np.abs(vectors[:, 0])))]
             return (
                 f"the {name} is not positive definite (smallest eigenvalue {values[0]:.3g}, mostly in {axis}): "
                 "check hull.mass, the inertias, the centre of gravity and hull.added_mass (negative there)"
@@ -368,10 +384,50 @@ def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) 
     return ""
 
 
+def places_outside(parts: Sequence[Part], parameters: Any) -> list[str]:
+    """Words about parts that sit farther outside the hull than it is long, which a wrong unit makes them."""
+    length, radius = parameters.hull.length, 0.5 * parameters.hull.diameter
+    found = []
+    for part_ in parts:
+        for key in part_.found.place:
+            place = getattr(getattr(parameters.parts, part_.name), key)
+            farthest = length + (0.5 * length if key.endswith("x") else radius)
+            if abs(place) > farthest:
+                found.append(
+                    f"parts.{part_.name}.{key} = {place:g} m is more than a length outside the hull, which is "
+                    f"{length:g} m long: check its unit and sign"
+                )
+    return found
+
+
+def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[str, Callable[[float, float], float]]]:
+    """The effects that do nothing but change one coefficient of a vehicle with these parameters; see `Family`."""
+
+    def scaled(given: float, size: float) -> float:
+        return given * (1.0 + size)
+
+    hull = parameters.hull
+    found: dict[str, tuple[str, Callable[[float, float], float]]] = {
+        f"effects.hull.added_mass_{axis}": (f"hull.added_mass.{name}", scaled)
+        for axis, name in zip(_AXES, ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot"), strict=True)
+    }
+    crossed = hull.cross_flow.drag_y != 0.0 or hull.cross_flow.drag_z != 0.0
+    for axis in _AXES:
+        terms = getattr(hull, axis)
+        acting = [term for term in derived_numbers.DAMPING_TERMS if getattr(terms, term) != 0.0]
+        if len(acting) == 1 and not (crossed and axis in ("sway", "heave")):
+            found[f"effects.hull.damping_{axis}"] = (f"hull.{axis}.{acting[0]}", scaled)
+    for part_ in parts:
+        for effect, (name, law) in part_.found.same.items():
+            found[f"effects.{part_.name}.{effect}"] = (f"parts.{part_.name}.{name}", law)
+    return found
+
+
 def part_problem(parts: Sequence[Part], parameters: Any) -> str:
     """What is impossible about the numbers of a part, or nothing."""
     for part_ in parts:
-        found = part_.found.problem(getattr(parameters.parts, part_.name))
+        own, kind = getattr(parameters.parts, part_.name), part_.found
+        found = kind.problem(own) or kind.problem_with_hull(own, parameters.hull)
         if found:
-            return f"parts.{part_.name}{found}"
+            return f"parts.{part_.name}{found}".replace("{}", f"parts.{part_.name}")
     return ""

@@ -25,6 +25,7 @@ wakes: Any
 N_TERMS = len(TERMS)
 # What damping errors scale: linear terms, a|a|, and the lift and damping that go with u; not a b, which are inertial.
 _DAMPING = tuple(1.0 if len(t) == 1 or "_" in t or t[0] == "u" else 0.0 for t in TERMS)
+DAMPING_TERMS = tuple(term for term, scales in zip(TERMS, _DAMPING, strict=True) if scales)
 # What fouling scales: drag proper, without lift.
 _DRAG = tuple(1.0 if len(t) == 1 or "_" in t else 0.0 for t in TERMS)
 

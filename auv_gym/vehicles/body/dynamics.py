@@ -158,7 +158,7 @@ def derivative(z, actuators, inputs, p, dz, terms):
     m_hull = polynomial(computed, computed.ends[4], computed.ends[5], terms)
     n_hull = polynomial(computed, computed.ends[5], computed.ends[6], terms)
     if computed.learned != 0.0:
-        l1, l2, l3, l4, l5, l6 = learned_forces(p, z, terms[N_TERMS + 5 :])
+        l1, l2, l3, l4, l5, l6 = learned_forces(p, z, terms[N_TERMS + 5 : SYSTEM])
         x_hull += l1
         y_hull += l2
         z_hull += l3

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from typing import Any
 
@@ -62,10 +63,10 @@ def parts_text(body: Body | None) -> dict[str, list[str]]:
     """The lines that open the table of each part, by the table's name."""
     said = {}
     for part_ in body.parts if body else ():
-        lines = [f'kind = "{part_.kind}"']
+        lines = [f"kind = {json.dumps(part_.kind)}"]
         if part_.choice:
-            lines.append(f'{part_.found.choice} = "{part_.choice}"')
+            lines.append(f"{part_.found.choice} = {json.dumps(part_.choice)}")
         if part_.channels:
-            lines.append(f"channel = [{', '.join(chr(34) + c + chr(34) for c in part_.channels)}]")
+            lines.append(f"channel = {json.dumps(list(part_.channels))}")
         said[f"parts.{part_.name}"] = lines
     return said

@@ -119,6 +119,10 @@ def _no_problem(part: Any) -> str:
     return ""
 
 
+def _no_problem_with_hull(part: Any, hull: Any) -> str:
+    return ""
+
+
 def _no_sketch(part: Any) -> tuple[Sketch, ...]:
     return ()
 
@@ -146,10 +150,13 @@ class PartKind:
     of the flow are, or to the loads, as those of a drive are; it changes the order of a sum.
     slot: kinds of one slot share their compiled code.  order: of the kinds in a vehicle.
     coefficients: parameters that a first fit frees, of the first part of the kind.  twins: effects that act as a
-    parameter of the part does.  choice, variants: the key of a part's table that chooses one of several forms.
+    parameter of the part does.  same: effects that do nothing but change one parameter: its name, and its value from
+    the given one and the effect's size.
+    choice, variants: the key of a part's table that chooses one of several forms.
     shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
     record does not have it.  texts: parameters that a file may give in words or rows, and what reads them.
-    problem: words about impossible numbers, or nothing; they follow the part's name.  sketch: lines to draw.
+    problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
+    problem_with_hull: the same about the part together with the hull.  sketch: lines to draw.
     place: the parameters that say where the part is.
     """
 
@@ -172,11 +179,13 @@ class PartKind:
     slot: str = ""
     coefficients: tuple[str, ...] = ()
     twins: Mapping[str, str] = field(default_factory=dict)
+    same: Mapping[str, tuple[str, Callable[[float, float], float]]] = field(default_factory=dict)
     choice: str = ""
     variants: Mapping[str, PartKind] = field(default_factory=dict)
     shared: Mapping[str, str] = field(default_factory=dict)
     texts: Mapping[str, Callable[[Any], Mapping[str, float]]] = field(default_factory=dict)
     problem: Callable[[Any], str] = _no_problem
+    problem_with_hull: Callable[[Any, Any], str] = _no_problem_with_hull
     sketch: Callable[[Any], tuple[Sketch, ...]] = _no_sketch
     place: tuple[str, ...] = ()
 
@@ -191,9 +200,12 @@ _REGISTERED: dict[str, PartKind] = {}
 
 
 def register_part(kind: PartKind) -> PartKind:
-    """Make a kind of part known by its name, in place of an earlier one of this name; returns it."""
-    if kind.name in _found() and kind.name not in _REGISTERED:
-        raise ValueError(f"There is a kind of part {kind.name!r} already: choose another name.")
+    """Make a kind of part known by its name; returns it.  Raises ValueError where there is another of this name."""
+    if (_REGISTERED.get(kind.name) or _found().get(kind.name) or kind) is not kind:
+        raise ValueError(
+            f"There is a kind of part {kind.name!r} already: choose another name, or start Python anew where you have "
+            "changed it."
+        )
     _REGISTERED[kind.name] = kind
     return kind
 

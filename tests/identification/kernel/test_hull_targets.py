@@ -6,14 +6,14 @@ from math import radians
 
 import numpy as np
 import pytest
-from auv_gym.vehicles.torpedo import fill_terms, polynomial
-from auv_gym.vehicles.torpedo_derived import N_TERMS, view
 
 from auv_gym.model import simulate
 from auv_gym.param import replace_at
 from auv_gym.physics.rigid_body import coriolis_forces
 from auv_gym.plant import Plant, load_vehicle, without_effects
 from auv_gym.record import Record, concat
+from auv_gym.vehicles.body.derived import N_TERMS
+from auv_gym.vehicles.body.dynamics import fill_terms, polynomial
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 from identification.excitation import bang_bang
 from identification.kernel.hull_targets import READINGS, VELOCITIES, HullTargets, hull_targets
@@ -42,7 +42,8 @@ def noisy(record: Record, seed: int) -> Record:
 
 def hull_forces(plant: Plant, velocities: np.ndarray) -> np.ndarray:
     """C(v)v + D(v)v of a plant's hull without cross-flow drag, from its coefficients; effects are no part of it."""
-    computed, terms = view(without_effects(plant).derived).computed, np.zeros(N_TERMS + 5)
+    computed = plant.family.view(without_effects(plant).derived).computed
+    terms = np.zeros(N_TERMS + 5)
     ends, forces = [int(end) for end in computed.ends], np.empty((len(velocities), 6))
     for row, velocity in enumerate(velocities):
         u, v, w, p, q, r = velocity
@@ -134,8 +135,9 @@ def test_what_cannot_be_is_refused_in_words(vehicle):
     assert "need pitch within 86 deg" in refused(
         vehicle, record.with_channels({"pitch_rad": record["pitch_rad"] + radians(85.0)})
     )
-    bow = record.with_channels({"bow_plane_rad": np.zeros(len(record))})
-    assert "all or none" in refused(vehicle, record, bow)
+    without = record.with_channels({"propeller_rpm": np.full(len(record), 1300.0)})
+    bow = without.with_channels({"bow_plane_rad": np.zeros(len(record))})
+    assert "all or none" in refused(load_vehicle("npsauv"), without, bow)
     assert "too noisy for segments as short as 25 samples" in refused(vehicle, noisy(record, 0).between(0.0, 2.45))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from auv_gym.compiled import compiled
 from auv_gym.effects import FIN_PROBES, effects_on_commands
 from auv_gym.param import param
-from auv_gym.physics.actuators import shape_command
+from auv_gym.physics.actuators import shaped_command
 from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch
 
 AT_REST = 1e-9  # m/s, below which there is no direction of the flow
@@ -50,7 +50,8 @@ FinEffects = effects_on_commands(
 @compiled
 def shape(command, memory, part, effects, index):
     """The commanded angle after the actuator's effects, and the new backlash memory, rad."""
-    return shape_command(command, memory, part.limit, effects)
+    e = effects  # number by number: the records of two kinds are not to be taken for one another
+    return shaped_command(command, memory, e.gain, e.offset, e.deadband, e.backlash, part.limit - e.lost_travel)
 
 
 @compiled
@@ -141,6 +142,7 @@ def _form(axis: Role, force: Any, damping: Any) -> PartKind:
         damping=damping,
         with_hull=True,
         coefficients=("lift_slope",),
+        same={"lost": ("area", lambda given, size: given * (1.0 - size))},
         sketch=_sketch,
         place=("x", "y", "z"),
     )

@@ -199,6 +199,7 @@ def _form(suffix: str, channel: str = "") -> PartKind:
         wake=wake,
         in_wake=in_wake,
         numbers=("has_table",),
+        same={"torque": ("torque_arm", lambda given, size: given + size)},
     )
 
 

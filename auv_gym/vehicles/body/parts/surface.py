@@ -9,7 +9,7 @@ from typing import Any
 from auv_gym.compiled import compiled
 from auv_gym.effects import FIN_PROBES, effects_on_commands
 from auv_gym.param import param, part
-from auv_gym.physics.actuators import shape_command
+from auv_gym.physics.actuators import shaped_command
 from auv_gym.physics.hydrodynamics import angle_of_attack
 from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch
 
@@ -59,7 +59,8 @@ SurfaceEffects = effects_on_commands(
 @compiled
 def shape(command, memory, part, effects, index):
     """The commanded angle after the actuator's effects, and the new backlash memory, rad."""
-    return shape_command(command, memory, part.limit, effects)
+    e = effects  # number by number: the records of two kinds are not to be taken for one another
+    return shaped_command(command, memory, e.gain, e.offset, e.deadband, e.backlash, part.limit - e.lost_travel)
 
 
 @compiled

@@ -17,7 +17,7 @@ from auv_gym.vehicles.body.kinds import Command, PartKind, Sketch
 
 POINTS = 41  # of a curve, evenly from the command -1 to 1
 PULSE_MIDDLE, PULSE_HALF = 1500.0, 400.0  # microseconds, of a pulse-width command
-COMMANDS = np.linspace(-1.0, 1.0, POINTS)
+COMMANDS = np.arange(-(POINTS // 2), POINTS // 2 + 1) / (POINTS // 2)
 
 
 def _name(command: float) -> str:

@@ -7,7 +7,8 @@ from math import atan2, cos, sin, sqrt
 
 from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
-from auv_gym.param import param
+from auv_gym.param import list_paths, param, value_at
+from auv_gym.vehicles.body.hull import Hull
 from auv_gym.vehicles.body.kinds import NONE, PartKind, Sketch
 
 AT_REST = 1e-9  # m/s, below which there is no direction of the flow
@@ -90,6 +91,20 @@ def damping(part, effects, derived, water, inverse_mass, rates):
     rates[5, 3] += abs(inverse_mass[5, 5] * part.yaw_rate)
 
 
+def _alone(wings: Wings, hull: Hull) -> str:
+    """Words about a hull whose coefficients would count twice beside a set of the whole vehicle."""
+    axes = ("surge", "sway", "heave", "roll", "pitch", "yaw", "cross_flow")
+    own = [p for p in list_paths(hull) if p.partition(".")[0] in axes and value_at(hull, p) != 0.0]
+    own = [p for p in own if p not in ("cross_flow.height", "cross_flow.breadth")]
+    if wings.covers < 0.5 or not own:
+        return ""
+    named = ", ".join(f"hull.{p}" for p in own[:3]) + (" and others" if len(own) > 3 else "")
+    return (
+        f" stands for the whole vehicle, but the hull has coefficients of its own, {named}, which would count twice: "
+        "leave them out, or give {}.covers = 0"
+    )
+
+
 def _sketch(wings: Wings) -> tuple[Sketch, ...]:
     x, y = wings.x, wings.y
     corners = ((x + 0.05, 0.1), (x - 0.15, 0.5), (x - 0.25, 0.5), (x - 0.15, 0.1))
@@ -104,6 +119,7 @@ KIND = PartKind(
     order=20,
     force=force,
     damping=damping,
+    problem_with_hull=_alone,
     with_hull=True,
     coefficients=("drag_0", "lift_1", "pitch"),
     sketch=_sketch,
