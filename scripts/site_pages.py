@@ -20,7 +20,8 @@ _OF_EFFECTS = """
 Every effect is in every simulation, neutral until it is set: `effects={PATH: VALUE}` of an environment,
 `--effect PATH=VALUE` of `auv-gym simulate`, `replace_at(plant, PATH, VALUE)` in Python. *Probe* is the smallest change
 worth detecting; an effect without one is a setting of the others and no candidate of a diagnosis. What can happen to
-the parts of a body is listed by [kind of part](parts.md).
+the parts of a body is listed by [kind of part](parts.md). The command `auv-gym list effects` prints the same, `auv-gym
+list effects VEHICLE` the effects of one vehicle.
 """.strip()
 _OF_PARTS = """
 A vehicle in six degrees of freedom is a hull and its parts. `NAME` is the name that a vehicle file gives to the part,
