@@ -1,4 +1,4 @@
-"""Pages of the documentation that are made, not written: effects, channels, commands, and the files beside docs/.
+"""Pages of the documentation that are made, not written: parts, effects, channels, commands, and files beside docs/.
 
 A hook of mkdocs, see `mkdocs.yml`; `make docs` builds the site.
 """
@@ -10,33 +10,38 @@ from pathlib import Path
 from typing import Any
 
 from auv_gym.channels import CHANNELS
+from auv_gym.effects import EFFECTS
 from auv_gym.param import list_paths, spec_at
-from auv_gym.plant import load_vehicle
+from auv_gym.vehicles import Part, compose
+from auv_gym.vehicles.body.kinds import part_kinds
 
 _ROOT = Path(__file__).parents[1]
 _OF_EFFECTS = """
 Every effect is in every simulation, neutral until it is set: `effects={PATH: VALUE}` of an environment,
 `--effect PATH=VALUE` of `auv-gym simulate`, `replace_at(plant, PATH, VALUE)` in Python. *Probe* is the smallest change
-worth detecting; an effect without one is a setting of the others and no candidate of a diagnosis. The command
-`auv-gym list effects` prints the same.
+worth detecting; an effect without one is a setting of the others and no candidate of a diagnosis. What can happen to
+the parts of a body is listed by [kind of part](parts.md). The command `auv-gym list effects` prints the same, `auv-gym
+list effects VEHICLE` the effects of one vehicle.
+""".strip()
+_OF_PARTS = """
+A vehicle in six degrees of freedom is a hull and its parts. `NAME` is the name that a vehicle file gives to the part,
+`[parts.NAME]`. *Probe* is the smallest change worth detecting; an effect without one is no candidate of a diagnosis.
+What the kinds are for: [A hull and its parts](../vehicles.md#a-hull-and-its-parts).
 """.strip()
 _OF_CHANNELS = """
 Records, models, environments and reports name their signals by these, in SI and radians. The columns of a file may be
 in other units, by suffix (`heading_deg`, `speed_kn`, `pressure_dbar`).
 """.strip()
 _FAMILIES = (
-    ("Gliders", "slocum", "The heading of a glider."),
+    ("glider", "Gliders", "The heading of a glider."),
+    ("body", "Vehicles in six degrees of freedom", "Of every hull, beside the effects of its parts."),
     (
-        "Vehicles in six degrees of freedom",
-        "npsauv",
-        "Shown for `npsauv`, which has bow planes; a vehicle without has no `bow_plane`.",
-    ),
-    (
+        "float",
         "Profiling floats",
-        "qiandao_float",
         "`effects.oil` acts where the engine is an oil bladder, `effects.piston` where it is a piston.",
     ),
 )
+_LONG_TABLE = 20  # numbers of a curve or a table of thrust, of which only the first and the last are listed
 
 
 def on_files(files: Any, config: Any) -> Any:
@@ -44,6 +49,7 @@ def on_files(files: Any, config: Any) -> Any:
     from mkdocs.structure.files import File
 
     made = {
+        "reference/parts.md": parts_page(),
         "reference/effects.md": effects_page(),
         "reference/channels.md": channels_page(),
         "reference/commands.md": commands_page(),
@@ -55,22 +61,64 @@ def on_files(files: Any, config: Any) -> Any:
     return files
 
 
+def parts_page() -> str:
+    """Every kind of part: its forms and their commands, its parameters and effects."""
+    pages = [f"# Parts\n\n{_OF_PARTS}\n"]
+    for name, kind in part_kinds().items():
+        forms = list((kind.variants or {"": kind}).items())
+        pages.append(f'## {name}\n\n`kind = "{name}"`: {kind.title}.\n')
+        for choice, form in forms:
+            part = Part("NAME", name, choice)
+            commands = ", ".join(f"`{part.channel(i)}`" for i in range(len(form.commands))) or "none"
+            pages.append(f'- `{form.choice} = "{choice}"`: command {commands}' if choice else f"Command: {commands}.")
+        tables: dict[str, list[str]] = {}
+        for choice, _ in forms:
+            tree = compose([Part("NAME", name, choice)]).parameters()
+            tables.setdefault(_parameter_table(tree), []).append("")
+            tables.setdefault(_effect_table(tree, _below(tree, "effects.NAME.")), []).append(choice)
+        for table, choices in tables.items():
+            shared = len(choices) == len(forms)
+            pages.append(f"\n{table}" if shared else f'\nWith `{kind.choice} = "{choices[0]}"`:\n\n{table}')
+        pages.append("")
+    return "\n".join(pages)
+
+
+def _below(tree: Any, head: str) -> list[str]:
+    return [path for path in list_paths(tree) if path.startswith(head)]
+
+
+def _parameter_table(tree: Any) -> str:
+    """The parameters of a part; of a long table of numbers the first and the last."""
+    groups: dict[str, list[str]] = {}
+    for path in _below(tree, "parts.NAME."):
+        groups.setdefault(path.split(".")[2] if path.count(".") > 2 else "", []).append(path)
+    shown = []
+    for head, group in groups.items():
+        shown += [group[0], group[-1]] if head and len(group) > _LONG_TABLE else group
+    return _table(("parameter", "what", "unit", "default", "bounds"), [_row(tree, path)[:5] for path in shown])
+
+
 def effects_page() -> str:
     """Every effect of every family: path, words, unit, neutral value, bounds, probe."""
     parts = [f"# Effects\n\n{_OF_EFFECTS}\n"]
-    for title, vehicle, note in _FAMILIES:
-        plant = load_vehicle(vehicle)
-        paths = [p for p in list_paths(plant) if p.startswith("effects.") and ".discovered." not in p]
-        rows = []
-        for path in paths:
-            spec = spec_at(plant, path)
-            low, high = spec.bounds
-            probe = f"{spec.probe:g}" if spec.probe else ""
-            rows.append((f"`{path}`", spec.title, spec.unit, f"{spec.neutral:g}", f"{low:g} to {high:g}", probe))
-        parts.append(
-            f"## {title}\n\n{note}\n\n{_table(('path', 'effect', 'unit', 'neutral', 'bounds', 'probe'), rows)}"
-        )
+    for family, title, note in _FAMILIES:
+        tree = EFFECTS[family]()
+        paths = [path for path in list_paths(tree) if not path.startswith("discovered.")]
+        parts.append(f"## {title}\n\n{note}\n\n{_effect_table(tree, paths, 'effects.')}")
     return "\n".join(parts)
+
+
+def _effect_table(tree: Any, paths: list[str], head: str = "") -> str:
+    rows = [(f"`{head}{path}`", *_row(tree, path)[1:]) for path in paths]
+    return _table(("path", "effect", "unit", "neutral", "bounds", "probe"), rows)
+
+
+def _row(tree: Any, path: str) -> tuple[str, ...]:
+    """A parameter: path, words, unit, default, bounds, probe."""
+    spec = spec_at(tree, path)
+    low, high = spec.bounds
+    probe = f"{spec.probe:g}" if spec.probe else ""
+    return f"`{path}`", spec.title, spec.unit, f"{spec.neutral:g}", f"{low:g} to {high:g}", probe
 
 
 def channels_page() -> str:
