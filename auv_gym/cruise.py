@@ -156,9 +156,15 @@ def command_ranges(plant: Plant) -> np.ndarray:
 
 
 def command_limits(plant: Plant) -> np.ndarray:
-    """How far the commands of each actuator of a body go from rest, in its channel's unit, (n,)."""
-    low, rest, high = command_ranges(plant).T
-    return np.maximum(high - rest, rest - low)
+    """Half of the range of each actuator's commands of a body, in its channel's unit, (n,): a fin's largest angle."""
+    low, _, high = command_ranges(plant).T
+    return 0.5 * (high - low)
+
+
+def command_middles(plant: Plant) -> np.ndarray:
+    """The middle of the range of each actuator's commands of a body, in its channel's unit, (n,)."""
+    low, _, high = command_ranges(plant).T
+    return 0.5 * (low + high)
 
 
 def resting_commands(plant: Plant) -> np.ndarray:

@@ -424,7 +424,7 @@ def _parse(text: str, origin: str) -> Plant:
         else:
             family = FAMILIES[named]
     except ValueError as error:
-        raise ValueError(f"Vehicle file {origin}: {error}.") from None
+        raise ValueError(f"Vehicle file {origin}: {str(error).rstrip('.')}.") from None
     tables = {key: content[key] for key in _TABLES if key in content}
     parameters = family.parameters()
     values, notes, primes, deviations = {}, {}, [], {}

@@ -14,7 +14,7 @@ from auv_gym.engine import find_engine
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, without_effects
 from controllers.controller import Controller
-from controllers.gains import Gains, gains_for
+from controllers.gains import Gains, NoGains, gains_for
 from controllers.loops import Cascade, Joint, Mirrored, commands_of
 from controllers.pid import Pid
 from controllers.s_plane import SPlane
@@ -43,6 +43,14 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
         chosen = {} if targets is None else {"targets": tuple(targets)}
         return gpc_autopilot(plant, **chosen, **settings)
     raise ValueError(f"No autopilot of kind {kind!r}. {did_you_mean(kind, KINDS)}Kinds: {', '.join(KINDS)}.")
+
+
+def usual_autopilot(plant: Plant) -> Controller:
+    """The PID autopilot where gains are tuned for the vehicle; else predictive control, which needs none."""
+    try:
+        return autopilot(plant)
+    except NoGains:
+        return autopilot(plant, "gpc")
 
 
 def pid_autopilot(

@@ -32,6 +32,10 @@ class Gains:
     loops: Mapping[str, Loops] = field(default_factory=dict)
 
 
+class NoGains(ValueError):
+    """There are no gains of a vehicle at a sample time."""
+
+
 def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) -> Gains:
     """The gains of a vehicle that were tuned nearest to a sample time, s; raises where none are within a factor of 2.
 
@@ -46,7 +50,7 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
     have = f"there are some of {', '.join(_names(entries)) or 'none'}."
     if there:
         have = f"there are some at {there}: choose such a sample time."
-    raise ValueError(
+    raise NoGains(
         f"No gains of {vehicle!r} within a factor of {_FACTOR:g} of a sample time of {dt:g} s; {have} "
         "Begin with those of a similar vehicle, gains=gains_for('remus100', 0.1), or give a file that write_gains made "
         "of yours. The tuner is not in the installed package but in its source archive: there, `python -m "

@@ -12,7 +12,7 @@ from auv_gym.envs.task_env import TaskEnv
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
-from controllers.autopilots import autopilot
+from controllers.autopilots import usual_autopilot
 from controllers.controller import Controller
 from controllers.excited import Excited
 from identification.driving import drive
@@ -44,7 +44,7 @@ def steer(
 ) -> Record:
     """A record of a torpedo whose heading, depth and speed follow drawn steps, with a PRBS added at rudder and plane.
 
-    The controller (default the vehicle's PID autopilot) acts on noisy readings. All is drawn before the run, so that
+    The controller (default `usual_autopilot`) acts on noisy readings. All is drawn before the run, so that
     one seed gives one experiment whatever the plant's effects; it starts in cruise.  excitation: amplitude over the
     stop of a fin.  Noises are white, standard deviations: compass_noise rad, depth_noise m, others see NOISE; where
     the plant's own `effects.sampling` has noise, that stands.
@@ -64,7 +64,7 @@ def steer(
         actions=steered(plant),
         duration=duration,
     )
-    loop = autopilot(plant) if controller is None else controller
+    loop = usual_autopilot(plant) if controller is None else controller
     targets = {name: _steps(drawn.time, values) for name, values in drawn.wanted.items()}
     run = drive(
         env, Excited(loop, drawn.signals, plant.dt), seed=int(rng.integers(2**31)), targets=targets, start=drawn.start

@@ -63,7 +63,7 @@ LAYOUTS = {
         },
         plan={
             "steps": 1, "cruise_state": "states", "cruise_command": "inputs",
-            "limit": "actuators", "rest": "actuators", "action_of": "actuators",
+            "limit": "actuators", "middle": "actuators", "action_of": "actuators",
             "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1,
             "follows_path": 1, "leg": 2, "turn": 1, "slope": 1, "path_speed": 1, "radius": 1,
             "waypoints_at": 1, "waypoints": 1,

@@ -42,7 +42,7 @@ def _command(t, e):
         if a >= 0:
             share = min(max(e.action[a], -1.0), 1.0)
             travel += abs(share - e.features[SHARES + j])
-            e.command[j], e.features[SHARES + j] = t.rest[j] + share * t.limit[j], share
+            e.command[j], e.features[SHARES + j] = t.middle[j] + share * t.limit[j], share
     if t.action_of[YAW_INPUT] < 0.0:
         k = t.rudder_gains
         off = wrapped(e.features[READ_HEADING] - e.held[1])
@@ -187,7 +187,7 @@ def _place(plan, drawn, t, e, row):
     for j in range(INPUTS):
         e.command[j] = t.cruise_command[j]
     for j in range(ACTUATORS):
-        e.features[SHARES + j] = (e.command[j] - t.rest[j]) / t.limit[j] if t.limit[j] > 0.0 else 0.0
+        e.features[SHARES + j] = (e.command[j] - t.middle[j]) / t.limit[j] if t.limit[j] > 0.0 else 0.0
 
 
 def _set_out(plan, x, t, e, row):

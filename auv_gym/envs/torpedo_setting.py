@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_gym.cruise import command_limits, command_ranges, find_cruise, find_helm
+from auv_gym.cruise import command_limits, command_middles, find_cruise, find_helm
 from auv_gym.envs import tasks
 from auv_gym.envs.options import check_number
 from auv_gym.envs.setting import Setting
@@ -53,7 +53,7 @@ def torpedo_setting(
         duration=duration,
         stands_for=stands_for,
         actions=tuple(moved),
-        middles=command_ranges(plant)[[family.inputs.index(a) for a in moved], 1],
+        middles=command_middles(plant)[[family.inputs.index(a) for a in moved]],
         limits=limits[[family.inputs.index(a) for a in moved]],
         start=_START,
         randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest))
@@ -70,7 +70,7 @@ def torpedo_setting(
             "cruise_state": cruise.state,
             "cruise_command": cruise.commands,
             "limit": limits,
-            "rest": command_ranges(plant)[:, 1],
+            "middle": command_middles(plant),
             "action_of": [moved.index(channel) if channel in moved else -1 for channel in family.actuators],
             "rudder_gains": cruise.rudder_gains if "yaw" in held else 0.0,
             "plane_gains": cruise.plane_gains if "pitch" in held else 0.0,

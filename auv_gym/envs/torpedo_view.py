@@ -23,7 +23,7 @@ class TorpedoView:
         self._at = {name: state_at + i for i, name in enumerate(family.states)}
         settings = episodes.settings
         self._limits = dict(
-            zip(family.actuators, zip(settings["rest"].tolist(), settings["limit"].tolist()), strict=True)
+            zip(family.actuators, zip(settings["middle"].tolist(), settings["limit"].tolist()), strict=True)
         )
         self._track: list[tuple[float, float, float, float]] = []
         self._waypoints: list[tuple[float, float, float]] = []
@@ -49,8 +49,8 @@ class TorpedoView:
             attitude=self._states("roll_rad", "pitch_rad", "heading_rad"),
             speed=float(np.linalg.norm(velocity)),
             commands={
-                name: (told[name], (rest - limit, rest + limit))
-                for name, (rest, limit) in self._limits.items()
+                name: (told[name], (middle - limit, middle + limit))
+                for name, (middle, limit) in self._limits.items()
                 if limit
             },
             target=self._goal(),

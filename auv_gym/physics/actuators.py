@@ -30,13 +30,14 @@ def shaped_command(command, memory, gain, offset, deadband, backlash, stop):
 
 @compiled
 def command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, lost):
-    """As `shaped_command`, of an actuator that rests at `rest` and goes from low to high, less `lost` at either end."""
+    """As `shaped_command`, of an actuator that rests at `rest` and goes from low to high, less `lost` at either end.
+
+    What is lost at an end never keeps it from its rest.
+    """
     position = (command - rest) * gain + offset
     position -= min(max(position, -deadband), deadband)
     position = play(rest + position, memory, backlash)
-    middle = 0.5 * (low + high)
-    half = max(0.5 * (high - low) - lost, 0.0)
-    return min(max(position, middle - half), middle + half), position
+    return min(max(position, min(low + lost, rest)), max(high - lost, rest)), position
 
 
 @compiled

@@ -8,12 +8,14 @@ import gymnasium
 import numpy as np
 import pytest
 
-from auv_gym.cruise import command_limits, find_cruise
+from auv_gym.cruise import command_ranges, find_cruise
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import list_vehicles, load_vehicle, save_vehicle
-from controllers.autopilots import TARGETS, autopilot, steady_speeds
+from controllers.autopilots import TARGETS, autopilot, steady_speeds, usual_autopilot
 from controllers.controller import Controller
 from controllers.gains import Gains, gains_for, read_gains, write_gains
+from controllers.gpc import Gpc
+from controllers.scheduled import Scheduled
 from controllers.settling import step_response
 from controllers.trial import NOISE, at_rest, fly, level_flight
 
@@ -86,8 +88,9 @@ def test_a_torpedo_settles_with_noise(vehicle, dt, kind):
         assert step.settling_time < limit, name
         assert step.overshoot < OVERSHOOT[name] * size + NOISE[name], name
         assert step.swing < 2.0 * NOISE[name] + 0.01 * size, name  # no limit cycle
-    for name, limit in zip(plant.inputs, command_limits(plant), strict=True):
-        assert np.abs(run[name]).max() <= limit * (1.0 + 1e-12)
+    for name, (low, _, high) in zip(plant.inputs, command_ranges(plant), strict=True):
+        slack = 1e-12 * (high - low)
+        assert low - slack <= run[name].min() <= run[name].max() <= high + slack
     if kind == "pid":
         assert run["pitch_rad"].min() > -0.35 - 0.12  # the set point's limit, and what the hull does beyond it
 
@@ -96,7 +99,8 @@ def test_a_torpedo_settles_with_noise(vehicle, dt, kind):
 @pytest.mark.parametrize("vehicle, dt", TORPEDOES)
 def test_the_same_gains_hold_on_a_changed_vehicle(vehicle, dt, side):
     plant = load_vehicle(FILES.get(vehicle, vehicle), dt=dt)
-    fins = ("parts.rudder.moment", "parts.stern_plane.moment")
+    strength = "lift_slope" if vehicle in FILES else "moment"  # of a fin by its geometry, or by its coefficients
+    fins = (f"parts.rudder.{strength}", f"parts.stern_plane.{strength}")
     damping = ("hull.yaw.ur", "hull.yaw.uv", "hull.pitch.uq", "hull.pitch.uw", "hull.surge.u_u")
     changes = {**dict.fromkeys(fins, side), **dict.fromkeys(damping, 2.0 - side)}
     changed = replace_at(plant, {path: value_at(plant, path) * factor for path, factor in changes.items()})
@@ -250,3 +254,11 @@ def test_level_flight_stays_level():
     for _ in range(100):
         x = plant.step(x, u)
     assert plant.output(x)[plant.outputs.index("depth_m")] == pytest.approx(DEEP, abs=1e-4)
+
+
+def test_a_vehicle_without_gains_is_flown_by_predictive_control():
+    own = replace(load_vehicle("remus100"), name="mine")
+    with pytest.raises(ValueError, match="No gains of 'mine'"):
+        autopilot(own)
+    assert all(isinstance(loop, Scheduled | Gpc) for loop in usual_autopilot(own).controllers)
+    assert usual_autopilot(load_vehicle("remus100")) == autopilot(load_vehicle("remus100"))

@@ -76,14 +76,15 @@ def test_the_environments_fly_it(task):
     assert seen.shape == (3, *observation.shape)
 
 
-def test_its_ballast_is_an_action_about_its_rest():
+def test_its_ballast_is_an_action_over_its_range():
     env = gymnasium.make("auv_gym/Depth-v0", vehicle=str(FILE), actions=["stern_plane_rad", "ballast_m3", "battery_m"])
     env.reset(seed=0)
     info = env.step(np.array([0.0, 1.0, -1.0], np.float32))[4]
-    assert info["command"]["ballast_m3"] == pytest.approx(500e-6 + 455e-6)
+    assert info["command"]["ballast_m3"] == pytest.approx(955e-6)
     assert info["command"]["battery_m"] == pytest.approx(-0.03)
     info = env.step(np.array([0.0, 0.0, 0.0], np.float32))[4]
-    assert (info["command"]["ballast_m3"], info["command"]["battery_m"]) == (500e-6, 0.0)
+    assert info["command"]["ballast_m3"] == pytest.approx(0.5 * (80e-6 + 955e-6))
+    assert info["command"]["battery_m"] == 0.0
 
 
 def test_the_grey_box_finds_its_coefficients_again():

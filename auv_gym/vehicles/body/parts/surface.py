@@ -48,7 +48,7 @@ class Surface:
     limit: float = param(0.349066, "rad", "{} stop", bounds=(0.0, 1.5708))
     lag: float = param(0.0, "s", "{} actuator time constant", bounds=(0.0, 10.0))
     slowness: float = param(0.0, "s/rad", "{} actuator rate limit, as time per angle", bounds=(0.0, 100.0))
-    wake: Any = part(SurfaceInWake)
+    wake: Any = part(SurfaceInWake, "{}")
 
 
 SurfaceEffects = effects_on_commands(

@@ -60,7 +60,7 @@ class Thruster:
     power: float = param(0.0, "1", "power of the supply voltage in the thrust of the {}", bounds=(0.0, 4.0))
     lag: float = param(0.0, "s", "{} time constant", bounds=(0.0, 60.0))
     slowness: float = param(0.0, "s", "{} rate limit, as time from zero to full", bounds=(0.0, 600.0))
-    curve: Any = part(ThrustCurve)
+    curve: Any = part(ThrustCurve, "{}")
 
 
 ThrusterEffects = effects_on_commands(
