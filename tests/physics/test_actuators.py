@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from auv_gym.effects import ActuatorEffects
 from auv_gym.param import pack, record_type
-from auv_gym.physics.actuators import play, shape_command, travel
+from auv_gym.physics.actuators import command_within, play, shape_command, travel
 
 angles = st.floats(-1.5, 1.5)
 LIMIT = 0.5
@@ -143,3 +143,29 @@ def test_the_shaped_command(command, effects, expected):
 
 def test_backlash_memory_is_not_cut_by_the_stops():
     assert shaped(0.8, backlash=0.1) == (LIMIT, pytest.approx(0.75))
+
+
+def within(
+    command, memory=0.0, rest=2.0, low=2.0, high=9.0, gain=1.0, offset=0.0, deadband=0.0, backlash=0.0, lost=0.0
+):
+    return command_within(command, memory, rest, low, high, gain, offset, deadband, backlash, lost)[0]
+
+
+def test_a_range_that_begins_at_rest_is_shortened_at_its_other_end_only():
+    assert [within(c) for c in (-5.0, 2.0, 5.0, 20.0)] == [2.0, 2.0, 5.0, 9.0]
+    assert [within(c, lost=3.0) for c in (-5.0, 2.0, 5.0, 20.0)] == [2.0, 2.0, 5.0, 6.0]
+    assert [within(c, rest=5.0, lost=1.0) for c in (-5.0, 5.0, 20.0)] == [3.0, 5.0, 8.0]
+
+
+def test_gain_deadband_and_offset_of_a_range_act_about_rest():
+    assert within(4.0, gain=1.5) == 5.0
+    assert within(4.0, deadband=0.5) == 3.5
+    assert within(2.0, offset=0.25) == 2.25
+    assert within(4.0, memory=3.0, backlash=1.0) == 3.5
+
+
+@given(angles)
+def test_a_range_about_zero_is_that_of_a_fin(command):
+    own = command_within(command, 0.1, 0.0, -LIMIT, LIMIT, 1.1, 0.02, 0.03, 0.04, 0.1)
+    packed = {"gain": 1.1, "offset": 0.02, "deadband": 0.03, "backlash": 0.04, "lost_travel": 0.1}
+    assert own[0] == pytest.approx(shaped(command, 0.1, **packed)[0], abs=1e-15)

@@ -2,13 +2,15 @@
 
 import sys
 from collections.abc import Mapping
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from auv_gym.compiled import bind
 from auv_gym.param import pack, replace_at
 from auv_gym.physics.frames import rotation_of
-from auv_gym.vehicles import Part, compose
+from auv_gym.vehicles import Family, Part, compose
 from auv_gym.vehicles.body.kinds import Motion
 
 DENSITY, GRAVITY = 1025.0, 9.81
@@ -97,6 +99,27 @@ def motions(seed: int, count: int = 40) -> np.ndarray:
     return rows
 
 
+@cache
+def family() -> Family:
+    """A family with a part of every kind and form, so that what is derived is compiled once."""
+    return compose([Part(f"{kind}_{choice}", kind, choice) for kind, choice in KINDS])
+
+
+@cache
+def program(kind: str, choice: str) -> Any:
+    """The compiled forces of one of its parts."""
+    part = next(part for part in family().body.parts if part.name == f"{kind}_{choice}")
+    shared = next(iter(part.found.shared), "")
+    return bind(
+        _forces,
+        part.name,
+        view=family().view,
+        force=part.found.force,
+        NAME=part.found.slot or part.found.name,
+        SHARED=family().inputs.index(shared) if shared else -1,
+    )
+
+
 def part_forces(
     kind: str,
     choice: str,
@@ -106,23 +129,17 @@ def part_forces(
     actuators: np.ndarray,
     inputs: np.ndarray,
 ) -> np.ndarray:
-    """[X Y Z K M N] of one part, N and N m, (n, 6); actuators: (n, commands), inputs: (n, inputs of the vehicle)."""
-    family = compose([Part("one", kind, choice)])
-    numbers = {f"parts.one.{k}": v for k, v in values.items()} | {f"effects.one.{k}": v for k, v in effects.items()}
-    tree = replace_at(family.parameters(), {**numbers, "hull.density": DENSITY, "hull.gravity": GRAVITY})
-    derived = np.zeros(family.derived)
-    family.hooks["derive"](pack(tree), derived)
-    found_kind = family.body.parts[0].found
-    program = bind(
-        _forces,
-        family.program,
-        view=family.view,
-        force=found_kind.force,
-        NAME=found_kind.slot or found_kind.name,
-        SHARED=len(family.actuators),
-    )
+    """[X Y Z K M N] of one part, N and N m, (n, 6); actuators: (n, its commands at least), inputs: (n,), all alike."""
+    name = f"{kind}_{choice}"
+    numbers = {f"parts.{name}.{k}": v for k, v in values.items()} | {
+        f"effects.{name}.{k}": v for k, v in effects.items()
+    }
+    tree = replace_at(family().parameters(), {**numbers, "hull.density": DENSITY, "hull.gravity": GRAVITY})
+    derived = np.zeros(family().derived)
+    family().hooks["derive"](pack(tree), derived)
     found = np.empty((len(rows), 6))
-    program(derived, rows, np.ascontiguousarray(actuators), np.ascontiguousarray(inputs), found)
+    given = np.repeat(np.asarray(inputs, dtype=float)[:, None], len(family().inputs), axis=1)
+    program(kind, choice)(derived, rows, np.ascontiguousarray(actuators), given, found)
     return found
 
 
@@ -132,7 +149,7 @@ def every_kind() -> dict[str, np.ndarray]:
     for (kind, choice), (values, effects) in KINDS.items():
         scale = {"propeller": 300.0, "buoyancy_engine": 5e-4, "moving_mass": 0.05}.get(kind, 0.6)
         actuators = scale * rng.uniform(-1.0, 1.0, (len(rows), 4))
-        inputs = np.full((len(rows), 4), 14.0)
+        inputs = np.full(len(rows), 14.0)
         found[f"{kind} {choice}"] = part_forces(kind, choice, values, effects, rows, actuators, inputs)
     return found
 

@@ -22,6 +22,7 @@ U = ROWS[:, :3]
 OMEGA = ROWS[:, 3:6]
 DOWN = ROWS[:, 16:19]
 ZERO = np.zeros((len(ROWS), 4))
+STILL = np.zeros(len(ROWS))
 
 
 @cache
@@ -49,7 +50,7 @@ def test_plain_python_gives_what_compiled_code_gives(tmp_path):
 
 def forces_of(kind: str, choice: str = "", actuators: np.ndarray = ZERO, inputs: float = 16.0, **values) -> np.ndarray:
     given = KINDS[kind, choice][0] | values
-    return part_forces(kind, choice, given, {}, ROWS, actuators, np.full((len(ROWS), 4), inputs))
+    return part_forces(kind, choice, given, {}, ROWS, actuators, np.full(len(ROWS), inputs))
 
 
 @pytest.mark.parametrize(
@@ -59,7 +60,7 @@ def test_moments_are_those_of_the_forces_where_the_part_is(form):
     """Where the flow does not turn, that is: moving a part then changes the moment by the lever alone."""
     rows = ROWS.copy()
     rows[:, 3:6] = 0.0
-    actuators, inputs = np.full((len(rows), 4), 3e-4 if "engine" in form[0] else 0.2), np.full((len(rows), 4), 15.0)
+    actuators, inputs = np.full((len(rows), 4), 3e-4 if "engine" in form[0] else 0.2), np.full(len(rows), 15.0)
     at_origin = dict.fromkeys(PLACE, 0.0)
     here, there = (
         part_forces(*form, KINDS[form][0] | place, {}, rows, actuators, inputs) for place in (PLACE, at_origin)
@@ -97,7 +98,7 @@ def test_wings_lose_the_power_of_their_drag_alone():
 def test_wings_are_the_same_to_either_side():
     mirrored = ROWS.copy()
     mirrored[:, [1, 3, 5]] *= -1.0
-    there = part_forces("wings", "", KINDS["wings", ""][0], {}, mirrored, ZERO, ZERO)
+    there = part_forces("wings", "", KINDS["wings", ""][0], {}, mirrored, ZERO, STILL)
     np.testing.assert_allclose(there, forces_of("wings") * [1, -1, 1, -1, 1, -1], atol=1e-12)
 
 
@@ -105,7 +106,7 @@ def test_a_level_wing_at_an_angle_of_attack_by_hand():
     rows = ROWS[:1].copy()
     alpha, speed = 0.1, 0.5
     rows[0, :6] = speed * np.cos(alpha), 0.0, speed * np.sin(alpha), 0.0, 0.0, 0.0
-    x, y, z, k, m, n = part_forces("wings", "", KINDS["wings", ""][0], {}, rows, ZERO, ZERO)[0]
+    x, y, z, k, m, n = part_forces("wings", "", KINDS["wings", ""][0], {}, rows, ZERO, STILL[:1])[0]
     drag, lift = WATER * speed**2 * (7.0 + 380.0 * alpha**2), WATER * speed**2 * (-0.4 + 440.0 * alpha)
     assert x == pytest.approx(-drag * np.cos(alpha) + lift * np.sin(alpha))
     assert z == pytest.approx(-drag * np.sin(alpha) - lift * np.cos(alpha))
@@ -133,10 +134,10 @@ def test_a_rudder_behind_the_centre_turns_to_port_and_a_plane_turns_down():
     push = 0.5 * WATER * DENSITY * 0.02 * 4.0 * 0.1
     numbers = {"area": 0.02, "lift_slope": 4.0, **place}
     np.testing.assert_allclose(
-        part_forces("fin", "yaw", numbers, {}, rows, angle, ZERO[:1])[0], [0, push, 0, 0, 0, -push], atol=1e-12
+        part_forces("fin", "yaw", numbers, {}, rows, angle, STILL[:1])[0], [0, push, 0, 0, 0, -push], atol=1e-12
     )
     np.testing.assert_allclose(
-        part_forces("fin", "pitch", numbers, {}, rows, angle, ZERO[:1])[0], [0, 0, -push, 0, -push, 0], atol=1e-12
+        part_forces("fin", "pitch", numbers, {}, rows, angle, STILL[:1])[0], [0, 0, -push, 0, -push, 0], atol=1e-12
     )
 
 
