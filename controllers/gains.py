@@ -33,7 +33,7 @@ class Gains:
 
 
 class NoGains(ValueError):
-    """There are no gains of a vehicle at a sample time."""
+    """There are no gains of a vehicle, at whatever sample time."""
 
 
 def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) -> Gains:
@@ -50,7 +50,7 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
     have = f"there are some of {', '.join(_names(entries)) or 'none'}."
     if there:
         have = f"there are some at {there}: choose such a sample time."
-    raise NoGains(
+    raise (ValueError if there else NoGains)(
         f"No gains of {vehicle!r} within a factor of {_FACTOR:g} of a sample time of {dt:g} s; {have} "
         "Begin with those of a similar vehicle, gains=gains_for('remus100', 0.1), or give a file that write_gains made "
         "of yours. The tuner is not in the installed package but in its source archive: there, `python -m "

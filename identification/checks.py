@@ -38,9 +38,15 @@ def check_ranges(plant: Plant, record: Record) -> None:
 def check_excitation(plant: Plant, record: Record) -> None:
     """Raises if the inputs that move the vehicle are constant throughout; of several, one that moves will do."""
     still = []
-    for name in plant.family.required:
+    moving = plant.family.required or [name for name in plant.family.actuators if record.has(name)]
+    if not moving:
+        raise ValueError(
+            f"Nothing excites the vehicle: the log has none of {', '.join(plant.family.actuators) or 'its inputs'}. "
+            "Use a log with the commands."
+        )
+    for name in moving:
         signal = record[name]
         if np.ptp(signal) < _STILL * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
             still.append(f"{name} is constant at {float(signal[0]):.4g} ({channel(name).unit})")
-    if len(still) == len(plant.family.required):
+    if len(still) == len(moving):
         raise ValueError(f"Nothing excites the vehicle: {', '.join(still)}. Use a log in which it moves.")

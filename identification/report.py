@@ -214,7 +214,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
         "first": channel(d.after.every.channels[0]).label,
         "improved": channel(figures.most_improved(d)).label,
         "left": channel(figures.least_explained(d)).label,
-        "input": channel(d.given.plant.family.required[0]).label,
+        "input": channel((*d.given.plant.family.required, *d.given.plant.inputs)[0]).label,
         "model": "before and after what was added to it" if d.changed else "with its coefficients refitted",
     }
     lacking = {

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -40,3 +42,15 @@ def test_a_depth_above_the_surface_is_refused_by_diagnosis_and_fit(fit):
 def test_a_dive_without_buoyancy_actions_is_refused():
     with pytest.raises(ValueError, match=r"Nothing excites the vehicle: piston_m is constant at 0.55 \(m\)"):
         diagnose(_record(piston_m=np.full(TIME.size, 0.55)), FLOAT)
+
+
+def test_a_vehicle_that_needs_no_input_is_excited_by_those_that_were_logged():
+    glider = load_vehicle(Path(__file__).parents[2] / "examples" / "vehicles" / "seawing.toml")
+    assert glider.family.required == ()
+    time = np.arange(600.0)
+    slides = Record.from_arrays(time, {"depth_m": time, "battery_m": 0.03 * np.sign(np.sin(time / 60.0))})
+    check_excitation(glider, slides)
+    with pytest.raises(ValueError, match=r"battery_m is constant at 0.01 \(m\)"):
+        check_excitation(glider, Record.from_arrays(time, {"depth_m": time, "battery_m": np.full(600, 0.01)}))
+    with pytest.raises(ValueError, match=r"the log has none of ballast_m3, battery_m, battery_rad\. Use a log with"):
+        check_excitation(glider, Record.from_arrays(time, {"depth_m": time}))

@@ -20,8 +20,8 @@ from auv_gym.channels import declare_input
 from auv_gym.compiled import bind, view_as
 from auv_gym.effects import BodyEffects
 from auv_gym.param import list_paths, pack, part, record_type
+from auv_gym.vehicles.body import blocks, dynamics, sums
 from auv_gym.vehicles.body import derived as derived_numbers
-from auv_gym.vehicles.body import dynamics
 from auv_gym.vehicles.body.hull import Hull
 from auv_gym.vehicles.body.kinds import Command, PartKind, part_kind
 from auv_gym.vehicles.body.sensors import SENSORS, output, sense, settle_sensors
@@ -318,18 +318,18 @@ def _hooks(
     others = [slot for slot in slots if not slot.kind.with_hull]
     moves, actuators = _moves(slots), sum(len(slot.parts) * len(slot.kind.commands) for slot in slots)
     carried: dict[str, Any] = {"ACTUATORS": actuators, "RATES_AT": len(SENSORS)}
-    blocks = chain(dynamics.no_load, dynamics.load_blocks_of_kind, dynamics.load_blocks_then, "block", slots, carried)
-    wakes = chain(dynamics.no_wakes, dynamics.wakes_of_kind, dynamics.wakes_then, "wake", slots)
-    in_wake = chain(dynamics.nothing_in_wakes, dynamics.in_wake_of_kind, dynamics.in_wake_then, "in_wake", slots)
-    forces = (dynamics.no_forces, dynamics.forces_of_kind, dynamics.forces_then, "force")
+    loads = chain(blocks.no_load, blocks.load_blocks_of_kind, blocks.load_blocks_then, "block", slots, carried)
+    wakes = chain(sums.no_wakes, sums.wakes_of_kind, sums.wakes_then, "wake", slots)
+    in_wake = chain(sums.nothing_in_wakes, sums.in_wake_of_kind, sums.in_wake_then, "in_wake", slots)
+    forces = (sums.no_forces, sums.forces_of_kind, sums.forces_then, "force")
     derivative = bind(
         dynamics.derivative,
         program,
         forces_with_hull=chain(*forces, with_hull),
         forces_of_drives=chain(*forces, others),
         # a call, so that the usual step is short
-        forces_in_wakes=bind(dynamics.wake_forces, program, inline=False, wakes=wakes, in_wake=in_wake),
-        accelerate=bind(dynamics.by_elimination, program, load_blocks=blocks) if moves else dynamics.by_inverse,
+        forces_in_wakes=bind(sums.wake_forces, program, inline=False, wakes=wakes, in_wake=in_wake),
+        accelerate=bind(blocks.by_elimination, program, load_blocks=loads) if moves else dynamics.by_inverse,
     )
     derive = bind(
         derived_numbers.derive,
@@ -340,21 +340,19 @@ def _hooks(
         ACTUATORS=actuators,
         wakes=wakes,
         writable_view=view_as(record, program, writable=True),
-        derive_parts=chain(dynamics.nothing_derived, dynamics.derive_kind, dynamics.derive_then, "derive", slots),
-        damp_by_parts=chain(dynamics.nothing_derived, dynamics.damping_of_kind, dynamics.derive_then, "damping", slots),
+        derive_parts=chain(sums.nothing_derived, sums.derive_kind, sums.derive_then, "derive", slots),
+        damp_by_parts=chain(sums.nothing_derived, sums.damping_of_kind, sums.derive_then, "damping", slots),
     )
     hooks = {}
     if moves:
-        exchanged = chain(
-            dynamics.no_exchange, dynamics.exchange_of_kind, dynamics.exchange_then, "block", slots, carried
-        )
-        hooks["kick"] = bind(dynamics.kick, program, exchange_blocks=exchanged, **carried)
+        exchanged = chain(blocks.no_exchange, blocks.exchange_of_kind, blocks.exchange_then, "block", slots, carried)
+        hooks["kick"] = bind(blocks.kick, program, exchange_blocks=exchanged, **carried)
     return {
         **hooks,
         "derivative": derivative,
         "stable_step": dynamics.stable_step,
-        "shape": chain(dynamics.no_shapes, dynamics.shape_of_kind, dynamics.shape_then, "shape", moved),
-        "actuator_times": chain(dynamics.no_actuator, dynamics.times_of_kind, dynamics.times_then, "times", moved),
+        "shape": chain(sums.no_shapes, sums.shape_of_kind, sums.shape_then, "shape", moved),
+        "actuator_times": chain(sums.no_actuator, sums.times_of_kind, sums.times_then, "times", moved),
         "sense": sense,
         "settle_sensors": settle_sensors,
         "output": output,
