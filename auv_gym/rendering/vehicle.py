@@ -24,7 +24,8 @@ def draw_vehicle(plant: Any) -> Figure:
     hull = plant.hull
     ends = [np.abs(np.array(s.points)[:, 1:]).max() for p in body.parts for s in p.found.sketch(_own(plant, p))]
     wide, half = 0.625 * hull.length, 1.3 * max(0.0, *ends, 0.5 * hull.diameter, 0.17 * hull.length)
-    figure = Figure(figsize=(9.0, 1.4 + 16.0 * half / wide), layout="constrained")
+    width = min(9.0, 9.0 * wide / half * 10.6 / 16.0)  # inches; a stubby vehicle's two views still fit a page
+    figure = Figure(figsize=(width, 1.4 + 16.0 / 9.0 * width * half / wide), layout="constrained")
     figure.suptitle(plant.title or plant.name, fontsize=12)
     for axes, (view, across, label) in zip(figure.subplots(2, 1, sharex=True), _VIEWS, strict=True):
         x, y = _outline(hull.length, hull.diameter)
@@ -36,7 +37,7 @@ def draw_vehicle(plant: Any) -> Figure:
         for part in body.parts:
             lines = [np.array(sketch.points) for sketch in part.found.sketch(_own(plant, part))]
             for line in lines:
-                axes.plot(line[:, 0], line[:, across], color=_PART, linewidth=2.5, solid_capstyle="round")
+                axes.plot(line[:, 0], line[:, across], color=_PART, linewidth=2.5, marker="o", markersize=3.5)
             if not lines:
                 continue
             at = np.vstack(lines).mean(axis=0)
