@@ -108,7 +108,7 @@ def compose(parts: Sequence[Part]) -> Family:
 
     Raises ValueError on an unknown kind, on names that are taken twice or reserved, and on channels taken twice.
     """
-    ordered = sorted(parts, key=lambda part: (part.found.order, part.found.slot or part.kind))
+    ordered = sorted(parts, key=lambda part: (part.found.order, part.found.slot))
     for part_ in ordered:
         _check(part_, ordered)
     channels = [part_.channel(i) for part_, i, _ in Body(tuple(ordered)).commands]
@@ -153,7 +153,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         for channel, parameter in part_.found.shared.items():
             shared.setdefault(channel, f"parts.{part_.name}.{parameter}")
     slots, first = [], 0
-    for name, group in groupby(parts, key=lambda part: part.found.slot or part.kind):
+    for name, group in groupby(parts, key=lambda part: part.found.slot):
         members = tuple(group)
         kind = members[0].found
         at = len(commands) + list(shared).index(next(iter(kind.shared))) if kind.shared else -1
@@ -216,16 +216,12 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         doubts=lambda parameters: places_outside(parts, parameters),
         view=view,
         hooks=hooks,
-        rebuild=(_rebuilt, (parts,)),
+        rebuild=(compose, (parts,)),
     )
 
 
 def _moves(slots: Sequence[_Slot]) -> bool:
     return any(slot.kind.block is not None for slot in slots)
-
-
-def _rebuilt(parts: tuple[Part, ...]) -> Family:
-    return compose(parts)
 
 
 def _tree(parts: tuple[Part, ...]) -> type:

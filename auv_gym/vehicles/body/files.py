@@ -46,17 +46,13 @@ def _part(name: str, table: Mapping[str, Any]) -> tuple[Part, dict[str, Any]]:
         raise ValueError(f"channel needs the name of each of its {len(described.commands)} commands, got {channels!r}")
     numbers = {key: entry for key, entry in table.items() if key not in ("kind", "channel", described.choice)}
     for key, reader in described.texts.items():
-        if key in numbers and not (isinstance(numbers[key], Mapping) and _has_numbers(numbers[key])):
+        if key in numbers and not isinstance(numbers[key], Mapping):
             numbers[key] = dict(reader(numbers[key]))
     for key, entry in numbers.items():
         if isinstance(entry, str):
             texts = ["kind", "channel", *([described.choice] if described.choice else [])]
             raise ValueError(f"{key} is text, {entry!r}: {did_you_mean(key, texts)}only {', '.join(texts)} are")
     return Part(name, kind, choice, channels), numbers
-
-
-def _has_numbers(table: Mapping[str, Any]) -> bool:
-    return "points" not in table and "name" not in table
 
 
 def parts_text(body: Body | None) -> dict[str, list[str]]:

@@ -110,6 +110,12 @@ def blades(x: float, y: float, z: float, half_chord: float, span: float, axis: R
 
 
 @compiled
+def force_at(x, y, z, at_x, at_y, at_z):
+    """A force, N, with its moment about the origin, N m, as a part returns it; at_*: where it acts, m."""
+    return x, y, z, at_y * z - at_z * y, at_z * x - at_x * z, at_x * y - at_y * x
+
+
+@compiled
 def no_shape(command, memory, part, effects, index):
     """The command as it is, of a part without an actuator."""
     return command, command
@@ -198,6 +204,7 @@ class PartKind:
     def __post_init__(self):
         if not self.name.isidentifier():
             raise ValueError(f"A kind of part needs a name that is an identifier, got {self.name!r}.")
+        object.__setattr__(self, "slot", self.slot or self.name)
         if self.force is None and not self.variants:
             raise ValueError(f"The kind of part {self.name!r} needs a force, or variants that have one.")
 

@@ -8,7 +8,7 @@ from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
 from auv_gym.param import param
 from auv_gym.physics.actuators import command_within
-from auv_gym.vehicles.body.kinds import Command, PartKind, Sketch
+from auv_gym.vehicles.body.kinds import Command, PartKind, Sketch, force_at
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
     volume = (1.0 - effects.stuck) * actuators[at] + effects.stuck * effects.stuck_at
     lift = motion.water * motion.gravity * (volume - part.neutral + effects.offset)
     x, y, z = -lift * motion.r31, -lift * motion.r32, -lift * motion.r33
-    return x, y, z, part.y * z - part.z * y, part.z * x - part.x * z, part.x * y - part.y * x
+    return force_at(x, y, z, part.x, part.y, part.z)
 
 
 def _problem(engine: BuoyancyEngine) -> str:

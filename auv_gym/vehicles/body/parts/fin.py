@@ -8,10 +8,9 @@ from math import atan2, sin, sqrt
 from typing import Any
 
 from auv_gym.compiled import compiled
-from auv_gym.effects import FIN_PROBES, effects_on_commands
 from auv_gym.param import param
-from auv_gym.physics.actuators import shaped_command
 from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch, blades
+from auv_gym.vehicles.body.parts.surface import SurfaceEffects, limits_of, placed, shape, times
 
 AT_REST = 1e-9  # m/s, below which there is no direction of the flow
 
@@ -43,24 +42,6 @@ class Fin:
     slowness: float = param(0.0, "s/rad", "{} actuator rate limit, as time per angle", bounds=(0.0, 100.0))
 
 
-FinEffects = effects_on_commands(
-    "FinEffects", __name__, "rad", {**FIN_PROBES, "lost": 0.1, "stuck": 0.1, "stuck_at": 0.0}
-)
-
-
-@compiled
-def shape(command, memory, part, effects, index):
-    """The commanded angle after the actuator's effects, and the new backlash memory, rad."""
-    e = effects  # number by number: the records of two kinds are not to be taken for one another
-    return shaped_command(command, memory, e.gain, e.offset, e.deadband, e.backlash, part.limit - e.lost_travel)
-
-
-@compiled
-def times(part, effects, index):
-    """Dead time s, lag s and slowness s/rad, the vehicle's own and the effect's together."""
-    return effects.dead_time, part.lag + effects.lag, part.slowness + effects.slowness
-
-
 @compiled
 def lift_and_drag(angle, part):
     """C_L and C_D at an angle of attack, rad, of any size."""
@@ -75,11 +56,10 @@ def lift_and_drag(angle, part):
 @compiled
 def fin_force(position, forward, across, water, part, effects):
     """Force along the chord and across it, N, in a flow, m/s; position: of the actuator, rad."""
-    placed = (1.0 - effects.stuck) * position + effects.stuck * effects.stuck_at
     square = forward * forward + across * across
     if square < AT_REST * AT_REST:
         return NONE, NONE
-    lift, drag = lift_and_drag(placed - atan2(across, forward), part)
+    lift, drag = lift_and_drag(placed(position, effects) - atan2(across, forward), part)
     push = 0.5 * water * part.area * (1.0 - effects.lost) * sqrt(square)
     return -push * (drag * forward + lift * across), push * (lift * forward - drag * across)
 
@@ -118,10 +98,6 @@ def pitch_damping(part, effects, derived, water, inverse_mass, rates):
     rates[4, 1] += abs(inverse_mass[4, 4]) * slope * part.x * part.x
 
 
-def _limits(fin: Fin) -> tuple[float, float]:
-    return -fin.limit, fin.limit
-
-
 def _sketch(axis: Role) -> Callable[[Fin], tuple[Sketch, ...]]:
     def sketch(fin: Fin) -> tuple[Sketch, ...]:
         """Two square blades of the fin's area, to port and starboard or up and down."""
@@ -136,11 +112,11 @@ def _form(axis: Role, force: Any, damping: Any) -> PartKind:
         name="fin",
         title="control surface given by its geometry",
         parameters=Fin,
-        effects=FinEffects,
+        effects=SurfaceEffects,
         order=12 if axis == "yaw" else 13,
         slot=f"fin_{axis}",
         choice="axis",
-        commands=(Command("rad", _limits, role=axis),),
+        commands=(Command("rad", limits_of, role=axis),),
         force=force,
         shape=shape,
         times=times,
@@ -157,7 +133,7 @@ KIND = PartKind(
     name="fin",
     title="control surface given by its geometry",
     parameters=Fin,
-    effects=FinEffects,
+    effects=SurfaceEffects,
     order=12,
     choice="axis",
     variants={

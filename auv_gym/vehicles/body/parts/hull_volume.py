@@ -8,7 +8,7 @@ from math import exp
 from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
 from auv_gym.param import param
-from auv_gym.vehicles.body.kinds import PartKind
+from auv_gym.vehicles.body.kinds import PartKind, force_at
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
     change = part.volume * (exp(part.expansion * warmer - part.compressibility * pressure) - 1.0)
     lift = motion.water * motion.gravity * (change + effects.offset)
     x, y, z = -lift * motion.r31, -lift * motion.r32, -lift * motion.r33
-    return x, y, z, part.y * z - part.z * y, part.z * x - part.x * z, part.x * y - part.y * x
+    return force_at(x, y, z, part.x, part.y, part.z)
 
 
 KIND = PartKind(

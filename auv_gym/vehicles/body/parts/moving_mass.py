@@ -15,7 +15,8 @@ from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
 from auv_gym.param import param, part
 from auv_gym.physics.actuators import command_within
-from auv_gym.vehicles.body.kinds import Block, Command, PartKind, Sketch
+from auv_gym.vehicles.body.kinds import Block, Command, PartKind, Sketch, force_at
+from auv_gym.vehicles.body.parts.surface import placed
 
 
 @dataclass(frozen=True)
@@ -100,11 +101,6 @@ def _shaped(command, memory, low, high, e):
 
 
 @compiled
-def _placed(position, e):
-    return (1.0 - e.stuck) * position + e.stuck * e.stuck_at
-
-
-@compiled
 def shape_slide(command, memory, part, effects, index):
     """How far it is told to slide after its effects, m, and the backlash memory."""
     return _shaped(command, memory, -part.back, part.forth, effects)
@@ -172,22 +168,22 @@ def moved_block(way, rate, angle, spin, part):
 def block_slide(at, rates_at, actuators, part, effects):
     """The mass where it has slid to."""
     free = 1.0 - effects.stuck
-    return moved_block(_placed(actuators[at], effects), free * actuators[rates_at], 0.0, 0.0, part)
+    return moved_block(placed(actuators[at], effects), free * actuators[rates_at], 0.0, 0.0, part)
 
 
 @compiled
 def block_turn(at, rates_at, actuators, part, effects):
     """The mass where it has turned to."""
     free = 1.0 - effects.stuck
-    return moved_block(0.0, 0.0, _placed(actuators[at], effects), free * actuators[rates_at], part)
+    return moved_block(0.0, 0.0, placed(actuators[at], effects), free * actuators[rates_at], part)
 
 
 @compiled
 def block_both(at, rates_at, actuators, part, effects):
     """The mass where it has slid and turned to."""
     slide, turn = effects.slide, effects.turn
-    way, rate = _placed(actuators[at], slide), (1.0 - slide.stuck) * actuators[rates_at]
-    angle, spin = _placed(actuators[at + 1], turn), (1.0 - turn.stuck) * actuators[rates_at + 1]
+    way, rate = placed(actuators[at], slide), (1.0 - slide.stuck) * actuators[rates_at]
+    angle, spin = placed(actuators[at + 1], turn), (1.0 - turn.stuck) * actuators[rates_at + 1]
     return moved_block(way, rate, angle, spin, part)
 
 
@@ -196,25 +192,25 @@ def weight_of(block, motion):
     """The weight of a mass where it is, in body axes."""
     weight = block.mass * motion.gravity
     x, y, z = weight * motion.r31, weight * motion.r32, weight * motion.r33
-    return x, y, z, block.y * z - block.z * y, block.z * x - block.x * z, block.x * y - block.y * x
+    return force_at(x, y, z, block.x, block.y, block.z)
 
 
 @compiled
 def force_slide(at, actuators, inputs, shared, motion, part, effects, derived):
     """The weight of a mass that slides."""
-    return weight_of(moved_block(_placed(actuators[at], effects), 0.0, 0.0, 0.0, part), motion)
+    return weight_of(moved_block(placed(actuators[at], effects), 0.0, 0.0, 0.0, part), motion)
 
 
 @compiled
 def force_turn(at, actuators, inputs, shared, motion, part, effects, derived):
     """The weight of a mass that turns."""
-    return weight_of(moved_block(0.0, 0.0, _placed(actuators[at], effects), 0.0, part), motion)
+    return weight_of(moved_block(0.0, 0.0, placed(actuators[at], effects), 0.0, part), motion)
 
 
 @compiled
 def force_both(at, actuators, inputs, shared, motion, part, effects, derived):
     """The weight of a mass that slides and turns."""
-    way, angle = _placed(actuators[at], effects.slide), _placed(actuators[at + 1], effects.turn)
+    way, angle = placed(actuators[at], effects.slide), placed(actuators[at + 1], effects.turn)
     return weight_of(moved_block(way, 0.0, angle, 0.0, part), motion)
 
 

@@ -70,13 +70,18 @@ def times(part, effects, index):
 
 
 @compiled
+def placed(position, effects):
+    """Where a fin stands, in the unit of its command, given where its actuator is."""
+    return (1.0 - effects.stuck) * position + effects.stuck * effects.stuck_at
+
+
+@compiled
 def angle_and_share(position, motion, cross, turn, part, effects):
     """The angle of attack, rad, and the share of the surface that is there; cross: v or w; turn: r or -q.
 
     position: of the actuator, rad.
     """
-    placed = (1.0 - effects.stuck) * position + effects.stuck * effects.stuck_at
-    return angle_of_attack(placed, motion.u, cross, turn, part), 1.0 - effects.lost
+    return angle_of_attack(placed(position, effects), motion.u, cross, turn, part), 1.0 - effects.lost
 
 
 @compiled
@@ -132,8 +137,9 @@ def pitch_in_wake(at, actuators, wake, motion, part, effects):
     return x, NONE, z, NONE, m, NONE
 
 
-def _limits(surface: Surface) -> tuple[float, float]:
-    return -surface.limit, surface.limit
+def limits_of(fin: Any) -> tuple[float, float]:
+    """The smallest and the largest angle of a fin, rad."""
+    return -fin.limit, fin.limit
 
 
 def _sketch(axis: Role) -> Callable[[Surface], tuple[Sketch, ...]]:
@@ -154,7 +160,7 @@ def _form(axis: Role, force: Any, in_wake: Any) -> PartKind:
         order=10 if axis == "yaw" else 11,
         slot=f"surface_{axis}",
         choice="axis",
-        commands=(Command("rad", _limits, role=axis),),
+        commands=(Command("rad", limits_of, role=axis),),
         force=force,
         in_wake=in_wake,
         shape=shape,

@@ -8,7 +8,7 @@ from math import sqrt
 from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
 from auv_gym.param import param
-from auv_gym.vehicles.body.kinds import PartKind, Sketch
+from auv_gym.vehicles.body.kinds import PartKind, Sketch, force_at
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
     x = there * (motion.r11 * north + motion.r21 * east + motion.r31 * down - drag * motion.u)
     y = there * (motion.r12 * north + motion.r22 * east + motion.r32 * down - drag * motion.v)
     z = there * (motion.r13 * north + motion.r23 * east + motion.r33 * down - drag * motion.w)
-    return x, y, z, part.y * z - part.z * y, part.z * x - part.x * z, part.x * y - part.y * x
+    return force_at(x, y, z, part.x, part.y, part.z)
 
 
 @compiled
