@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 
 
 @runtime_checkable

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.cruise import Cruise, command_limits, find_cruise, find_helm, resting_commands
-from auv_gym.engine import find_engine
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, without_effects
+from auv_gym.plant.cruise import Cruise, command_limits, find_cruise, find_helm, resting_commands
+from auv_gym.plant.float_engine import find_engine
+from controllers.composed.loops import Cascade, Joint, Mirrored, commands_of
 from controllers.controller import Controller
 from controllers.gains import Gains, NoGains, gains_for
-from controllers.loops import Cascade, Joint, Mirrored, commands_of
 from controllers.pid import Pid
 from controllers.s_plane import SPlane
 from controllers.tracking import Points
@@ -38,7 +38,7 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
     if kind == "s_plane":
         return s_plane_autopilot(plant, targets, **settings)
     if kind == "gpc":
-        from controllers.gpc_autopilot import gpc_autopilot  # needs a solver
+        from controllers.predictive.gpc_autopilot import gpc_autopilot  # needs a solver
 
         chosen = {} if targets is None else {"targets": tuple(targets)}
         return gpc_autopilot(plant, **chosen, **settings)

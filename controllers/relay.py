@@ -8,8 +8,8 @@ from math import inf, isfinite
 from typing import Any, NamedTuple
 
 from auv_gym.channels import channel, wrap
+from controllers.composed.loops import commands_of, targets_of
 from controllers.controller import Controller
-from controllers.loops import commands_of, targets_of
 
 
 class RelayState(NamedTuple):

@@ -10,10 +10,10 @@ import numpy as np
 
 from auv_gym.plant import load_vehicle
 from controllers.autopilots import autopilot
-from identification.comparison import compare_closed, compare_open, horizon_sweep
+from identification.compare.comparison import compare_closed, compare_open, horizon_sweep
 from identification.estimator import make_estimator, summary
-from identification.experiment import closed_loop
-from identification.figures_models import rollout_figure
+from identification.experiments.heading_control import closed_loop
+from identification.pages.model_figures import rollout_figure
 
 glider = load_vehicle("slocum")
 train, unseen = (closed_loop(glider, rng=np.random.default_rng(seed), duration=900.0) for seed in (0, 1))

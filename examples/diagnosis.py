@@ -11,8 +11,8 @@ import numpy as np
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose, write_diagnosis
-from identification.experiment import closed_loop
-from identification.figures import zoom_figure
+from identification.experiments.heading_control import closed_loop
+from identification.pages.diagnosis_figures import zoom_figure
 
 plant = load_vehicle("slocum")
 truth = replace_at(plant, "effects.rudder.deadband", 0.06)  # rad; from here on nobody knows of it

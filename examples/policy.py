@@ -13,8 +13,8 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.rl import Training, evaluate, fresh_seeds, train
 from controllers.piloting import pilot_for
-from identification.experiment import closed_loop
-from identification.greybox import GreyBox
+from identification.experiments.heading_control import closed_loop
+from identification.fit.greybox import GreyBox
 
 MOMENT = "effects.yaw.moment"
 designed = load_vehicle("slocum")

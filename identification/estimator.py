@@ -16,7 +16,7 @@ from auv_gym.param import did_you_mean
 if TYPE_CHECKING:
     from auv_gym.model import Model
     from auv_gym.plant import Plant
-    from auv_gym.record import Record
+    from auv_gym.records.record import Record
     from identification.estimate import Estimate
 
 GROUP = "auv_gym.methods"
@@ -106,43 +106,43 @@ _BUILT_IN = (
     Method(
         "grey_box",
         "Frees parameters of a vehicle: output error over windows with initial states of their own.",
-        "identification.greybox:GreyBox",
+        "identification.fit.greybox:GreyBox",
         listed="free*, window, max_iterations",
     ),
     Method(
         "arx",
         "Linear difference equations by least squares; biased by measurement noise.",
-        "identification.linear.arx:Arx",
+        "identification.linear.polynomials.arx:Arx",
         listed="n_a, n_b, delay, offset, structure, integrating, skip",
     ),
     Method(
         "els",
         "ARMAX by extended least squares, regressed on its own errors.",
-        "identification.linear.els:Els",
+        "identification.linear.polynomials.els:Els",
         listed="n_a, n_b, n_c, delay, offset, structure, integrating, skip",
     ),
     Method(
         "armax",
         "ARMAX by the prediction-error method: without bias in closed loop and under coloured noise.",
-        "identification.linear.armax:Armax",
+        "identification.linear.polynomials.armax:Armax",
         listed="n_a, n_b, n_c, delay, offset, structure, integrating, skip, stopping",
     ),
     Method(
         "output_error",
         "Free runs fitted, for noise on the measurement alone; not for unstable plants.",
-        "identification.linear.output_error:OutputError",
+        "identification.linear.polynomials.output_error:OutputError",
         listed="n_a, n_b, delay, offset, structure, integrating, skip, stopping",
     ),
     Method(
         "n4sid",
         "State space by subspaces, order by singular values; biased in closed loop.",
-        "identification.linear.n4sid:N4sid",
+        "identification.linear.subspaces.n4sid:N4sid",
         listed="order, horizon, weight, integrators, offset, stable, refine",
     ),
     Method(
         "pbsid",
         "State space by subspaces of the predictor, without bias in closed loop.",
-        "identification.linear.pbsid:Pbsid",
+        "identification.linear.subspaces.pbsid:Pbsid",
         listed="order, horizon, integrators, offset, stable, refine",
     ),
     Method(
@@ -172,19 +172,19 @@ _BUILT_IN = (
     Method(
         "ls_svm",
         "The diving model by a support vector machine with a linear kernel; biased by depth noise.",
-        "identification.kernel.ls_svm:LsSvm",
+        "identification.kernel_machines.ls_svm:LsSvm",
         listed="penalty",
     ),
     Method(
         "hull_ls_svm",
         "A torpedo's hull forces by a support vector machine; mass, fins and propulsion stay the vehicle's.",
-        "identification.kernel.hull:HullLsSvm",
+        "identification.kernel_machines.hull.hull:HullLsSvm",
         listed="penalty, sigma, tuning, size, samples, separate, mirrored, trend",
     ),
     Method(
         "narx_ls_svm",
         "Nonlinear difference equations by support vector machines, chosen by free runs; a black box.",
-        "identification.kernel.narx:NarxLsSvm",
+        "identification.kernel_machines.narx.narx:NarxLsSvm",
         listed="n_a, n_b, delay, integrating, trend, penalty, sigma, tuning, samples",
     ),
 )

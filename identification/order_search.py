@@ -9,10 +9,17 @@ from typing import Any
 
 from auv_gym.channels import channel
 from auv_gym.param import did_you_mean
-from auv_gym.record import Record
-from identification.identify import split
-from identification.linear.orders import CRITERIA, TOLERANCE, Cell, OrderSearch, check_criterion, search_orders
-from identification.page import Table, amount, percent
+from auv_gym.records.record import Record
+from identification.identified import split
+from identification.linear.polynomials.orders import (
+    CRITERIA,
+    TOLERANCE,
+    Cell,
+    OrderSearch,
+    check_criterion,
+    search_orders,
+)
+from identification.pages.page import Table, amount, percent
 
 KEYS = ("n_a", "n_b", "n_c", "delay")
 _LONGEST = 50  # of a range; more is a slip of the pen

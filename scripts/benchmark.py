@@ -22,7 +22,7 @@ from rich.table import Table
 from auv_gym.compiled import JIT
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, Runs, load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from scripts import benchmark_env, benchmark_identification, benchmark_kernel, benchmark_recursion, benchmark_rl
 
 PLAIN_SAMPLES = 100

@@ -23,9 +23,9 @@ from rich.progress import Progress
 
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.compiled import bind
-from auv_gym.cruise import command_limits, find_helm
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.rollout import bind_family, scratch_for
+from auv_gym.plant.cruise import command_limits, find_helm
+from auv_gym.plant.rollout import bind_family, scratch_for
 
 DT, SUBSTEP = 0.1, 0.02  # s
 FLOAT_DT, FLOAT_SUBSTEP = 0.7, 0.14  # s

@@ -20,9 +20,9 @@ from rich.console import Console
 from rich.table import Table
 from scipy.optimize import minimize
 
-from auv_gym.linear import linearise
+from auv_gym.models.linear import linearise
 from auv_gym.plant import load_vehicle
-from controllers.gpc import Gpc
+from controllers.predictive.gpc import Gpc
 from controllers.predictive.program import Program, solver
 
 _HOLD = 40  # samples between steps of the target

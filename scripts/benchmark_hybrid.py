@@ -12,7 +12,7 @@ from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.vector_env import TaskVectorEnv
 from auv_gym.plant import Plant
 from auv_gym.vehicles.body.learned_hull import LearnedHull
-from identification.kernel.machine import KernelMachine
+from identification.kernel_machines.machine import KernelMachine
 
 TASK, STEPS, ROUNDS, MANY = "Depth", 500, 7, 64
 

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from auv_gym.cli.console import steps_bar, table
+from auv_gym.cli.options.console import steps_bar, table
 from auv_gym.physics.polynomials import TERMS
 from auv_gym.plant import load_vehicle
-from identification.kernel.fixed_size import FixedSize
-from identification.kernel.regression import LsSvmRegression
+from identification.kernel_machines.fixed_size import FixedSize
+from identification.kernel_machines.regression import LsSvmRegression
 from scripts.benchmark_hybrid import hybrid_rows
 from scripts.peers.environments import KERNEL_OURS, KERNEL_PEERS, Peer, make, run
 

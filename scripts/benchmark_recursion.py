@@ -8,7 +8,7 @@ import time
 import numpy as np
 
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.recursive.corrected_ivls import CorrectedIvls
 from identification.recursive.ivls import Ivls
 from identification.recursive.rwls import Rwls

@@ -20,7 +20,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from auv_gym.cli.console import errors, output, progress_bar
+from auv_gym.cli.options.console import errors, output, progress_bar
 from scripts.blind.cases import FAMILIES, KINDS, Case, Undrawn, draw, sketch
 from scripts.blind.scoring import score_folders
 from scripts.blind.sealing import log_folder, seal, truth_folder, write_json

@@ -24,10 +24,10 @@ from time import perf_counter
 import numpy as np
 
 from auv_gym.param import replace_at, spec_at
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
-from identification.missions import fly
+from identification.experiments.missions import run_mission
 from scripts.blind.logs import HIDDEN, dive_settings, effects_of, known, lake_settings
 
 CLEAN = "none"
@@ -47,7 +47,7 @@ def write_log(folder: Path, vehicle: str, effect: str, seed: int) -> None:
         change = SIZE * spec.probe
         value = spec.neutral + side * change
         plant = replace_at(plant, effect, value)
-    fly(plant, rng, **SETTINGS[plant.family.name](rng)).save(folder / "log.nc")
+    run_mission(plant, rng, **SETTINGS[plant.family.name](rng)).save(folder / "log.nc")
     hidden = effect in HIDDEN[plant.family.name]
     truth = {"effect": effect, "value": value, "change": change, "hidden": hidden}
     (folder / "truth.json").write_text(json.dumps(truth))

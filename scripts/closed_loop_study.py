@@ -26,22 +26,22 @@ from rich.table import Table
 from scipy import stats
 from scipy.optimize import linear_sum_assignment
 
-from auv_gym.cli.console import table
-from auv_gym.linear import Polynomial, StateSpace, linearise
+from auv_gym.cli.options.console import table
 from auv_gym.model import Diverged
+from auv_gym.models.linear import Polynomial, StateSpace, linearise
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
 from controllers.gains import gains_for
 from controllers.pid import Pid
 from identification.estimator import Estimator
-from identification.excitation import prbs
-from identification.linear.armax import Armax
-from identification.linear.arx import Arx
-from identification.linear.n4sid import N4sid
-from identification.linear.output_error import OutputError
-from identification.linear.pbsid import Pbsid
+from identification.experiments.excitation import prbs
+from identification.linear.polynomials.armax import Armax
+from identification.linear.polynomials.arx import Arx
+from identification.linear.polynomials.output_error import OutputError
+from identification.linear.subspaces.n4sid import N4sid
+from identification.linear.subspaces.pbsid import Pbsid
 from scripts.over_seeds import all_of
 
 if TYPE_CHECKING:
@@ -304,7 +304,7 @@ def draw(found: Study, vehicle: str, folder: Path) -> list[Path]:
     """A figure for each loop, of the longest records; the files written."""
     from matplotlib import rc_context
 
-    from identification.drawing import STYLE
+    from identification.pages.drawing import STYLE
 
     folder.mkdir(parents=True, exist_ok=True)
     written = []
@@ -320,7 +320,7 @@ def draw(found: Study, vehicle: str, folder: Path) -> list[Path]:
 
 def response_figure(by_method: Mapping[str, Errors], true: Polynomial, words: str) -> Figure:
     """Gain and phase that each method finds, mean and the band that nine seeds of ten lie in, over the true ones."""
-    from identification.drawing import AFTER, BEFORE, INK, grid, new_figure
+    from identification.pages.drawing import AFTER, BEFORE, INK, grid, new_figure
 
     omega = response_grid()
     response = true.state_space.frequency_response(omega)[:, 0, 0]

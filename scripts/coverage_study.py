@@ -22,17 +22,17 @@ from rich.table import Table
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
-from auv_gym.cli.console import table
-from auv_gym.linear import Polynomial, StateSpace
+from auv_gym.cli.options.console import table
 from auv_gym.model import Diverged
-from auv_gym.record import Record
-from identification.excitation import prbs
-from identification.linear.armax import Armax
-from identification.linear.arx import Arx
+from auv_gym.models.linear import Polynomial, StateSpace
+from auv_gym.records.record import Record
+from identification.experiments.excitation import prbs
 from identification.linear.fit import LinearFit
-from identification.linear.n4sid import N4sid
-from identification.linear.output_error import OutputError
-from identification.linear.polynomial_fit import PolynomialFit
+from identification.linear.polynomials.armax import Armax
+from identification.linear.polynomials.arx import Arx
+from identification.linear.polynomials.output_error import OutputError
+from identification.linear.polynomials.polynomial_fit import PolynomialFit
+from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.uncertainty import pole_intervals, response_band
 from scripts.identification_systems import ARMAX, DT, STATE_SPACE, measured
 from scripts.over_seeds import all_of

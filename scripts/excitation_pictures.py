@@ -13,7 +13,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.writing import replacing
-from identification.drawing import AFTER, INPUT, QUIET, STYLE, require_render
+from identification.pages.drawing import AFTER, INPUT, QUIET, STYLE, require_render
 from scripts.excitation_table import DT, PLANES, Result, frequencies
 
 if TYPE_CHECKING:

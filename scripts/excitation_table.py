@@ -28,20 +28,20 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from auv_gym.cli.console import steps_bar
-from auv_gym.cruise import command_limits
-from auv_gym.linear.linearise import linearise
+from auv_gym.cli.options.console import steps_bar
+from auv_gym.models.linear.linearise import linearise
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.plant.cruise import command_limits
+from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
+from controllers.composed.excited import Excited
 from controllers.controller import Controller
-from controllers.excited import Excited
 from controllers.relay import Relay
-from identification.driving import drive
-from identification.excitation import make_signal
+from identification.experiments.driving import drive
+from identification.experiments.excitation import make_signal
+from identification.experiments.multisine import crest_factor
+from identification.linear.polynomials.structure import Structure
 from identification.linear.regressors import Series, regression
-from identification.linear.structure import Structure
-from identification.multisine import crest_factor
 
 DT, DURATION, DEPTH = 4.0, 600.0, 60.0  # s, s, m
 RESOLUTION, NOISE = radians(0.1), 0.03  # rad of pitch, as in the paper; m of depth, a usual pressure sensor

@@ -12,7 +12,7 @@ import numpy as np
 from auv_gym.model import Model
 from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from controllers.pid import float_depth_pid
 from identification.recursive.corrected_ivls import CorrectedIvls
 from identification.recursive.diving_model import DivingModel, regressors

@@ -13,7 +13,7 @@ import numpy as np
 
 from auv_gym.model import Diverged
 from auv_gym.writing import replacing
-from identification.drawing import AFTER, BEFORE, INK, INPUT, QUIET, STYLE
+from identification.pages.drawing import AFTER, BEFORE, INK, INPUT, QUIET, STYLE
 from scripts.float_consistency import CONSISTENCY, FEEDBACK, PLANNED
 from scripts.reproduce_float import (
     CORRECTED,

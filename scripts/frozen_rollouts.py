@@ -29,14 +29,14 @@ from rich.console import Console
 from rich.table import Table
 
 from auv_gym.channels import channel
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 from auv_gym.compiled import JIT
 from auv_gym.model import Diverged, check_finite
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.writing import replacing
 from controllers.autopilots import autopilot
-from controllers.loops import targets_of
-from controllers.trial import at_rest
+from controllers.composed.loops import targets_of
+from controllers.trials.trial import at_rest
 
 FOLDER = Path(__file__).parents[1] / "tests" / "frozen"
 TOLERANCE = 1e-10  # of a channel's range

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from auv_gym.cli.console import errors, output, progress_bar, table
+from auv_gym.cli.options.console import errors, output, progress_bar, table
 from auv_gym.vehicles.former import path_now
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.scoring import score

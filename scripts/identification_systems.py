@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
-from auv_gym.linear import Polynomial, StateSpace
-from auv_gym.record import Record
+from auv_gym.models.linear import Polynomial, StateSpace
+from auv_gym.records.record import Record
 
 DT = 1.0  # s
 SYSTEMS = ("armax", "state_space")

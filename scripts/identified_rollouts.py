@@ -26,21 +26,21 @@ from rich.table import Table
 
 import auv_gym.envs  # noqa: F401  # registers the environments
 from auv_gym.channels import channel
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 from auv_gym.model import Diverged, Model
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
 from controllers.autopilots import autopilot
-from controllers.excited import Excited
-from identification.comparison import ClosedLoop, compare_closed
-from identification.driving import Steps, drive
-from identification.excitation import make_signal
-from identification.greybox import GreyBox
-from identification.linear.armax import Armax
-from identification.linear.n4sid import N4sid
-from identification.torpedo_experiment import NOISE
+from controllers.composed.excited import Excited
+from identification.compare.comparison import ClosedLoop, compare_closed
+from identification.experiments.driving import Steps, drive
+from identification.experiments.excitation import make_signal
+from identification.experiments.manoeuvres import NOISE
+from identification.fit.greybox import GreyBox
+from identification.linear.polynomials.armax import Armax
+from identification.linear.subspaces.n4sid import N4sid
 from scripts.over_seeds import all_of
 
 UNKNOWN = "not identified"
@@ -269,8 +269,8 @@ def draw(vehicle: str, outcome: Outcome, folder: Path) -> Path:
     """The runs of one seed over one another; the file written."""
     from matplotlib import rc_context
 
-    from identification.drawing import STYLE
-    from identification.figures_models import rollout_figure
+    from identification.pages.drawing import STYLE
+    from identification.pages.model_figures import rollout_figure
 
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"identified_{vehicle}.png"

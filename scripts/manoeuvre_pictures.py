@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
-from identification.drawing import AFTER, BEFORE, INK, INPUT, QUIET, STYLE
+from identification.pages.drawing import AFTER, BEFORE, INK, INPUT, QUIET, STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -24,13 +24,13 @@ from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
-from auv_gym.cli.console import steps_bar
-from auv_gym.cruise import Cruise, command_limits, find_cruise, find_helm
+from auv_gym.cli.options.console import steps_bar
 from auv_gym.envs.tasks import HELD_PITCH
 from auv_gym.model import Diverged, check_finite
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.record import Record
+from auv_gym.plant.cruise import Cruise, command_limits, find_cruise, find_helm
+from auv_gym.records.record import Record
 
 DT = 0.02  # s; a quick vehicle turns 0.3 deg meanwhile, and a zigzag's rudder may come so much late
 START_DEPTH = 20.0  # m

@@ -23,7 +23,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 
 TREE = Path(__file__).parents[1]
 LEFT_BEHIND = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "site", "shared", "demo-output")

@@ -19,17 +19,17 @@ from typing import Any
 import numpy as np
 
 from auv_gym.channels import channel
-from auv_gym.cli.console import output, table
+from auv_gym.cli.options.console import output, table
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
-from identification.comparison import compare_open
+from identification.compare.comparison import compare_open
 from identification.estimator import make_estimator
-from identification.experiment import closed_loop
-from identification.float_experiment import depth_control
-from identification.torpedo_experiment import steer
+from identification.experiments.float_dives import depth_control
+from identification.experiments.heading_control import closed_loop
+from identification.experiments.manoeuvres import steer
 from scripts.over_seeds import all_of
 
 METHODS: Mapping[str, tuple[str, Mapping[str, Any]]] = {

@@ -20,9 +20,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 from auv_gym.model import Diverged
-from identification.linear.orders import OrderSearch, search_orders
+from identification.linear.polynomials.orders import OrderSearch, search_orders
 from scripts.identification_systems import clean, fit_percent, measured, truth
 from scripts.over_seeds import all_of
 

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from joblib import Parallel, delayed
 
-from auv_gym.cli.console import steps_bar
+from auv_gym.cli.options.console import steps_bar
 
 R = TypeVar("R")
 

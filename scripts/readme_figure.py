@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from auv_gym.plant import load_vehicle
-from auv_gym.reading import read_record
+from auv_gym.records.reading import read_record
 from auv_gym.writing import replacing
 from identification.diagnosis import diagnose
-from identification.figures import zoom_figure
+from identification.pages.diagnosis_figures import zoom_figure
 
 
 def main(argv: Sequence[str] | None = None) -> int:

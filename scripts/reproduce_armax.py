@@ -26,7 +26,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from auv_gym.cli.console import progress_bar
+from auv_gym.cli.options.console import progress_bar
 from auv_gym.writing import replacing
 from scripts.armax.study import FLOWN, TAKEN, Progress, Records, Study, as_json, reached, study
 from scripts.armax.tables import tables, verdict
@@ -72,7 +72,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _draw(found: Study, records: Records, out: Path) -> list[Path]:
-    from identification.drawing import require_render
+    from identification.pages.drawing import require_render
     from scripts.armax.pictures import draw_control, draw_orders, draw_verification
 
     require_render()

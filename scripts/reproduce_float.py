@@ -30,17 +30,17 @@ from rich.table import Table
 from auv_gym.model import Diverged, Model, simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.estimate import Estimate
-from identification.float_experiment import depth_control
-from identification.greybox import GreyBox
-from identification.kernel.ls_svm import LsSvm
+from identification.experiments.float_dives import depth_control
+from identification.fit.greybox import GreyBox
+from identification.fit.validation import score
+from identification.kernel_machines.ls_svm import LsSvm
 from identification.recursive.corrected_ivls import CorrectedIvls
 from identification.recursive.diving_model import PARAMETERS
 from identification.recursive.ivls import Ivls
 from identification.recursive.refined_iv import RefinedIv
 from identification.recursive.rwls import Rwls
-from identification.validation import score
 from scripts.float_consistency import (
     LENGTHS,
     STUDIED,

@@ -20,7 +20,7 @@ from rich.table import Table
 
 from auv_gym.model import simulate
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.vehicles.glider import yaw_rates
 from auv_gym.writing import replacing
 

@@ -27,19 +27,19 @@ from rich.console import Console
 from rich.table import Table
 
 from auv_gym.channels import wrap
-from auv_gym.cli.console import table
-from auv_gym.linear import StateSpace, linearise
+from auv_gym.cli.options.console import table
 from auv_gym.model import Model
+from auv_gym.models.linear import StateSpace, linearise
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
-from identification.comparison import OpenLoop, compare_open
-from identification.identify import split
-from identification.linear.armax import Armax
-from identification.linear.n4sid import N4sid
-from identification.linear.output_error import OutputError
-from identification.linear.pbsid import Pbsid
-from identification.validation import score
+from identification.compare.comparison import OpenLoop, compare_open
+from identification.fit.validation import score
+from identification.identified import split
+from identification.linear.polynomials.armax import Armax
+from identification.linear.polynomials.output_error import OutputError
+from identification.linear.subspaces.n4sid import N4sid
+from identification.linear.subspaces.pbsid import Pbsid
 from scripts.over_seeds import all_of
 from scripts.reproduce_glider_heading import ANALYTIC, CORRECTED, pool_run
 
@@ -385,7 +385,7 @@ _DRAWN = {
 
 def draw(seed: int, noise: float, folder: Path) -> Path:
     """Headings of a seed's logs at -15 and -30 deg, measured and modelled, and what is left; the file."""
-    from identification.drawing import BEFORE, MEASURED, STYLE, require_render
+    from identification.pages.drawing import BEFORE, MEASURED, STYLE, require_render
 
     require_render()
     from matplotlib import rc_context

@@ -22,7 +22,7 @@ from pathlib import Path
 from rich.console import Console
 
 from auv_gym.writing import replacing
-from identification.drawing import require_render
+from identification.pages.drawing import require_render
 from scripts.ls_svm.pictures import draw
 from scripts.ls_svm.study import DATA, learned, noisy, over_seeds
 from scripts.ls_svm.surrogates import attempt

@@ -27,16 +27,16 @@ from rich.progress import Progress
 from rich.table import Table
 
 from auv_gym.channels import channel
-from auv_gym.cruise import find_cruise
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.model import Model
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
+from auv_gym.plant.cruise import find_cruise
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
 from controllers.autopilots import autopilot
-from controllers.settling import Step, step_response
-from identification.driving import Run, drive
+from controllers.trials.settling import Step, step_response
+from identification.experiments.driving import Run, drive
 
 VEHICLE = "heu_torpedo"
 VOLTAGE = 3.5  # V, of the runs in heading and depth
@@ -203,7 +203,7 @@ def _number(value: float) -> str:
 
 def draw(out: Path, seed: int) -> Path:
     """Figures 11 to 16 of the paper in one: what each case measured and commanded under each controller."""
-    from identification.drawing import require_render
+    from identification.pages.drawing import require_render
 
     require_render()
     from matplotlib.figure import Figure

@@ -20,11 +20,11 @@ import numpy as np
 from rich.console import Console
 
 from auv_gym.cli import main as auv_gym
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
-from identification.campaign.conduct import conduct
+from identification.campaign.file.reading import read_campaign
 from identification.campaign.index import Row, read_index, run_file
-from identification.campaign.reading import read_campaign
+from identification.campaign.running.conduct import conduct
 
 FILE = Path(__file__).parent / "campaigns" / "vertical_plane.toml"
 LENGTH = "experiment.duration_s"
@@ -79,7 +79,7 @@ def excursions(rows: Sequence[Row], folder: Path) -> list[tuple[str, float, floa
 
 def draw(records: dict[float, Record], path: Path) -> None:
     """The figures, each in a panel of one picture."""
-    from identification.drawing import require_render
+    from identification.pages.drawing import require_render
 
     require_render()
     from matplotlib.figure import Figure

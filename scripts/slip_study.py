@@ -18,13 +18,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
-from identification.diagnosis.plausibility import Doubt, doubts_of
-from identification.diagnosis.slips import Slip, slipped, slips_of
-from identification.missions import fly
-from identification.windows import free_run_windows
+from auv_gym.records.record import Record
+from identification.diagnosis.log.plausibility import Doubt, doubts_of
+from identification.diagnosis.log.slips import Slip, slipped, slips_of
+from identification.experiments.missions import run_mission
+from identification.fit.windows import free_run_windows
 from scripts.over_seeds import all_of
 
 VEHICLES = ("ganeshblue", "slocum", "qiandao_float", "mermaid", "npsauv", "remus100", "vt690")
@@ -94,7 +94,7 @@ def log_of(plant: Plant, seed: int = 1) -> Record:
     settings = DIVES if plant.family.name == "float_piston" else {}
     if plant.family.kind == "body":
         settings = {"duration": DURATION}
-    return fly(plant, np.random.default_rng(seed), **settings)
+    return run_mission(plant, np.random.default_rng(seed), **settings)
 
 
 def doubts(record: Record, plant: Plant) -> tuple[Doubt, ...]:

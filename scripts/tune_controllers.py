@@ -26,17 +26,17 @@ from rich.table import Table
 from scipy.optimize import minimize
 
 from auv_gym.channels import channel, set_point_of
-from auv_gym.cli.console import progress_bar
-from auv_gym.cruise import command_limits, find_cruise, find_helm
-from auv_gym.engine import find_engine
+from auv_gym.cli.options.console import progress_bar
 from auv_gym.model import Diverged
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
+from auv_gym.plant.cruise import command_limits, find_cruise, find_helm
+from auv_gym.plant.float_engine import find_engine
 from controllers.autopilots import autopilot
 from controllers.gains import Gains, Loops, read_gains, write_gains
 from controllers.pid import heading_pid
-from controllers.settling import step_response
-from controllers.trial import NOISE, Steps, at_rest, fly, level_flight
+from controllers.trials.settling import step_response
+from controllers.trials.trial import NOISE, Steps, at_rest, level_flight, run_trial
 
 TABLE_4 = {"heading": (0.9, 1.7, 0.0024), "depth": (2.3, 2.4, 0.00006), "speed": (0.8, 0.1, 0.02)}  # Xu et al. 2013
 BESIDES = {"npsauv": (4.0,)}  # s, sample times besides a preset's own; paper 1 samples npsauv so
@@ -223,7 +223,7 @@ def cost(bench: Bench, gains: Gains, kind: str, name: str) -> float:
     for i, plant in enumerate(bench.plants):
         rng = np.random.default_rng([bench.seed, i])
         try:
-            run = fly(plant, controller, _trial(bench, name), bench.duration, start=bench.starts[i], rng=rng)
+            run = run_trial(plant, controller, _trial(bench, name), bench.duration, start=bench.starts[i], rng=rng)
         except (Diverged, OverflowError):
             return _FAILED
         total += _cost_of(run, bench, name)
@@ -237,7 +237,7 @@ def measured(bench: Bench, gains: Gains) -> list[Reached]:
         controller, plant = autopilot(bench.plants[0], kind, gains=gains), bench.plants[0]
         for name in bench.steps:
             rng = np.random.default_rng([bench.seed, len(bench.plants)])
-            run = fly(plant, controller, _trial(bench, name), bench.duration, start=bench.starts[0], rng=rng)
+            run = run_trial(plant, controller, _trial(bench, name), bench.duration, start=bench.starts[0], rng=rng)
             part, target = next(_segments(run, name))
             size = target - float(run[name][part][0])
             band = max(BAND * abs(size), NOISE[name])

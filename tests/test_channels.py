@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from auv_gym.channels import CHANNELS, channel, conversion, depth_from_pressure, known_suffixes, wrap
 

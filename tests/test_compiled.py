@@ -38,7 +38,7 @@ from toy.inner import added
 hook = None
 def template(x):
     return hook(x) + 0.5
-template.__module__ = "auv_gym.rollout"  # as if a family outside the package had brought the hook
+template.__module__ = "auv_gym.plant.rollout"  # as if a family outside the package had brought the hook
 bound = bind(template, "toy", hook=added)
 counts = lambda function: (function.ready.stats.cache_hits, function.ready.stats.cache_misses)
 stats = lambda function: [sum(count.values()) for count in counts(function)]

@@ -18,7 +18,7 @@ import pytest
 from auv_gym.cli import main
 from auv_gym.plant import load_vehicle
 from auv_gym.rl.hyperparameters import checked
-from identification.campaign.reading import read_campaign
+from identification.campaign.file.reading import read_campaign
 from tests.markdown_blocks import Block, blocks_of
 
 ROOT = Path(__file__).parents[1]
@@ -43,8 +43,8 @@ def folder(tmp_path, monkeypatch):
 
     matplotlib.use("Agg")
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("auv_gym.cli.console.output.width", WIDTH)
-    monkeypatch.setattr("auv_gym.cli.console.errors.width", WIDTH)
+    monkeypatch.setattr("auv_gym.cli.options.console.output.width", WIDTH)
+    monkeypatch.setattr("auv_gym.cli.options.console.errors.width", WIDTH)
     (tmp_path / "scripts").symlink_to(ROOT / "scripts")
     return tmp_path
 

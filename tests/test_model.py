@@ -10,7 +10,7 @@ import pytest
 from auv_gym.model import Diverged, Model, check_interval, inputs_of, outputs_of, predict, simulate
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.vehicles.glider import yaw_rates
 
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auv_gym.cruise import find_helm
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.record import Record
+from auv_gym.plant.cruise import find_helm
+from auv_gym.records.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 
 ROOT = Path(__file__).parents[1]

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 from auv_gym.cli import campaign, compare, diagnose, drawing, evaluate, identify, listing, simulate, train  # noqa: F401  # each puts its command into `app`
 from auv_gym.cli.application import app
-from auv_gym.cli.console import errors
+from auv_gym.cli.options.console import errors
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from auv_gym import __version__
-from auv_gym.cli.console import output
+from auv_gym.cli.options.console import output
 
 app = typer.Typer(
     name="auv-gym",

@@ -12,12 +12,12 @@ import typer
 from rich.table import Table
 
 from auv_gym.cli.application import app
-from auv_gym.cli.console import errors, output, progress_bar, table
-from auv_gym.cli.numbers import SEED, whole_number
+from auv_gym.cli.options.console import errors, output, progress_bar, table
+from auv_gym.cli.options.numbers import SEED, whole_number
 
 if TYPE_CHECKING:
-    from identification.campaign.conduct import Conducted
-    from identification.campaign.settings import Campaign
+    from identification.campaign.file.settings import Campaign
+    from identification.campaign.running.conduct import Conducted
 
 _LISTED = 20  # failed runs in the table; the index has all
 
@@ -49,8 +49,8 @@ def campaign(
         progress(0.0, "starting")
         from joblib import cpu_count
 
-        from identification.campaign.conduct import conduct
-        from identification.campaign.reading import read_campaign
+        from identification.campaign.file.reading import read_campaign
+        from identification.campaign.running.conduct import conduct
 
         settings = read_campaign(file, seed)
         jobs = cpu_count() if jobs is None else jobs

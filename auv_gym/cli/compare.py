@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from auv_gym.cli import logs
 from auv_gym.cli.application import app
-from auv_gym.cli.console import output, progress_bar
 from auv_gym.cli.identify import printed
-from auv_gym.cli.numbers import LENGTH, number, whole_number
+from auv_gym.cli.options import logs
+from auv_gym.cli.options.console import output, progress_bar
+from auv_gym.cli.options.numbers import LENGTH, number, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.model import Model
-    from auv_gym.record import Record
+    from auv_gym.records.record import Record
 
 
 @app.command()
@@ -49,12 +49,12 @@ def compare(
         logs.check_there(record)  # refused before what takes long to import
 
         from auv_gym.model import Diverged
-        from auv_gym.model_files import load_model
-        from identification.comparison import compare_open
-        from identification.drawing import require_render
-        from identification.identify import joined
-        from identification.judging import sweep_horizons
-        from identification.model_page import compared_page, horizon_table, score_table
+        from auv_gym.models.files import load_model
+        from identification.compare.comparison import compare_open
+        from identification.compare.model_tests import sweep_horizons
+        from identification.identified import joined
+        from identification.pages.drawing import require_render
+        from identification.pages.model_page import compared_page, horizon_table, score_table
 
         if out is not None:
             require_render()

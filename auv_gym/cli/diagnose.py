@@ -9,14 +9,14 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from auv_gym.cli import logs
 from auv_gym.cli.application import app
-from auv_gym.cli.console import errors, output, progress_bar, table
-from auv_gym.cli.next_experiment import propose, tell
-from auv_gym.cli.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
+from auv_gym.cli.options import logs
+from auv_gym.cli.options.console import errors, output, progress_bar, table
+from auv_gym.cli.options.next_experiment import propose, tell
+from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 
 if TYPE_CHECKING:
-    from auv_gym.record import Record
+    from auv_gym.records.record import Record
     from identification.diagnosis import Diagnosis
 
 
@@ -81,13 +81,11 @@ def diagnose(
         writable_folder(out)
         logs.check_there([log])
 
-        from auv_gym.density import read_profiles, with_density
         from auv_gym.plant import load_vehicle
-        from identification.diagnosis import again as diagnose_again
-        from identification.diagnosis import diagnose as diagnose_record
-        from identification.diagnosis import write_diagnosis
+        from auv_gym.records.density import read_profiles, with_density
+        from identification.diagnosis import again as diagnose_again, diagnose as diagnose_record, write_diagnosis
         from identification.diagnosis.extras import Extras
-        from identification.drawing import require_render
+        from identification.pages.drawing import require_render
 
         require_render()
 
@@ -168,7 +166,7 @@ def _between_depths(record: Record, shallowest: float | None, deepest: float | N
 
 def _error_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.channels import channel
-    from identification.diagnosis.verdict import quantity
+    from identification.diagnosis.judge.verdict import quantity
 
     stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.changed else [])]
     heads = ["as given>", "before>" if diagnosis.changed else "refitted>", "after>"][: len(stages)]
@@ -181,7 +179,7 @@ def _error_table(diagnosis: Diagnosis) -> Table:
 
 def _effect_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.param import spec_at
-    from identification.diagnosis.verdict import interval, quantity
+    from identification.diagnosis.judge.verdict import interval, quantity
 
     shown = table("Effects", "effect", "value>", "95 % interval>", "not told apart from")
     for effect in diagnosis.effects:

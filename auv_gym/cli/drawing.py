@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from auv_gym.cli.application import app
-from auv_gym.cli.console import output
+from auv_gym.cli.options.console import output
 
 
 @app.command()

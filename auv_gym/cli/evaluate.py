@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.table import Table
 
-from auv_gym.cli import environment
 from auv_gym.cli.application import app
-from auv_gym.cli.console import output, progress_bar, table
-from auv_gym.cli.numbers import SEED, whole_number
+from auv_gym.cli.options import environment
+from auv_gym.cli.options.console import output, progress_bar, table
+from auv_gym.cli.options.numbers import SEED, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.rl import Evaluation
@@ -45,8 +45,7 @@ def evaluate(
     options = environment.options_of(vehicle, effect, randomise, dt, duration)
     with progress_bar() as progress:
         progress(0.0, "starting")
-        from auv_gym.rl import Policy, fresh_seeds
-        from auv_gym.rl import evaluate as judged
+        from auv_gym.rl import Policy, evaluate as judged, fresh_seeds
         from controllers.piloting import pilot_for
 
         if picture is not None:

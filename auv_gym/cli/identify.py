@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from auv_gym.cli import logs, orders
 from auv_gym.cli.application import app
-from auv_gym.cli.console import output, progress_bar, table
-from auv_gym.cli.numbers import LENGTH, number
+from auv_gym.cli.options import logs, orders
+from auv_gym.cli.options.console import output, progress_bar, table
+from auv_gym.cli.options.numbers import LENGTH, number
 
 if TYPE_CHECKING:
     from rich.table import Table as Printed
 
-    from auv_gym.record import Record
-    from identification.page import Table
+    from auv_gym.records.record import Record
+    from identification.pages.page import Table
 
 
 @app.command()
@@ -69,15 +69,16 @@ def identify(
             find_vehicle(vehicle)
         logs.check_there([*records, *(validate or [])])
 
-        from auv_gym.model_files import save_model
+        from auv_gym.models.files import save_model
         from auv_gym.plant import load_vehicle
-        from identification.drawing import require_render
         from identification.estimator import make_estimator, notes_of, parse_settings
-        from identification.identify import identify as identify_records
+        from identification.identified import identify as identify_records
         from identification.linear.fit import is_linear
         from identification.linear.uncertainty import pole_intervals
-        from identification.linear_tables import pole_table
-        from identification.model_page import (
+        from identification.order_search import order_table
+        from identification.pages.drawing import require_render
+        from identification.pages.linear_tables import pole_table
+        from identification.pages.model_page import (
             horizon_table,
             identified_page,
             outside_words,
@@ -85,7 +86,6 @@ def identify(
             residual_table,
             score_table,
         )
-        from identification.order_search import order_table
 
         if report is not None:
             require_render()

@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from auv_gym.cli.application import app
-from auv_gym.cli.console import output, table
+from auv_gym.cli.options.console import output, table
 
 if TYPE_CHECKING:
     from auv_gym.vehicles.body.kinds import PartKind

@@ -10,12 +10,12 @@ import typer
 from rich.table import Table
 
 from auv_gym.cli.application import app
-from auv_gym.cli.console import output, table
-from auv_gym.cli.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
+from auv_gym.cli.options.console import output, table
+from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.plant import Plant
-    from auv_gym.record import Record
+    from auv_gym.records.record import Record
 
 
 @app.command()
@@ -98,7 +98,7 @@ def _simulated(plant: Plant, given: Mapping[str, Any], seed: int) -> Record:
 
     import numpy as np
 
-    from identification.missions import fly, mission_of
+    from identification.experiments.missions import mission_of, run_mission
 
     mission = mission_of(plant)
     takes = [flag for flag, name in _FLAGS.items() if name in mission.settings]
@@ -121,7 +121,7 @@ def _simulated(plant: Plant, given: Mapping[str, Any], seed: int) -> Record:
         settings["compass_noise"] = radians(settings["compass_noise"])
     if settings.get("track_noise", 0.0) < 0.0:
         settings["track_noise"] = None
-    return fly(plant, np.random.default_rng(seed), **settings)
+    return run_mission(plant, np.random.default_rng(seed), **settings)
 
 
 def _title(name: str, record: Record) -> str:

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from auv_gym.cli import environment
 from auv_gym.cli.application import app
-from auv_gym.cli.console import errors, output, progress_bar, table
-from auv_gym.cli.numbers import SEED, whole_number
+from auv_gym.cli.options import environment
+from auv_gym.cli.options.console import errors, output, progress_bar, table
+from auv_gym.cli.options.numbers import SEED, whole_number
 
 if TYPE_CHECKING:
     from auv_gym.rl import Trained
@@ -42,8 +42,7 @@ def train(
     options = environment.options_of(vehicle, effect, randomise, dt, duration)
     with progress_bar() as progress:
         progress(0.0, "starting")
-        from auv_gym.rl import Training, hyperparameters_for
-        from auv_gym.rl import train as learn
+        from auv_gym.rl import Training, hyperparameters_for, train as learn
 
         chosen = None if hyperparameters is None else hyperparameters_for(algo, env, hyperparameters)
         training = Training(env, algo, on, seed, steps, envs, options, chosen)

@@ -20,7 +20,7 @@ from auv_gym.envs.options import check_number
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
 from auv_gym.plant import Plant
-from auv_gym.rollout import scratch_for
+from auv_gym.plant.rollout import scratch_for
 
 _WAYPOINT = ("north_m", "east_m", "depth_m")
 _REASONS = {

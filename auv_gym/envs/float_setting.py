@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.engine import find_engine
 from auv_gym.envs import tasks
 from auv_gym.envs.options import check_number
 from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import ENGINE, Task
 from auv_gym.param import list_paths
 from auv_gym.plant import Plant
+from auv_gym.plant.float_engine import find_engine
 
 
 def float_setting(

@@ -33,7 +33,7 @@ from auv_gym.envs.layout import (
 )
 from auv_gym.physics.frames import wrapped
 from auv_gym.physics.sampling import sampled
-from auv_gym.rollout import bind_family, scratch_for
+from auv_gym.plant.rollout import bind_family, scratch_for
 from auv_gym.vehicles.family import Family
 
 START_DRAWS = 3  # of the first state

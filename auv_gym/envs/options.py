@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from auv_gym.model import Model
-from auv_gym.model_files import load_model
+from auv_gym.models.files import load_model
 from auv_gym.plant import Plant, load_vehicle
 
 

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_gym.cruise import command_limits, command_middles, find_cruise, find_helm
 from auv_gym.envs import tasks
 from auv_gym.envs.options import check_number
 from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import PROPULSION, Task
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant
+from auv_gym.plant.cruise import command_limits, command_middles, find_cruise, find_helm
 
 _START = (
     "north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad",

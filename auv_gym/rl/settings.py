@@ -13,7 +13,7 @@ import gymnasium
 
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.model import Model
-from auv_gym.model_files import save_model
+from auv_gym.models.files import save_model
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.rl.hyperparameters import Hyperparameters, checked, hyperparameters_for

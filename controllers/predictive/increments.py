@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from auv_gym.linear import Polynomial, StateSpace
+from auv_gym.models.linear import Polynomial, StateSpace
 
 _RANK = 1e-7  # a singular value over the largest, below which two disturbances look alike
 _NOTHING = 1e-14  # of the largest row: what rounding leaves

@@ -15,19 +15,19 @@ from time import perf_counter
 from typing import Any
 
 from auv_gym.model import Model
-from auv_gym.model_files import load_model, save_model
+from auv_gym.models.files import load_model, save_model
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
+from identification.campaign.file.plan import plan, selected
+from identification.campaign.file.settings import Campaign, Fit, RunSettings
 from identification.campaign.index import Row, read_index
-from identification.campaign.plan import plan, selected
-from identification.campaign.pool import in_parallel
-from identification.campaign.settings import Campaign, Fit, RunSettings
-from identification.campaign.staging import make_env, make_vehicle
-from identification.comparison import OpenLoop
+from identification.campaign.running.pool import in_parallel
+from identification.campaign.running.staging import make_env, make_vehicle
+from identification.compare.comparison import OpenLoop
+from identification.compare.model_tests import open_loop, poles_of, residual_tests
 from identification.estimate import Estimate
 from identification.estimator import make_estimator
-from identification.judging import open_loop, poles_of, residual_tests
 
 FOLDER, LIST = "models", "fits.json"
 FORMAT = 1  # goes up where the same settings come to give another result

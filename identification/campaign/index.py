@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, final
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
-from identification.campaign.perform import Outcome, content_hash
-from identification.campaign.plan import PlannedRun
+from identification.campaign.file.plan import PlannedRun
+from identification.campaign.running.perform import Outcome, content_hash
 
 RUNS, INDEX = "runs", "index.csv"
 _PLAIN = ("id", "status", "reason", "seed", "samples", "duration_s", "seconds", "sha256")

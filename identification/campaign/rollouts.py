@@ -15,16 +15,16 @@ import numpy as np
 from auv_gym.channels import channel, set_point_of
 from auv_gym.model import Model
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.records.record import Record
+from identification.campaign.file.plan import plan, selected
+from identification.campaign.file.settings import Campaign, EnvExperiment, RunSettings
 from identification.campaign.fits import VEHICLE, Progress, designed_vehicle, load_fitted, read_fits, write_json
 from identification.campaign.index import Row, read_index
-from identification.campaign.perform import status_of
-from identification.campaign.plan import plan, selected
-from identification.campaign.pool import in_parallel
-from identification.campaign.settings import Campaign, EnvExperiment, RunSettings
-from identification.campaign.staging import make_controller, make_env
-from identification.comparison import compare_closed, step_scales
-from identification.judging import open_loop, over_time
+from identification.campaign.running.perform import status_of
+from identification.campaign.running.pool import in_parallel
+from identification.campaign.running.staging import make_controller, make_env
+from identification.compare.comparison import compare_closed, step_scales
+from identification.compare.model_tests import open_loop, over_time
 
 FOLDER, LIST = "rollouts", "rollouts.json"
 KINDS = ("open", "closed")

@@ -1,7 +1,7 @@
 """Diagnosis: which physical effect a vehicle's model lacks, from a log that disagrees with it."""
 
 from identification.diagnosis.diagnose import diagnose
+from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.result_files import again, as_json, write_diagnosis
-from identification.diagnosis.verdict import Diagnosis
 
 __all__ = ["Diagnosis", "again", "as_json", "diagnose", "write_diagnosis"]

@@ -10,15 +10,11 @@ import numpy as np
 
 from auv_gym.param import spec_at
 from auv_gym.plant import Plant
-from auv_gym.record import Record
-from identification.checks import check_excitation, check_ranges
-from identification.diagnosis.acceptance import threshold
-from identification.diagnosis.attribution import attribute, confirmed, without_idle_parts
-from identification.diagnosis.candidates import candidates_of, screen
-from identification.diagnosis.closing import closed_loop
-from identification.diagnosis.discovery import Discovery, discover, library_of
+from auv_gym.plant.record_check import check_excitation, check_ranges
+from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.findings import (
+from identification.diagnosis.judge.closing import closed_loop
+from identification.diagnosis.judge.findings import (
     as_coefficients,
     coefficient_of,
     detectable_of,
@@ -26,18 +22,22 @@ from identification.diagnosis.findings import (
     twin_effects,
     twins_of,
 )
-from identification.diagnosis.habitat import habitat_of
-from identification.diagnosis.judgement import EXPLAINED, disagrees, explained_share, verdict_of
-from identification.diagnosis.kinematics import kinematics_of
-from identification.diagnosis.plausibility import doubts_of
-from identification.diagnosis.residual import remains_of
-from identification.diagnosis.swaps import Reconsidering
-from identification.diagnosis.trials import FEW_STATES, Progress
-from identification.diagnosis.verdict import Asked, Diagnosis, Stage
-from identification.diagnosis.workbench import State, Workbench, calm_length
-from identification.innovations import Choice, InnovationsForm
-from identification.validation import fitted_runs, free_runs, whiteness
-from identification.windows import LEAST_SAMPLES, free_run_windows, held_out
+from identification.diagnosis.judge.habitat import habitat_of
+from identification.diagnosis.judge.judgement import EXPLAINED, disagrees, explained_share, verdict_of
+from identification.diagnosis.judge.verdict import Asked, Diagnosis, Stage
+from identification.diagnosis.log.kinematics import kinematics_of
+from identification.diagnosis.log.plausibility import doubts_of
+from identification.diagnosis.search.acceptance import threshold
+from identification.diagnosis.search.attribution import attribute, confirmed, without_idle_parts
+from identification.diagnosis.search.candidates import candidates_of, screen
+from identification.diagnosis.search.discovery import Discovery, discover, library_of
+from identification.diagnosis.search.swaps import Reconsidering
+from identification.diagnosis.search.trials import FEW_STATES, Progress
+from identification.diagnosis.search.workbench import State, Workbench, calm_length
+from identification.fit.innovations import Choice, InnovationsForm
+from identification.fit.residual import remains_of
+from identification.fit.validation import fitted_runs, free_runs, whiteness
+from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out
 
 MOST_EFFECTS = 3
 LEAST_WINDOWS = 4

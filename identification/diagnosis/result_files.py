@@ -13,13 +13,13 @@ import numpy as np
 
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, save_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.vehicles import Body, Part, family_named
 from auv_gym.writing import replacing, writable_folder
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.trials import Progress
-from identification.diagnosis.verdict import Diagnosis, Stage
+from identification.diagnosis.judge.verdict import Diagnosis, Stage
+from identification.diagnosis.search.trials import Progress
 
 SIMILAR = 60.0  # degrees between signatures below which the angle is told
 
@@ -30,8 +30,8 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     A picture or a page that cannot be drawn is no error but a failure, which the other files report; extras: takes it.
     Raises ValueError if the folder cannot be written, ImportError without the extra `render`, which the report needs.
     """
-    from identification.drawing import require_render
-    from identification.report import diagnosis_page
+    from identification.pages.diagnosis_page import diagnosis_page
+    from identification.pages.drawing import require_render
 
     require_render()
     extras = extras or Extras()

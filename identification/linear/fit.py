@@ -7,7 +7,7 @@ from typing import Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
-from auv_gym.linear import Polynomial, StateSpace
+from auv_gym.models.linear import Polynomial, StateSpace
 from identification.estimate import Estimate
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from auv_gym.channels import channel
-from auv_gym.record import Record
-from identification.linear.structure import Row, Term
+from auv_gym.records.record import Record
+from identification.linear.polynomials.structure import Row, Term
 from identification.linear.triangles import triangle_tall
 
 if TYPE_CHECKING:

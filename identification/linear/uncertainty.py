@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse, stats
 
-from auv_gym.linear import Polynomial, StateSpace
 from auv_gym.model import Diverged
-from auv_gym.record import Record
-from identification.comparison import OpenLoop, compare_open, fitted_starts, free_runs_of
+from auv_gym.models.linear import Polynomial, StateSpace
+from auv_gym.records.record import Record
+from identification.compare.comparison import OpenLoop, compare_open, fitted_starts, free_runs_of
 from identification.estimate import Estimate, half_width
+from identification.fit.validation import head_windows
 from identification.linear.fit import LinearFit, has_errors
-from identification.validation import head_windows
 
 NO_ERRORS = "this method gives no errors of its parameters"
 _STEP = 1e-2  # standard deviations; a central difference is then true to 1e-4, and rounding stays below 1e-10

@@ -21,8 +21,8 @@ import numpy as np
 
 from auv_gym.compiled import compiled
 from auv_gym.model import check_finite, inputs_of
-from auv_gym.record import Record
-from identification.validation import head_windows
+from auv_gym.records.record import Record
+from identification.fit.validation import head_windows
 
 # theta of equation (8), in order, with units; `unity` multiplies the depth carried on, and is 1 by its meaning.
 PARAMETERS = {

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.compiled import compiled
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.recursive.diving_fit import DivingFit, diving_fit, scatter
 from identification.recursive.diving_model import regress
 from identification.recursive.recursion import (

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 
 SAMPLES_PER_PARAMETER = 4
 

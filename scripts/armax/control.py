@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from auv_gym.envs.task_env import TaskEnv
-from auv_gym.linear import Polynomial, StateSpace
+from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
+from controllers.composed.scheduled import Scheduled
 from controllers.controller import Controller
-from controllers.scheduled import Scheduled
-from controllers.settling import step_response
-from identification.driving import Run, drive
+from controllers.trials.settling import step_response
+from identification.experiments.driving import Run, drive
 
 VEHICLE, DT = "npsauv", 4.0  # s
 PITCH_LIMIT = radians(5.0)

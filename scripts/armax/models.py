@@ -14,17 +14,17 @@ from typing import Any
 import numpy as np
 
 from auv_gym.channels import truth_of
-from auv_gym.linear import Polynomial
-from auv_gym.linear.differences import differenced, rate_of, with_differences
 from auv_gym.model import Diverged, Model
-from auv_gym.record import Record
-from identification.comparison import free_runs_of
+from auv_gym.models.linear import Polynomial
+from auv_gym.models.linear.differences import differenced, rate_of, with_differences
+from auv_gym.records.record import Record
+from identification.compare.comparison import free_runs_of
 from identification.estimate import Estimate
-from identification.linear.armax import Armax
-from identification.linear.arx import Arx
-from identification.linear.orders import OrderSearch, search_orders
-from identification.linear.output_error import OutputError
-from identification.validation import score
+from identification.fit.validation import score
+from identification.linear.polynomials.armax import Armax
+from identification.linear.polynomials.arx import Arx
+from identification.linear.polynomials.orders import OrderSearch, search_orders
+from identification.linear.polynomials.output_error import OutputError
 
 DEPTH, PITCH = "depth_m", "pitch_rad"
 INPUTS, OUTPUTS = ("bow_plane_rad", "stern_plane_rad"), (DEPTH, PITCH)

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from auv_gym.channels import set_point_of
-from auv_gym.linear.differences import rate_of, with_differences
 from auv_gym.model import Model
-from auv_gym.record import Record
+from auv_gym.models.linear.differences import rate_of, with_differences
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
-from identification.drawing import COMMAND, INK, STYLE, downwards, new_figure, quantity_label, shown_values
-from identification.figures_models import looks, rollout_figure
-from identification.figures_orders import order_figure
-from identification.linear.orders import OrderSearch
+from identification.linear.polynomials.orders import OrderSearch
+from identification.pages.drawing import COMMAND, INK, STYLE, downwards, new_figure, quantity_label, shown_values
+from identification.pages.model_figures import looks, rollout_figure
+from identification.pages.order_figures import order_figure
 from scripts.armax.control import END, LEGS, PITCH_LIMIT, SHALLOW
 from scripts.armax.models import DEPTH, PITCH, free_run
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.linear import StateSpace, linearise
 from auv_gym.model import Model
-from auv_gym.record import Record
-from identification.linear.orders import Cell, OrderSearch, search_orders
-from identification.linear.polynomial_fit import PolynomialFit
+from auv_gym.models.linear import StateSpace, linearise
+from auv_gym.records.record import Record
+from identification.linear.polynomials.orders import Cell, OrderSearch, search_orders
+from identification.linear.polynomials.polynomial_fit import PolynomialFit
 from scripts.armax import control, models
 from scripts.armax.control import Flown, pilots
 from scripts.armax.models import INPUTS, OUTPUTS, Verified, methods, verify

@@ -10,9 +10,9 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from auv_gym.cli.console import table
-from identification.drawing import shown_values, unit_label
+from auv_gym.cli.options.console import table
 from identification.linear.uncertainty import PoleInterval, pole_intervals
+from identification.pages.drawing import shown_values, unit_label
 from scripts.armax.control import LEGS
 from scripts.armax.models import DEPTH, LONGER, N_A, OUTPUTS, PUBLISHED, in_degrees, methods
 from scripts.armax.study import BOTH, TAKEN, TARGETS, Row, Study, published_cell, reached, true_form

@@ -10,13 +10,13 @@ import numpy as np
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from auv_gym.record import Record
-from identification.diagnosis.acceptance import threshold
-from identification.diagnosis.candidates import TOGETHER, Candidate, candidates_of, screen
-from identification.diagnosis.workbench import calm_length
-from identification.likelihood import colour
-from identification.shooting import Shooting
-from identification.windows import free_run_windows, held_out
+from auv_gym.records.record import Record
+from identification.diagnosis.search.acceptance import threshold
+from identification.diagnosis.search.candidates import TOGETHER, Candidate, candidates_of, screen
+from identification.diagnosis.search.workbench import calm_length
+from identification.fit.likelihood import colour
+from identification.fit.shooting import Shooting
+from identification.fit.windows import free_run_windows, held_out
 from scripts.blind.logs import Conditions, effects_of, known, log_of
 from scripts.blind.outside import SIZES, VISIBLE, causes_of, excess, outside_log
 

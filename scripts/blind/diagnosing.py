@@ -15,7 +15,7 @@ from time import perf_counter
 
 from auv_gym.model import Diverged
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from controllers.pid import heading_pid
-from identification.experiment import closed_loop
-from identification.float_experiment import depth_control, oil_mission, summer_lake
-from identification.torpedo_experiment import NOISE, steer
+from identification.experiments.float_dives import depth_control, oil_mission, summer_lake
+from identification.experiments.heading_control import closed_loop
+from identification.experiments.manoeuvres import NOISE, steer
 
 _COMPASS, _TRACK = radians(0.5), 1.0  # rad, m
 _DEPTH = {"float_piston": 0.02, "float_oil": 0.1}  # m; a torpedo's is the first

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from auv_gym.cruise import find_cruise
 from auv_gym.plant import Plant
-from auv_gym.record import Record
-from identification.shooting import Shooting
-from identification.windows import free_run_windows
+from auv_gym.plant.cruise import find_cruise
+from auv_gym.records.record import Record
+from identification.fit.shooting import Shooting
+from identification.fit.windows import free_run_windows
 from scripts.blind import own_float, own_torpedo
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
 from scripts.blind.logs import Conditions, log_of, torpedo_excitation, torpedo_noise

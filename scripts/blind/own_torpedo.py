@@ -12,12 +12,12 @@ from math import cos, sin, tan
 
 import numpy as np
 
-from auv_gym.cruise import command_limits, find_cruise
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.plant.cruise import command_limits, find_cruise
+from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
-from controllers.excited import Excited
-from identification.torpedo_experiment import draw_manoeuvres, steered
+from controllers.composed.excited import Excited
+from identification.experiments.manoeuvres import draw_manoeuvres, steered
 from scripts.blind.disturbances import Around, Slack
 from scripts.blind.own_forces import Hull, cross
 

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
-from identification.diagnosis.candidates import TOGETHER
-from identification.validation import free_runs
-from identification.windows import free_run_windows, held_out
+from auv_gym.records.record import Record
+from identification.diagnosis.search.candidates import TOGETHER
+from identification.fit.validation import free_runs
+from identification.fit.windows import free_run_windows, held_out
 from scripts.blind.diagnosing import REFUSED
 from scripts.blind.sealing import read_truth
 

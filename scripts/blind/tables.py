@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 from scripts.blind.cases import FAMILIES, KINDS
 from scripts.blind.scoring import FAILED
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.model import Model
-from identification.driving import Run
+from identification.experiments.driving import Run
 from scripts.reproduce_s_plane import CASES, Case, fly
 
 COMMANDS = {"u_mps": "propeller_V", "heading_rad": "rudder_rad", "depth_m": "stern_plane_rad"}

@@ -12,11 +12,11 @@ from math import radians
 
 import numpy as np
 
-from auv_gym.cruise import find_helm
 from auv_gym.model import simulate
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
-from identification.excitation import bang_bang
+from auv_gym.plant.cruise import find_helm
+from auv_gym.records.record import Record
+from identification.experiments.excitation import bang_bang
 
 VEHICLE = "heu_torpedo"
 START_DEPTH = 5.0  # m

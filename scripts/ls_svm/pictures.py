@@ -10,9 +10,9 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
-from identification.drawing import STYLE
+from identification.pages.drawing import STYLE
 from scripts.ls_svm.control import CASES, COMMANDS
 from scripts.ls_svm.experiments import MANOEUVRES
 from scripts.ls_svm.study import flights

@@ -10,9 +10,9 @@ import numpy as np
 
 from auv_gym.model import simulate
 from auv_gym.plant import Plant
-from auv_gym.record import Record
-from identification.driving import Run
-from identification.kernel.hull import HullFit, HullLsSvm
+from auv_gym.records.record import Record
+from identification.experiments.driving import Run
+from identification.kernel_machines.hull.hull import HullFit, HullLsSvm
 from scripts.ls_svm.control import CASES, Controlled, compared, steered
 from scripts.ls_svm.experiments import MANOEUVRES, Judgement, bang_bang_runs, circled, judged, vehicle
 from scripts.ls_svm.surrogates import DATA, STEP

@@ -7,14 +7,14 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from auv_gym.model import Diverged, Model, simulate
+from auv_gym.models.spliced import splice
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant
-from auv_gym.record import Record
-from auv_gym.splice import splice
-from identification.greybox import GreyBox
-from identification.kernel.hull import HullLsSvm
-from identification.linear.arx import Arx
-from identification.linear.n4sid import N4sid
+from auv_gym.records.record import Record
+from identification.fit.greybox import GreyBox
+from identification.kernel_machines.hull.hull import HullLsSvm
+from identification.linear.polynomials.arx import Arx
+from identification.linear.subspaces.n4sid import N4sid
 from scripts.ls_svm.experiments import MANOEUVRES, NOISE, Judgement, bang_bang_runs, circled, judged, vehicle
 
 ONE_VOLTAGE, SEVERAL = (4.0,), (3.0, 3.5, 4.0, 4.5, 5.0)  # V

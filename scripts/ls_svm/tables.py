@@ -9,7 +9,7 @@ import numpy as np
 from rich.table import Table
 
 from auv_gym.channels import channel
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 from scripts.ls_svm.control import CASES
 from scripts.ls_svm.experiments import MANOEUVRES
 from scripts.ls_svm.study import AXES, DATA, WAYS, Learned, share_within

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from identification.kernel import fixed_size, regression
-from identification.kernel.fixed_size import FixedSize
-from identification.kernel.machine import KernelMachine
-from identification.kernel.regression import LsSvmRegression
-from identification.kernel.sweep import sweep, sweep_each
-from identification.kernel.tuning import Tuned, anneal, descend, descend_each
+from identification.kernel_machines import fixed_size, regression
+from identification.kernel_machines.fixed_size import FixedSize
+from identification.kernel_machines.machine import KernelMachine
+from identification.kernel_machines.regression import LsSvmRegression
+from identification.kernel_machines.tuning.sweep import sweep, sweep_each
+from identification.kernel_machines.tuning.tuning import Tuned, anneal, descend, descend_each
 from scripts.peers.kernel_runner import Method, main
 
 Learnt = tuple[tuple[KernelMachine, ...], dict[str, Any]]

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.linear import Polynomial
-from auv_gym.record import Record
-from identification.linear.armax import Armax
-from identification.linear.arx import Arx
-from identification.linear.els import Els
-from identification.linear.n4sid import N4sid
-from identification.linear.pbsid import Pbsid
+from auv_gym.models.linear import Polynomial
+from auv_gym.records.record import Record
+from identification.linear.polynomials.armax import Armax
+from identification.linear.polynomials.arx import Arx
+from identification.linear.polynomials.els import Els
+from identification.linear.subspaces.n4sid import N4sid
+from identification.linear.subspaces.pbsid import Pbsid
 from scripts.identification_systems import Signals, truth
 from scripts.peers.runner import Method, main
 

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from auv_gym.model import Model
-from auv_gym.model_files import load_model, save_model
+from auv_gym.models.files import load_model, save_model
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
 from identification.diagnosis import diagnose
-from identification.experiment import closed_loop
-from identification.greybox import GreyBox
-from identification.kernel.hull import HullLsSvm
-from identification.linear.armax import Armax
-from identification.torpedo_experiment import steer
+from identification.experiments.heading_control import closed_loop
+from identification.experiments.manoeuvres import steer
+from identification.fit.greybox import GreyBox
+from identification.kernel_machines.hull.hull import HullLsSvm
+from identification.linear.polynomials.armax import Armax
 from scripts.rl.settings import ARMAX, DIAGNOSED, GREY_BOX, HULL, Setting
 
 CENTRES = 256  # of the learned hull

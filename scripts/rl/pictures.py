@@ -13,7 +13,7 @@ import numpy as np
 from auv_gym.rl import fresh_seeds
 from auv_gym.rl.evaluation import Agent
 from auv_gym.writing import replacing
-from identification.drawing import AFTER, BEFORE, COMMAND, INK, QUIET, STYLE, grid, new_figure, require_render
+from identification.pages.drawing import AFTER, BEFORE, COMMAND, INK, QUIET, STYLE, grid, new_figure, require_render
 from scripts.rl.runs import KEPT, agent_of, true_env
 from scripts.rl.settings import (
     ARMAX,

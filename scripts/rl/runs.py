@@ -12,8 +12,7 @@ import gymnasium
 
 from auv_gym.rl import Policy, Training, evaluate, fresh_seeds, train
 from auv_gym.rl.evaluation import Agent
-from auv_gym.rl.settings import TRUE as ITSELF
-from auv_gym.rl.settings import make_env
+from auv_gym.rl.settings import TRUE as ITSELF, make_env
 from auv_gym.writing import replacing
 from controllers.piloting import pilot_for
 from scripts.rl.models import model_of

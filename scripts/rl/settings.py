@@ -9,7 +9,7 @@ from typing import Any
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
-from identification.torpedo_experiment import NOISE
+from identification.experiments.manoeuvres import NOISE
 
 TRUE, BELIEVED, DIAGNOSED, RANDOMISED = "true", "believed", "diagnosed", "randomised"
 ARMAX, GREY_BOX, HULL = "armax", "grey_box", "ls_svm"

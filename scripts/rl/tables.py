@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from auv_gym.cli.console import table
+from auv_gym.cli.options.console import table
 from auv_gym.writing import replacing
 from scripts.rl.runs import done
 from scripts.rl.settings import BELIEVED, CONTROLLERS, DIAGNOSED, SETTINGS, TRUE, WORDS

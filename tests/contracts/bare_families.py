@@ -17,11 +17,8 @@ from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, in
 from auv_gym.vehicles.body.derived import COMPUTED, N_TERMS, fill_added_mass
 from auv_gym.vehicles.body.dynamics import fill_terms
 from auv_gym.vehicles.family import Family
-from auv_gym.vehicles.glider import GRAVITY
-from auv_gym.vehicles.glider import stable_step as glider_stable_step
-from auv_gym.vehicles.profiling_float import GRAVITY as FLOAT_GRAVITY
-from auv_gym.vehicles.profiling_float import stable_step as float_stable_step
-from auv_gym.vehicles.profiling_float import steady_speed
+from auv_gym.vehicles.glider import GRAVITY, stable_step as glider_stable_step
+from auv_gym.vehicles.profiling_float import GRAVITY as FLOAT_GRAVITY, stable_step as float_stable_step, steady_speed
 
 
 @compiled

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from bare_families import bare
 
-from auv_gym.cruise import find_helm
 from auv_gym.effects import EFFECTS
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.record import Record
+from auv_gym.plant.cruise import find_helm
+from auv_gym.records.record import Record
 from auv_gym.vehicles import FAMILIES
 
 # A heading sensor resolves about a thousandth of a degree, a velocity log some mm/s, a track a centimetre.

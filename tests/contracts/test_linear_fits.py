@@ -6,16 +6,16 @@ import gymnasium
 import numpy as np
 import pytest
 
-from auv_gym.linear import Polynomial, StateSpace
 from auv_gym.model import Model, predict, simulate
-from auv_gym.model_files import load_model, save_model
+from auv_gym.models.files import load_model, save_model
+from auv_gym.models.linear import Polynomial, StateSpace
+from auv_gym.models.spliced import splice
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
-from auv_gym.splice import splice
+from auv_gym.records.record import Record
 from identification.estimator import make_estimator
-from identification.excitation import prbs
+from identification.experiments.excitation import prbs
 from identification.linear.fit import LinearFit, is_linear
-from identification.linear.output_error import OutputError
+from identification.linear.polynomials.output_error import OutputError
 
 # of remus100 at cruise, roughly: what it is does not matter here, but an environment has to be able to step it
 INPUTS, OUTPUTS, DT = ("rudder_rad", "stern_plane_rad"), ("q_radps", "r_radps"), 0.2

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from auv_gym.channels import CHANNELS
-from auv_gym.cruise import find_helm
-from auv_gym.linear import Polynomial, linearise
 from auv_gym.model import Model, predict, simulate
-from auv_gym.narx import Narx
+from auv_gym.models.linear import Polynomial, linearise
+from auv_gym.models.narx import Narx
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.record import Record
+from auv_gym.plant.cruise import find_helm
+from auv_gym.records.record import Record
 
 STEERED = {
     "effects.rudder.lag": 1.0,

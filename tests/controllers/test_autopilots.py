@@ -8,16 +8,16 @@ import gymnasium
 import numpy as np
 import pytest
 
-from auv_gym.cruise import command_ranges, find_cruise
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import list_vehicles, load_vehicle, save_vehicle
+from auv_gym.plant.cruise import command_ranges, find_cruise
 from controllers.autopilots import TARGETS, autopilot, steady_speeds, usual_autopilot
+from controllers.composed.scheduled import Scheduled
 from controllers.controller import Controller
 from controllers.gains import Gains, gains_for, read_gains, write_gains
-from controllers.gpc import Gpc
-from controllers.scheduled import Scheduled
-from controllers.settling import step_response
-from controllers.trial import NOISE, at_rest, fly, level_flight
+from controllers.predictive.gpc import Gpc
+from controllers.trials.settling import step_response
+from controllers.trials.trial import NOISE, at_rest, level_flight, run_trial
 
 DEEP = 50.0  # m, where torpedoes start
 FILES = {"tethys": Path(__file__).parents[2] / "examples" / "vehicles" / "tethys.toml"}  # gains of vehicles in files
@@ -51,7 +51,7 @@ def torpedo_run(plant, kind="pid", side=1.0, noise=NOISE, on=None):
     controller, start = autopilot(plant, kind), level_flight(on, DEEP)
     deeper, aside, slower = DEEP + 3.0 * plant.hull.length, side * radians(50.0), 0.85 * cruise.speed
     runs = [
-        fly(on, controller, targets, duration, start=start, rng=np.random.default_rng(5), noise=noise)
+        run_trial(on, controller, targets, duration, start=start, rng=np.random.default_rng(5), noise=noise)
         for targets in (
             {"depth_m": [(0.0, deeper)], "heading_rad": [(0.0, aside)], "u_mps": [(0.0, cruise.speed)]},
             {"depth_m": [(0.0, DEEP)], "heading_rad": [(0.0, 0.0)], "u_mps": [(0.0, slower)]},
@@ -116,7 +116,7 @@ def test_gliders_and_floats_settle_with_noise(vehicle, dt):
     name = TARGETS[plant.family.kind][0]
     first, target, limit = OTHERS[vehicle]
     rng = np.random.default_rng(3)
-    run = fly(
+    run = run_trial(
         plant, autopilot(plant), {name: [(0.0, target)]}, 4.0 * limit, start=at_rest(plant, {name: first}), rng=rng
     )
     size = abs(target - first)
@@ -140,7 +140,7 @@ def test_the_pitch_limit_of_a_campaign_and_the_bow_planes():
     plant = load_vehicle("npsauv", dt=4.0)
     start = level_flight(plant, DEEP)
     controller = autopilot(plant, targets=("depth_m",), pitch_limit=radians(5.0))
-    run = fly(plant, controller, {"depth_m": [(0.0, DEEP + 8.0)]}, 400.0, start=start)
+    run = run_trial(plant, controller, {"depth_m": [(0.0, DEEP + 8.0)]}, 400.0, start=start)
     assert radians(-6.0) < run["pitch_rad"].min() < radians(-4.0)
     assert run["depth_m"][-1] == pytest.approx(DEEP + 8.0, abs=0.2)
     share = gains_for("npsauv", 4.0).bow_share
@@ -162,7 +162,9 @@ def test_targets_choose_the_loops():
 
 def test_a_float_with_an_unknown_trim_comes_to_its_depth():
     plant = replace_at(load_vehicle("mermaid"), "effects.volume.offset", 2e-5)
-    run = fly(plant, autopilot(plant), {"depth_m": [(0.0, 300.0)]}, 40_000.0, start=at_rest(plant, {"depth_m": 200.0}))
+    run = run_trial(
+        plant, autopilot(plant), {"depth_m": [(0.0, 300.0)]}, 40_000.0, start=at_rest(plant, {"depth_m": 200.0})
+    )
     assert run["depth_m"][-1] == pytest.approx(300.0, abs=1.0)
     assert np.abs(run["oil_volume_m3"]).max() <= 2e-4
 

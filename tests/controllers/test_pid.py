@@ -3,8 +3,7 @@ from math import inf, nan, pi, radians
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle

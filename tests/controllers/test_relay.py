@@ -4,7 +4,7 @@ from math import pi, radians
 import numpy as np
 import pytest
 
-from controllers.loops import Joint
+from controllers.composed.loops import Joint
 from controllers.pid import Pid
 from controllers.relay import Relay, zigzag
 from scripts import manoeuvres

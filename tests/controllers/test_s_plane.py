@@ -1,8 +1,7 @@
 from math import exp, inf, nan, pi
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from controllers.controller import Controller
 from controllers.s_plane import SPlane

@@ -8,11 +8,11 @@ import pytest
 from env_runs import InPython, check_goes_on, check_plain_python_agrees, memory_growth
 
 import auv_gym.envs  # noqa: F401  (registers)
-from auv_gym.engine import OIL, PUMP, find_engine
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import load_vehicle, save_vehicle
-from auv_gym.record import Record
+from auv_gym.plant.float_engine import OIL, PUMP, find_engine
+from auv_gym.records.record import Record
 from controllers.pid import float_depth_pid
 
 PRESETS = ("qiandao_float", "mermaid")

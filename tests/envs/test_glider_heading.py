@@ -7,8 +7,8 @@ import pytest
 
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.envs.glider_heading import GliderHeading
-from auv_gym.linear import StateSpace
-from auv_gym.model_files import save_model
+from auv_gym.models.files import save_model
+from auv_gym.models.linear import StateSpace
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import load_vehicle, save_vehicle
 from auv_gym.vehicles.glider import yaw_rates

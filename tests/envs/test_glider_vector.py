@@ -6,7 +6,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import auv_gym.envs  # noqa: F401  (registers)
-from auv_gym.linear import StateSpace
+from auv_gym.models.linear import StateSpace
 from auv_gym.plant import load_vehicle
 from tests.envs.test_glider_heading import Turner
 

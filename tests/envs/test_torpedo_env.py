@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from env_runs import InPython, check_goes_on, check_plain_python_agrees, go, memory_growth
 
-from auv_gym.cruise import find_cruise, find_helm
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.tasks import TASKS
+from auv_gym.models.spliced import splice
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import load_vehicle, save_vehicle
-from auv_gym.splice import splice
+from auv_gym.plant.cruise import find_cruise, find_helm
 
 TORPEDO = [name for name, task in TASKS.items() if task.kind == "body"]
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
@@ -57,7 +57,7 @@ def test_a_vehicle_that_cannot_fly_level_is_refused():
 def test_the_regulator_is_the_one_of_the_riccati_equation():
     from scipy.linalg import solve_discrete_are
 
-    from auv_gym.cruise import _linear_quadratic_gains
+    from auv_gym.plant.cruise import _linear_quadratic_gains
 
     a = np.array([[0.9, 0.1, 0.0], [-0.05, 0.8, 0.02], [0.0, 0.1, 1.0]])
     b, weights = np.array([0.02, 0.3, 0.015]), np.array([0.0, 0.1, 3.0])

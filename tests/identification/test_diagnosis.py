@@ -12,13 +12,13 @@ from scipy.signal import lfilter
 from auv_gym.model import simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.reading import read_record
-from auv_gym.record import Record
+from auv_gym.records.reading import read_record
+from auv_gym.records.record import Record
 from identification.diagnosis import as_json, diagnose, write_diagnosis
-from identification.diagnosis.acceptance import threshold
-from identification.diagnosis.candidates import candidates_of
-from identification.excitation import prbs
-from identification.experiment import closed_loop
+from identification.diagnosis.search.acceptance import threshold
+from identification.diagnosis.search.candidates import candidates_of
+from identification.experiments.excitation import prbs
+from identification.experiments.heading_control import closed_loop
 from scripts import readme_figure
 from scripts.blind_logs import CLEAN, effects_of, one, study
 from tests.identification.gliders import QUICK

@@ -8,8 +8,8 @@ import pytest
 from auv_gym.plant import load_vehicle
 from identification import estimator
 from identification.estimator import Method, list_methods, make_estimator, parse_settings, summary
-from identification.greybox import GreyBox
-from identification.linear.arx import Arx
+from identification.fit.greybox import GreyBox
+from identification.linear.polynomials.arx import Arx
 from identification.recursive.rwls import Rwls
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 

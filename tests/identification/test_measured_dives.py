@@ -2,9 +2,9 @@
 
 import pytest
 
-from auv_gym.density import read_profiles, with_density
 from auv_gym.plant import load_vehicle
-from auv_gym.reading import read_record
+from auv_gym.records.density import read_profiles, with_density
+from auv_gym.records.reading import read_record
 from identification.diagnosis import diagnose
 
 COMPRESSIBILITY, GRADIENT = "effects.volume.compressibility", "effects.water.gradient"

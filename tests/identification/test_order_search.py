@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from auv_gym.record import Record
-from identification.identify import split
-from identification.linear.orders import search_orders
+from auv_gym.records.record import Record
+from identification.identified import split
+from identification.linear.polynomials.orders import search_orders
 from identification.order_search import order_table, parse_ranges, remarks, search_apart
 
 INPUTS, OUTPUTS = ["stern_plane_rad"], ["q_radps", "w_mps"]

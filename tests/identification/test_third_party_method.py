@@ -8,8 +8,8 @@ import textwrap
 import numpy as np
 import pytest
 
-from auv_gym.linear import Polynomial
-from auv_gym.model_files import load_model, model_header
+from auv_gym.models.files import load_model, model_header
+from auv_gym.models.linear import Polynomial
 from tests.identification.linear.known_systems import record_of
 
 PACKAGE = '''
@@ -20,7 +20,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_gym.linear import Polynomial
+from auv_gym.models.linear import Polynomial
 from identification.estimate import Estimate
 from identification.estimator import Method
 
@@ -54,7 +54,7 @@ import sys
 from pathlib import Path
 
 from auv_gym.cli import main
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.estimator import list_methods, make_estimator
 
 folder = Path(sys.argv[1])

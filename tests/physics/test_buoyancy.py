@@ -1,8 +1,7 @@
 """Trapped air and the volume above the water."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from auv_gym.physics.buoyancy import ATMOSPHERE, GRAVITY, air_volume, exposed_volume
 

@@ -2,8 +2,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from auv_gym.rendering import Scene, Target
 from auv_gym.rendering.depth import _depths

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot
 
-from auv_gym.rendering import Window
-from auv_gym.rendering import window as window_module
+from auv_gym.rendering import Window, window as window_module
 
 PICTURE = np.full((60, 96, 3), 200, np.uint8)
 

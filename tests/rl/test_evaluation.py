@@ -8,7 +8,7 @@ from auv_gym.rl import Policy, Summary, evaluate, fresh_seeds, returns
 from auv_gym.rl.pictures import draw_episode
 from auv_gym.rl.policy import Scaling
 from controllers.piloting import pilot_for
-from identification.driving import drive
+from identification.experiments.driving import drive
 
 NAME = "auv_gym/GliderHeading-v0"
 

@@ -11,8 +11,8 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from auv_gym.linear import StateSpace
-from auv_gym.model_files import load_model, save_model
+from auv_gym.models.files import load_model, save_model
+from auv_gym.models.linear import StateSpace
 from auv_gym.plant import load_vehicle
 from auv_gym.rl import Policy, Training, evaluate, fresh_seeds, train
 from auv_gym.rl.agents import make_agent, make_many, network_of

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from auv_gym.model import simulate
-from scripts import benchmark, benchmark_identification
-from scripts import identification_systems as systems
+from scripts import benchmark, benchmark_identification, identification_systems as systems
 from scripts.peers import environments, run_ours, runner
 
 

@@ -7,10 +7,10 @@ import pytest
 
 from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from controllers.pid import heading_pid
-from identification.experiment import closed_loop
-from identification.float_experiment import depth_control, oil_mission
+from identification.experiments.float_dives import depth_control, oil_mission
+from identification.experiments.heading_control import closed_loop
 from scripts.blind.cases import KINDS, PERIOD_OF, Undrawn, detectable_sizes, draw, sketch
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped

@@ -6,7 +6,7 @@ import pytest
 
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from scripts.blind_logs import CLEAN, HIDDEN, VEHICLES, effects_of, judge, main, study, write_log
 
 

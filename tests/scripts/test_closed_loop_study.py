@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from auv_gym.model import predict
-from identification.linear.long_predictor import LongPredictor
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
+from identification.linear.subspaces.long_predictor import LongPredictor
 from scripts.closed_loop_study import (
     EXCITATION,
     NOISE,

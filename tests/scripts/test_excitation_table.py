@@ -9,9 +9,9 @@ import pytest
 
 from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
-from identification.excitation import make_signal
-from identification.multisine import crest_factor
+from auv_gym.records.record import Record
+from identification.experiments.excitation import make_signal
+from identification.experiments.multisine import crest_factor
 from scripts.excitation_table import (
     DT,
     PLANES,

@@ -8,7 +8,7 @@ import pytest
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle, save_vehicle
 from identification.diagnosis import as_json, diagnose
-from identification.experiment import closed_loop
+from identification.experiments.heading_control import closed_loop
 from scripts.frozen_verdicts import brief, changes_of, main
 
 BEFORE = {

@@ -7,7 +7,7 @@ import pytest
 
 from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from scripts.identified_rollouts import METHODS, SCENES, UNKNOWN, Outcome, as_json, attempt, draw, main, off, study
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from scripts.manoeuvres import (
     DEPTH_STEP,
     approach,

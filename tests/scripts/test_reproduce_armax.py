@@ -8,8 +8,8 @@ from math import radians
 import numpy as np
 import pytest
 
-from auv_gym.linear import Polynomial
-from auv_gym.record import Record
+from auv_gym.models.linear import Polynomial
+from auv_gym.records.record import Record
 from identification.estimate import Estimate
 from scripts.armax import control, models
 from scripts.armax.models import DEPTH, PITCH, Verified

@@ -6,10 +6,10 @@ from math import inf, radians
 import numpy as np
 import pytest
 
-from auv_gym.linear import linearise
 from auv_gym.model import simulate
+from auv_gym.models.linear import linearise
 from auv_gym.plant import load_vehicle
-from identification.linear.n4sid import N4sid
+from identification.linear.subspaces.n4sid import N4sid
 from scripts.reproduce_glider_heading import ANALYTIC, CORRECTED, steady_turn
 from scripts.reproduce_glider_n4sid import (
     ALL,

@@ -3,7 +3,7 @@
 import json
 
 from auv_gym.plant import load_vehicle
-from identification.diagnosis.slips import slips_of
+from identification.diagnosis.log.slips import slips_of
 from scripts.slip_study import Attempt, attempt, log_of, main
 
 MIRRORED = "rudder"

@@ -4,14 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from auv_gym.model import simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.vehicles.glider import GRAVITY, derivative, yaw_inertia, yaw_rates
 
 INPUTS = ("rudder_rad", "bow_thruster_N", "stern_thruster_N", "u_mps", "w_mps", "q_radps", "pitch_rad", "roll_rad")

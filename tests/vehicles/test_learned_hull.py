@@ -9,10 +9,10 @@ from auv_gym.compiled import compiled
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.vector_env import TaskVectorEnv
 from auv_gym.model import simulate
-from auv_gym.model_files import load_model, save_model
+from auv_gym.models.files import load_model, save_model
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle, save_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.vehicles.body.dynamics import enter
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 

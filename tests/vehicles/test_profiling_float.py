@@ -8,12 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle, save_vehicle
-from auv_gym.record import Record, concat
+from auv_gym.records.record import Record, concat
 from auv_gym.vehicles.profiling_float import FLOAT_PISTON, FloatParameters, steady_speed
 
 FOLDER = Path(__file__).parents[2] / "auv_gym" / "vehicles" / "presets"

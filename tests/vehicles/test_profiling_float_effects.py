@@ -6,13 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.physics.buoyancy import ATMOSPHERE
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.vehicles.profiling_float import FLOAT_PISTON, FloatParameters
 
 GRAVITY = 9.81

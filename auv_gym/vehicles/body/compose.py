@@ -8,8 +8,7 @@ and cached by the counts: two vehicles with as many parts of the same kinds shar
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, make_dataclass
-from dataclasses import fields as dataclass_fields
+from dataclasses import dataclass, fields as dataclass_fields, make_dataclass
 from functools import lru_cache
 from itertools import groupby
 from typing import Any
@@ -20,8 +19,7 @@ from auv_gym.channels import declare_input
 from auv_gym.compiled import bind, view_as
 from auv_gym.effects import BodyEffects
 from auv_gym.param import list_paths, pack, part, record_type
-from auv_gym.vehicles.body import blocks, dynamics, sums
-from auv_gym.vehicles.body import derived as derived_numbers
+from auv_gym.vehicles.body import blocks, derived as derived_numbers, dynamics, sums
 from auv_gym.vehicles.body.hull import Hull
 from auv_gym.vehicles.body.kinds import Command, PartKind, part_kind
 from auv_gym.vehicles.body.sensors import SENSORS, output, sense, settle_sensors

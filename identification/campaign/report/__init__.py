@@ -9,11 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing
+from identification.campaign.file.plan import plan
+from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import read_fits
 from identification.campaign.index import Row, read_index
-from identification.campaign.plan import plan
 from identification.campaign.report.experiment import (
     experiment_drawings,
     experiment_heading,
@@ -29,9 +30,8 @@ from identification.campaign.report.runs import runs_heading, runs_table
 from identification.campaign.report.setup import setup
 from identification.campaign.report.wording import cell_of, counted, duration, left_out, median
 from identification.campaign.rollouts import read_rollouts
-from identification.campaign.settings import Campaign
-from identification.drawing import require_render
-from identification.page import page, percent
+from identification.pages.drawing import require_render
+from identification.pages.page import page, percent
 
 MOST_MODELS = 6  # with parameters
 GLOSSARY = {

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from auv_gym.channels import set_point_of
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.campaign.index import Row
 from identification.campaign.report.wording import cell_of
-from identification.shown import outputs_of
+from identification.pages.drawn_channels import outputs_of
 
 DETAILED = 3  # runs shown one by one
 

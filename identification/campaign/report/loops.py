@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from auv_gym.channels import channel
-from identification.campaign import figures
 from identification.campaign.fits import VEHICLE
 from identification.campaign.index import Row
+from identification.campaign.report import figures
 from identification.campaign.report.focus import featured
 from identification.campaign.report.wording import cell_of, counted, median, percents, ranged, run_of, spread
 from identification.campaign.rollouts import load_rollout
-from identification.figures_models import rollout_figure
-from identification.page import Drawing, Table, drawn, listed
-from identification.shown import outputs_of
+from identification.pages.drawn_channels import outputs_of
+from identification.pages.model_figures import rollout_figure
+from identification.pages.page import Drawing, Table, drawn, listed
 
 MOST_MODELS = 6  # lines in one figure
 MOST_LINES = 60  # of the table, beyond which cells of the grid are taken together

@@ -11,7 +11,7 @@ import numpy as np
 from auv_gym.channels import channel
 from identification.campaign.fits import VEHICLE
 from identification.campaign.report.wording import counted, left_out, median, percents, ranged, spread, value_of
-from identification.page import Table, amount, listed, number, percent, span
+from identification.pages.page import Table, amount, listed, number, percent, span
 
 MOST_PARAMETERS = 40  # in one table
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from auv_gym.channels import channel
 from identification.campaign.report.wording import spread
-from identification.figures_models import residual_drawings
-from identification.judging import is_white, strongest_tie
-from identification.page import Table, chance, number
+from identification.compare.model_tests import is_white, strongest_tie
+from identification.pages.model_figures import residual_drawings
+from identification.pages.page import Table, chance, number
 
 MOST_MODELS = 6  # lines in one figure
 _TEXT = (

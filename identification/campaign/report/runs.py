@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.campaign.index import Row
 from identification.campaign.report.wording import cell_of, duration, left_out
-from identification.page import Table
+from identification.pages.page import Table
 
 MOST_ROWS = 300
 

@@ -10,12 +10,12 @@ from typing import Any
 from auv_gym.channels import channel
 from auv_gym.param import spec_at
 from auv_gym.plant import Plant
-from auv_gym.record import Record
+from auv_gym.records.record import Record
+from identification.campaign.file.settings import EnvExperiment, RunSettings
 from identification.campaign.index import Row
 from identification.campaign.report.wording import counted, value_of
-from identification.campaign.settings import EnvExperiment, RunSettings
-from identification.campaign.staging import make_vehicle
-from identification.page import amount, span
+from identification.campaign.running.staging import make_vehicle
+from identification.pages.page import amount, span
 
 _STEPS = 8  # of a set point
 _OF_CHANNEL = "channel's"  # unit of a sensor's error, which is that of what it measures

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from identification.campaign.index import Row
-from identification.drawing import shown_values, unit_label
-from identification.page import number, percent
+from identification.pages.drawing import shown_values, unit_label
+from identification.pages.page import number, percent
 
 
 def cell_of(cell: Mapping[str, Any]) -> str:

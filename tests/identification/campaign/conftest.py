@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from identification.campaign.conduct import conduct
+from identification.campaign.file.reading import read_campaign
+from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import fit_models
-from identification.campaign.reading import read_campaign
 from identification.campaign.rollouts import compare_rollouts
-from identification.campaign.settings import Campaign
+from identification.campaign.running.conduct import conduct
 
 STUDY = """
 name = "study"

@@ -9,14 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auv_gym.record import Record
-from identification import page as pages
-from identification.campaign import figures
+from auv_gym.records.record import Record
 from identification.campaign.index import read_index, write_index
-from identification.campaign.report import write_report
+from identification.campaign.report import figures, write_report
 from identification.campaign.report.focus import featured
-from identification.page import percent
-from identification.shown import asked_of
+from identification.pages import page as pages
+from identification.pages.drawn_channels import asked_of
+from identification.pages.page import percent
 from tests.identification.outline import Outline
 
 pytest.importorskip("matplotlib", reason="the extra `render` is not installed")

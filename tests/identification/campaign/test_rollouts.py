@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.campaign import rollouts as rolling
 from identification.campaign.fits import VEHICLE
 from identification.campaign.index import read_index

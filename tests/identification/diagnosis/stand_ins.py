@@ -10,11 +10,11 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant, load_vehicle
-from identification.diagnosis.attribution import Round
-from identification.diagnosis.candidates import Candidate, Screening
-from identification.diagnosis.trials import Trial
-from identification.diagnosis.workbench import State
-from identification.shooting import Point
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Candidate, Screening
+from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.workbench import State
+from identification.fit.shooting import Point
 
 PLANT = load_vehicle("slocum")
 NOWHERE = Point(np.zeros(0), np.zeros((1, 0)), np.zeros((1, 1)), 0.0)

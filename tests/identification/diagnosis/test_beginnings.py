@@ -3,7 +3,7 @@
 import numpy as np
 
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.diagnosis import diagnose
 
 

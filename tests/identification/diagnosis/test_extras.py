@@ -9,11 +9,11 @@ import pytest
 from auv_gym.cli import main
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.reading import read_record
-from identification import figures
+from auv_gym.records.reading import read_record
 from identification.diagnosis import diagnose, write_diagnosis
 from identification.diagnosis.extras import Extras
-from identification.experiment import closed_loop
+from identification.experiments.heading_control import closed_loop
+from identification.pages import diagnosis_figures as figures
 from tests.identification.outline import Outline
 
 diagnosing = importlib.import_module("identification.diagnosis.diagnose")
@@ -74,7 +74,7 @@ def test_without_a_page_the_other_files_are_there_and_an_old_page_is_not(log, tm
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     result = diagnose(log, load_vehicle("slocum"))
     (tmp_path / "report.html").write_text("of an earlier diagnosis")
-    monkeypatch.setattr("identification.report._facts", broken)
+    monkeypatch.setattr("identification.pages.diagnosis_page._facts", broken)
     paths = write_diagnosis(result, tmp_path)
     assert set(paths) == {"diagnosis.json", "vehicle.toml"}
     assert {p.name for p in tmp_path.iterdir()} == set(paths)

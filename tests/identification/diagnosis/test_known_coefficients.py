@@ -9,8 +9,8 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import again, diagnose, write_diagnosis
-from identification.experiment import closed_loop
-from identification.shooting import REACH, Shooting
+from identification.experiments.heading_control import closed_loop
+from identification.fit.shooting import REACH, Shooting
 
 BARE = replace(load_vehicle("slocum"), deviations={})
 

@@ -7,9 +7,9 @@ import pytest
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
-from identification.missions import fly
+from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
 
 
@@ -18,7 +18,7 @@ def torpedo_log(seed: int, vehicle: str = "vt690", wrong: float = 0.0, duration:
     given, rng = load_vehicle(vehicle), np.random.default_rng(seed)
     values = {p: value_at(given, p) * (1.0 + wrong * rng.choice([-1, 1])) for p in given.family.coefficients}
     true = replace_at(given, values | {f"effects.{path.replace('__', '.')}": v for path, v in effects.items()})
-    return given, fly(true, np.random.default_rng(seed), duration=duration)
+    return given, run_mission(true, np.random.default_rng(seed), duration=duration)
 
 
 def names(diagnosis) -> set[str]:
@@ -52,7 +52,7 @@ def test_coefficients_that_were_wrong_are_a_finding_of_their_own():
 
 
 def test_a_mirrored_rudder_is_said_plainly_and_nothing_is_named():
-    record = fly(load_vehicle("slocum"), np.random.default_rng(1), duration=900.0)
+    record = run_mission(load_vehicle("slocum"), np.random.default_rng(1), duration=900.0)
     mirrored = record.with_channels({"rudder_rad": -record["rudder_rad"]})
     found = diagnose(mirrored, load_vehicle("slocum"))
     assert found.verdict == "doubted"
@@ -66,7 +66,7 @@ def test_a_mirrored_rudder_is_said_plainly_and_nothing_is_named():
 def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat():
     given = QUICK
     true = replace_at(given, "effects.discovered.yaw.sin_2heading", 0.02)
-    record = fly(true, np.random.default_rng(2), duration=2400.0)
+    record = run_mission(true, np.random.default_rng(2), duration=2400.0)
     found = diagnose(record, given)
     assert found.unexplained
     assert found.discovery is not None
@@ -87,7 +87,7 @@ def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat():
 def test_coefficients_without_a_doubt_stay_as_given():
     given = load_vehicle("slocum")
     true = replace_at(given, {"effects.rudder.deadband": 0.06, "hull.n_r": 1.05 * given.hull.n_r})
-    found = diagnose(fly(true, np.random.default_rng(2), duration=900.0), given, doubt=0.0)
+    found = diagnose(run_mission(true, np.random.default_rng(2), duration=900.0), given, doubt=0.0)
     assert "effects.rudder.deadband" in names(found)
     assert found.after.plant.hull == given.hull
     assert not found.coefficients
@@ -95,7 +95,7 @@ def test_coefficients_without_a_doubt_stay_as_given():
 
 def test_the_file_is_enough_to_repeat_a_diagnosis(tmp_path):
     true = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05)
-    record = fly(true, np.random.default_rng(1), duration=600.0)
+    record = run_mission(true, np.random.default_rng(1), duration=600.0)
     found = diagnose(record, load_vehicle("slocum"), window=100.0, seed=3)
     file = write_diagnosis(found, tmp_path)["diagnosis.json"]
     told = json.loads(file.read_text())

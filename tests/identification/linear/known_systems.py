@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from auv_gym.linear import Polynomial
-from auv_gym.record import Record
-from identification.excitation import prbs
+from auv_gym.models.linear import Polynomial
+from auv_gym.records.record import Record
+from identification.experiments.excitation import prbs
 
 INPUTS, OUTPUTS = ("bow_plane_rad", "stern_plane_rad"), ("depth_m", "pitch_rad")
 # the form of paper 1: depth of third order with an integrator, pitch of second order, two inputs

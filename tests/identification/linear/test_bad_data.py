@@ -6,9 +6,9 @@ import warnings
 import numpy as np
 import pytest
 
-from auv_gym.linear import Polynomial
 from auv_gym.model import simulate
-from auv_gym.record import Record
+from auv_gym.models.linear import Polynomial
+from auv_gym.records.record import Record
 from identification.estimator import make_estimator
 from identification.linear.fit import is_linear
 from tests.identification.linear.known_systems import record_of

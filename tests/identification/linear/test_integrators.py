@@ -2,17 +2,6 @@
 
 import numpy as np
 import pytest
-
-from identification.comparison import compare_open
-from identification.estimator import notes_of
-from identification.identify import identify
-from identification.linear import refinement
-from identification.linear.n4sid import N4sid
-from identification.linear.pbsid import Pbsid
-from identification.linear.refinement import candidate, local_directions, slopes_of
-from identification.linear.regressors import Series
-from identification.linear.scaled import Scaled
-from identification.linear.uncertainty import pole_intervals
 from tests.identification.linear.test_long_predictor import (
     CHANNELS,
     SLOW,
@@ -22,6 +11,17 @@ from tests.identification.linear.test_long_predictor import (
     both,
     driven,
 )
+
+from identification.compare.comparison import compare_open
+from identification.estimator import notes_of
+from identification.identified import identify
+from identification.linear.regressors import Series
+from identification.linear.scaled import Scaled
+from identification.linear.subspaces import refinement
+from identification.linear.subspaces.n4sid import N4sid
+from identification.linear.subspaces.pbsid import Pbsid
+from identification.linear.subspaces.refinement import candidate, local_directions, slopes_of
+from identification.linear.uncertainty import pole_intervals
 
 METHODS = pytest.mark.parametrize("method", [N4sid, Pbsid])
 DRIFT = 0.03  # rad a sample, a fifth of what an input does

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy import signal, stats
 
-from auv_gym.linear import Polynomial, StateSpace
-from auv_gym.record import Record
-from identification.excitation import prbs
-from identification.linear.arx import Arx
+from auv_gym.models.linear import Polynomial, StateSpace
+from auv_gym.records.record import Record
+from identification.experiments.excitation import prbs
 from identification.linear.fit import Known, has_errors, is_linear
+from identification.linear.polynomials.arx import Arx
 from identification.linear.uncertainty import pole_intervals, response_band, simulated_band, zeros
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 

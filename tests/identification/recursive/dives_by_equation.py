@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.recursive.diving_model import DivingModel
 
 NEUTRAL = 0.55  # m

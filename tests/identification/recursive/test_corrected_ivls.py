@@ -6,9 +6,9 @@ from dives_by_equation import THETA, TRUTH, dive_log
 
 from auv_gym.model import simulate
 from auv_gym.plant import load_vehicle
-from auv_gym.record import Record
-from identification.float_experiment import depth_control
-from identification.kernel.ls_svm import LsSvm
+from auv_gym.records.record import Record
+from identification.experiments.float_dives import depth_control
+from identification.kernel_machines.ls_svm import LsSvm
 from identification.recursive.corrected_ivls import CorrectedIvls
 from identification.recursive.rwls import Rwls
 

@@ -5,12 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from dives_by_equation import NEUTRAL, TRUTH, dive_log
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.integrate import solve_ivp
 
 from auv_gym.model import Diverged, Model, predict, simulate
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.recursive.diving_model import DivingModel, dive, regress, regressors, settled_starts
 from identification.recursive.samples import Samples
 

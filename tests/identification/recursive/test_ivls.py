@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from dives_by_equation import THETA, dive_log
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.recursive.ivls import Ivls
 
 

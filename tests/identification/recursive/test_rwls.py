@@ -5,7 +5,7 @@ import pytest
 from dives_by_equation import THETA, TRUTH, dive_log
 from scipy.linalg import lstsq
 
-from auv_gym.record import Record
+from auv_gym.records.record import Record
 from identification.recursive.diving_model import PARAMETERS, regressors
 from identification.recursive.rwls import Rwls
 from identification.recursive.samples import Samples

@@ -7,12 +7,12 @@ import gymnasium
 import numpy as np
 import pytest
 
-from auv_gym.cruise import command_ranges, find_cruise
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from auv_gym.plant.cruise import command_ranges, find_cruise
 from identification.diagnosis import diagnose
-from identification.greybox import GreyBox
-from identification.missions import fly
+from identification.experiments.missions import run_mission
+from identification.fit.greybox import GreyBox
 
 FILE = Path(__file__).parents[3] / "examples" / "vehicles" / "tethys.toml"
 BIAS = 6e-5  # m^3
@@ -21,7 +21,7 @@ BIAS = 6e-5  # m^3
 @pytest.fixture(scope="module")
 def log():
     """A log of ten minutes under its autopilot, with a ballast bias that the believed vehicle does not have."""
-    return fly(replace_at(load_vehicle(FILE), "effects.ballast.offset", BIAS), np.random.default_rng(20261122))
+    return run_mission(replace_at(load_vehicle(FILE), "effects.ballast.offset", BIAS), np.random.default_rng(20261122))
 
 
 def test_it_trims_at_the_speed_at_which_thrust_and_drag_balance():
@@ -89,7 +89,7 @@ def test_its_ballast_is_an_action_over_its_range():
 
 def test_the_grey_box_finds_its_coefficients_again():
     true = load_vehicle(FILE)
-    record = fly(true, np.random.default_rng(8), duration=300.0)
+    record = run_mission(true, np.random.default_rng(8), duration=300.0)
     paths = ("parts.rudder.lift_slope", "parts.stern_plane.lift_slope", "hull.surge.u_u")
     off = replace_at(true, dict(zip(paths, (3.2, 5.0, -8.0), strict=True)))
     fit = GreyBox(off, free=paths, window=20.0).fit(record)
@@ -114,7 +114,7 @@ def test_an_undeclared_ballast_bias_is_found_in_its_log(log):
 @pytest.mark.slow
 def test_a_clean_log_of_it_needs_nothing():
     plant = load_vehicle(FILE)
-    assert diagnose(fly(plant, np.random.default_rng(5)), plant).verdict in ("none", "coefficients")
+    assert diagnose(run_mission(plant, np.random.default_rng(5)), plant).verdict in ("none", "coefficients")
 
 
 def test_the_step_may_be_halved():

@@ -1,0 +1,81 @@
+"""The search of orders before a fit, as options of a command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from auv_gym.cli.options.numbers import number
+
+if TYPE_CHECKING:
+    from auv_gym.records.record import Record
+    from identification.linear.polynomials.orders import OrderSearch
+
+Search = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--search",
+        metavar="KEY=FROM:TO",
+        help="Orders to try, n_a, n_b, n_c or delay, such as n_a=1:6 or delay=1,3; may be repeated. Each output is "
+        "searched by itself, on the data that are fitted: what judges the model takes no part.",
+    ),
+]
+Choose = Annotated[
+    str | None,
+    typer.Option(
+        metavar="CRITERION",
+        help="Of the orders tried, take those of mdl (the default), aic, bic, held_out (free runs over the last third "
+        "of the data that are fitted) or parsimony (the fewest parameters that lose little against mdl).",
+    ),
+]
+Tolerance = Annotated[
+    float | None,
+    number("How much larger the mean square one-step error may be for parsimony, as a share; default 0.5.", 0, 1e9),
+]
+
+
+def check(search: Sequence[str] | None, choose: str | None, tolerance: float | None) -> dict[str, tuple[int, ...]]:
+    """The ranges to try; raises where these options do not go together."""
+    from identification.linear.polynomials.orders import check_criterion
+    from identification.order_search import parse_ranges
+
+    for name, value in (("--choose", choose), ("--tolerance", tolerance)):
+        if value is not None and not search:
+            raise ValueError(f"{name} chooses among orders that are tried: give --search, such as --search n_a=1:6.")
+    if choose is not None:
+        check_criterion(choose)
+    if tolerance is not None and choose != "parsimony":
+        raise ValueError("--tolerance is that of parsimony: give --choose parsimony, or leave it out.")
+    return parse_ranges(search or [])
+
+
+def searched(
+    method: str,
+    records: Sequence[Record],
+    validate: Sequence[Record],
+    inputs: Sequence[str] | None,
+    outputs: Sequence[str] | None,
+    ranges: Mapping[str, Sequence[int]],
+    settings: Mapping[str, Any],
+    choose: str | None,
+    tolerance: float | None,
+    progress: Callable[[float, str], Any],
+) -> OrderSearch:
+    """The search that the options ask for."""
+    from identification.linear.polynomials.orders import TOLERANCE
+    from identification.order_search import search_apart
+
+    return search_apart(
+        method,
+        records,
+        validate,
+        inputs,
+        outputs,
+        ranges,
+        settings=settings,
+        criterion=choose or "mdl",
+        tolerance=TOLERANCE if tolerance is None else tolerance,
+        progress=progress,
+    )

@@ -1,0 +1,156 @@
+"""The linear form of a vehicle about steady motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from auv_gym.models.linear.state_space import StateSpace
+from auv_gym.param import did_you_mean
+from auv_gym.plant import Plant, without_effects
+from auv_gym.plant.cruise import command_limits, find_cruise, find_helm
+from auv_gym.plant.float_engine import find_engine
+
+_VERTICAL = ("w_mps", "q_radps", "pitch_rad", "depth_m")
+_HORIZONTAL = ("v_mps", "r_radps", "heading_rad")
+_PLANES = {"yaw": _HORIZONTAL, "pitch": _VERTICAL, "surge": ("u_mps",)}
+_SMALL = 1e-5  # of a difference quotient: rounding and curvature both stay below 1e-9
+_DEEP = 100.0  # m, where a float is far from the surface
+_NEAR_REST = 0.1  # of a float's fastest speed: a drag with the square of the speed has no slope at rest
+
+
+def linearise(
+    plant: Plant,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    *,
+    states: Sequence[str] | None = None,
+    dt: float | None = None,
+    at: tuple[np.ndarray, np.ndarray] | None = None,
+) -> StateSpace:
+    """The linear form of a vehicle without its effects, exact over samples of dt for small changes.
+
+    inputs: default a torpedo's planes, a glider's rudder, a float's engine.  states: the family's; default those that
+    the inputs move in their plane; all others are held.  outputs: default the states that the vehicle measures.
+    dt: s, default the plant's.  at: the family's states and inputs to linearise about; default a torpedo's cruise, a
+    glider straight ahead, a float at rest and deep, whose drag is that of a tenth of its fastest speed.
+    States are changes from there; actuators with a lag add theirs.  Raises on names that the vehicle lacks.
+    """
+    family = plant.family
+    moves = _moves(plant)
+    clean = replace(without_effects(plant), dt=plant.dt if dt is None else float(dt))
+    chosen = _checked("inputs", inputs, _usual_inputs(clean), tuple(moves))
+    moved = dict.fromkeys(name for channel in chosen for name in moves[channel])
+    kept = _checked("states", states, moved, family.states)
+    seen = _checked("outputs", outputs, [name for name in kept if name in clean.outputs], clean.outputs)
+    point, commands = _steady(clean) if at is None else at
+    full = np.zeros(len(clean.states))
+    full[: len(family.states)] = point
+    for start in (len(family.states), len(family.states) + len(family.actuators), full.size - len(family.actuators)):
+        full[start : start + len(family.actuators)] = commands[: len(family.actuators)]
+    positions = [f"{name} position" for name in chosen if name in family.actuators]
+    at_states = [clean.states.index(name) for name in (*kept, *positions)]
+    at_inputs = [family.inputs.index(name) for name in chosen]
+    at_outputs = [clean.outputs.index(name) for name in seen]
+    sizes = _steps(clean, (*kept, *positions, *chosen))
+
+    def after(change: np.ndarray) -> np.ndarray:
+        """The states a sample later and the outputs now."""
+        x, u = full.copy(), np.array(commands, dtype=float)
+        x[at_states] += change[: len(at_states)]
+        u[at_inputs] += change[len(at_states) :]
+        return np.concatenate([clean.step(x, u)[at_states], clean.output(x)[at_outputs]])
+
+    slopes = np.stack([(after(d) - after(-d)) / (2.0 * size) for d, size in zip(np.diag(sizes), sizes)], axis=1)
+    # an actuator without a lag is where it is told to be, and remembers nothing
+    states_kept = [i for i in range(len(at_states)) if i < len(kept) or slopes[:, i].any()]
+    steady = after(np.zeros(sizes.size))
+    names = (*kept, *positions)
+    _check_steady(plant, dict(zip(kept, steady[: len(kept)] - full[at_states[: len(kept)]])), clean.dt)
+    rows = slopes[len(at_states) :][:, states_kept]
+    for name, row in zip(seen, rows):
+        if not row.any():
+            raise ValueError(f"linearise needs outputs that its states move, {', '.join(kept)}, got {name}.")
+    return StateSpace(
+        a=slopes[np.ix_(states_kept, states_kept)],
+        b=slopes[states_kept][:, len(at_states) :],
+        c=rows,
+        inputs=chosen,
+        outputs=seen,
+        dt=clean.dt,
+        input_offset=np.array(commands, dtype=float)[at_inputs],
+        output_offset=steady[len(at_states) :],
+        states=tuple(f"{names[i]} change" for i in states_kept),
+    )
+
+
+def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:
+    """Which of the family's states each input moves at first order."""
+    family = plant.family
+    if family.body is not None:
+        roles = family.body.by_role()
+        return {name: _PLANES[role] for role, names in roles.items() for name in names}
+    if family.kind == "glider":
+        return dict.fromkeys(family.inputs[:3], ("heading_rad", "r_radps"))
+    if family.kind == "float":
+        return {family.required[0]: ("depth_m", "depth_rate_mps")}
+    raise ValueError(f"linearise knows torpedoes, gliders and floats, got {plant.name!r} of kind {family.kind!r}.")
+
+
+def _usual_inputs(plant: Plant) -> list[str]:
+    if plant.family.body is None:
+        return list(plant.family.required)
+    return list(plant.family.body.by_role().get("pitch", plant.family.required))
+
+
+def _steady(plant: Plant) -> tuple[np.ndarray, np.ndarray]:
+    """The family's states and inputs in steady motion."""
+    if plant.family.body is not None:
+        cruise = find_cruise(plant)
+        return cruise.state, cruise.commands
+    state = np.zeros(len(plant.family.states))
+    if plant.family.kind == "float":
+        state[plant.family.states.index("depth_m")] = _DEEP
+    named = {"piston_m": plant.hull.piston_neutral} if plant.family.required == ("piston_m",) else {}
+    return state, np.array([plant.constants.get(name, named.get(name, 0.0)) for name in plant.inputs])
+
+
+def _steps(plant: Plant, names: Sequence[str]) -> np.ndarray:
+    """Half the difference of each name's quotient, in its unit."""
+    if plant.family.body is not None:
+        helm = find_helm(plant)
+        drive = plant.inputs[helm.drive]  # in volts or turns, where the others are in rad and m/s
+        scale = max(float(command_limits(plant)[helm.drive]), 1.0)
+        return np.array([_SMALL * (scale if name.startswith(drive) else 1.0) for name in names])
+    if plant.family.kind != "float":
+        return np.full(len(names), _SMALL)
+    hull, engine = plant.hull, find_engine(plant)
+    slow = _NEAR_REST * engine.speed
+    force = slow * (hull.drag_linear + slow * hull.drag_quadratic)
+    share = force / (engine.speed * (hull.drag_linear + engine.speed * hull.drag_quadratic))
+    # without inertia the engine's step alone makes the speed
+    moved = share * engine.half if hull.quasi_steady else _SMALL * engine.half
+    sizes = {"depth_m": _SMALL, "depth_rate_mps": slow}
+    return np.array([sizes.get(name, moved) for name in names])
+
+
+def _check_steady(plant: Plant, drift: dict[str, float], dt: float) -> None:
+    for name, change in drift.items():
+        if abs(change) > 1e-6 * max(dt, 1.0):
+            raise ValueError(
+                f"linearise needs steady motion to start from, got {name} of {plant.name!r} changing by {change:.3g} "
+                f"in {dt:g} s: choose `at` such that its states rest."
+            )
+
+
+def _checked(label: str, given: Sequence[str] | None, default, known: Sequence[str]) -> tuple[str, ...]:
+    names = tuple(default if given is None else given)
+    for name in names:
+        if name not in known:
+            hint = did_you_mean(name, known)
+            raise ValueError(f"linearise has no {label[:-1]} {name!r}. {hint}Known: {', '.join(known)}.")
+    if not names:
+        raise ValueError(f"linearise needs {label}, got none: name some of {', '.join(known)}.")
+    return names

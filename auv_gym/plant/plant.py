@@ -1,0 +1,317 @@
+"""Plant: a vehicle and its effects, integrated, as a Model; and the vehicle files it is read from and written to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from auv_gym.compiled import threads
+from auv_gym.model import check_finite, inputs_of
+from auv_gym.param import list_paths, pack, replace_at, spec_at, value_at
+from auv_gym.plant.rollout import Programs, bind_family, scratch_for
+from auv_gym.records.record import Record
+from auv_gym.vehicles import Family
+from auv_gym.vehicles.body.learned_hull import LearnedHull
+
+SHARED_ROWS = 5000  # of all runs together, from which on threads share them
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A vehicle and its effects as a Model.
+
+    dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
+    window: s, over which free runs of such a vehicle are judged.  settle: s, their first part, which fits their starts.
+    notes: where each number comes from, by path.  deviations: standard deviation of what is known of a coefficient, in
+    its unit, by path.  fitted_to: the logs that its numbers have seen.  learned: in place of the hull's forces, see
+    `LearnedHull`.
+    """
+
+    name: str
+    family: Family
+    parameters: Any
+    dt: float = 1.0
+    longest_step: float = 0.5
+    window: float = 120.0
+    settle: float = 20.0
+    title: str = ""
+    description: str = ""
+    notes: Mapping[str, str] = field(default_factory=dict, compare=False)
+    deviations: Mapping[str, float] = field(default_factory=dict, hash=False)
+    fitted_to: str = ""
+    learned: LearnedHull | None = None
+
+    def __post_init__(self):
+        for path, deviation in self.deviations.items():
+            check_deviation(self.parameters, path, deviation)
+        if self.learned is not None and not self.family.learns:
+            raise ValueError(
+                f"A learned hull belongs to a vehicle in six degrees of freedom, got {self.name!r} of family "
+                f"{self.family.name!r}."
+            )
+        for label, value in (("dt", self.dt), ("longest_step", self.longest_step), ("window", self.window)):
+            if not value > 0.0 or not np.isfinite(value):
+                raise ValueError(f"A plant needs {label} > 0 s, got {value!r}: give a time such as 1.0.")
+        if not 0.0 < self.settle < 0.5 * self.window:
+            raise ValueError(
+                f"A plant needs settle > 0 s and under half of its window of {self.window:g} s, got {self.settle!r}."
+            )
+
+    @property
+    def hull(self) -> Any:
+        return self.parameters.hull
+
+    @property
+    def parts(self) -> Any:
+        """The parameters of the parts of a vehicle in six degrees of freedom, by name."""
+        return self.parameters.parts
+
+    @property
+    def effects(self) -> Any:
+        return self.parameters.effects
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        return self.family.inputs
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        return self.family.outputs
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        f = self.family
+        past = [f"{name}[-{age}]" for age in range(self.history - 1, -1, -1) for name in f.actuators]
+        positions_, memories = [f"{a} position" for a in f.actuators], [f"{a} play" for a in f.actuators]
+        return (*f.states, *positions_, *memories, *f.sensors, *past)
+
+    @cached_property
+    def _size(self) -> int:
+        return len(self.states)
+
+    @cached_property
+    def constants(self) -> dict[str, float]:
+        """Values of the inputs that a record need not have."""
+        named = self.family.constants
+        return {
+            name: value_at(self, named[name]) if name in named else 0.0
+            for name in self.family.inputs
+            if name not in self.family.required
+        }
+
+    @property
+    def coefficients(self) -> tuple[str, ...]:
+        """The paths that a first fit frees: those of the family, and those with a standard deviation of their own."""
+        own = self.family.coefficients
+        return (*own, *(path for path in self.deviations if path not in own))
+
+    def deviation(self, path: str, doubt: float) -> float:
+        """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
+
+        doubt: relative, of coefficients that have none of their own; 0 holds all of them, infinite frees all of them.
+        """
+        if np.isinf(doubt) or path not in self.coefficients:
+            return np.inf
+        if doubt == 0.0:
+            return 0.0
+        return self.deviations.get(path, doubt * abs(value_at(self, path)) or np.inf)
+
+    @cached_property
+    def vector(self) -> np.ndarray:
+        """The parameters as the compiled functions take them, in the order of `list_paths`; then the learned table."""
+        return pack(self) if self.learned is None else np.concatenate([pack(self), self.learned.table])
+
+    @cached_property
+    def derived(self) -> np.ndarray:
+        """What the compiled programs take in place of the parameters: these, and what follows from them alone."""
+        derived = np.zeros(self.family.derived + (0 if self.learned is None else self.learned.table.size))
+        self.programs.derive(self.vector, derived)
+        return derived
+
+    @cached_property
+    def _work_size(self) -> int:
+        return scratch_for(self.family).size
+
+    def new_work(self) -> np.ndarray:
+        """Room for what `programs.step` reckons with."""
+        return np.empty(self._work_size)
+
+    @cached_property
+    def programs(self) -> Programs:
+        return bind_family(self.family)
+
+    @cached_property
+    def _measured(self) -> tuple[list[int], list[int]]:
+        """Where the outputs that measure a state are, and those states; velocity over ground, say, measures none."""
+        names = [name for name in self.outputs if name in self.family.states]
+        return [self.outputs.index(name) for name in names], [self.family.states.index(name) for name in names]
+
+    @cached_property
+    def _of_actuators(self) -> np.ndarray:
+        """Which numbers of the full state after the family's states are actuators' positions or commands."""
+        among = np.ones(self._size - len(self.family.states), dtype=bool)
+        sensors_at = 2 * len(self.family.actuators)
+        among[sensors_at : sensors_at + len(self.family.sensors)] = False
+        return among
+
+    @cached_property
+    def _rest(self) -> np.ndarray:
+        """Where each of these numbers is at rest: at the constant that the family names for the input, or at zero."""
+        named = self.family.constants
+        rest = [value_at(self, named[name]) if name in named else 0.0 for name in self.family.actuators]
+        return np.tile(rest, 2 + self.history)
+
+    @cached_property
+    def history(self) -> int:
+        """How many samples' commands the full state keeps: as many as the longest dead time reaches back, and one."""
+        dead_times = [value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")]
+        return max((ceil(t / self.dt - 1e-9) for t in dead_times), default=0) + 1
+
+    @cached_property
+    def ages(self) -> np.ndarray:
+        """Times, s, of the commands that the full state keeps, ending at 0, then the end of the sample."""
+        return self.dt * np.arange(1 - self.history, 2.0)
+
+    def initial(self, y0: np.ndarray) -> np.ndarray:
+        """A state with these outputs where they are finite, zero otherwise; actuators at rest, sensors settled.
+
+        Where the reading of a speed through the water is missing, that over ground stands in for it.
+        """
+        x = np.zeros(self._size)
+        x[len(self.family.states) :][self._of_actuators] = self._rest
+        known = dict(zip(self.outputs, np.asarray(y0, dtype=float), strict=True))
+        for index, name in enumerate(self.family.states):
+            for output in (name, self.family.nearly.get(name, name)):
+                if np.isfinite(known.get(output, np.nan)):
+                    x[index] = known[output]
+                    break
+        for _ in range(3):  # what the compass lags behind depends on the heading where it deviates: a fixed point
+            self.programs.settle(x, self.derived)
+            x = self.correct(x, y0)
+        return x
+
+    def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The state one sample later, shape (n_states,); u: the inputs in order, in the channels' units."""
+        return self._advance(x, u, self.ages)
+
+    def step_over(self, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
+        """The state `duration` s later; the commands before it count as held for dt each."""
+        ages = self.ages.copy()
+        ages[-1] = duration
+        return self._advance(x, u, ages)
+
+    def _advance(self, x: np.ndarray, u: np.ndarray, ages: np.ndarray) -> np.ndarray:
+        next_x, u = np.array(x, dtype=np.float64), np.ascontiguousarray(u, dtype=np.float64)
+        if next_x.shape != (self._size,) or u.shape != (len(self.inputs),):  # compiled code checks no index
+            raise ValueError(
+                f"A step of {self.name} needs a state of shape ({self._size},), as `initial` returns it, and "
+                f"inputs of shape ({len(self.inputs)},): {', '.join(self.inputs)}; got {next_x.shape} and {u.shape}."
+            )
+        self.programs.step(next_x, u, ages, self.longest_step, self.derived, np.empty(self._work_size))
+        return next_x
+
+    def output(self, x: np.ndarray) -> np.ndarray:
+        """The outputs as the sensors give them, shape (n_outputs,)."""
+        x = np.ascontiguousarray(x, dtype=np.float64)
+        if x.shape != (self._size,):
+            raise ValueError(f"A state of {self.name} has shape ({self._size},), got {x.shape}: see `initial`.")
+        y = np.empty(len(self.outputs))
+        self.programs.read(x, self.derived, y)
+        return y
+
+    def correct(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """The state moved so that its outputs are y where y is finite; the rest of the state is kept."""
+        measured, states = self._measured
+        x, y = np.array(x, dtype=float), np.asarray(y, dtype=float)[measured]
+        for _ in range(100):  # the compass deviation depends on the heading: a fixed point
+            error = y - self.output(x)[measured]
+            if not np.any(np.abs(error) > 1e-13 * (1.0 + np.abs(y))):
+                break
+            x[states] += np.where(np.isfinite(error), error, 0.0)
+        return x
+
+    def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
+        """Outputs of free runs over windows of a record, shape (total rows, n_outputs).
+
+        starts: (n_windows, at least the family's states), the states at the windows' first rows; what was commanded
+        before a window, in its segment, counts.  Raises Diverged.
+        """
+        size = len(self.family.states)
+        y = self.run_many(Runs.over(self, record, windows), self.vector[None, :], starts[None, :, :size])[0]
+        times = np.concatenate([record.time[w] for w in windows])
+        check_finite(self.outputs, times, y)
+        return y
+
+    def run_many(self, runs: Runs, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        """Outputs for several parameter vectors (S, n) and starts (S, W, n_states): (S, rows, n_outputs), unchecked."""
+        expected = (vectors.shape[0], runs.begin.size, len(self.family.states))
+        if vectors.shape[1:] != self.vector.shape or starts.shape != expected:
+            raise ValueError(
+                f"run_many needs parameter vectors of shape (S, {self.vector.size}) and starts of shape {expected}, "
+                f"got {vectors.shape} and {starts.shape}: see `vector` and `family.states`."
+            )
+        y = np.empty((vectors.shape[0], runs.rows, len(self.outputs)))
+        vectors, starts = (np.ascontiguousarray(a, dtype=np.float64) for a in (vectors, starts))
+        times = (runs.begin, runs.stop, runs.times, runs.inputs, runs.first, self.longest_step)
+        shares = threads() if vectors.shape[0] * runs.rows >= SHARED_ROWS else 1
+        edges = np.linspace(0, len(vectors), shares + 1).astype(int)
+
+        def run(share: int) -> None:
+            part = slice(edges[share], edges[share + 1])
+            self.programs.rollout(vectors[part], starts[part], *times, y[part])
+
+        if shares == 1:
+            run(0)
+        else:
+            with ThreadPoolExecutor(shares) as pool:
+                list(pool.map(run, range(shares)))
+        return y
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Windows of a record in the form the compiled rollout takes, made once for a whole fit."""
+
+    begin: np.ndarray
+    stop: np.ndarray
+    times: np.ndarray
+    inputs: np.ndarray
+    first: np.ndarray
+    rows: int
+
+    @classmethod
+    def over(cls, plant: Plant, record: Record, windows: Sequence[slice]) -> Runs:
+        first = np.empty(record.time.size, dtype=np.int64)
+        for segment in record.segments:
+            first[segment] = segment.start
+        for w in windows:
+            if not 0 <= w.start < w.stop <= first.size or first[w.start] != first[w.stop - 1]:
+                raise ValueError(f"A window must lie inside a segment of the record, got rows {w.start} to {w.stop}.")
+        begin = np.array([w.start for w in windows], dtype=np.int64)
+        stop = np.array([w.stop for w in windows], dtype=np.int64)
+        return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, int((stop - begin).sum()))
+
+
+def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
+    """Raises unless a standard deviation can be that of a coefficient at a path."""
+    unit = spec_at(parameters, path).unit
+    if not path.startswith(("hull.", "parts.")):
+        raise ValueError(f"{path} cannot have a deviation: only coefficients of the hull and of parts do.")
+    number = isinstance(deviation, int | float | np.floating) and not isinstance(deviation, bool)
+    if not number or not 0.0 <= deviation < np.inf:
+        raise ValueError(
+            f"{path} needs a deviation of at least 0 {unit} (one standard deviation; 0 holds the value), got "
+            f"{deviation!r}."
+        )
+
+
+def without_effects(plant: Plant) -> Plant:
+    """The plant with every effect neutral."""
+    effects = [path for path in list_paths(plant) if path.startswith("effects.")]
+    return replace_at(plant, {path: spec_at(plant, path).neutral for path in effects})

@@ -1,0 +1,52 @@
+"""Whether a record can be of a vehicle: values within what the vehicle can do, and inputs that move."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.param import value_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+
+_TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
+_STILL = 1e-3  # of an input's usual size, below which it does not move
+_USUAL = {"piston_m": 1e-2, "oil_volume_m3": 1e-5}  # sizes of inputs that are far from 1 in SI
+
+
+def check_ranges(plant: Plant, record: Record) -> None:
+    """Raises if a channel leaves the range that the vehicle's family states for it, with where and how far."""
+    for name, (low, high) in plant.family.ranges.items():
+        if not record.has(name):
+            continue
+        least, most = (value_at(plant, edge) if isinstance(edge, str) else edge for edge in (low, high))
+        slack = _TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
+        values = record[name]
+        beyond = (values < least - slack) | (values > most + slack)
+        if beyond.any():
+            row = int(np.argmax(beyond))
+            segment = next(k for k, s in enumerate(record.segments) if row < s.stop)
+            label = record.labels[segment]
+            where = f"at {record.time[row]:.0f} s" + (f" of {label}" if label else "")
+            share = f"{int(beyond.sum())} of {values.size} samples"
+            raise ValueError(
+                f"{plant.name} has {channel(name).label} from {least:g} to {most:g} {channel(name).unit}; {name} is "
+                f"{values[row]:.4g} {where} ({share} are beyond): check the column's sign and unit, throughout the log."
+            )
+
+
+def check_excitation(plant: Plant, record: Record) -> None:
+    """Raises if the inputs that move the vehicle are constant throughout; of several, one that moves will do."""
+    still = []
+    moving = plant.family.required or [name for name in plant.family.actuators if record.has(name)]
+    if not moving:
+        raise ValueError(
+            f"Nothing excites the vehicle: the log has none of {', '.join(plant.family.actuators) or 'its inputs'}. "
+            "Use a log with the commands."
+        )
+    for name in moving:
+        signal = record[name]
+        if np.ptp(signal) < _STILL * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
+            still.append(f"{name} is constant at {float(signal[0]):.4g} ({channel(name).unit})")
+    if len(still) == len(moving):
+        raise ValueError(f"Nothing excites the vehicle: {', '.join(still)}. Use a log in which it moves.")

@@ -1,0 +1,480 @@
+"""Record: named signals with units over time, cut into segments; the form in which data moves between the parts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, final
+
+import numpy as np
+
+from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, channel
+from auv_gym.param import did_you_mean
+from auv_gym.writing import replacing
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
+MAX_FILL = 3  # samples; longer runs without a value are gaps
+_LABELS = "segment_labels"
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Record:
+    """Named signals in SI over time, in one or more segments, on an xarray Dataset.
+
+    dataset: dimension and coordinate time_s; float64 variables named as channels; an integer variable `segment`, one
+    value per sample, that changes where a segment begins (absent: one segment).  Time may be uneven and may restart
+    with a segment.  Raises if time does not rise within a segment, if a segment has fewer than 2 samples, or if a
+    motion or input channel is not finite; other channels may hold NaN.  `from_arrays` repairs what can be repaired.
+    """
+
+    dataset: xr.Dataset
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "dataset", _checked(self.dataset))
+
+    @classmethod
+    def from_arrays(
+        cls,
+        time_s: Any,
+        values: Mapping[str, Any],
+        segment: Any = None,
+        attrs: Mapping[str, Any] | None = None,
+        *,
+        max_fill: int = MAX_FILL,
+        long_runs: Literal["cut", "raise"] = "cut",
+    ) -> Record:
+        """A record of equally long arrays, with angles unwrapped and missing values (NaN, infinities) dealt with.
+
+        Up to `max_fill` missing samples in a row are filled: linearly, or for inputs, commands and flags with the last
+        value; the variable's attribute `filled` counts them.  Where a motion or input channel lacks longer, or at the
+        ends of a segment, those samples are dropped and the record is cut; its attribute `dropped` counts them
+        (long_runs "raise": a run longer than `max_fill` is an error).  Longer runs in other channels stay NaN.
+        Segments of a single sample go.  segment: one label per sample, of any type.  Raises if nothing is left.
+        """
+        time = _vector("time_s", time_s, None)
+        columns = {name: _vector(name, column, time.size) for name, column in values.items()}
+        ids, labels = _numbered(segment, time.size)
+        _check_time(time, ids)
+        slices, missing = _slices(ids), np.zeros(time.size, dtype=bool)
+        variables: dict[str, Any] = {}
+        for name, column in columns.items():
+            known = channel(name)
+            finite = np.isfinite(column)
+            if known.needed and time.size and not finite.any():
+                raise ValueError(
+                    f"Channel {name!r} has no value in any of its {time.size} samples: leave it out, or check the log."
+                )
+            repaired = np.where(finite, column, np.nan)
+            for part in slices:
+                repaired[part] = _repaired(time[part], repaired[part], known.angle, known.held, max_fill)
+            if known.needed and long_runs == "raise":
+                _check_runs(name, time, repaired, max_fill)
+            filled = int(np.isfinite(repaired).sum() - finite.sum())
+            variables[name] = ("time_s", repaired, {"filled": filled} if filled else {})
+            if known.needed:
+                missing |= ~np.isfinite(repaired)
+        variables["segment"] = ("time_s", ids)
+        dataset = _dataset(variables, time, {**(attrs or {}), _LABELS: labels})
+        return _selected(dataset, ~missing, None if missing.any() else "")
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time of each sample, s, shape (n,)."""
+        return self.dataset["time_s"].values.copy()
+
+    @property
+    def elapsed(self) -> np.ndarray:
+        """Time since the segment of each sample began, s, shape (n,)."""
+        time = self.time
+        return np.concatenate([time[s] - time[s.start] for s in self.segments])
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The channels that are there."""
+        return tuple(str(name) for name in self.dataset.data_vars if name != "segment")
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        """What is known of the whole record: source, start_epoch_s, dropped, ..."""
+        return {str(k): v for k, v in self.dataset.attrs.items() if k != _LABELS}
+
+    @property
+    def segments(self) -> list[slice]:
+        """The segments, in order, as slices of the samples."""
+        return _slices(self.dataset["segment"].values)
+
+    @property
+    def labels(self) -> list[str]:
+        """One label per segment: what the file called it, or '' where it did not."""
+        return [str(label) for label in self.dataset.attrs[_LABELS]]
+
+    @property
+    def duration_s(self) -> float:
+        """Sum over the segments of last minus first time, s."""
+        return float(sum(self.time[s.stop - 1] - self.time[s.start] for s in self.segments))
+
+    @property
+    def sample_interval(self) -> float:
+        """Median time between samples of a segment, s."""
+        return self._typical[0]
+
+    def is_uniform(self, tol: float = 1e-3) -> bool:
+        """Whether all intervals within segments equal the median, to `tol` times the median."""
+        median, farthest = self._typical
+        return farthest <= tol * median
+
+    def has(self, name: str) -> bool:
+        """Whether a channel is there."""
+        return name != "segment" and name in self.dataset.data_vars
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A copy of a channel's values, shape (n,), float64; raises on a channel that is not there."""
+        if name == "time_s":
+            return self.time
+        if not self.has(name):
+            raise ValueError(
+                f"The record has no channel {name!r}; it has {', '.join(self.names) or 'none'}. "
+                f"{did_you_mean(name, self.names)}If it goes by another name in the file, name it in a mapping."
+            )
+        return self.dataset[name].values.copy()
+
+    def __len__(self) -> int:
+        return self.dataset.sizes["time_s"]
+
+    def __repr__(self) -> str:
+        parts = len(self.segments)
+        size = f"{len(self)} samples, {parts} segment{'s' * (parts != 1)}, {self.duration_s:g} s"
+        return f"Record({size}: {', '.join(self.names)})"
+
+    def matrix(self, names: Sequence[str]) -> np.ndarray:
+        """The values of several channels, shape (n, len(names)), float64, C-contiguous."""
+        matrix = np.empty((len(self), len(names)))
+        for column, name in enumerate(names):
+            matrix[:, column] = self[name]
+        return matrix
+
+    def with_channels(self, values: Mapping[str, Any]) -> Record:
+        """The record with these channels added or replaced; angles are taken as they are."""
+        new = {name: ("time_s", _vector(name, column, len(self))) for name, column in values.items()}
+        return Record(self.dataset.assign(new))
+
+    def without(self, names: Iterable[str]) -> Record:
+        """The record without these channels; raises on one that is not there."""
+        names = [names] if isinstance(names, str) else list(names)
+        for name in names:
+            self[name]
+        return Record(self.dataset.drop_vars(names))
+
+    def select(self, mask: Any) -> Record:
+        """The samples where the mask, shape (n,), holds; segments are cut where it breaks, single samples dropped."""
+        mask = np.asarray(mask)
+        if mask.dtype != bool or mask.shape != (len(self),):
+            raise ValueError(
+                f"select needs one boolean per sample, shape ({len(self)},), got {mask.dtype} of shape {mask.shape}: "
+                "write record.select(record['depth_m'] > 10)."
+            )
+        return _selected(self.dataset, mask, "")
+
+    def between(self, start: float, stop: float) -> Record:
+        """The samples with start <= time < stop, s."""
+        return self.select((self.time >= start) & (self.time < stop))
+
+    def split_gaps(self, max_gap_s: float | None = None) -> Record:
+        """The record cut wherever two samples are more than `max_gap_s` apart, without segments of a single sample.
+
+        Default: 5 times the median interval, or 3 times the longest of the shorter 90 % where sampling is uneven.
+        """
+        if max_gap_s is None:
+            intervals = self._intervals()
+            max_gap_s = max(5.0 * float(np.median(intervals)), 3.0 * float(np.quantile(intervals, 0.9, method="lower")))
+        if not max_gap_s > 0.0:
+            raise ValueError(f"split_gaps needs a positive gap in s, got {max_gap_s}.")
+        time = self.time
+        breaks = np.zeros(len(self), dtype=bool)
+        for part in self.segments:
+            breaks[part.start + 1 : part.stop] = np.diff(time[part]) > max_gap_s
+        return _selected(self.dataset, np.ones(len(self), dtype=bool), "", breaks) if breaks.any() else self
+
+    def resample(self, dt: float) -> Record:
+        """The record at even steps of dt, s, from the start of each segment; never across a gap between segments.
+
+        Inputs, commands and flags keep their last value, all else is interpolated linearly (angles are continuous
+        already).  Nothing is filtered: smooth first when dt is much longer than the interval.
+        """
+        if not (dt > 0.0 and np.isfinite(dt)):
+            raise ValueError(f"resample needs a positive step in s, got {dt}.")
+        time, grids, origins, kept = self.time, [], [], []
+        samples = self.duration_s / dt
+        if samples > MOST_SAMPLES:
+            raise ValueError(
+                f"Steps of {dt:g} s make {samples:.3g} samples of a record of {self.duration_s:g} s, and resample "
+                f"makes at most {MOST_SAMPLES}: choose a longer step."
+            )
+        for number, part in enumerate(self.segments):
+            length = time[part.stop - 1] - time[part.start]
+            steps = int(np.floor(length / dt + 1e-6))
+            if steps >= 1:
+                grids.append(time[part.start] + dt * np.arange(steps + 1))
+                origins.append(part)
+                kept.append(number)
+        if not grids:
+            raise ValueError(f"No segment of the record is as long as one step of {dt:g} s: choose a shorter step.")
+        variables: dict[str, Any] = {}
+        for name in self.names:
+            held = channel(name).held
+            parts = [_at(grid, time[o], self.dataset[name].values[o], held, dt) for grid, o in zip(grids, origins)]
+            variables[name] = ("time_s", np.concatenate(parts), self.dataset[name].attrs)
+        variables["segment"] = ("time_s", np.repeat(np.arange(len(grids)), [grid.size for grid in grids]))
+        attrs = {**self.dataset.attrs, _LABELS: [self.labels[k] for k in kept]}
+        return Record(_dataset(variables, np.concatenate(grids), attrs))
+
+    def windows(self, seconds: float) -> list[slice]:
+        """Consecutive windows of this length within each segment, as slices; a shorter rest is dropped.
+
+        A window ends before the next begins: at 4 s, 120 s are 30 samples.  Windows of a single sample are dropped.
+        """
+        if not seconds > 0.0:
+            raise ValueError(f"windows needs a positive length in s, got {seconds}.")
+        time, found = self.time, []
+        for part in self.segments:
+            t = time[part]
+            interval = float(np.median(np.diff(t)))
+            slack = 1e-6 * interval
+            count = int(np.floor((t[-1] - t[0] + interval + slack) / seconds))
+            edges = part.start + np.searchsorted(t, t[0] + seconds * np.arange(count + 1) - slack)
+            found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= 2]
+        return found
+
+    def save(self, path: str | Path) -> None:
+        """Writes NetCDF, aside and then renamed; raises if the folder cannot be written."""
+        with replacing(path) as new:
+            self.dataset.to_netcdf(new, engine="h5netcdf")
+
+    @classmethod
+    def load(cls, path: str | Path) -> Record:
+        """The record that `save` wrote; other files are for `auv_gym.records.reading.read_record`."""
+        if not Path(path).is_file():
+            raise ValueError(f"There is no file {path}: give the path of a record that Record.save wrote.")
+        try:
+            import xarray as xr
+
+            dataset = xr.load_dataset(path, engine="h5netcdf", decode_times=False)
+        except Exception as error:  # what a damaged file raises depends on where it is damaged
+            raise ValueError(f"{path} is not a NetCDF record, or is cut short ({error}): save it again.") from error
+        if _LABELS not in dataset.attrs or "time_s" not in dataset:
+            raise ValueError(f"{path} was not written by Record.save: read it with read_record.")
+        return cls(dataset)
+
+    @cached_property
+    def _typical(self) -> tuple[float, float]:
+        """The median of the intervals, and how far another is from it at most, s."""
+        intervals = self._intervals()
+        median = np.median(intervals)
+        return float(median), float(np.max(np.abs(intervals - median)))
+
+    def _intervals(self) -> np.ndarray:
+        time = self.time
+        return np.concatenate([np.diff(time[part]) for part in self.segments])
+
+
+def concat(records: Sequence[Record]) -> Record:
+    """One record of several with the same channels, their segments one after the other; each keeps its own time."""
+    if not records:
+        raise ValueError("concat needs at least one record, got none.")
+    names = set(records[0].names)
+    for number, record in enumerate(records):
+        if set(record.names) != names:
+            odd = ", ".join(sorted(names ^ set(record.names)))
+            raise ValueError(
+                f"concat needs the same channels in all records; record {number} and record 0 differ in {odd}: "
+                "leave those out with record.without."
+            )
+    starts = np.cumsum([0] + [len(record.segments) for record in records])
+    ids = np.concatenate([record.dataset["segment"].values + start for record, start in zip(records, starts)])
+    variables: dict[str, Any] = {
+        name: ("time_s", np.concatenate([record[name] for record in records]), _common(name, records))
+        for name in records[0].names
+    }
+    variables["segment"] = ("time_s", ids)
+    first = records[0].attrs
+    attrs: dict[str, Any] = {
+        key: v for key, v in first.items() if all(str(r.attrs.get(key)) == str(v) for r in records)
+    }
+    attrs[_LABELS] = [label for record in records for label in record.labels]
+    return Record(_dataset(variables, np.concatenate([record.time for record in records]), attrs))
+
+
+def _dataset(variables: Mapping[str, Any], time: Any, attrs: Mapping[str, Any]) -> xr.Dataset:
+    import xarray as xr  # not above: with pandas it takes as long to import as all that an environment needs
+
+    return xr.Dataset(variables, {"time_s": time}, attrs)
+
+
+def _common(name: str, records: Sequence[Record]) -> dict[str, Any]:
+    """The attributes of a variable over several records: fill counts add up, others are those of the first."""
+    found = dict(records[0].dataset[name].attrs)
+    filled = sum(int(record.dataset[name].attrs.get("filled", 0)) for record in records)
+    return {**found, "filled": filled} if filled else found
+
+
+def _vector(name: str, values: Any, size: int | None) -> np.ndarray:
+    try:
+        column = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"Channel {name!r} needs numbers, got {type(values).__name__}: {error}.") from error
+    if column.ndim != 1 or size not in (None, column.size):
+        wanted = f"({size},)" if size is not None else "(n,)"
+        raise ValueError(f"Channel {name!r} needs one value per sample, shape {wanted}, got shape {column.shape}.")
+    return column
+
+
+def _numbered(segment: Any, size: int) -> tuple[np.ndarray, list[str]]:
+    """Segments numbered from 0 in order of appearance, and their labels; a label that comes back is a new segment."""
+    if segment is None:
+        return np.zeros(size, dtype=np.int64), [""] * min(size, 1)
+    given = np.asarray(segment)
+    if given.shape != (size,):
+        raise ValueError(f"`segment` needs one label per sample, shape ({size},), got shape {given.shape}.")
+    if given.dtype.kind == "f" and not np.isfinite(given).all():
+        raise ValueError(f"`segment` has no label at row {int(np.argmin(np.isfinite(given))) + 1}: fill it in.")
+    begins = np.ones(size, dtype=bool)
+    begins[1:] = given[1:] != given[:-1]
+    return np.cumsum(begins) - 1, [_label(label) for label in given[begins]]
+
+
+def _label(label: Any) -> str:
+    return f"{label:g}" if isinstance(label, (float, np.floating)) else str(label)
+
+
+def _slices(ids: np.ndarray) -> list[slice]:
+    edges = np.flatnonzero(np.diff(ids)) + 1
+    return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, ids.size])] if ids.size else []
+
+
+def _check_time(time: np.ndarray, ids: np.ndarray) -> None:
+    if not np.isfinite(time).all():
+        raise ValueError(
+            f"Time is missing at row {int(np.argmin(np.isfinite(time))) + 1}: remove the row or fill it in."
+        )
+    bad = (np.diff(time) <= 0.0) & (np.diff(ids) == 0)
+    if bad.any():
+        row = int(np.argmax(bad)) + 1
+        happens, remedy = "goes backwards", "sort the rows"
+        if time[row] == time[row - 1]:
+            happens, remedy = "stands still", "remove the repeated row"
+        raise ValueError(
+            f"Time {happens} at row {row + 1}: {time[row]:.10g} s after {time[row - 1]:.10g} s; {remedy}, or mark a "
+            f"restart with a column {' or '.join(SEGMENT_COLUMNS)}."
+        )
+
+
+def _repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max_fill: int) -> np.ndarray:
+    """Values of one segment with angles unwrapped and short inner runs of NaN filled."""
+    finite = np.isfinite(values)
+    known = np.flatnonzero(finite)
+    if known.size == 0:
+        return values
+    result = values.copy()
+    if angle:
+        result[known] = np.unwrap(values[known])
+    gaps = np.flatnonzero(np.diff(known) > 1)
+    for gap in gaps[np.diff(known)[gaps] - 1 <= max_fill]:
+        inner = slice(known[gap] + 1, known[gap + 1])
+        ends = [known[gap], known[gap + 1]]
+        result[inner] = result[ends[0]] if held else np.interp(time[inner], time[ends], result[ends])
+    return result
+
+
+def _check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) -> None:
+    missing = np.flatnonzero(~np.isfinite(values))
+    for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):
+        if run.size > max_fill:
+            raise ValueError(
+                f"Channel {name!r} has no value in {run.size} rows, {run[0] + 1} to {run[-1] + 1} "
+                f"({time[run[0]]:.10g} to {time[run[-1]]:.10g} s); up to {max_fill} in a row are filled in. "
+                "Remove these rows, or cut the record there (long_runs='cut'; on the command line: --cut-gaps)."
+            )
+
+
+def _at(grid: np.ndarray, time: np.ndarray, values: np.ndarray, held: bool, dt: float) -> np.ndarray:
+    if not held:
+        return np.interp(grid, time, values)
+    return values[np.searchsorted(time, grid + 1e-6 * dt, side="right") - 1]
+
+
+def _selected(dataset: xr.Dataset, mask: np.ndarray, note: str | None, breaks: np.ndarray | None = None) -> Record:
+    """The record of the samples in a mask, cut where it (or `breaks`) says, without segments of one sample.
+
+    note: None counts what is dropped in the attribute `dropped`.
+    """
+    ids, labels = dataset["segment"].values, dataset.attrs[_LABELS]
+    begins = np.ones(ids.size, dtype=bool)
+    begins[1:] = (np.diff(ids) != 0) | (np.diff(mask.astype(int)) != 0)
+    if breaks is not None:
+        begins |= breaks
+    parts = np.cumsum(begins) - 1
+    keep = mask & (np.bincount(parts)[parts] > 1) if ids.size else mask
+    if not keep.any():
+        raise ValueError(_nothing_left(dataset, mask))
+    chosen = dataset.isel(time_s=keep)
+    numbers, first = np.unique(parts[keep], return_index=True)
+    chosen["segment"] = ("time_s", np.searchsorted(numbers, parts[keep]))
+    chosen.attrs = {**dataset.attrs, _LABELS: [str(labels[k]) for k in ids[keep][first]]}
+    if note is None:
+        chosen.attrs["dropped"] = int(keep.size - keep.sum())
+    return Record(chosen)
+
+
+def _nothing_left(dataset: xr.Dataset, mask: np.ndarray) -> str:
+    size = dataset.sizes["time_s"]
+    if size < 2:
+        return f"A record needs at least 2 samples, got {size}: check that the file has rows below its header."
+    counts = {str(n): int(np.isfinite(v.values).sum()) for n, v in dataset.data_vars.items() if channel(str(n)).needed}
+    fewest = min(counts, key=lambda name: counts[name], default="")
+    if fewest and counts[fewest] < size and not mask.all():
+        return (
+            f"Nothing is left of {size} samples once those without a value are dropped; {fewest!r} has "
+            f"{counts[fewest]} values. Leave that channel out, or record it at every sample."
+        )
+    return f"Nothing is left: {int(mask.sum())} of {size} samples are selected, and no two in a row. Select more."
+
+
+def _checked(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset in the form that a Record promises, its variables with units and names; raises where it cannot be."""
+    if "time_s" not in dataset.coords or dataset["time_s"].dims != ("time_s",):
+        raise ValueError(f"A record needs a coordinate time_s along a dimension time_s, got {list(dataset.coords)}.")
+    time = _vector("time_s", dataset["time_s"].values, None)
+    if time.size < 2:
+        raise ValueError(f"A record needs at least 2 samples, got {time.size}.")
+    segment = dataset["segment"].values if "segment" in dataset.data_vars else None
+    ids, labels = _numbered(segment, time.size)
+    given = dataset.attrs.get(_LABELS)
+    if given is not None and np.size(given) == len(labels):
+        labels = [str(label) for label in np.atleast_1d(given)]
+    _check_time(time, ids)
+    lengths = np.bincount(ids)
+    if lengths.min() < 2:
+        raise ValueError(f"Segment {int(np.argmin(lengths))} has a single sample: a segment needs at least 2.")
+    variables: dict[str, Any] = {}
+    for name, variable in dataset.data_vars.items():
+        if name == "segment":
+            continue
+        known, values = channel(str(name)), _vector(str(name), variable.values, time.size)
+        bad = ~np.isfinite(values)
+        if known.needed and bad.any():
+            row = int(np.argmax(bad))
+            raise ValueError(
+                f"Channel {name!r} has no finite value at row {row + 1} ({time[row]:.10g} s): build the record with "
+                "Record.from_arrays, which fills short runs and cuts at long ones."
+            )
+        variables[str(name)] = ("time_s", values, {**variable.attrs, "units": known.unit, "long_name": known.label})
+    variables["segment"] = ("time_s", ids, {"long_name": "segment"})
+    coordinate = ("time_s", time, {"units": "s", "long_name": CHANNELS["time_s"].label})
+    return _dataset(variables, coordinate, {**dataset.attrs, _LABELS: labels})

@@ -1,0 +1,65 @@
+"""A controller made for one speed, on a vehicle at any: fins act with the square of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any, NamedTuple
+
+from controllers.composed.loops import commands_of, targets_of
+from controllers.controller import Controller
+
+_SLOWEST, _FASTEST = 0.5, 1.5  # of the speed: beyond, a fin is not moved any further
+
+
+class ScheduledState(NamedTuple):
+    """Memory of the controller, the fins' angles that were given, and what its own were multiplied by."""
+
+    inner: Any
+    given: Mapping[str, float]
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Scheduled:
+    """The fins of a controller that takes the vehicle to go at `speed`, m/s, turned as much further as it goes slower.
+
+    limits: rad, by fin, either side.  The controller reads what its fins' angles would have been at `speed`.  Without
+    a reading of `u_mps` the last one counts.
+    """
+
+    controller: Controller
+    speed: float
+    limits: Mapping[str, float]
+
+    def __post_init__(self) -> None:
+        if not self.speed > 0.0 or not all(limit > 0.0 for limit in self.limits.values()):
+            raise ValueError(f"Scheduled needs a speed and limits above 0, got {self.speed!r} and {dict(self.limits)}.")
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        return targets_of(self.controller)
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return commands_of(self.controller)
+
+    def start(self) -> ScheduledState:
+        return ScheduledState(self.controller.start(), {})
+
+    def act(
+        self, state: ScheduledState, reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], ScheduledState]:
+        forward, factor = reading.get("u_mps", float("nan")), state.factor
+        if isfinite(forward):
+            factor = min(max(forward / self.speed, _SLOWEST), _FASTEST) ** -2.0
+        angles = {name: reading.get(name, state.given.get(name)) for name in self.limits}
+        seen = {name: angle / factor for name, angle in angles.items() if angle is not None}
+        command, inner = self.controller.act(state.inner, {**reading, **seen}, target)
+        given = {
+            name: min(max(factor * command[name], -limit), limit)
+            for name, limit in self.limits.items()
+            if name in command
+        }
+        return {**command, **given}, ScheduledState(inner, given, factor)

@@ -1,0 +1,1 @@
+"""The runs of a campaign, performed here or by workers."""

@@ -1,0 +1,413 @@
+"""Models against a record, running free, and against the vehicle in its environment under the same controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil
+from typing import Any, cast
+
+import gymnasium
+import numpy as np
+
+from auv_gym.channels import channel, set_point_of
+from auv_gym.model import Diverged, Model, check_finite, check_interval, inputs_of, outputs_of
+from auv_gym.models.linear import Polynomial, StateSpace
+from auv_gym.models.spliced import Spliced, splice
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from controllers.controller import Controller
+from identification.experiments.driving import Run, Steps, drive
+from identification.fit.shooting import Shooting
+from identification.fit.validation import FreeRuns, Score, head_windows
+from identification.fit.windows import free_run_windows
+from identification.recursive.diving_model import DivingModel, settled_starts
+
+SETTLE_SHARE = 0.05  # of the shortest window, of which starts are at least fitted
+MOST_ORIGINS = 200  # of the runs of a horizon sweep
+_ITERATIONS = 10
+_LEAST_SHARE = 0.02  # of a step that is for the worse, to which it is cut before it is given up
+# Smallest singular value of the starts' sensitivity, relative, that counts: linear models are solved exactly; what the
+# others' outputs hardly show stays where `initial` puts it.
+_SEEN_LINEAR, _SEEN = 1e-9, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class OpenLoop:
+    """Free runs of several models over the same windows of a record.
+
+    settle: s, of each window, to which its start is fitted and which is not scored.  runs: by model.  failed: why a
+    model has none, by model.
+    """
+
+    record: Record
+    windows: tuple[slice, ...]
+    settle: float
+    runs: dict[str, FreeRuns]
+    failed: dict[str, str]
+
+    @property
+    def scores(self) -> dict[str, dict[str, Score]]:
+        """A score by model and channel, over the samples past `settle`."""
+        return {name: run.scores(self.record) for name, run in self.runs.items()}
+
+    def shown(self, name: str | None = None) -> Record:
+        """The record in the windows, one segment each, with a model's outputs in place of the measured, or as it is."""
+        rows = np.concatenate([np.arange(w.start, w.stop) for w in self.windows])
+        window = np.repeat(np.arange(len(self.windows)), [w.stop - w.start for w in self.windows])
+        values = {channel_name: self.record[channel_name][rows] for channel_name in self.record.names}
+        if name is not None:
+            run = self.runs[name]
+            values |= {c: self.record[c][rows] - run.residual[:, i] for i, c in enumerate(run.channels)}
+        return Record.from_arrays(self.record.time[rows], values, window)
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far a model's run in an environment is from the vehicle's.
+
+    rmse: in the channel's unit.  percent: of the step asked for, or without one of the vehicle's range.
+    """
+
+    rmse: float
+    percent: float
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedLoop:
+    """Runs of the vehicle and of models in its place, with the same controller, seed and targets.
+
+    scales: by channel, what counts as 100 %.  failed: why a model has no run, by model.
+    """
+
+    vehicle: Run
+    runs: dict[str, Run]
+    scales: dict[str, float]
+    failed: dict[str, str]
+
+    @property
+    def deviations(self) -> dict[str, dict[str, Deviation]]:
+        """By model and channel, as far as both runs go."""
+        return {name: {c: self._deviation(name, c) for c in self.scales} for name in self.runs}
+
+    def difference(self, name: str, channel_name: str) -> tuple[np.ndarray, np.ndarray]:
+        """Times, s, and the model's reading less the vehicle's, as far as both runs go."""
+        true, model = self.vehicle.record, self.runs[name].record
+        time = true.time[true.time <= model.time[-1] + 1e-9]
+        return time, np.interp(time, model.time, model[channel_name]) - true[channel_name][: time.size]
+
+    def _deviation(self, name: str, channel_name: str) -> Deviation:
+        rmse = float(np.sqrt(np.mean(self.difference(name, channel_name)[1] ** 2)))
+        return Deviation(rmse, 100.0 * rmse / self.scales[channel_name])
+
+
+def compare_open(
+    models: Mapping[str, Model], record: Record, *, window: float | None = None, settle: float | None = None
+) -> OpenLoop:
+    """Free runs of all models over the same windows, each from a start fitted to the window's first seconds.
+
+    All are treated alike: least squares over the first `settle` seconds finds the start, and these are scored for none.
+    window: s; default: the window of a vehicle among the models, else whole segments.  settle: s; default: the longest
+    that any model needs, twice its states over its measured outputs or a vehicle's own, and 5 % of the shortest window.
+    A model that diverges is told in `failed`; one that does not fit the record raises by its name.
+    """
+    if not models:
+        raise ValueError("compare_open needs at least one model, got none.")
+    for name, model in models.items():
+        check_usable(name, model, record)
+    windows = _windows(models, record, window)
+    shortest = _shortest(record, windows)
+    if settle is None:
+        settle = settle_of(list(models.values()), record, windows)
+    if not 0.0 < settle < 0.5 * shortest:
+        raise ValueError(
+            f"Starts are fitted to the first {settle:g} s of windows, and the shortest window has {shortest:g} s: "
+            "choose longer windows, or give a shorter settle."
+        )
+    runs, failed = {}, {}
+    for name, model in models.items():
+        try:
+            runs[name] = free_runs_of(model, record, windows, settle)
+        except Diverged as error:
+            failed[name] = str(error)
+    return OpenLoop(record, tuple(windows), float(settle), runs, failed)
+
+
+def settle_of(models: Sequence[Model], record: Record, windows: Sequence[slice]) -> float:
+    """The first seconds, of each window, to fit starts to: what the slowest model needs, and a share of a window."""
+    return max(SETTLE_SHARE * _shortest(record, windows), *(_needed(model, record) for model in models))
+
+
+def _shortest(record: Record, windows: Sequence[slice]) -> float:
+    return min(float(record.time[w.stop - 1] - record.time[w.start]) for w in windows)
+
+
+def free_runs_of(model: Model, record: Record, windows: Sequence[slice], settle: float) -> FreeRuns:
+    """Free runs of any model over windows, each from a start fitted to its first `settle` seconds; raises Diverged."""
+    heads = head_windows(record, windows, settle)
+    starts = fitted_starts(model, record, heads)
+    y = _free(model, record, windows, starts)
+    rows = np.concatenate([np.arange(w.start, w.stop) for w in windows])
+    number = np.repeat(np.arange(len(windows)), [w.stop - w.start for w in windows])
+    scored = np.concatenate([np.arange(w.start, w.stop) >= h.stop for w, h in zip(windows, heads, strict=True)])
+    columns = _measured_columns(model, record)
+    residual = _residual(model, outputs_of(model, record)[rows] - y, number)
+    names = tuple(model.outputs[c] for c in columns)
+    return FreeRuns(names, rows, number, y[:, columns], residual[:, columns], scored)
+
+
+def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.ndarray:
+    """States at the first rows of the heads that suit all samples of each best, shape (n_heads, n_states).
+
+    Least squares, channels in units of what is left in them; a state that the outputs do not show stays as
+    `initial` has it, and one of a model with `start_spread` near that, within some of these.
+    """
+    if isinstance(model, Plant):
+        return Shooting(model, record, heads).solve(model, ()).starts
+    if isinstance(model, DivingModel):
+        return settled_starts(model, record, heads, np.inf)
+    measured = outputs_of(model, record)
+    x = first = np.array([model.initial(measured[h.start]) for h in heads])
+    rows = np.concatenate([np.arange(h.start, h.stop) for h in heads])
+    number = np.repeat(np.arange(len(heads)), [h.stop - h.start for h in heads])
+    linear = isinstance(model, StateSpace | Polynomial)
+    tied = 1.0 / getattr(model, "start_spread", np.full(x.shape[1], np.inf))
+    seen = _SEEN_LINEAR if linear else _SEEN
+
+    def left(states: np.ndarray) -> np.ndarray:
+        return _residual(model, measured[rows] - _free(model, record, heads, states), number)
+
+    def cost(states: np.ndarray, residual: np.ndarray) -> float:
+        return float(np.nansum((residual / unit) ** 2) + np.sum((tied * (states - first)) ** 2))
+
+    residual = left(x)
+    for _ in range(2 if linear else _ITERATIONS):  # the second pass has the channels' final units
+        unit = _root_mean_square(residual)
+        unit = np.maximum(unit, 1e-9 * max(float(unit.max()), 1e-300))
+        slopes = np.empty((x.shape[1], *residual.shape))
+        for j in range(x.shape[1]):
+            moved, probe = x.copy(), 1e-3 if linear else 1e-5 * (1.0 + np.abs(x[:, j]).max())
+            moved[:, j] += probe
+            slopes[j] = (residual - left(moved)) / probe
+        step = np.zeros_like(x)
+        for w in range(len(heads)):
+            mine = number == w
+            target = np.where(np.isfinite(residual[mine]), residual[mine] / unit, 0.0).ravel()
+            columns = np.where(np.isfinite(slopes[:, mine]), slopes[:, mine] / unit, 0.0).reshape(x.shape[1], -1).T
+            if tied.any():
+                target = np.concatenate([target, tied * (first[w] - x[w])])
+                columns = np.concatenate([columns, np.diag(tied)])
+            step[w] = np.linalg.lstsq(columns, target, rcond=seen)[0]
+        tried, share = left(x + step), 1.0
+        while not linear and not cost(x + share * step, tried) < cost(x, residual) and share > _LEAST_SHARE:
+            share *= 0.5
+            tried = left(x + share * step)
+        if share <= _LEAST_SHARE:
+            break
+        x, residual = x + share * step, tried
+    return x
+
+
+def horizon_sweep(
+    model: Model, record: Record, horizons: Sequence[int], settle: float = 0.0
+) -> dict[str, dict[int, float]]:
+    """Root mean square error of predictions so many samples ahead, by channel and horizon.
+
+    Each prediction runs free from the state corrected with all measurements of its segment up to its origin, first a
+    state that suits its first `settle` seconds; origins are spread evenly, at most 200, past those.  Raises Diverged.
+    """
+    if not horizons or any(k < 1 for k in horizons):
+        raise ValueError(f"horizon_sweep needs horizons of at least 1 sample, got {list(horizons)}.")
+    check_usable(type(model).__name__, model, record)
+    longest, inputs, measured = max(horizons), inputs_of(model, record), outputs_of(model, record)
+    time = record.time
+    possible = [
+        k
+        for s in record.segments
+        for k in range(s.start + int(np.searchsorted(time[s], time[s.start] + settle)), s.stop - longest)
+    ]
+    if not possible:
+        raise ValueError(
+            f"A horizon of {longest} samples is longer than every segment of the record past its first {settle:g} s: "
+            "choose shorter horizons."
+        )
+    picked = np.unique(np.linspace(0, len(possible) - 1, min(MOST_ORIGINS, len(possible))).astype(int))
+    origins = [possible[k] for k in picked]
+    states, wanted = [], set(origins)
+    step_over = getattr(model, "step_over", None)
+    for s, x in zip(record.segments, prediction_starts(model, record, settle)):
+        for k in range(s.start, min(s.stop, origins[-1] + 1)):
+            if k > s.start:
+                x = step_over(x, inputs[k - 1], time[k] - time[k - 1]) if step_over else model.step(x, inputs[k - 1])
+                x = model.correct(x, measured[k])
+            if k in wanted:
+                states.append(x)
+    windows = [slice(k, k + longest + 1) for k in origins]
+    y = _free(model, record, windows, np.array(states))
+    rows = np.concatenate([np.arange(w.start, w.stop) for w in windows])
+    number = np.repeat(np.arange(len(windows)), longest + 1)
+    residual = _residual(model, measured[rows] - y, number).reshape(len(windows), longest + 1, -1)
+    return {
+        model.outputs[c]: {k: float(_root_mean_square(residual[:, k])[c]) for k in horizons}
+        for c in _measured_columns(model, record)
+    }
+
+
+def prediction_starts(model: Model, record: Record, settle: float) -> np.ndarray:
+    """States at the segments' first rows for predictions, (segments, n_states), fitted to the first `settle` seconds.
+
+    What a model gives for one row of outputs is no good start where it learns slowly from measurements.
+    """
+    measured = outputs_of(model, record)
+    short = min(s.stop - s.start for s in record.segments) <= 2 * len(model.states)
+    if isinstance(model, Plant) or not settle > 0.0 or short:
+        return np.array([model.initial(measured[s.start]) for s in record.segments])
+    return fitted_starts(model, record, head_windows(record, record.segments, settle))
+
+
+def compare_closed(
+    make_env: Callable[[Model | None], gymnasium.Env],
+    controller: Controller,
+    models: Mapping[str, Model],
+    *,
+    seed: int,
+    targets: Steps | None = None,
+    start: Mapping[str, float] | None = None,
+) -> ClosedLoop:
+    """The vehicle in its environment, and each model in the vehicle's place, under the same controller.
+
+    make_env: the environment with a model in the vehicle's place, or of the vehicle itself for None.  A model that
+    lacks outputs of the vehicle is spliced into it, and drives those that it has.  seed, targets, start: see `drive`.
+    A model that diverges or cannot be put there is told in `failed`.
+    """
+    env = make_env(None)
+    inner: Any = env.unwrapped
+    plant = inner.plant
+    try:
+        vehicle = drive(env, controller, seed=seed, targets=targets, start=start)
+    finally:
+        env.close()
+    runs, failed = {}, {}
+    for name, model in models.items():
+        try:
+            other = make_env(stand_in(plant, model))
+            try:
+                runs[name] = drive(other, controller, seed=seed, targets=targets, start=start)
+            finally:
+                other.close()
+        except (ValueError, Diverged) as error:
+            failed[name] = str(error)
+    return ClosedLoop(vehicle, runs, step_scales(vehicle.record), failed)
+
+
+def stand_in(plant: Plant, model: Model) -> Model:
+    """The model where it has all outputs of the plant; else the plant with the model driving those that it has.
+
+    A float has no other motion that a plant could add: its model stands alone.
+    """
+    alone = isinstance(model, Plant | Spliced) or plant.family.kind == "float"
+    if alone or set(plant.outputs) <= set(model.outputs):
+        return model
+    return cast(Model, splice(plant, model))
+
+
+def check_usable(name: str, model: Model, record: Record) -> None:
+    """Raises, by its name, if a model cannot run over a record: a channel lacks, or the sample time is another."""
+    constants = getattr(model, "constants", {})
+    lacking = [c for c in model.inputs if not record.has(c) and c not in constants]
+    if lacking:
+        raise ValueError(
+            f"Model {name!r} needs the inputs {', '.join(model.inputs)}, and the record lacks {', '.join(lacking)}; it "
+            f"has {', '.join(record.names)}: record them, or map columns to them."
+        )
+    if not _measured_columns(model, record):
+        raise ValueError(
+            f"Model {name!r} gives {', '.join(model.outputs)}, and the record has none of them; it has "
+            f"{', '.join(record.names)}: there is nothing to compare."
+        )
+    if isinstance(model, Plant) or hasattr(model, "step_over"):
+        return
+    for part in record.segments:
+        try:
+            check_interval(model, record.time[part])
+        except ValueError as error:
+            raise ValueError(f"Model {name!r}: {error}") from None
+
+
+def _windows(models: Mapping[str, Model], record: Record, window: float | None) -> list[slice]:
+    plant = next((m for m in models.values() if isinstance(m, Plant)), None)
+    if plant is not None:
+        windows = free_run_windows(plant, record, plant.window if window is None else window)
+    elif window is not None:
+        windows = record.windows(window)
+    else:
+        windows = record.segments
+    if not windows:
+        longest = max(float(np.ptp(record.time[s])) for s in record.segments)
+        seconds = window or getattr(plant, "window", 0.0)
+        raise ValueError(
+            f"A comparison needs at least one window of {seconds:g} s with two samples, and the longest segment has "
+            f"{longest:g} s, with samples {record.sample_interval:g} s apart: choose "
+            f"{'longer' if seconds < 2.0 * record.sample_interval else 'shorter'} windows."
+        )
+    return windows
+
+
+def _needed(model: Model, record: Record) -> float:
+    """How long, s, the head of a window has to be for a start of this model."""
+    if isinstance(model, Plant):
+        return model.settle
+    return 2.0 * ceil(len(model.states) / len(_measured_columns(model, record))) * record.sample_interval
+
+
+def _measured_columns(model: Model, record: Record) -> list[int]:
+    return [c for c, n in enumerate(model.outputs) if record.has(n) and np.isfinite(record[n]).any()]
+
+
+def _free(model: Model, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
+    """Outputs of free runs, shape (total rows, n_outputs)."""
+    run = getattr(model, "run", None)
+    if run is not None:
+        return run(record, windows, starts)
+    inputs, result = inputs_of(model, record), []
+    for w, start in zip(windows, starts, strict=True):
+        x = start
+        for k in range(w.start, w.stop):
+            result.append(model.output(x))
+            x = model.step(x, inputs[k])
+    y = np.array(result)
+    check_finite(model.outputs, np.concatenate([record.time[w] for w in windows]), y)
+    return y
+
+
+def _residual(model: Model, residual: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """The residual with angles started within half a turn in each window, and not wrapped after that."""
+    edges = np.r_[0, np.flatnonzero(np.diff(number)) + 1, number.size]
+    for c, name in enumerate(model.outputs):
+        if channel(name).angle:
+            for a, b in pairwise(edges):
+                finite = residual[a:b, c][np.isfinite(residual[a:b, c])]
+                if finite.size:
+                    residual[a:b, c] -= 2.0 * np.pi * np.round(finite[0] / (2.0 * np.pi))
+    return residual
+
+
+def _root_mean_square(residual: np.ndarray) -> np.ndarray:
+    """Of each column, over its finite rows; zero where it has none."""
+    count = np.isfinite(residual).sum(axis=0)
+    return np.sqrt(np.nansum(residual**2, axis=0) / np.maximum(count, 1))
+
+
+def step_scales(record: Record) -> dict[str, float]:
+    """What counts as 100 %, by channel that moves: the largest step of its set point, from where it began, or range."""
+    scales = {}
+    for name in record.names:
+        if channel(name).kind != "motion" or not np.ptp(record[name]) > 0.0:
+            continue
+        scales[name] = float(np.ptp(record[name]))
+        if record.has(set_point_of(name)):
+            asked = np.r_[record[name][0], record[set_point_of(name)]]
+            largest = float(np.max(np.abs(np.diff(asked[np.isfinite(asked)])), initial=0.0))
+            scales[name] = largest or scales[name]
+    return scales

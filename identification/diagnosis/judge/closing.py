@@ -1,0 +1,229 @@
+"""The closed loop before and after a diagnosis: what the vehicle's own set points make of each of its models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from auv_gym.channels import channel, set_point_of, wrap
+from auv_gym.model import outputs_of
+from auv_gym.plant import Plant
+from auv_gym.plant.cruise import command_ranges, find_helm
+from auv_gym.records.record import Record
+from controllers.autopilots import TARGETS, autopilot
+from controllers.controller import Controller
+from controllers.pid import float_depth_pid, heading_pid
+from identification.diagnosis.judge.verdict import Diagnosis, quantity
+
+MOST_SAMPLES = 4000  # of a log that are run again; the rest would only take time
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """How a model's run under the log's own set points agrees with the log, in one channel.
+
+    logged: rms of the log's tracking error.  tracking: rms of the model's, as given, before and after.  given, before,
+    after: rms of the difference of the two.  NaN where nothing could be run; `words` then say why.
+    """
+
+    channel: str
+    unit: str
+    logged: float
+    given: float
+    before: float
+    after: float
+    tracking: Mapping[str, float]
+    words: str
+
+
+def closed_loop(diagnosis: Diagnosis) -> tuple[ClosedLoop, ...]:
+    """The closed loop with each model of a diagnosis, for each channel that has set points in the log.
+
+    The vehicle's autopilot steers the model by the log's set points.  What the logged commands have beside those of
+    this autopilot at the logged readings, such as an excitation or another controller's habits, is added to its
+    commands: a model that is right then repeats the log, whatever steered the vehicle.
+    """
+    plant, record = diagnosis.given.plant, diagnosis.record
+    targets = targets_of(plant, record)
+    stages = {"given": diagnosis.given.plant, "before": diagnosis.before.plant, "after": diagnosis.after.plant}
+    wanted = ", ".join(map(set_point_of, _targets(plant)))
+    reason = "" if targets else f"The log has no set points{f' ({wanted})' if wanted else ''}."
+    controller = None
+    if not reason:
+        try:
+            record = _steered_part(record, targets)
+        except ValueError:  # nothing is left
+            reason = f"The log never has all of its set points ({wanted}) at once."
+    if not reason:
+        try:
+            controller = controller_of(plant, targets)
+        except ValueError as error:
+            reason = f"No autopilot is known for {plant.name}: {error}"
+    if controller is None:
+        first = _targets(plant)[0] if _targets(plant) else plant.outputs[0]
+        nothing = dict.fromkeys(stages, np.nan)
+        return (ClosedLoop(first, channel(first).unit, np.nan, np.nan, np.nan, np.nan, nothing, reason),)
+    record = _beginning(record)
+    told, runs = told_at_log(plant, controller, record, targets), {}
+    for name, model in stages.items():
+        same = next((runs[n] for n in runs if np.array_equal(stages[n].vector, model.vector)), None)
+        runs[name] = steered(model, controller, record, targets, told) if same is None else same
+    return tuple(_judged(name, record, {stage: run[name] for stage, run in runs.items()}) for name in targets)
+
+
+def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
+    """The channels that the vehicle can be steered in and that the log has readings of and set points for."""
+    return tuple(
+        name
+        for name in _targets(plant)
+        if record.has(name) and record.has(set_point_of(name)) and np.isfinite(record[set_point_of(name)]).any()
+    )
+
+
+def controller_of(plant: Plant, targets: tuple[str, ...]) -> Controller:
+    """The vehicle's controller for these channels; raises ValueError where there is none."""
+    if plant.family.kind == "glider":
+        return heading_pid(plant)
+    if plant.family.kind == "float":
+        return float_depth_pid(plant)
+    return autopilot(plant, targets=targets)
+
+
+def steered(
+    model: Plant,
+    controller: Controller,
+    record: Record,
+    targets: tuple[str, ...],
+    told: Sequence[Mapping[str, float]] | None = None,
+) -> dict[str, np.ndarray]:
+    """A model's outputs in the targets' channels, (n,) each, under the log's set points; infinite once it diverged.
+
+    told: as `told_at_log`, where known; else the model's outputs stand in for readings that the log lacks.
+    """
+    names = [name for name in model.outputs if record.has(name)]
+    logged = {name: record[name] for name in names}
+    inputs = np.array(
+        [record[n] if record.has(n) else np.full(len(record), model.constants[n]) for n in model.inputs]
+    ).T
+    limits, time, first = _limits(model), record.time, outputs_of(model, record)
+    goals, steps = _asked(record, targets, model.dt)
+    found = np.full((len(record), len(targets)), inf)
+    at = [model.outputs.index(name) for name in targets]
+    for segment in record.segments:
+        x, (own, its) = model.initial(first[segment.start]), (controller.start(), controller.start())
+        for k in range(segment.start, segment.stop):
+            outputs = model.output(x)
+            found[k] = outputs[at]
+            if not np.isfinite(outputs).all():
+                found[k : segment.stop] = inf
+                break
+            reading = dict(zip(model.outputs, outputs.tolist(), strict=True)) | {"dt_s": steps[k]}
+            command, own = controller.act(own, reading, goals[k])
+            if told is None:
+                seen = reading | {name: float(values[k]) for name, values in logged.items() if np.isfinite(values[k])}
+                at_log, its = controller.act(its, seen, goals[k])
+            else:
+                at_log = told[k]
+            u = inputs[k].copy()
+            for index, name in enumerate(model.inputs):
+                if name in command and name in limits:
+                    low, high = limits[name]
+                    extra = u[index] - min(max(at_log[name], low), high)
+                    u[index] = min(max(min(max(command[name], low), high) + extra, low), high)
+            if k + 1 < segment.stop:
+                x = model.step_over(x, u, float(time[k + 1] - time[k]))
+    return {name: found[:, column] for column, name in enumerate(targets)}
+
+
+def told_at_log(
+    plant: Plant, controller: Controller, record: Record, targets: tuple[str, ...]
+) -> list[Mapping[str, float]] | None:
+    """What the controller commands at each of the log's readings; None where these lack any of the plant's outputs."""
+    if not np.isfinite(outputs_of(plant, record)).all():
+        return None
+    goals, steps = _asked(record, targets, plant.dt)
+    rows = np.array([record[name] for name in plant.outputs]).T.tolist()
+    found: list[Mapping[str, float]] = []
+    for segment in record.segments:
+        memory = controller.start()
+        for k in range(segment.start, segment.stop):
+            reading = dict(zip(plant.outputs, rows[k], strict=True)) | {"dt_s": steps[k]}
+            command, memory = controller.act(memory, reading, goals[k])
+            found.append(command)
+    return found
+
+
+def _asked(record: Record, targets: tuple[str, ...], dt: float) -> tuple[list[dict[str, float]], list[float]]:
+    """The set points at each sample, and the time since the one before; dt where a segment begins."""
+    wanted, steps = {name: record[set_point_of(name)].tolist() for name in targets}, np.diff(record.time, prepend=0.0)
+    steps[[segment.start for segment in record.segments]] = dt
+    goals = [{name: v[k] for name, v in wanted.items()} for k in range(len(record))]
+    return goals, steps.tolist()
+
+
+def _targets(plant: Plant) -> tuple[str, ...]:
+    if plant.family.kind == "float" and "piston_m" not in plant.family.required:
+        return ()
+    return TARGETS[plant.family.kind]
+
+
+def _limits(plant: Plant) -> dict[str, tuple[float, float]]:
+    """The lowest and the highest of each command."""
+    if plant.family.kind == "glider":
+        return {"rudder_rad": (-plant.hull.rudder_limit, plant.hull.rudder_limit)}
+    if plant.family.kind == "float":
+        return {"piston_m": (plant.hull.piston_low, plant.hull.piston_high)}
+    ranges = command_ranges(plant)
+    found = {name: (float(low), float(high)) for name, (low, _, high) in zip(plant.inputs, ranges)}
+    drive = plant.inputs[find_helm(plant).drive]
+    return found | {drive: (0.0, found[drive][1])}
+
+
+def _steered_part(record: Record, targets: tuple[str, ...]) -> Record:
+    """The record from where each segment has a set point of every target on; they stand until the next is known."""
+    goals = {set_point_of(name): record[set_point_of(name)].copy() for name in targets}
+    for values in goals.values():
+        for part in record.segments:
+            known = np.isfinite(values[part])
+            last = np.maximum.accumulate(np.where(known, np.arange(len(known)), -1))
+            values[part] = np.where(last >= 0, values[part][last], np.nan)
+    return record.with_channels(goals).select(np.all([np.isfinite(values) for values in goals.values()], axis=0))
+
+
+def _beginning(record: Record) -> Record:
+    """The first samples of a long record."""
+    return record if len(record) <= MOST_SAMPLES else record.select(np.arange(len(record)) < MOST_SAMPLES)
+
+
+def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray]) -> ClosedLoop:
+    logged = _errors(name, record, record[name])
+    errors = {stage: _errors(name, record, run) for stage, run in runs.items()}
+    apart = {stage: inf if np.isinf(runs[stage]).any() else _rms(_apart(name, errors[stage], logged)) for stage in runs}
+    unit = channel(name).unit
+    said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
+    words = (
+        f"In closed loop {channel(name).label} kept its set point to {quantity(_rms(logged), unit)} in the log; the "
+        f"model's run differs from that by {said['before']} before and {said['after']} after."
+    )
+    tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}
+    return ClosedLoop(name, unit, _rms(logged), apart["given"], apart["before"], apart["after"], tracking, words)
+
+
+def _errors(name: str, record: Record, values: np.ndarray) -> np.ndarray:
+    error = values - record[set_point_of(name)]
+    with np.errstate(invalid="ignore"):
+        return wrap(error) if channel(name).angle else error
+
+
+def _apart(name: str, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore"):
+        return wrap(one - other) if channel(name).angle else one - other
+
+
+def _rms(values: np.ndarray) -> float:
+    """Root mean square of what was measured while there was a set point."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else np.nan

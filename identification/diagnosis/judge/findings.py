@@ -1,0 +1,137 @@
+"""What a diagnosis found: effects with intervals, wrong coefficients, and what the record could have shown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect
+from identification.diagnosis.search.acceptance import Size, at_limit, threshold, weighed
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Screening
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.shooting import REACH
+
+LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
+SURPRISE = 1.96  # standard deviations that a vehicle states, from which on a coefficient is not what it was said to be
+BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it does is as likely
+
+
+def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], list[tuple[str, ...]]]:
+    effects, groups = [], []
+    for r in rounds:
+        if r.chosen is None:
+            continue
+        own = tuple(p for p in r.chosen.candidate.paths if p in state.paths)
+        others = tuple(p for t in r.tied for p in t.candidate.paths)
+        if others:
+            groups.append((*own, *others))
+        period = r.chosen.candidate.period
+        with_period = f" with a period of {value_at(state.plant, period):.3g} s" if period else ""
+        for path in own:
+            spec = spec_at(state.plant, path)
+            effects.append(
+                Effect(
+                    path=path,
+                    title=spec.title + with_period,
+                    value=sizes[path][0],
+                    neutral=spec.neutral,
+                    unit=spec.unit,
+                    ci95=_span(sizes[path]),
+                    evidence_train=r.evidence[0],
+                    evidence_held=r.evidence[1],
+                    tied_with=others,
+                )
+            )
+    return effects, groups
+
+
+def as_coefficients(plant: Plant, effects: Sequence[Effect]) -> list[Effect]:
+    """The effects, those that do nothing but change one coefficient with what it comes to."""
+    known = plant.family.coefficients_of(plant.parameters)
+    told = []
+    for effect in effects:
+        if effect.path in known:
+            path, law = known[effect.path]
+            spec, given = spec_at(plant, path), value_at(plant, path)
+            low, high = sorted(law(given, size) for size in effect.ci95)
+            title = spec.title or path
+            effect = replace(
+                effect,
+                coefficient=AsCoefficient(path, title, spec.unit, given, law(given, effect.value), (low, high)),
+            )
+        told.append(effect)
+    return told
+
+
+def coefficient_of(
+    plant: Plant, path: str, size: tuple[float, float, float], count: int, deviation: float
+) -> Coefficient:
+    """A refitted coefficient; wrong where it surely left its given value, by more than that was said to be off by.
+
+    deviation: standard deviation of the given value.  One that the vehicle states for itself is taken at its word.
+    """
+    spec, given, (value, error, _) = spec_at(plant, path), value_at(plant, path), size
+    moved = abs(value - given)
+    stated = SURPRISE * deviation if path in plant.deviations else LEAST_CHANGE * abs(given)
+    wrong = moved > stated and moved > np.sqrt(threshold(count)) * error
+    limited = moved >= 0.999 * REACH * deviation > 0.0
+    return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong), bool(limited))
+
+
+def twins_of(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
+    """Wrong coefficients as which an effect acts, each with that effect."""
+    wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
+    return [
+        (effect, path)
+        for effect, path in plant.family.twins.items()
+        if path in wrong and abs(wrong[path].value / wrong[path].given - 1.0) > spec_at(plant, effect).probe
+    ]
+
+
+def twin_effects(groups, effects, found, bench: Workbench, state: State, count: int) -> list[Effect]:
+    """Effects that act as a coefficient does which left its bounds: the record does not tell which it was.
+
+    An effect is named if the coefficient's change, told as its size, passes the gate against the coefficient as given.
+    """
+    added = []
+    for group in groups:
+        path = group[0]
+        c = next(c for c in found if c.path == group[-1])
+        if any(e.path == path for e in effects) or abs(c.value / c.given - 1.0) <= BEYOND:
+            continue
+        spec = spec_at(bench.plant, path)
+        shift = spec.neutral - 1.0  # gains are neutral at one, errors at zero
+        value, (low, high) = shift + c.value / c.given, sorted(shift + v / c.given for v in c.ci95)
+        size = Size(abs(value - spec.neutral), spec.probe, at_limit(value, spec.bounds, spec.neutral))
+        put_back = replace_at(state.plant, c.path, c.given)
+        before = bench.fit(put_back, [p for p in state.paths if p != c.path], state)
+        passed = weighed(bench, before, state, [size], lambda half=(high - low) / 2.0: [half], threshold(count))
+        if not passed.objection:
+            gains = (passed.train, passed.held)
+            added.append(Effect(path, spec.title, value, spec.neutral, spec.unit, (low, high), *gains, group[1:]))
+    return added
+
+
+def detectable_of(
+    plant: Plant, screening: Sequence[Screening], rounds: Sequence[Round], named: set[str]
+) -> tuple[Detectable, ...]:
+    result = []
+    for s in screening:
+        for path, size in zip(s.candidate.paths, s.detectable, strict=True):
+            if path in named:
+                continue
+            spec = spec_at(plant, path)
+            reason = ""
+            if not np.isfinite(size):
+                reason = s.unseen or "changes nothing that was measured"
+            result.append(Detectable(path, spec.title, spec.unit, float(size), reason))
+    return tuple(result)
+
+
+def _span(size: tuple[float, float, float]) -> tuple[float, float]:
+    return (size[0] - size[2], size[0] + size[2])

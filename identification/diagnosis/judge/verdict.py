@@ -1,0 +1,275 @@
+"""What a diagnosis says, and in which words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Screening
+from identification.diagnosis.search.workbench import State
+from identification.fit.validation import FreeRuns, Score, Whiteness
+
+if TYPE_CHECKING:
+    from identification.diagnosis.extras import Failure
+    from identification.diagnosis.judge.closing import ClosedLoop
+    from identification.diagnosis.judge.habitat import Habitat
+    from identification.diagnosis.log.kinematics import Kinematics
+    from identification.diagnosis.log.plausibility import Doubt
+    from identification.diagnosis.search.discovery import Discovery
+    from identification.fit.innovations import Choice
+
+Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
+
+
+@dataclass(frozen=True)
+class AsCoefficient:
+    """The coefficient that an effect does nothing but change: what was given, what it comes to, and the interval."""
+
+    path: str
+    title: str
+    unit: str
+    given: float
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it.
+
+    coefficient: what it is reported as, where it does nothing but change that one.
+    """
+
+    path: str
+    title: str
+    value: float
+    neutral: float
+    unit: str
+    ci95: tuple[float, float]
+    evidence_train: float
+    evidence_held: float
+    tied_with: tuple[str, ...] = ()
+    coefficient: AsCoefficient | None = None
+
+    @property
+    def told(self) -> str:
+        """What is the matter, its size and its interval, in words."""
+        c = self.coefficient
+        if c is None:
+            return f"{self.title} ({quantity(self.value, self.unit)}, 95 % interval {interval(self.ci95, self.unit)})"
+        size = f"{quantity(c.value, c.unit)}, 95 % interval {interval(c.ci95, c.unit)}"
+        return f"another {c.title} ({size}, given {quantity(c.given, c.unit)})"
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """A coefficient of the vehicle, as given and as refitted.
+
+    wrong: surely not what was given.  limited: as far from there as its doubt lets a fit go.
+    """
+
+    path: str
+    title: str
+    unit: str
+    given: float
+    value: float
+    ci95: tuple[float, float]
+    wrong: bool = False
+    limited: bool = False
+
+
+@dataclass(frozen=True)
+class Detectable:
+    """The smallest size of a candidate that this record would have shown, infinite if it cannot show it at all."""
+
+    path: str
+    title: str
+    unit: str
+    size: float
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """A vehicle and its free runs.
+
+    held: over the held-out windows, which give the error; every: over all windows, for pictures; both from states
+    fitted to the first seconds.  fitted: over all windows from states fitted to whole windows, for tests of whiteness.
+    """
+
+    plant: Plant
+    held: FreeRuns
+    every: FreeRuns
+    fitted: FreeRuns
+    scores: dict[str, Score]
+    whiteness: dict[str, Whiteness]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How `diagnose` was called: what it takes to call it again."""
+
+    window: float | None = None
+    settle: float | None = None
+    seed: int = 0
+    most: int = 3
+    doubt: float = 0.1
+    trust: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnosis:
+    """The result of comparing a record with a vehicle; `summary` says it in a paragraph.
+
+    given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
+    tied: groups of paths that the record cannot tell apart.  explained: share of the held-out squared error in excess
+    of the measurement noise that the effects remove.  windows: (training, held-out) slices of the record.
+    doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
+    form: whether the residuals want process noise.  loops: the closed loop with each of the vehicles.
+    failures: parts that could not be made.
+    """
+
+    verdict: Verdict
+    record: Record
+    given: Stage
+    before: Stage
+    after: Stage
+    effects: tuple[Effect, ...]
+    tied: tuple[tuple[str, ...], ...]
+    coefficients: tuple[Coefficient, ...]
+    detectable: tuple[Detectable, ...]
+    rounds: tuple[Round, ...]
+    state: State
+    screening: tuple[Screening, ...]
+    explained: float
+    remains: dict[str, dict[str, Any]]
+    windows: tuple[tuple[slice, ...], tuple[slice, ...]]
+    window: float
+    settle: float
+    seed: int
+    asked: Asked = field(default_factory=Asked)
+    doubts: tuple[Doubt, ...] = ()
+    kinematics: Kinematics | None = None
+    discovery: Discovery | None = None
+    habitat: Habitat | None = None
+    form: Choice | None = None
+    loops: tuple[ClosedLoop, ...] = ()
+    failures: tuple[Failure, ...] = ()
+    source: str = ""
+    versions: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def changed(self) -> bool:
+        """Whether anything was added to the vehicle: named effects, or a term found in the data."""
+        return bool(self.effects) or (self.discovery is not None and self.discovery.holds)
+
+    @property
+    def unexplained(self) -> bool:
+        """Whether something is left that neither the effects nor a refit explain."""
+        return self.verdict == "unexplained" or self.discovery is not None
+
+    @property
+    def reach(self) -> str:
+        """How far a scored free run goes, in words to follow `free runs`: over 100 s, or between buoyancy actions."""
+        stepped = self.given.plant.family.stepped
+        return "between buoyancy actions" if stepped else f"over {self.window - self.settle:g} s"
+
+    @property
+    def held_words(self) -> str:
+        """What is held out: windows, or dives where each has a volume of its own and the record has several."""
+        segments = np.array([s.start for s in self.record.segments])
+        of = [{int(np.searchsorted(segments, w.start, side="right")) for w in part} for part in self.windows]
+        return "windows" if of[0] & of[1] or len(segments) == 1 else "dives"
+
+    def summary(self) -> str:
+        """The verdict in plain words, with the error before and after."""
+        parts = [_sentence(self), _rest_sentence(self), _error_sentence(self), _limit_sentence(self)]
+        return " ".join(part for part in parts if part)
+
+
+def _sentence(d: Diagnosis) -> str:
+    names = [e.told for e in d.effects]
+    if d.verdict == "doubted":
+        doubt = d.doubts[0]
+        return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."
+    if d.verdict == "none":
+        return "No effect is missing that this record could show."
+    wrong = [
+        f"{c.title} ({quantity(c.value, c.unit)}, 95 % interval {interval(c.ci95, c.unit)}, given "
+        f"{quantity(c.given, c.unit)})"
+        for c in d.coefficients
+        if c.wrong
+    ]
+    if d.verdict == "coefficients":
+        return f"No effect is missing that this record could show, but coefficients were wrong: {_listed(wrong)}."
+    if d.verdict == "unexplained":
+        text = "The log and the vehicle disagree, and no effect known here explains it."
+        return text + (f" Part of it looks like {_listed(names)}." if names else "")
+    if d.verdict == "named":
+        return f"The vehicle lacks {_listed(names)}."
+    titles = {e.path: e.title for e in d.effects} | {x.path: x.title for x in d.detectable}
+    titles |= {c.path: c.title for c in d.coefficients}
+    groups = [" or ".join(titles.get(p, p) for p in group) for group in d.tied]
+    return f"The vehicle lacks {_listed(names)}. This record cannot tell apart: {'; '.join(groups)}."
+
+
+def _limit_sentence(d: Diagnosis) -> str:
+    """What is said of coefficients that a fit took as far as it may."""
+    limited = [c.title for c in d.coefficients if c.limited]
+    if not limited:
+        return ""
+    return (
+        f"The fit moved {_listed(limited)} as far from the given value as its uncertainty allows: if it is known less "
+        "well, raise --doubt, or its deviation in the vehicle file."
+    )
+
+
+def _rest_sentence(d: Diagnosis) -> str:
+    """What is said of the part that nothing explains."""
+    if d.discovery is None:
+        return ""
+    begin = "" if d.verdict == "unexplained" else "Something is left that they do not explain. "
+    if d.discovery.holds:
+        terms = _listed([t.words for t in d.discovery.terms])
+        begin += f"A term found in the data, which held-out windows confirm, takes part of it: {terms}. "
+    return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
+
+
+def _error_sentence(d: Diagnosis) -> str:
+    parts = []
+    for name, before in d.before.scores.items():
+        after = d.after.scores[name]
+        label, unit = channel(name).label, channel(name).unit
+        if d.changed:
+            parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
+        else:
+            parts.append(f"{label} {quantity(before.rmse, unit)}")
+    return f"Root mean square error of free runs {d.reach} in held-out {d.held_words}: {'; '.join(parts)}."
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit, for people: angles in degrees, volumes in millilitres."""
+    if not np.isfinite(value):
+        return "not detectable"
+    if unit in ("rad", "rad/s"):
+        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
+    if unit.startswith("m^3"):
+        value, unit = 1e6 * value, unit.replace("m^3", "mL", 1)
+    digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+    return f"{digits} {'' if unit == '1' else unit}".strip()
+
+
+def interval(limits: tuple[float, float], unit: str) -> str:
+    """A 95 % interval with its unit, angles in degrees for people."""
+    low, high = (quantity(v, unit) for v in limits)
+    return f"{low.split(' ')[0]} to {high}"
+
+
+def _listed(items: list[str]) -> str:
+    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)

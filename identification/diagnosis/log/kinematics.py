@@ -1,0 +1,260 @@
+"""Sensors against each other by kinematics alone: what one of them must be wrong by, whatever the forces were."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from auv_gym.param import list_paths, spec_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.diagnosis.log.kinematic_equations import Equation, equations_of
+
+BLOCK = 20.0  # s, over which signals are integrated; each block has a constant of its own
+LEAST = 12  # samples of a block
+FEWEST = 4  # blocks that an interval takes
+SURE = 4.0  # standard errors, of a scatter over many blocks, from which kinematics speaks of an effect
+SUPPORTED = SURE**2  # the same as evidence
+NEARLY = 0.8  # share of the most evidence that makes another effect a rival
+TIED = 9.0  # difference in evidence below which two effects are not told apart
+CLEARED = 3.0  # probes within which the interval of a sensor that is cleared lies
+MOST = 6
+
+
+@dataclass(frozen=True)
+class Mismatch:
+    """A sensor effect that kinematics supports.
+
+    evidence: twice the gain in log-likelihood.  tied: effects that would explain the same.  between: the equations that
+    gain by it.
+    """
+
+    path: str
+    value: float
+    ci95: tuple[float, float]
+    unit: str
+    evidence: float
+    tied: tuple[str, ...]
+    between: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
+class Clear:
+    """A sensor effect that the record can judge by kinematics, and finds neutral."""
+
+    path: str
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What kinematics says of a record's sensors.
+
+    equations: which sensors could be compared, in words.
+    """
+
+    mismatches: tuple[Mismatch, ...]
+    clears: tuple[Clear, ...]
+    equations: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _System:
+    """The equations of all segments as one whitened regression: y = X theta + noise of unit variance.
+
+    block: the block of each row, `group` its equation.
+    """
+
+    paths: tuple[str, ...]
+    titles: tuple[str, ...]
+    x: np.ndarray
+    y: np.ndarray
+    block: np.ndarray
+    group: np.ndarray
+
+
+def kinematics_of(record: Record, plant: Plant) -> Kinematics:
+    """What kinematics supports and what it clears, of the sensor effects and currents that the plant knows.
+
+    Effects are taken up one by one, the one with the most evidence first, while that is at least `SUPPORTED`, and sure.
+    Intervals come from the scatter of the blocks, so that they allow for noise of any colour within a block.
+    """
+    system = _system(record, plant)
+    if system is None:
+        return Kinematics((), (), ())
+    chosen: list[int] = []
+    ties: list[list[int]] = []
+    gains: list[float] = []
+    for _ in range(MOST):
+        rest = [k for k in range(len(system.paths)) if k not in chosen]
+        rest = [k for k in rest if _sensible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
+        evidence = {k: _evidence(system, chosen, k) for k in rest}
+        top = max(rest, key=lambda k: evidence[k], default=None)
+        if top is None or evidence[top] < SUPPORTED or not _sure(system, [*chosen, top]):
+            break
+        # among those that do nearly as much the likelihood decides: it sees the equations that weigh little
+        loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * evidence[top]}
+        best = min(loss, key=lambda k: loss[k])
+        ties.append([k for k in loss if k != best and loss[k] < loss[best] + TIED])
+        gains.append(evidence[best])
+        chosen.append(best)
+    mismatches = [
+        _mismatch(system, plant, chosen, k, tied, gain) for k, tied, gain in zip(chosen, ties, gains, strict=True)
+    ]
+    suspected = {*chosen, *(k for tied in ties for k in tied)}
+    clears = []
+    for k in range(len(system.paths)):
+        if k in suspected:
+            continue
+        value, half = _estimate(system, [*chosen, k], k)
+        if abs(value) + half < CLEARED * spec_at(plant, system.paths[k]).probe:
+            clears.append(Clear(system.paths[k], value, (value - half, value + half)))
+    order = sorted(mismatches, key=lambda m: -m.evidence)
+    return Kinematics(tuple(order), tuple(clears), system.titles)
+
+
+def _sensible(plant: Plant, path: str, value: float) -> bool:
+    """Whether a value is worth telling, and one that the effect can have."""
+    spec = spec_at(plant, path)
+    return abs(value) > 0.5 * spec.probe and spec.bounds[0] <= value <= spec.bounds[1]
+
+
+def _mismatch(system: _System, plant: Plant, chosen: list[int], k: int, tied: Sequence[int], gain: float) -> Mismatch:
+    path = system.paths[k]
+    spec = spec_at(plant, path)
+    value, half = _estimate(system, chosen, k)
+    without = [j for j in chosen if j != k]
+    before, after = _residual(system, without) ** 2, _residual(system, chosen) ** 2
+    fall = np.bincount(system.group, before - after, minlength=len(system.titles))
+    between = tuple(system.titles[g] for g in np.argsort(-fall) if fall[g] > 0.2 * fall.max())
+    others = tuple(system.paths[j] for j in tied)
+    unit = "" if spec.unit == "1" else f" {spec.unit}"
+    text = (
+        f"{between[0]} shows a {spec.title} of {value:.3g}{unit} (95 % interval {value - half:.3g} to "
+        f"{value + half:.3g})"
+    )
+    if others:
+        text += f", or what does the same: {', '.join(spec_at(plant, other).title for other in others)}"
+    return Mismatch(path, value, (value - half, value + half), spec.unit, gain, others, between, text)
+
+
+def _system(record: Record, plant: Plant) -> _System | None:
+    """The whitened regression; None where nothing can be compared."""
+    known = [p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0]
+    parts: dict[str, list[tuple[Equation, slice]]] = {}
+    for block in _blocks(record):
+        mask = np.zeros(len(record), dtype=bool)
+        mask[block] = True
+        for equation in equations_of(record.select(mask), plant.inputs):
+            parts.setdefault(equation.title, []).append((equation, block))
+    parts = {title: found for title, found in parts.items() if len(found) >= FEWEST}
+    moved = {p for found in parts.values() for e, _ in found for p, c in e.columns.items() if np.ptp(c) > 0.0}
+    paths = tuple(p for p in known if p in moved)
+    if not paths:
+        return None
+    rows = [_whitened(found, paths) for found in parts.values()]
+    x, y = np.concatenate([r[0] for r in rows]), np.concatenate([r[1] for r in rows])
+    starts = np.concatenate([r[2] for r in rows])
+    group = np.repeat(np.arange(len(rows)), [len(r[1]) for r in rows])
+    return _System(paths, tuple(parts), x, y, np.unique(starts, return_inverse=True)[1], group)
+
+
+def _blocks(record: Record) -> list[slice]:
+    samples = max(round(BLOCK / record.sample_interval), LEAST)
+    return [slice(a, a + samples) for s in record.segments for a in range(s.start, s.stop - samples + 1, samples)]
+
+
+def _whitened(found: list[tuple[Equation, slice]], paths: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows of one equation less their blocks' means, as innovations of a first-order process of unit variance."""
+    xs, ys, blocks = [], [], []
+    for equation, block in found:
+        x = np.stack([equation.columns.get(p, np.zeros(len(equation.rest))) for p in paths], axis=1)
+        keep = np.isfinite(equation.rest) & np.isfinite(x).all(axis=1)
+        if keep.sum() < LEAST // 2:
+            continue
+        xs.append(x[keep] - x[keep].mean(axis=0))
+        ys.append(equation.rest[keep] - equation.rest[keep].mean())
+        blocks.append(np.full(int(keep.sum()), block.start))
+    edges = np.cumsum([0, *(len(y) for y in ys)])
+    x, y = np.concatenate(xs), np.concatenate(ys)
+    size = np.sqrt((x**2).mean(axis=0))
+    size[size == 0.0] = 1.0
+    x = x / size
+    first = np.zeros(len(y), dtype=bool)
+    first[edges[:-1]] = True
+    phi = 0.0
+    for _ in range(3):  # the colour of what the effects leave, and the effects given that colour
+        u, v = (_innovations(a, phi, first) for a in (x, y))
+        rest = y - x @ np.linalg.lstsq(u, v, rcond=1e-9)[0]
+        inner = ~first
+        phi = float(np.clip(rest[inner] @ np.roll(rest, 1)[inner] / max(float(rest @ rest), 1e-300), 0.0, 0.995))
+    u, v = (_innovations(a, phi, first) for a in (x, y))
+    rest = v - u @ np.linalg.lstsq(u, v, rcond=1e-9)[0]
+    scale = max(float(np.sqrt(np.mean(rest**2))), 1e-12)
+    return u * size / scale, v / scale, np.concatenate(blocks)
+
+
+def _innovations(values: np.ndarray, phi: float, first: np.ndarray) -> np.ndarray:
+    changed = values - phi * np.roll(values, 1, axis=0)
+    changed[first] = values[first] * np.sqrt(1.0 - phi**2)
+    return changed
+
+
+def _residual(system: _System, chosen: Sequence[int]) -> np.ndarray:
+    if not len(chosen):
+        return system.y
+    x = system.x[:, list(chosen)]
+    x = x / np.maximum(np.sqrt((x**2).sum(axis=0)), 1e-300)
+    return system.y - x @ np.linalg.lstsq(x, system.y, rcond=1e-9)[0]
+
+
+def _loss(system: _System, chosen: Sequence[int]) -> float:
+    """Minus twice the log-likelihood of the chosen effects, up to a constant."""
+    rest = _residual(system, chosen)
+    return len(rest) * float(np.log(max(float(rest @ rest), 1e-300)))
+
+
+def _estimate(system: _System, chosen: Sequence[int], k: int) -> tuple[float, float]:
+    """The value of an effect beside the chosen ones, and half its 95 % interval, from the scatter of the blocks."""
+    x = system.x[:, list(chosen)]
+    size = np.maximum(np.sqrt((x**2).sum(axis=0)), 1e-300)
+    bread = np.linalg.pinv((x / size).T @ (x / size), rcond=1e-9, hermitian=True)
+    value = bread @ ((x / size).T @ system.y)
+    rest = system.y - (x / size) @ value
+    count = int(system.block.max()) + 1
+    scores = np.zeros((count, len(chosen)))
+    np.add.at(scores, system.block, (x / size) * rest[:, None])
+    place = list(chosen).index(k)
+    robust = (bread @ (scores.T @ scores) @ bread)[place, place] * count / max(count - 1, 1)
+    plain = bread[place, place] * float(np.mean(rest**2))
+    half = float(stats.t.ppf(0.975, _freedom(system))) * np.sqrt(max(robust, plain))
+    return float(value[place] / size[place]), float(half / size[place])
+
+
+def _evidence(system: _System, chosen: Sequence[int], k: int) -> float:
+    """Twice the gain in log-likelihood by one more effect, no more than its scatter over the blocks bears out."""
+    gain = _loss(system, chosen) - _loss(system, [*chosen, k])
+    return float(min(gain, _errors(system, [*chosen, k]) ** 2))
+
+
+def _sure(system: _System, chosen: Sequence[int]) -> bool:
+    """Whether the last of these effects is as surely not chance as `SURE` says, for a scatter over these few blocks."""
+    bar = stats.t.isf(stats.norm.sf(SURE), _freedom(system))
+    return bool(_errors(system, chosen) > bar)
+
+
+def _errors(system: _System, chosen: Sequence[int]) -> float:
+    """How many of its standard errors over the blocks the last of these effects is from neutral."""
+    value, half = _estimate(system, chosen, chosen[-1])
+    error = half / stats.t.ppf(0.975, _freedom(system))
+    return float(abs(value) / error) if error > 0.0 else 0.0
+
+
+def _freedom(system: _System) -> int:
+    """Degrees of freedom of the scatter over the blocks."""
+    return max(int(system.block.max()), 1)

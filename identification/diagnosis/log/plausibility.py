@@ -1,0 +1,321 @@
+"""Doubts about the log itself: slips that explain a disagreement better than any change of the vehicle does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.model import outputs_of
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.physics.frames import velocity_ned
+from auv_gym.plant import Plant, Runs
+from auv_gym.records.record import Record
+from identification.diagnosis.log.slips import Slip, slips_of, undone
+from identification.fit.first_readings import RATES
+from identification.fit.residual import noise_floor
+from identification.fit.shooting import Shooting
+from identification.fit.windows import held_out
+
+GAIN = 4.0  # factor in squared error by which a slip must beat the record as declared
+LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
+POOR = 0.1  # error from which a run is poor: squared, over the signal's variance in a window
+ALONE = 0.2  # error from which a sensor may have slipped by itself: less than knots make, (1 - 0.514)^2
+BAD = 0.5  # error from which a sensor is wrong still, and a signal that hardly moves is stray
+FOREIGN = 0.55  # mean error from which a log is of another vehicle
+CLEAN = 2.0  # squared error over the noise's variance up to which an undone slip leaves nothing else to explain
+FLOOR = 0.01  # mean error below which there is nothing to gain
+FACTOR = 3.0  # by which a coefficient may differ from its given value
+ROWS, PIECES, SHORTLIST = 80, 4, 3
+DIVES = 4  # of a log, where each is taken whole
+FASTEST, STEEPEST = 15.0, 0.5 * np.pi + 0.1  # m/s, rad; beyond, a channel is not what it says
+MOSTLY = 4.0  # variance of a signal over its noise's up to which it is mostly noise
+_WILD = 9.0  # error of a run that has left the finite numbers
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """A reason to distrust the log.
+
+    text: what looks wrong.  gain: squared error as declared over that with the slip undone, in windows that fitted
+    nothing.  mend: what to do.  slip: for `undone`; None where no slip mends it.  instead: what would do the same.
+    firm: whether effects need not be tried first; a clock or a factor that leaves more than noise may be an effect.
+    """
+
+    text: str
+    channels: tuple[str, ...]
+    gain: float
+    mend: str
+    slip: Slip | None = None
+    instead: tuple[str, ...] = ()
+    firm: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Match:
+    """How far free runs of a plant are from a record: by channel, squared error over the signal's variance.
+
+    still: the same for signals that are mostly noise, over the least variance that is not; see `telling`.
+    noise: squared error over the variance of what is white in it, as far as that was worked out.
+    """
+
+    plant: Plant
+    errors: dict[str, float] = field(default_factory=dict)
+    still: dict[str, float] = field(default_factory=dict)
+    noise: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def total(self) -> float:
+        """The mean over the channels of e/(1 + e), so that one wild channel counts as one."""
+        return float(np.mean([e / (1.0 + e) for e in self.errors.values()])) if self.errors else 0.0
+
+    @property
+    def stray(self) -> tuple[str, ...]:
+        """The signals that hardly move and yet are far from the runs."""
+        return tuple(name for name, error in self.still.items() if error > BAD)
+
+    def telling(self, names: Iterable[str]) -> Match:
+        """The match in which these signals count even where they hardly move."""
+        return replace(self, errors=self.errors | {n: self.still[n] for n in names if n in self.still})
+
+    def add(self, name: str, values: np.ndarray, error: float, window: np.ndarray) -> None:
+        """Puts a channel's squared error in, less the noise's variance, for a signal in windows numbered by row."""
+        keep = np.isfinite(values)
+        counts = np.bincount(window[keep], minlength=window[-1] + 1)
+        means = np.bincount(window[keep], values[keep], minlength=window[-1] + 1) / np.maximum(counts, 1)
+        variance, noise = float(np.mean((values - means[window])[keep] ** 2)), noise_floor(values, window) ** 2
+        if variance > 0.0:
+            moves = variance > MOSTLY * noise
+            excess = max(error - noise, 0.0) / (max(variance, MOSTLY * noise) - noise)
+            (self.errors if moves else self.still)[name] = excess if np.isfinite(excess) else _WILD
+
+
+def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: float = 0.0) -> tuple[Doubt, ...]:
+    """What is wrong with the log itself, if anything; empty for a log that a vehicle of this kind can have made.
+
+    Each slip is undone in turn, starts and coefficients are fitted, these within `FACTOR` and with their signs, and
+    free runs are compared with those of the record as declared, in half of the windows and again in the other half.
+    settle: s at the windows' starts that are left out, for logs that begin in the middle of a manoeuvre.
+    """
+    windows = windows or record.windows(plant.window)  # none is under water in a log whose depth is upside down
+    masks = [_excited(record, plant, part, settle) for part in held_out(plant, record, windows)]
+    if not all(mask.any() for mask in masks):
+        return ()
+    fitted, judged = (record.select(mask) for mask in masks)
+    paths = _free(plant)
+    declared = _match(fitted, plant, paths)
+    stray = declared.stray
+    if not stray and all(e <= POOR for e in declared.errors.values()):
+        return ()
+    before = _match(judged, declared.plant)
+    off = declared.telling(stray)
+    suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, off)]
+    found = []
+    for slip, changed in _ranked(suspects, record, masks[0], plant, stray):
+        here = _match(changed.select(masks[0]), plant, paths)
+        there = _match(changed.select(masks[1]), here.plant)
+        gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
+        if gain >= GAIN and max(here.total, there.total) <= LEFT:
+            noise = max(error for match in (here, there) for error in (0.0, *match.noise.values()))
+            found.append((there.total, gain, slip, not slip.scales or noise <= CLEAN))
+    if found:
+        return (_doubt(sorted(found, key=lambda item: item[0])),)
+    if min(declared.total, before.total) > FOREIGN:
+        return (_foreign(plant, declared, before),)
+    return ()
+
+
+def _doubt(found: list[tuple[float, float, Slip, bool]]) -> Doubt:
+    least, gain, slip, firm = found[0]
+    instead = tuple(other.text for total, _, other, _ in found[1:] if total <= 1.3 * least + 0.3 * FLOOR)
+    return Doubt(slip.text, slip.channels, gain, slip.mend, slip, instead, firm)
+
+
+def _foreign(plant: Plant, *matches: Match) -> Doubt:
+    names = [n for n in matches[0].errors if all(m.errors.get(n, 0.0) > BAD for m in matches)]
+    signals = ", ".join(channel(n).label for n in names) or "its signals"
+    does = "moves" if len(names) == 1 else "move"
+    text = (
+        f"this does not look like a log of {plant.name}: {signals} {does} otherwise, whatever its coefficients within "
+        f"a factor of {FACTOR:g}, and no single slip of sign, unit, column or clock mends it"
+    )
+    mend = "check that log and vehicle belong together; if they do, check signs, units and columns of all channels"
+    return Doubt(text, tuple(names), 1.0, mend)
+
+
+def _free(plant: Plant) -> tuple[str, ...]:
+    """The coefficients that a fit may change by a factor."""
+    return tuple(p for p in plant.coefficients if value_at(plant, p) != 0.0)
+
+
+def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:
+    """Which samples are in those pieces of the windows in which the inputs move most, as a mask; pieces never touch."""
+    mask, pieces = np.zeros(len(record), dtype=bool), []
+    if plant.family.shared:  # whole dives: each has an unknown of its own, which pieces of it would not share
+        for s in record.segments[:: max(len(record.segments) // DIVES, 1)]:
+            inside = [w for w in windows if s.start <= w.start < s.stop]
+            if inside:
+                mask[inside[0].start : inside[-1].stop] = True
+        return mask
+    for w in windows:
+        start = int(np.searchsorted(record.time[w], record.time[w.start] + settle)) + w.start
+        # one sample is left out, so that neighbours stay apart
+        pieces += [slice(a, b - 1) for a, b in pairwise([*range(start, w.stop, ROWS), w.stop]) if b - a > 8]
+    names = [name for name in plant.family.required if record.has(name)]
+    if not pieces or not names:
+        return mask
+    moves = np.stack([[np.std(record[name][p]) for name in names] for p in pieces])
+    order = np.argsort(-np.sum(moves / np.maximum(moves.max(axis=0), 1e-12), axis=1), kind="stable")
+    for k in order[:PIECES]:
+        mask[pieces[k]] = True
+    return mask
+
+
+def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: int = 4) -> Match:
+    """Free runs over the segments of a record from fitted starts, with coefficients fitted within `FACTOR`."""
+    if not _possible(record):
+        return Match(plant, {name: _WILD for name in (*plant.outputs, "depth_m", "pitch_rad") if record.has(name)})
+    problem = Shooting(plant, record, record.segments)
+    found, point = plant, problem.point(plant.vector, problem.first_guess)
+    if np.isfinite(point.cost):
+        with (
+            suppress(np.linalg.LinAlgError),
+            np.errstate(all="ignore"),
+        ):  # a run on the brink of diverging has slopes that are no numbers
+            found, point = _fitted(problem, plant, paths, iterations)
+    match, known = Match(found), np.isfinite(point.cost)
+    for c, name in enumerate(problem.channels):
+        if problem.counts[c] == 0:
+            continue
+        error = float(np.nanmean(point.residual[:, c] ** 2)) if known else np.inf
+        match.add(name, problem.measured[:, c], error, problem.window_of_row)
+        match.noise[name] = error / noise_floor(point.residual[:, c], problem.window_of_row) ** 2
+    if "depth_m" not in plant.outputs:
+        _sink(match, record, problem.window_of_row)
+    return match
+
+
+def _fitted(problem: Shooting, plant: Plant, paths: Sequence[str], iterations: int):
+    point = problem.solve(plant, paths, max_iterations=iterations)
+    found = problem.plant_at(point, paths)
+    held = {}
+    for path in paths:
+        given, ratio = value_at(plant, path), value_at(found, path) / value_at(plant, path)
+        if not 1.0 / FACTOR <= ratio <= FACTOR:
+            low, high = spec_at(plant, path).bounds
+            held[path] = float(np.clip(given * (FACTOR if ratio > FACTOR else 1.0 / FACTOR), low, high))
+    if held:
+        rest = [p for p in paths if p not in held]
+        point = problem.solve(replace_at(found, held), (), max_iterations=iterations)
+        found = replace_at(problem.plant_at(point, rest), held)
+    return found, point
+
+
+def _sink(match: Match, record: Record, window: np.ndarray) -> None:
+    """Puts the error of depth by speed and pitch in, for a plant that does not say it."""
+    if not all(record.has(name) for name in ("depth_m", "pitch_rad", "u_mps")):
+        return
+    v, w, roll = (record[name] if record.has(name) else 0.0 for name in ("v_mps", "w_mps", "roll_rad"))
+    _, _, rate = velocity_ned(record["u_mps"], v, w, roll, record["pitch_rad"], 0.0)
+    total = 0.0
+    for part in record.segments:
+        steps = 0.5 * (rate[part][1:] + rate[part][:-1]) * np.diff(record.time[part])
+        rest = record["depth_m"][part] - np.r_[0.0, np.cumsum(steps)]
+        total += float(np.sum((rest - rest.mean()) ** 2))
+    match.add("depth_m", record["depth_m"], total / len(record), window)
+
+
+def _possible(record: Record) -> bool:
+    """Whether angles, depth and speed are what a vehicle can have."""
+    for name in ("pitch_rad", "rudder_rad", "stern_plane_rad", "bow_plane_rad"):
+        if record.has(name) and np.quantile(np.abs(record[name]), 0.95) > STEEPEST:
+            return False
+    if record.has("roll_rad") and np.quantile(np.abs(record["roll_rad"]), 0.95) > 2.0 * np.pi:
+        return False
+    below = not record.has("depth_m") or float(np.median(record["depth_m"])) > -1.0
+    return below and (not record.has("u_mps") or 0.0 < float(np.median(record["u_mps"])) < FASTEST)
+
+
+def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
+    """Whether a slip can have done what is seen: one that acts everywhere, or of a sensor that is off."""
+    if _everywhere(slip, plant):
+        return True
+    poor = [declared.errors.get(name, 0.0) > POOR for name in slip.channels]
+    return all(poor) if slip.exchanged else any(poor)
+
+
+def _everywhere(slip: Slip, plant: Plant) -> bool:
+    """Whether a slip acts on all signals, as one of the clock or of an input does, not on its own sensors alone."""
+    return slip.clock != 1.0 or not set(slip.channels).isdisjoint(plant.inputs)
+
+
+def _ranked(
+    suspects: Sequence[Slip], record: Record, mask: np.ndarray, plant: Plant, stray: Sequence[str]
+) -> list[tuple[Slip, Record]]:
+    """The most promising slips and the record without them, by runs with the coefficients as given.
+
+    These start from what is measured, and from fitted states where there are some that nobody knows.  stray: signals
+    that count even where they hardly move.
+    """
+    scores = []
+    for number, slip in enumerate(suspects):
+        changed = undone(record, slip, plant)
+        part = changed.select(mask)
+        if _possible(part):
+            here = _match(part, plant, iterations=3) if plant.family.shared else _glance(part, plant, stray)
+            scores.append((here.telling(stray).total, number, slip, changed))
+    return [(slip, changed) for *_, slip, changed in sorted(scores, key=lambda item: item[:2])[:SHORTLIST]]
+
+
+def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
+    """A match without any fit: the runs start from what is measured; a mean error counts for stray signals only."""
+    measured, names = outputs_of(plant, record), plant.family.states
+    starts = np.zeros((1, len(record.segments), len(names)))
+    for w, part in enumerate(record.segments):
+        starts[0, w] = plant.initial(measured[part.start])[: len(names)]
+        for rate, signal in RATES.items():
+            if rate in names and not record.has(rate) and record.has(signal):
+                head = slice(part.start, part.start + 4)
+                starts[0, w, names.index(rate)] = np.polyfit(record.time[head], record[signal][head], 1)[0]
+    residual = measured - plant.run_many(Runs.over(plant, record, record.segments), plant.vector[None], starts)[0]
+    window = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
+    match = Match(plant)
+    for c, name in enumerate(plant.outputs):
+        if record.has(name) and np.isfinite(measured[:, c]).any():
+            parts = [residual[s, c] for s in record.segments]
+            still = name in stray
+            error = float(np.mean([np.nanmean(e**2) if still else np.nanvar(e) for e in parts]))
+            match.add(name, measured[:, c], error, window)
+    if "depth_m" not in plant.outputs:
+        _sink(match, record, window)
+    return match
+
+
+def _gain(slip: Slip, plant: Plant, before: Match, after: Match) -> float:
+    """Factor by which the error falls: in all channels, or, for a sensor's slip, in its own if they were bad.
+
+    Signals count that move, or are stray, before or after.  Infinite where none of a sensor's does, so that nothing can
+    be said; zero where the slip would leave a signal without any change.
+    """
+    everywhere = _everywhere(slip, plant)
+    told = {*before.errors, *after.errors, *before.stray, *after.stray}
+    if not everywhere:
+        told &= set(slip.channels)
+    before, after = before.telling(told), after.telling(told)
+    lost = {name for name, error in before.errors.items() if error != _WILD} - after.errors.keys()
+    if lost:
+        return 0.0
+    whole = before.total / max(after.total, FLOOR)
+    if everywhere:
+        return whole
+    own = [n for n in slip.channels if n in before.errors and n in after.errors]
+    if after.total > before.total + FLOOR:
+        return whole
+    if not own:
+        return np.inf
+    worst, left = (max(match.errors[n] for n in own) for match in (before, after))
+    return whole if worst < ALONE or left > BAD else max(whole, worst / max(left, FLOOR))

@@ -1,0 +1,172 @@
+"""Slips in how a log was written down: a sign, a unit, two columns exchanged, a clock; each can be undone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import degrees, radians
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.model import Diverged, simulate
+from auv_gym.param import value_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+
+KNOT = 1852.0 / 3600.0  # m/s
+_TURNED = (  # what is often logged with the opposite sign
+    *("rudder_rad", "stern_plane_rad", "bow_plane_rad", "heading_rad", "roll_rad", "pitch_rad", "depth_m", "piston_m"),
+    *("oil_volume_m3", "p_radps", "q_radps", "r_radps", "v_mps", "w_mps", "v_dvl_mps", "w_dvl_mps", "north_m"),
+    *("east_m", "propeller_rpm", "propeller_V", "u_mps", "u_dvl_mps"),
+)
+_EXCHANGED = (
+    *(("rudder_rad", "stern_plane_rad"), ("rudder_rad", "bow_plane_rad"), ("roll_rad", "pitch_rad")),
+    *(("pitch_rad", "heading_rad"), ("roll_rad", "heading_rad"), ("u_mps", "v_mps"), ("v_mps", "w_mps")),
+    *(("u_dvl_mps", "v_dvl_mps"), ("v_dvl_mps", "w_dvl_mps"), ("north_m", "east_m"), ("p_radps", "q_radps")),
+    *(("q_radps", "r_radps"), ("p_radps", "r_radps"), ("u_mps", "w_mps"), ("u_dvl_mps", "w_dvl_mps")),
+)
+_INSTRUMENTS = (  # channels that come from one instrument and so share a unit
+    ("p_radps", "q_radps", "r_radps"),
+    ("roll_rad", "pitch_rad"),
+    ("roll_rad", "pitch_rad", "heading_rad"),
+    ("rudder_rad", "stern_plane_rad"),
+    ("u_mps", "v_mps", "w_mps"),
+    ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"),
+    ("north_m", "east_m"),
+)
+_ANGLE = ((radians(1.0), "degrees"), (degrees(1.0), "radians turned into radians once more"))
+_UNITS = {  # unit of a channel: what values in another unit are multiplied by, and its name
+    "rad": _ANGLE,
+    "rad/s": ((radians(1.0), "degrees per second"), (degrees(1.0), "radians per second converted once more")),
+    "m/s": ((KNOT, "knots"), (0.01, "centimetres per second"), (1.0 / KNOT, "knots converted twice")),
+    "rpm": ((60.0, "revolutions per second"), (30.0 / np.pi, "radians per second")),
+    "m": ((1e-3, "millimetres"), (0.01, "centimetres"), (0.3048, "feet"), (0.1, "ten times too large"), (10.0, "bar")),
+    "m3": ((1e-6, "millilitres"), (1e-3, "litres")),
+    "V": ((1e-3, "millivolts"),),
+}
+_FOLDED = 1.0  # rms of steps, of pi / sqrt(3) where they are folded at random
+_CLOCKS = ((2.0, "half"), (0.5, "twice"))
+
+
+@dataclass(frozen=True)
+class Slip:
+    """One way in which a record may be wrong, and what undoes it.
+
+    factors: what each channel is multiplied by to be right.  exchanged: the two channels change places.  clock: what
+    times are multiplied by.  offset: added after the factors.
+    """
+
+    text: str
+    mend: str
+    channels: tuple[str, ...]
+    factors: tuple[float, ...] = ()
+    exchanged: bool = False
+    clock: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def scales(self) -> bool:
+        """Whether it only makes something larger or slower, as a gain, a lag or a drag can."""
+        return not self.exchanged and all(f > 0.0 for f in self.factors)
+
+
+def slips_of(record: Record, plant: Plant) -> tuple[Slip, ...]:
+    """The slips that can have happened to a record of this plant, in the channels that the plant runs on."""
+    used = {name for name in (*plant.inputs, *plant.outputs, "depth_m", "pitch_rad") if record.has(name)}
+    return (*_signs(used, plant), *_units(used), *_exchanges(used), *_clocks())
+
+
+def undone(record: Record, slip: Slip, plant: Plant) -> Record:
+    """The record as it would be had the slip not happened: to confirm a doubt, or to go on with."""
+    values = {}
+    if slip.exchanged:
+        first, second = slip.channels
+        values = {first: record[second], second: record[first]}
+    for name, factor in zip(slip.channels, slip.factors, strict=slip.factors != ()):
+        steps = _unfolded(record, name, factor, plant) if channel(name).angle else record[name]
+        values[name] = factor * steps + slip.offset
+    if slip.clock != 1.0:
+        dataset = record.with_channels(values).dataset
+        return Record(dataset.assign_coords(time_s=("time_s", record.time * slip.clock)))
+    return record.with_channels(values)
+
+
+def slipped(record: Record, slip: Slip, plant: Plant) -> Record:
+    """The record with a slip in it, as a file that was written so reads: to see whether it is noticed."""
+    undoing = replace(
+        slip,
+        factors=tuple(1.0 / f for f in slip.factors),
+        offset=-slip.offset / slip.factors[0] if slip.factors else 0.0,
+        clock=1.0 / slip.clock,
+    )
+    wrong = undone(record, undoing, plant)
+    segments = wrong.dataset["segment"].values
+    return Record.from_arrays(wrong.time, {name: wrong[name] for name in wrong.names}, segments)
+
+
+def _unfolded(record: Record, name: str, factor: float, plant: Plant) -> np.ndarray:
+    """An angle in its own unit, without the steps of 2 pi that reading put into it as if it were in radians.
+
+    Where the vehicle may turn by more than pi of that unit from sample to sample, the steps are those that come nearest
+    to what the plant does by itself.
+    """
+    values = record[name]
+    if not 0.0 < factor < 1.0 or name not in plant.outputs:
+        return values
+    try:
+        expected = np.diff(simulate(plant, record)[name]) / factor
+    except (Diverged, ValueError):  # nothing to go by
+        return values
+    fast = np.abs(expected) > 0.5 * np.pi
+    steps = np.diff(values)
+    if not fast.any() or np.sqrt(np.mean(steps[fast] ** 2)) < _FOLDED:  # else honest radians would be bent to the plant
+        return values
+    steps = steps + np.where(fast, 2.0 * np.pi * np.round((expected - steps) / (2.0 * np.pi)), 0.0)
+    result = values[0] + np.r_[0.0, np.cumsum(steps)]
+    for part in record.segments:
+        result[part] += values[part.start] - result[part.start]
+    return result
+
+
+def _words(names: Sequence[str]) -> str:
+    return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else names[0]
+
+
+def _signs(used: set[str], plant: Plant) -> Iterator[Slip]:
+    for name in _TURNED:
+        if name not in used:
+            continue
+        label = channel(name).label
+        if name in plant.inputs and name.endswith(("rudder_rad", "plane_rad")):
+            text = f"the {label} acts with the opposite sign"
+        else:
+            text = f"{name} looks mirrored: the {label} has the opposite sign"
+        yield Slip(text, f"change the sign of {name}", (name,), (-1.0,))
+    if "piston_m" in used:
+        low, high = (value_at(plant, f"hull.piston_{end}") for end in ("low", "high"))
+        text = "the piston moves the wrong way: piston_m looks measured from the other end of the stroke"
+        yield Slip(text, f"subtract piston_m from {low + high:g} m", ("piston_m",), (-1.0,), offset=low + high)
+
+
+def _units(used: set[str]) -> Iterator[Slip]:
+    alone = [(name,) for name in (*_TURNED, "speed_cmd_mps") if name in used]
+    together = [tuple(n for n in group if n in used) for group in _INSTRUMENTS]
+    for names in dict.fromkeys([*alone, *(group for group in together if len(group) > 1)]):
+        looks = "looks" if len(names) == 1 else "look"
+        for factor, unit in _UNITS.get(channel(names[0]).unit, ()):
+            like = unit if unit.startswith("ten times") else f"like {unit}"
+            text = f"{_words(names)} {looks} {like}, not {channel(names[0]).unit}"
+            yield Slip(text, f"multiply {_words(names)} by {factor:.6g}", names, (factor,) * len(names))
+
+
+def _exchanges(used: set[str]) -> Iterator[Slip]:
+    for pair in _EXCHANGED:
+        if used.issuperset(pair):
+            yield Slip(f"{_words(pair)} look exchanged", f"exchange {_words(pair)}", pair, exchanged=True)
+
+
+def _clocks() -> Iterator[Slip]:
+    for factor, rate in _CLOCKS:
+        text = f"time runs at {rate} the rate it should"
+        yield Slip(text, f"multiply time_s by {factor:g}", ("time_s",), clock=factor)

@@ -1,0 +1,1 @@
+"""The next experiment: which one tells apart what this record could not."""

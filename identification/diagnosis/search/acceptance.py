@@ -1,0 +1,163 @@
+"""The gate before every name: why a change of the model is not accepted, or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from auv_gym.param import spec_at, value_at
+from auv_gym.plant import Plant
+from identification.diagnosis.search.workbench import State, Workbench
+
+FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
+MANY_WINDOWS = 8  # held-out windows from which on they are judged one by one
+HELD_CHANCE = 0.01  # chance, over resampled blocks of held-out windows, that free runs got no better
+BLOCK, RESAMPLED = 2, 2000  # windows in a block; resamples
+SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
+EDGE = 1e-6  # of the span between a parameter's bounds
+
+INSIGNIFICANT = "not significant"
+UNREPEATED = "does not hold in the held-out windows"
+DIVERGES = "free runs in the held-out windows diverge with it"
+NO_BETTER = "free runs in the held-out windows did not improve in enough of them"
+LIMITED = "only helps at the limit of what is physical"
+SMALL = "smaller than its probe"  # no name of its own, but it may be what a tie is with
+UNSURE = "its size is too uncertain"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """What the held-out windows must show of a change.
+
+    least: evidence from them alone.  share: of the evidence in the fitted windows that they must repeat.  few: whether
+    free runs must be better, in sum, even where there are too few windows to judge them one by one.
+    """
+
+    least: float
+    share: float
+    few: bool
+
+
+EFFECT = Rule(2.7, 0.02, False)  # the 5 % point of one parameter, one-sided
+TERM = Rule(6.6, 0.1, True)  # the 0.5 % point: terms are many, and none was expected
+
+
+@dataclass(frozen=True)
+class Size:
+    """How far a parameter is from neutral, the smallest distance worth naming, and whether it is at a bound."""
+
+    moved: float
+    probe: float
+    limited: bool
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What speaks for a change of the model, against the same model without it.
+
+    train, held: evidence in the fitted and in the held-out windows.  bar: what both together must reach.  sizes: of its
+    parameters.  windows: how many are held out.  better: by how much the squared errors of free runs fell in each of
+    them.  reach: half widths of the 95 % intervals of the sizes.  The last two are costly and asked for last.
+    """
+
+    train: float
+    held: float
+    bar: float
+    sizes: Sequence[Size]
+    windows: int
+    better: Callable[[], np.ndarray]
+    reach: Callable[[], Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The evidence for a change in the fitted and in the held-out windows, and the objection to it, or ""."""
+
+    train: float
+    held: float
+    objection: str
+
+    @property
+    def total(self) -> float:
+        return self.train + self.held
+
+
+def objection(claim: Claim, rule: Rule = EFFECT) -> str:
+    """Why a change is not accepted, or "": every name has passed here, by whatever way it was found."""
+    if not claim.train + claim.held >= claim.bar:
+        return INSIGNIFICANT
+    if not claim.held >= max(rule.least, rule.share * claim.train):
+        return UNREPEATED
+    if rule.few or claim.windows >= MANY_WINDOWS:
+        better = claim.better()
+        if np.isnan(better).any() or np.isneginf(better).any():
+            return DIVERGES
+        if not holds(better):
+            return NO_BETTER
+    if any(size.limited for size in claim.sizes):
+        return LIMITED
+    if all(size.moved < size.probe for size in claim.sizes):
+        return SMALL
+    if all(size.moved < SURE / 1.96 * half for size, half in zip(claim.sizes, claim.reach(), strict=True)):
+        return UNSURE
+    return ""
+
+
+def weighed(
+    bench: Workbench,
+    before: State,
+    after: State,
+    sizes: Sequence[Size],
+    reach: Callable[[], Sequence[float]],
+    bar: float,
+) -> Weighed:
+    """What the gate says of sizes that one state has and the other has not.
+
+    Free runs are not asked in a few windows: the noise of their first seconds, to which the initial states are fitted,
+    decides there; the evidence, for which the states are fitted to the whole window, has to do.
+    """
+    train, held = bench.gains(before, after)
+    windows = len(bench.held.windows)
+    claim = Claim(train, held, bar, sizes, windows, lambda: bench.improvements(before, after), reach)
+    return Weighed(train, held, objection(claim))
+
+
+def size_of(plant: Plant, path: str) -> Size:
+    """The size that a plant has at a path."""
+    spec, value = spec_at(plant, path), value_at(plant, path)
+    return Size(abs(value - spec.neutral), spec.probe, at_limit(value, spec.bounds, spec.neutral))
+
+
+def at_limit(value: float, bounds: tuple[float, float], neutral: float) -> bool:
+    """Whether a value is at a bound, or beyond, that is not its neutral value."""
+    low, high = bounds
+    slack = EDGE * (high - low) if np.isfinite(high - low) else 0.0
+    return bool((low != neutral and value <= low + slack) or (high != neutral and value >= high - slack))
+
+
+def threshold(candidates: int, parameters: int = 1) -> float:
+    """The evidence that a candidate needs to be named, with a correction for the number of candidates."""
+    return float(stats.chi2.isf(FALSE_ALARM / max(candidates, 1), parameters))
+
+
+def holds(better: np.ndarray) -> bool:
+    """Whether free runs through the held-out windows got surely better; in a few windows, whether they did in sum.
+
+    Blocks of neighbouring windows are resampled, since what disturbs a vehicle lasts longer than a window.
+    Source: Kunsch 1989, Annals of Statistics 17, pages 1217-1241.
+    """
+    if len(better) < MANY_WINDOWS:
+        return bool(better.sum() > 0.0)
+    return chance_of_none(better) < HELD_CHANCE
+
+
+def chance_of_none(better: np.ndarray) -> float:
+    """The share of block-resampled sums of gains, one a window, that are not above zero; the same for the same."""
+    count, rng = len(better), np.random.default_rng(0)
+    blocks = -(-count // BLOCK)
+    first = rng.integers(0, count, (RESAMPLED, blocks))
+    rows = (first[:, :, None] + np.arange(BLOCK)).reshape(RESAMPLED, -1)[:, :count] % count
+    return float(np.mean(better[rows].sum(axis=1) <= 0.0))

@@ -1,0 +1,190 @@
+"""Which effect, added to the vehicle, makes its free runs agree with data that took no part in the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_gym.param import replace_at, spec_at, value_at
+from identification.diagnosis.log.kinematics import Mismatch
+from identification.diagnosis.search.acceptance import SMALL, Weighed
+from identification.diagnosis.search.candidates import SEEN, Candidate
+from identification.diagnosis.search.ties import ALIKE, Likeness, ahead_of, best_of, likenesses, tied
+from identification.diagnosis.search.trials import Progress, Trial, gate, judged, trials_of
+from identification.diagnosis.search.workbench import State, Workbench
+
+PLAIN = 100.0  # evidence by kinematics alone from which on a sensor's error is settled before forces are sought
+LEADERS = 3  # that a round may have one after the other
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it.
+
+    angles: between the signatures of the chosen one and of others, degrees, by candidate.  evidence: for the chosen one
+    in the final model against that model without it, in the fitted and in the held-out windows (`confirmed`).
+    """
+
+    trials: tuple[Trial, ...]
+    chosen: Trial | None
+    tied: tuple[Trial, ...]
+    angles: dict[Candidate, float]
+    evidence: tuple[float, float] = (0.0, 0.0)
+
+
+def attribute(
+    bench: Workbench,
+    start: State,
+    candidates: Sequence[Candidate],
+    most: int,
+    sensors: Sequence[Mismatch],
+    progress: Progress,
+) -> tuple[State, list[Round]]:
+    """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
+
+    sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.  What kinematics
+    shows plainly comes before any force.
+
+    Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
+    and accepts the one with most evidence if the held-out windows repeat it.
+    """
+    state, rounds, left, count = start, [], list(candidates), len(candidates)
+    for number in range(most + 1 if left else 0):
+        done, share = number / (most + 1), 1.0 / (most + 1)
+        made = selected(
+            bench,
+            state,
+            left,
+            count,
+            sensors,
+            lambda f, text, d=done, s=share: progress(d + s * f, text),
+            number < most,
+        )
+        rounds.append(made)
+        if made.chosen is None:
+            break
+        assert made.chosen.state is not None
+        state = bench.fit_anew(made.chosen.state.plant, made.chosen.state.paths, made.chosen.state)
+        left = [c for c in left if c is not made.chosen.candidate]
+    return state, rounds
+
+
+def selected(
+    bench: Workbench,
+    state: State,
+    left: Sequence[Candidate],
+    count: int,
+    sensors: Sequence[Mismatch],
+    progress: Progress = lambda fraction, text: None,
+    more: bool = True,
+) -> Round:
+    """One round beside what was fitted before; nothing is chosen where no trial is accepted or no `more` are wanted.
+
+    count: of all candidates, for the bar.
+    """
+    plain = {path for m in sensors if m.evidence >= PLAIN for path in (m.path, *m.tied)}
+    trials = trials_of(bench, state, left, count, progress, plain)
+    accepted = [t for t in trials if not t.objection]
+    accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
+    if not accepted or not more:
+        return Round(tuple(trials), None, (), {})
+    best = best_of(bench, accepted)
+    for _ in range(LEADERS):  # an effect like the chosen one may do better once it starts from there
+        chosen = best
+        others = [t for t in trials if t.candidate is not chosen.candidate]
+        alike = likenesses(bench, chosen, others)
+        others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
+        best = ahead_of(bench, chosen, [t for t in others if not t.objection and t not in accepted])
+        trials = [chosen, *others]
+        if best is chosen:
+            break
+    group = [t for t in others if tied(bench, chosen, t, alike[t.candidate])]
+    chosen, group = _by_kinematics(chosen, group, sensors)
+    return Round(tuple(trials), chosen, tuple(group), _angles(alike))
+
+
+def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch]) -> tuple[Trial, list[Trial]]:
+    """The chosen one of a tie and the rest of it, once kinematics has spoken."""
+    for mismatch in sensors:
+        possible = {mismatch.path, *mismatch.tied}
+        kept = [t for t in (chosen, *group) if not possible.isdisjoint(t.candidate.paths)]
+        if kept and not any(t.objection for t in kept):
+            return kept[0], kept[1:]
+    return chosen, group
+
+
+def _angles(alike: dict[Candidate, list[Likeness]]) -> dict[Candidate, float]:
+    """Degrees between signatures, with what else was fitted refitted where that leaves anything."""
+    return {c: float(np.rad2deg(np.arccos(w[-1].cosine))) for c, w in alike.items() if w}
+
+
+def _beside(
+    bench: Workbench, state: State, chosen: Trial, trial: Trial, alike: Sequence[Likeness], count: int
+) -> Trial:
+    """A trial that is behind the chosen one, fitted again from the chosen solution if it acts alike; else as it is.
+
+    Two effects with one signature explain a record equally well, and a fit of one of them that stopped early, or a
+    screening that saw no trace of it where the other was missing, must not hide that.
+    """
+    ways = [way for way in alike if way.cosine >= ALIKE]
+    if not ways or trial.screening.seen < SEEN or tied(bench, chosen, trial, alike):
+        return trial
+    assert chosen.state is not None
+    own, others = chosen.candidate.paths, trial.candidate.paths
+    found = [trial]
+    for way in ways:
+        values = {p: value_at(state.plant, p) for p in own}
+        values |= {p: spec_at(state.plant, p).neutral + x for p, x in zip(others, way.sizes, strict=True)}
+        values |= {p: value_at(chosen.state.plant, p) + move for p, move in way.moves.items()}
+        bounded = {p: float(np.clip(value, *spec_at(state.plant, p).bounds)) for p, value in values.items()}
+        plant, starts = replace_at(chosen.state.plant, bounded), chosen.state.train.starts
+        found.append(judged(bench, state, trial.candidate, trial.screening, plant, starts, count))
+    return max(found, key=lambda t: (not t.objection, t.total))
+
+
+def confirmed(
+    bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int
+) -> tuple[State, list[Round]]:
+    """The state and the rounds with only those effects that pass the gate against the model without them.
+
+    A later effect, a swap or the other one of a pair may have made an effect idle, and what was accepted beside one set
+    of effects must hold beside the final one.  That with least evidence goes first, since the others may need it gone.
+    nominal: without any effect.
+    """
+    kept = list(rounds)
+    while True:
+        passed = [_in_place(bench, nominal, state, r, count) for r in kept]
+        failed = [(found.total, i, without) for i, (found, without) in enumerate(passed) if found.objection]
+        if not failed:
+            return state, [replace(r, evidence=(w.train, w.held)) for r, (w, _) in zip(kept, passed, strict=True)]
+        _, worst, state = min(failed, key=lambda item: item[:2])
+        del kept[worst]
+
+
+def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count: int) -> tuple[Weighed, State]:
+    """What the gate says of a round's effect beside all the others, and the state without it."""
+    if made.chosen is None:
+        return Weighed(0.0, 0.0, ""), state
+    own = [p for p in made.chosen.candidate.free if p in state.paths]
+    if not own:
+        return Weighed(0.0, 0.0, SMALL), state
+    alone = set(state.paths) - set(own) == set(nominal.paths)
+    without = nominal if alone else bench.without(state, own)
+    return gate(bench, without, state, [(made.chosen.candidate, made.chosen.screening)], count), without
+
+
+def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:
+    """The state with components of a pair dropped whose size is within two standard errors and less than a probe."""
+    sizes = bench.intervals(state)
+    idle = [
+        p
+        for paths in groups
+        if len(paths) > 1
+        for p in paths
+        if abs(sizes[p][0] - spec_at(state.plant, p).neutral) < max(2.0 * sizes[p][1], spec_at(state.plant, p).probe)
+    ]
+    if not idle:
+        return state
+    return bench.without(state, idle)

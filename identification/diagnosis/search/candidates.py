@@ -1,0 +1,206 @@
+"""What may be missing: the candidate effects of a vehicle, and how far a record could tell each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_gym.param import list_paths, spec_at, value_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.fit.likelihood import whitened
+from identification.fit.shooting import Point, Shooting
+
+# Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
+TOGETHER = (
+    ("compass deviation", ("effects.compass.deviation_sin", "effects.compass.deviation_cos")),
+    ("steady current", ("effects.current.north", "effects.current.east")),
+    ("internal-wave heave", ("effects.water.heave_sin", "effects.water.heave_cos")),
+)
+# A period that means nothing while the amplitudes are zero is searched for, then fitted with them.
+PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
+MOST_PERIODS = 64
+SEEN = 1e-4  # share of a signature that must remain beside the coefficients' and the initial states' signatures
+GONE = 1e-5  # share of a signature below which nothing is left beside the initial states
+KINKED = ("deadband", "backlash", "dead_time", "lag", "slowness", "lost_travel")
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect, or the components of one, that the vehicle may lack; period: path of its period, or ""."""
+
+    title: str
+    paths: tuple[str, ...]
+    period: str = ""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """What a fit of the candidate frees."""
+        return (*self.paths, self.period) if self.period else self.paths
+
+    @property
+    def kinked(self) -> bool:
+        """Whether it works in one direction from its neutral value, with a corner there."""
+        return self.paths[0].rpartition(".")[2] in KINKED
+
+
+@dataclass(frozen=True)
+class Screening:
+    """What the regression of the residual on a candidate's signature says before any fit.
+
+    estimate: (len(paths),), in probes.  evidence: twice the gain in log-likelihood that it promises.
+    seen: share of the signature that neither coefficients nor initial states can imitate.
+    detectable: (len(paths),), the size in the parameters' units that this record would show with 95 % probability.
+    unseen: why it cannot be seen, or "".  period: s, the best one of the `tried`; NaN where it has none.
+    """
+
+    candidate: Candidate
+    estimate: np.ndarray
+    evidence: float
+    seen: float
+    detectable: np.ndarray
+    unseen: str = ""
+    period: float = np.nan
+    tried: int = 1
+
+
+def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]:
+    """Every effect that the plant has at its neutral value, that may be probed and that the record does not measure."""
+    free = [
+        path
+        for path in list_paths(plant)
+        if path.startswith("effects.")
+        and spec_at(plant, path).probe > 0.0
+        and value_at(plant, path) == spec_at(plant, path).neutral
+        and not (record is not None and record.has(plant.family.measured.get(path, "time_s")))
+    ]
+    found, used = [], set()
+    for path in free:
+        if path in used:
+            continue
+        title, paths = next(((t, p) for t, p in TOGETHER if path in p), (spec_at(plant, path).title, (path,)))
+        paths = tuple(p for p in paths if p in free)
+        used.update(paths)
+        if paths[0] not in PERIODS.values():
+            found.append(Candidate(title, paths, PERIODS.get(paths[0], "")))
+    return found
+
+
+def periods_of(record: Record) -> np.ndarray:
+    """Periods, s, that a record can show: from its length down to four samples, half a resolution apart.
+
+    At most the `MOST_PERIODS` longest.  None where a record has several segments: the phase in each is unknown.
+    """
+    if len(record.segments) > 1:
+        return np.empty(0)
+    lowest, highest = 1.0 / record.duration_s, 0.25 / record.sample_interval
+    count = max(int((highest - lowest) / (0.5 * lowest)) + 1, 2)
+    if count <= MOST_PERIODS:
+        return 1.0 / np.linspace(lowest, highest, count)
+    return 1.0 / (lowest * (1.0 + 0.5 * np.arange(MOST_PERIODS)))
+
+
+def screen(
+    problem: Shooting,
+    point: Point,
+    fitted: Sequence[str],
+    candidates: Sequence[Candidate],
+    colour: np.ndarray,
+    threshold: float,
+) -> list[Screening]:
+    """Regression of the free-run residual on each candidate's signature, most promising first.
+
+    A signature is the change of the outputs when the candidate leaves neutral by one probe, aligned in time because it
+    is simulated, with what initial states and fitted coefficients can imitate taken out.
+    threshold: the evidence that a finding needs, for the detectable sizes.
+    """
+    regression = _Regression(problem, point, fitted, colour, threshold)
+    plain = [c for c in candidates if not c.period]
+    result = regression.of(plain, point)
+    for candidate in candidates:
+        if candidate.period:
+            result.append(_best_period(regression, candidate, point))
+    return sorted(result, key=lambda s: -s.evidence)
+
+
+def _best_period(regression: _Regression, candidate: Candidate, point: Point) -> Screening:
+    """The screening of a candidate at the period that promises most evidence."""
+    problem = regression.problem
+    periods = periods_of(problem.record)
+    if not periods.size:
+        size = len(candidate.paths)
+        unseen = "its phase is not known from one segment to the next"
+        return Screening(candidate, np.zeros(size), 0.0, 0.0, np.full(size, np.inf), unseen)
+    found = []
+    for period in periods:
+        vector = point.vector.copy()
+        vector[problem.index[candidate.period]] = period
+        found.append(replace(regression.of([candidate], replace(point, vector=vector))[0], period=float(period)))
+    return replace(max(found, key=lambda s: s.evidence), tried=periods.size)
+
+
+class _Regression:
+    """The residual of a point, what fitted coefficients can imitate, and regressions on signatures."""
+
+    def __init__(self, problem: Shooting, point: Point, fitted: Sequence[str], colour: np.ndarray, threshold: float):
+        self.problem, self.fitted, self.colour, self.threshold = problem, fitted, colour, threshold
+        self.sigma = problem.sigma(point)
+        self.scale = np.maximum(_spread(problem, point, colour, self.sigma), 1e-9)
+        self.nuisance = self._flat(problem.linearise(point, list(fitted), self.sigma).columns)
+        residual = self._flat((point.residual / self.sigma)[None])[0]
+        self.basis = np.linalg.qr(self.nuisance.T)[0] if len(self.nuisance) else np.empty((residual.size, 0))
+        self.left = residual - self.basis @ (self.basis.T @ residual)
+
+    def _flat(self, columns: np.ndarray) -> np.ndarray:
+        scaled = whitened(self.problem, columns, self.colour) / self.scale
+        return scaled.reshape(len(columns), scaled.shape[1] * scaled.shape[2])
+
+    def of(self, candidates: Sequence[Candidate], point: Point) -> list[Screening]:
+        """A screening for each candidate, in their order; point: where the signatures are taken."""
+        if not candidates:
+            return []
+        paths = [p for c in candidates for p in c.paths]
+        probes = self.problem.linearise(point, paths, self.sigma, step=1.0)
+        kept = (probes.columns**2).sum(axis=(1, 2)) / np.maximum(probes.raw**2, 1e-30)
+        signatures = self._flat(probes.columns)
+        rest = signatures - (signatures @ self.basis) @ self.basis.T
+        result, row = [], 0
+        for candidate in candidates:
+            span = slice(row, row + len(candidate.paths))
+            row = span.stop
+            result.append(self._one(candidate, rest[span], signatures[span], probes.raw[span], kept[span]))
+        return result
+
+    def _one(self, candidate: Candidate, own, whole, raw, kept) -> Screening:
+        size, full = np.einsum("ij,ij->i", own, own), np.einsum("ij,ij->i", whole, whole)
+        seen = float(np.min(size / np.maximum(full, 1e-30)))
+        unseen = ""
+        if not np.all(raw > 1e-9):
+            seen, unseen = 0.0, "changes nothing that was measured"
+        elif not np.any(full > 1e-12) or np.all(kept < GONE):
+            seen, unseen = 0.0, "the initial states do the same"
+        elif seen < SEEN:
+            unseen = self._imitation(whole[0], full[0])
+        if unseen:
+            nothing = np.zeros(len(candidate.paths))
+            return Screening(candidate, nothing, 0.0, seen, nothing + np.inf, unseen)
+        gram = own @ own.T
+        estimate = np.linalg.lstsq(gram, own @ self.left, rcond=1e-10)[0]
+        deviations = np.sqrt(np.diag(np.linalg.pinv(gram, hermitian=True)))
+        units = np.array([self.problem.scale(p) for p in candidate.paths])
+        sizes = np.maximum(np.sqrt(self.threshold), 1.0 / deviations) * deviations * units + 1.645 * deviations * units
+        return Screening(candidate, estimate, float(estimate @ (own @ self.left)), seen, sizes)
+
+    def _imitation(self, signature: np.ndarray, power: float) -> str:
+        overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.nuisance]
+        if max(overlap, default=0.0) > 0.9:
+            return f"{self.fitted[int(np.argmax(overlap))]} does the same"
+        return "what is fitted already does the same"
+
+
+def _spread(problem: Shooting, point: Point, colour: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """Root mean square of the innovations of the scaled residual, per channel."""
+    e = whitened(problem, point.residual / sigma, colour)
+    return np.sqrt((e**2).sum(axis=0) / np.maximum(problem.counts, 1))

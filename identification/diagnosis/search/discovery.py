@@ -1,0 +1,217 @@
+"""A term that no known effect is: which one, over a library of forces, makes free runs agree with held-out data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.model import Diverged
+from auv_gym.param import list_paths, replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from identification.diagnosis.judge.verdict import quantity
+from identification.diagnosis.search.acceptance import TERM, Claim, objection, size_of, threshold
+from identification.diagnosis.search.terms import ITERATIONS, Found, gains, interval_of, search
+from identification.diagnosis.search.workbench import State
+from identification.fit.likelihood import colour
+from identification.fit.shooting import Point, Shooting
+from identification.fit.validation import free_runs
+
+MOST_TERMS = 2
+_PER = {
+    "depth": "metre of depth", "time": "second", "temperature": "kelvin", "pitch": "radian of pitch",
+    "the rudder angle": "radian of rudder",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Term:
+    """A term found in data: its coefficient with a 95 % interval, and how it was found.
+
+    frequency: share of the halves of the data that chose it.  alike: paths that explain the record as well.
+    objection: why it does not hold, or "".
+    """
+
+    path: str
+    title: str
+    unit: str
+    value: float
+    ci95: tuple[float, float]
+    frequency: float
+    evidence_train: float
+    evidence_held: float
+    alike: tuple[str, ...] = ()
+    objection: str = ""
+
+    @property
+    def words(self) -> str:
+        """The term for people: a heave force of -0.12 N per metre of depth, with its interval."""
+        subject, _, of = self.title.removeprefix("discovered ").partition(" from ")
+        value, low, high = _digits(self.value, *self.ci95)
+        if of in _PER:
+            size = f"{value} {'N m' if 'moment' in subject else 'N'} per {_PER[of]}"
+        else:
+            size = f"{value} {self.unit}{'' if self.unit in ('N', 'N m') else ','} times {of}"
+        return f"a {subject} of {size}, 95 % interval {low} to {high} {self.unit}"
+
+
+@dataclass(frozen=True, eq=False)
+class Discovery:
+    """What a search for a term found: the plant with the terms that hold, or the one that came in.
+
+    paths: all that is fitted in `plant`, with points in the fitted and the held-out windows.  terms: those that hold.
+    rejected: those that were stable but do not.  frequencies: of the terms of which any half chose one alike.
+    errors: root mean square of free runs in held-out windows by channel, (before, after).
+    """
+
+    plant: Plant
+    paths: tuple[str, ...]
+    train: Point
+    held: Point
+    colour: np.ndarray
+    terms: tuple[Term, ...] = ()
+    rejected: tuple[Term, ...] = ()
+    frequencies: dict[str, float] = field(default_factory=dict)
+    errors: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def holds(self) -> bool:
+        """Whether a term was found that held-out data confirm."""
+        return bool(self.terms)
+
+    def summary(self) -> str:
+        """The finding in a plain paragraph."""
+        if not self.terms:
+            text = "No term of the library explains what remains"
+            tried = [f"{t.words} ({t.objection})" for t in self.rejected]
+            return f"{text}; nearest comes {' and '.join(tried)}." if tried else f"{text}."
+        text = f"What remains looks like {' and '.join(t.words for t in self.terms)}."
+        for term in self.terms:
+            if term.alike:
+                others = ", ".join(spec_at(self.plant, p).title.removeprefix("discovered ") for p in term.alike)
+                text += f" The record cannot tell it from: {others}."
+        parts = [
+            f"{channel(name).label} {quantity(before, channel(name).unit)} before, "
+            f"{quantity(after, channel(name).unit)} after"
+            for name, (before, after) in self.errors.items()
+        ]
+        return f"{text} Root mean square error of free runs in held-out windows: {'; '.join(parts)}."
+
+
+def library_of(plant: Plant) -> tuple[str, ...]:
+    """Paths of the discovered terms that a vehicle has and does not use."""
+    return tuple(p for p in list_paths(plant) if p.startswith("effects.discovered.") and value_at(plant, p) == 0.0)
+
+
+def discover(
+    train: Shooting,
+    held: Shooting,
+    state: State,
+    library: Sequence[str],
+    rng: np.random.Generator,
+    settle: float | None = None,
+) -> Discovery:
+    """At most two terms of the library, chosen stably over halves of the fitted windows and confirmed by the others.
+
+    state: what has been fitted so far (`paths`), in both sets of windows.  settle: s, to which the starts of the free
+    runs are fitted; default the vehicle's.  Raises ValueError if the library is empty.
+    """
+    if not library:
+        raise ValueError(f"A search for terms of {state.plant.name} needs some to choose from: see `library_of`.")
+    settle = state.plant.settle if settle is None else settle
+    terms, rejected, often, scales = [], [], {}, {}
+    given = state
+    for _ in range(MOST_TERMS):
+        found, frequencies = search(train, held, state, [p for p in library if p not in state.paths], rng)
+        often = {p: max(f, often.get(p, 0.0)) for p, f in frequencies.items()} | {t.path: t.frequency for t in terms}
+        if found is None:
+            break
+        term = _weighed(train, held, state, found, len(library), settle)
+        if term.objection:
+            rejected.append(term)
+            break
+        terms.append(term)
+        state, scales = found.state, scales | dict(found.scales)
+    if len(terms) > 1:
+        state, terms, failed = _confirmed(train.scaled(scales), held, state, terms, scales, len(library), settle)
+        rejected += failed
+    errors = _errors(held, given.plant, state.plant, settle) if terms else {}
+    often = {p: f for p, f in often.items() if f > 0.0}
+    kept = (tuple(terms), tuple(rejected), often, errors)
+    return Discovery(state.plant, state.paths, state.train, state.held, state.colour, *kept)
+
+
+def _digits(*values: float) -> list[str]:
+    """The values with as many digits as it takes to see how far the last two are apart, at least two."""
+    apart = values[-1] - values[-2]
+    for digits in range(2, 9):
+        words = [f"{value:.{digits}g}" for value in values]
+        if abs(float(words[-1]) - float(words[-2]) - apart) < 0.2 * apart:
+            return words
+    return [f"{value:.3g}" for value in values]
+
+
+def _confirmed(
+    problem: Shooting,
+    held: Shooting,
+    state: State,
+    terms: Sequence[Term],
+    scales: Mapping[str, float],
+    count: int,
+    settle: float,
+) -> tuple[State, list[Term], list[Term]]:
+    """The state with only those terms that hold beside each other, these, and the others; the weakest goes first."""
+    kept, failed = list(terms), []
+    while kept:
+        without = [_without(problem, held, state, term.path) for term in kept]
+        found = [Found(t.path, state, t.frequency, t.alike, scales) for t in kept]
+        kept = [_weighed(problem, held, b, f, count, settle) for b, f in zip(without, found, strict=True)]
+        idle = [i for i, term in enumerate(kept) if term.objection]
+        if not idle:
+            break
+        worst = min(idle, key=lambda i: kept[i].evidence_train + kept[i].evidence_held)
+        failed.append(kept.pop(worst))
+        state = without[worst]
+    return state, kept, failed
+
+
+def _without(problem: Shooting, held: Shooting, state: State, path: str) -> State:
+    """The state fitted again without a term."""
+    plant, paths = replace_at(state.plant, path, 0.0), tuple(p for p in state.paths if p != path)
+    point = problem.solve(plant, paths, state.train.starts, ITERATIONS, 1e-6)
+    plant = problem.plant_at(point, paths)
+    there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6)
+    return State(plant, paths, point, there, colour(problem, point))
+
+
+def _weighed(train: Shooting, held: Shooting, before: State, found: Found, count: int, settle: float) -> Term:
+    """The term that was found, with the evidence for it and the objection to it, against the state without it."""
+    after, spec = found.state, spec_at(before.plant, found.path)
+    value, limits = interval_of(train, found)
+    evidence = gains(train, held, before, after, after.colour)
+
+    def better() -> np.ndarray:
+        fell = _squares(held, before.plant, settle) - _squares(held, after.plant, settle)
+        return (fell / held.sigma(after.held) ** 2).sum(axis=1)
+
+    sizes, windows = [size_of(after.plant, found.path)], len(held.windows)
+    claim = Claim(*evidence, threshold(count), sizes, windows, better, lambda: [limits[1] - value])
+    names = (found.path, spec.title, spec.unit)
+    return Term(*names, value, limits, found.frequency, *evidence, found.alike, objection(claim, TERM))
+
+
+def _squares(held: Shooting, plant: Plant, settle: float) -> np.ndarray:
+    """Sums of squared errors of free runs by held-out window and channel, (W, C); infinite where they diverge."""
+    try:
+        runs = free_runs(plant, held.record, held.windows, settle)
+    except Diverged:
+        return np.full((len(held.windows), len(held.channels)), np.inf)
+    squares = np.where(np.isfinite(runs.residual) & runs.scored[:, None], runs.residual, 0.0) ** 2
+    return np.add.reduceat(squares, held.offsets, axis=0)
+
+
+def _errors(held: Shooting, before: Plant, after: Plant, settle: float) -> dict[str, tuple[float, float]]:
+    found = [free_runs(plant, held.record, held.windows, settle).scores(held.record) for plant in (before, after)]
+    return {name: (found[0][name].rmse, found[1][name].rmse) for name in held.channels}

@@ -1,0 +1,120 @@
+"""Which candidates a record does not tell from the chosen one: by evidence, and by the angle between signatures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_gym.param import spec_at, value_at
+from identification.diagnosis.search.acceptance import MANY_WINDOWS, SMALL, UNREPEATED
+from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.workbench import Workbench
+
+ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
+SAME = 1e-4  # 1 - cosine^2 between signatures below which two effects count as one: difference quotients see no more
+EQUAL = 0.01  # evidence between two candidates that stopped fits alone may make
+TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
+TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standard errors over the windows
+
+
+@dataclass(frozen=True)
+class Likeness:
+    """How alike two effects act at the solution with one of them: by the angle between their signatures.
+
+    sizes: of the other one's components, from neutral, that do most nearly the same.  evidence: what the difference
+    between them amounts to.  moves: changes of what else was fitted that go with it.
+    """
+
+    cosine: float
+    sizes: tuple[float, ...]
+    evidence: float
+    moves: Mapping[str, float]
+
+
+def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict[Candidate, list[Likeness]]:
+    """The likenesses of others to the chosen one, by themselves, and with all else that is fitted refitted.
+
+    The chosen one acts as it was fitted; an effect of several components may use them all to do the same.  A pump's
+    gain is a valve's only if the drag may change with it.
+    """
+    found: dict[Candidate, list[Likeness]] = {t.candidate: [] for t in others}
+    others = [t for t in others if not t.candidate.period]  # while it is neutral, its signature has any period
+    if not others:
+        return found
+    assert chosen.state is not None
+    own, here, problem = chosen.candidate.paths, chosen.state.train, bench.train
+    beside = [p for p in chosen.state.paths if p not in own]
+    paths = [*own, *beside, *(p for t in others for p in t.candidate.paths)]
+    signatures = problem.linearise(here, paths, problem.sigma(here), problem.steps[-1]).columns
+    flat = signatures.reshape(len(paths), -1)
+    moved = np.array([value_at(chosen.state.plant, p) - spec_at(problem.plant, p).neutral for p in own])
+    moved /= [problem.scale(p) for p in own]
+    scale = float(np.linalg.norm(moved)) or 1.0
+    basis = flat[len(own) : len(own) + len(beside)]
+    columns = np.concatenate([(moved / scale) @ flat[: len(own)][None], flat[len(own) + len(beside) :]])
+    for fitted, given in (([], basis[:0]), (beside, basis)):
+        imitated = np.linalg.lstsq(given.T, columns.T, rcond=1e-10)[0]
+        rest, row = columns - imitated.T @ given, 1
+        size, whole = float(np.linalg.norm(rest[0])), float(np.linalg.norm(columns[0]))
+        for t in others:
+            rows = range(row, row + len(t.candidate.paths))
+            row += len(rows)
+            theirs = rest[rows]
+            least = min(size, float(np.linalg.norm(theirs)))
+            most = max(whole, float(np.linalg.norm(columns[rows])))
+            if least < 1e-9 or (fitted and least < SAME * most) or not set(beside).isdisjoint(t.candidate.paths):
+                continue
+            share = np.linalg.lstsq(theirs.T, rest[0], rcond=1e-10)[0]
+            cosine = min(float(np.linalg.norm(share @ theirs)) / size, 1.0)
+            changes = scale * (imitated[:, 0] - imitated[:, rows] @ share)
+            moves = {p: float(c) * problem.scale(p) for p, c in zip(fitted, changes, strict=True)}
+            sizes = [float(scale * x) * problem.scale(p) for p, x in zip(t.candidate.paths, share, strict=True)]
+            evidence = float((1.0 - cosine**2) * (scale * size) ** 2)
+            found[t.candidate].append(Likeness(cosine, tuple(sizes), evidence, moves))
+    return found
+
+
+def best_of(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
+    """The accepted trial of least cost over all windows, all measured by one colour and variance of the residuals.
+
+    Of trials that differ by no more than a fit leaves open, the first one in the order of the vehicle's parameters.
+    """
+    top = max(accepted, key=lambda t: t.total)
+    costs = [float(_extra_cost(bench, top, t).sum()) + 2.0 * len(t.candidate.paths) for t in accepted]
+    near = [t for t, cost in zip(accepted, costs, strict=True) if cost <= min(costs) + EQUAL]
+    return min(near, key=lambda t: bench.train.index[t.candidate.paths[0]])
+
+
+def ahead_of(bench: Workbench, chosen: Trial, rivals: Sequence[Trial]) -> Trial:
+    """The rival that costs least, if by more than what a tie may differ; else the chosen one."""
+    if not rivals:
+        return chosen
+    best = best_of(bench, [chosen, *rivals])
+    return best if _extra_cost(bench, best, chosen).sum() > TIE else chosen
+
+
+def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
+    """What another trial costs more than the best, per window."""
+    assert best.state is not None
+    assert other.state is not None
+    return bench.costs(other.state, best.state) - bench.costs(best.state, best.state)
+
+
+def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness]) -> bool:
+    """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample).
+
+    Also where their signatures differ by less than that: a fit that stopped a little early is no difference.  One that
+    only the held-out windows refused belongs to the tie if it explains all windows together as well as the best.
+    """
+    if other.state is None or other.objection not in ("", SMALL, UNREPEATED):
+        return False
+    if other.objection == UNREPEATED:
+        return bool(_extra_cost(bench, best, other).sum() <= 0.0)
+    if any(way.evidence < TIE or 1.0 - way.cosine**2 < SAME for way in alike):
+        return True
+    extra = _extra_cost(bench, best, other)
+    error = float(np.std(extra) * np.sqrt(extra.size))
+    return extra.sum() < TIE or (extra.sum() < TIE_ERRORS * error and extra.size >= MANY_WINDOWS)

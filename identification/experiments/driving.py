@@ -1,0 +1,167 @@
+"""One episode of an environment with a controller at the wheel, as a record of what was measured and what was true."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from auv_gym import __version__
+from auv_gym.channels import CHANNELS, set_point_of
+from auv_gym.records.record import Record
+from controllers.controller import Controller
+
+Steps = Mapping[str, Sequence[tuple[float, float]]]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a driven episode left behind.
+
+    record: readings, commands, set points (`depth_cmd_m`), and what the controller reports.  truth: the true states at
+    the same times.  reason: why the episode was cut short; empty where it went on to its end.
+    """
+
+    record: Record
+    truth: Record
+    reason: str
+
+
+def drive(
+    env: gymnasium.Env,
+    controller: Controller,
+    *,
+    seed: int,
+    targets: Steps | None = None,
+    start: Mapping[str, float] | None = None,
+) -> Run:
+    """The run of one episode; a row has the reading at its time and the command held from there to the next row.
+
+    Commands are those that the vehicle got, clipped; those of fins that the environment holds itself count too.  The
+    last row of an episode that ran to its end repeats the last command; what a cut episode left behind stays out.
+    seed: of the environment's generator.  targets: (time s, value) by channel, each value from its time on, the first
+    from 0 s; channels not named keep the environment's own target.  start: values of the first state.
+    Raises ValueError if controller and environment do not fit, or the episode is cut within two samples.
+    """
+    steps = {name: checked_steps(name, given) for name, given in (targets or {}).items()}
+    inner: Any = env.unwrapped
+    actions = commanded(env)
+    _, info = env.reset(seed=seed, options=_options(inner, start))
+    memory = controller.start()
+    rows: list[tuple[float, dict, dict, dict]] = []  # time, reading, target, state
+    commands: list[dict] = []  # what the vehicle got, and reports
+    known = [name for name in info["state"] if name in CHANNELS]  # not what a vehicle remembers of its commands
+    before, ended, cut = info["time_s"] - info.get("dt_s", inner.plant.dt), False, False
+    while True:
+        time = info["time_s"]
+        reading, target = (
+            dict(info["reading"]),
+            dict(info["target"]) | {n: _value_at(s, time) for n, s in steps.items()},
+        )
+        if not cut:
+            rows.append((time, reading, target, {name: info["state"][name] for name in known}))
+        if ended:
+            break
+        command, memory = controller.act(memory, {**reading, "dt_s": time - before}, target)
+        for name in actions:
+            if name not in command:
+                raise ValueError(
+                    f"The environment waits for {name}, and the controller commands {', '.join(command) or 'nothing'}: "
+                    "give actions= that the controller knows, or a controller of this channel too."
+                )
+        before = time
+        _, _, cut, over, info = env.step(inner.action_for(command))
+        ended = cut or over
+        reports = {name: float(value) for name, value in command.items() if name not in inner.plant.inputs}
+        commands.append({**reports, **info["command"]})
+    if len(rows) < 2:
+        raise ValueError(f"The episode was cut within {len(rows)} samples: {info['reason']}.")
+    commands += [commands[-1]] * (len(rows) - len(commands))
+    return _run(env, rows, commands, seed, info["reason"])
+
+
+def commanded(env: gymnasium.Env) -> tuple[str, ...]:
+    """The inputs that an environment's action commands."""
+    inner: Any = env.unwrapped
+    return inner.episodes.actions if hasattr(inner, "episodes") else ("rudder_rad",)
+
+
+def checked_steps(name: str, given: Any) -> tuple[tuple[float, float], ...]:
+    """The steps of a target; raises unless they are pairs of time and value whose times rise from 0 s."""
+    try:
+        steps = tuple((float(time), float(value)) for time, value in given)
+    except (TypeError, ValueError):
+        raise ValueError(f"The target of {name} needs pairs of time in s and value, got {given!r}.") from None
+    times = [time for time, _ in steps]
+    if not steps or times[0] != 0.0 or min(np.diff(times), default=1.0) <= 0.0 or not np.isfinite(steps).all():
+        raise ValueError(
+            f"The target of {name} needs finite pairs of time in s and value, the first at 0 s and each later than the "
+            f"one before, got {given!r}."
+        )
+    return steps
+
+
+def versions_used() -> str:
+    """What a run was computed with, for a record's attributes."""
+    found = []
+    for package in ("numpy", "numba"):
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            found.append(f"{package} none")
+    return ", ".join([f"auv-gym {__version__}", *found, f"Python {platform.python_version()}"])
+
+
+def _options(inner: Any, start: Mapping[str, float] | None) -> dict[str, Any] | None:
+    if not start:
+        return None
+    from auv_gym.envs.glider_heading import GliderHeading
+
+    if not isinstance(inner, GliderHeading):
+        return {"start": dict(start)}
+    if set(start) != {"heading_rad"}:
+        raise ValueError(f"GliderHeading starts from a heading_rad that can be given, got {', '.join(start)}.")
+    return {"heading": start["heading_rad"]}
+
+
+def _value_at(steps: Sequence[tuple[float, float]], time: float) -> float:
+    return next(value for begin, value in reversed(steps) if begin <= time + 1e-9)
+
+
+def _run(
+    env: gymnasium.Env, rows: list[tuple[Any, dict, dict, dict]], commands: list[dict], seed: int, reason: str
+) -> Run:
+    inner: Any = env.unwrapped
+    plant = inner.plant
+    time = np.array([row[0] for row in rows])
+    readings, targets, states = (_columns([row[k] for row in rows]) for k in (1, 2, 3))
+    given = {
+        name: values
+        for name, values in _columns(commands[: len(rows)]).items()
+        # an input that nobody touches says nothing: a float's environment knows ten
+        if name not in plant.inputs
+        or name in (*plant.family.required, *commanded(env))
+        or (values != plant.constants.get(name, 0.0)).any()
+    }
+    wanted = {set_point_of(name): values for name, values in targets.items()}
+    attrs: dict[str, Any] = {
+        "source": "simulated",
+        "env": env.spec.id if env.spec is not None else type(inner).__name__,
+        "vehicle": plant.name,
+        "seed": seed,
+        "versions": versions_used(),
+    }
+    if reason:
+        attrs["reason"] = reason
+    record = Record.from_arrays(time, {**readings, **given, **wanted}, attrs=attrs)
+    return Run(record, Record.from_arrays(time, states, attrs=attrs), reason)
+
+
+def _columns(rows: Sequence[Mapping[str, float]]) -> dict[str, np.ndarray]:
+    names = dict.fromkeys(name for row in rows for name in row)
+    return {name: np.array([row.get(name, np.nan) for row in rows], dtype=float) for name in names}

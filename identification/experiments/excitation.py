@@ -1,0 +1,266 @@
+"""Signals that make a system show itself: added to a command or to a set point, or disturbing a run slowly.
+
+`make_signal` makes them by name. What switches when the vehicle has answered (a zigzag) is a controller:
+`controllers.relay`.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from math import ceil, inf, pi, radians
+from typing import Any, Final
+
+import numpy as np
+from scipy.signal import chirp as swept, max_len_seq
+
+from auv_gym.param import did_you_mean
+from identification.experiments.multisine import multisine
+
+_LONGEST_REGISTER = 31
+
+
+def prbs(n: int, hold: int, amplitude: float, rng: np.random.Generator) -> np.ndarray:
+    """A pseudo-random binary signal of -amplitude and +amplitude, shape (n,), each bit `hold` samples long.
+
+    The shortest maximum-length sequence that does not repeat within n, from a drawn phase.
+    Source: Ljung 1999, System Identification, sec. 13.3.
+    """
+    if n < 1 or hold < 1:
+        raise ValueError(f"prbs needs n >= 1 and hold >= 1 samples, got n = {n} and hold = {hold}.")
+    bits = max(ceil(n / hold).bit_length(), 2)
+    sequence = np.roll(max_len_seq(bits)[0], int(rng.integers(2**bits - 1)))
+    lengthened = np.repeat(2.0 * sequence - 1.0, hold)
+    start = int(rng.integers(hold)) if lengthened.size - n >= hold else 0
+    return amplitude * lengthened[start : start + n]
+
+
+def set_point_steps(
+    time: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    start: float = 0.0,
+    hold: tuple[float, float] = (40.0, 90.0),
+    step: tuple[float, float] = (radians(20.0), radians(70.0)),
+) -> np.ndarray:
+    """A set point at each time, shape (n,), that starts at `start` and changes in drawn steps of either sign.
+
+    time: s, rising.  hold: s, range of the time between changes.  step: range of a change's size, in the signal's unit.
+    """
+    time = np.asarray(time, dtype=float)
+    if not 0.0 < hold[0] <= hold[1]:
+        raise ValueError(f"set_point_steps needs 0 < hold[0] <= hold[1] in s, got {hold}.")
+    values = np.full(time.size, float(start))
+    change = time[0] + rng.uniform(0.0, hold[0])
+    while change <= time[-1]:
+        values[time >= change] += rng.uniform(*step) * (1.0 if rng.random() < 0.5 else -1.0)
+        change += rng.uniform(*hold)
+    return values
+
+
+def slow_variation(
+    time: np.ndarray, rng: np.random.Generator, *, amplitude: float, periods: tuple[float, float] = (60.0, 200.0)
+) -> np.ndarray:
+    """A smooth signal around zero whose largest size is `amplitude`, shape (n,): three sines of drawn period and phase.
+
+    time, periods: s.  Periods are drawn evenly in their logarithm.
+    """
+    time = np.asarray(time, dtype=float)
+    angular = 2.0 * pi / np.exp(rng.uniform(*np.log(periods), size=3))
+    phases, shares = rng.uniform(0.0, 2.0 * pi, size=3), rng.uniform(0.5, 1.0, size=3)
+    waves = shares[:, None] * np.sin(angular[:, None] * time + phases[:, None])
+    total = waves.sum(axis=0)
+    return amplitude * total / max(float(np.abs(total).max()), 1e-12)
+
+
+def maximum_length(
+    n: int,
+    dt: float,
+    rng: np.random.Generator,
+    *,
+    amplitude: float,
+    clock_s: float | None = None,
+    register: int | None = None,
+) -> np.ndarray:
+    """A maximum-length pseudo-random binary signal of +-amplitude, shape (n,), from a drawn bit on.
+
+    clock_s: how long a bit is held, whole samples, default one.  register: bits of the shift register; the signal
+    repeats after N = 2**register - 1 bits; default the shortest that does not repeat within n.
+    Over a period the autocorrelation is amplitude**2, from one clock on -amplitude**2 / N, and the power spectrum has
+    lines k / (N clock_s) of amplitude**2 (N + 1) / N**2 sinc(k / N)**2, the mean one of amplitude**2 / N**2.
+    Source: Golomb 1967, Shift Register Sequences; Ljung 1999, System Identification, sec. 13.3.
+    """
+    hold = 1 if clock_s is None else _samples("prbs", "clock_s", clock_s, dt)
+    bits = ceil(n / hold)
+    if register is None:
+        register = max(bits.bit_length(), 2)
+    if not 2 <= register <= _LONGEST_REGISTER:
+        raise ValueError(f"prbs needs a register of 2 to {_LONGEST_REGISTER} bits, got {register}: lengthen clock_s.")
+    state = [int(bit) for bit in f"{int(rng.integers(1, 2**register)):0{register}b}"]
+    sequence = max_len_seq(register, state=state, length=bits)[0]
+    return amplitude * np.repeat(2.0 * sequence - 1.0, hold)[:n]
+
+
+def chirp(
+    n: int,
+    dt: float,
+    rng: np.random.Generator,
+    *,
+    amplitude: float,
+    band_Hz: Sequence[float],
+    law: str = "linear",
+) -> np.ndarray:
+    """A sine of this amplitude whose frequency goes from band_Hz[0] to band_Hz[1] over the signal, shape (n,).
+
+    law: "linear" spends the same time on each Hz, "log" on each octave.  The band may run downwards.  Draws nothing.
+    Source: Pintelon and Schoukens 2012, System Identification, sec. 5.3.
+    """
+    first, last = map(float, band_Hz)
+    if not (min(first, last) > 0.0 and max(first, last) <= 0.5 / dt):
+        raise ValueError(
+            f"chirp needs band_Hz above 0 and up to {0.5 / dt:g}, half the samples per s, got {band_Hz!r}."
+        )
+    if law not in ("linear", "log"):
+        raise ValueError(f"chirp knows the laws 'linear' and 'log', got {law!r}.")
+    method = "linear" if law == "linear" or first == last else "logarithmic"
+    return amplitude * swept(dt * np.arange(n), first, n * dt, last, method=method, phi=-90)
+
+
+def doublet(
+    n: int,
+    dt: float,
+    rng: np.random.Generator,
+    *,
+    amplitude: float,
+    width_s: float,
+    widths: Sequence[float] = (1, 1),
+    repeat_s: float | None = None,
+) -> np.ndarray:
+    """Pulses of +amplitude and -amplitude by turns, then zero, shape (n,).  Draws nothing.
+
+    width_s: of a pulse of width 1, whole samples.  widths: of the pulses; (3, 2, 1, 1) is the 3-2-1-1 input, of a
+    wider band.  repeat_s: from one start to the next, default once.
+    Source: Jategaonkar 2015, Flight Vehicle System Identification, sec. 2.3.
+    """
+    one = _samples("doublet", "width_s", width_s, dt)
+    lengths = [round(one * width) for width in widths]
+    if not lengths or min(lengths) < 1:
+        raise ValueError(f"doublet needs widths of at least a sample, got {list(widths)} times {width_s:g} s.")
+    pulses = np.repeat(np.where(np.arange(len(lengths)) % 2 == 0, 1.0, -1.0), lengths)
+    every = n if repeat_s is None else _samples("doublet", "repeat_s", repeat_s, dt)
+    if every < pulses.size and repeat_s is not None:
+        raise ValueError(f"doublet takes {pulses.size * dt:g} s, got repeat_s {repeat_s:g}: give that or more.")
+    period = np.concatenate([pulses, np.zeros(max(every - pulses.size, 0))])
+    return amplitude * np.resize(period, n)
+
+
+def bang_bang(
+    n: int, dt: float, rng: np.random.Generator, *, amplitude: float, hold_s: float | Sequence[float]
+) -> np.ndarray:
+    """A signal that changes between +amplitude and -amplitude, shape (n,).
+
+    hold_s: the time between changes: a number for a square wave that begins with +amplitude, or a range from which
+    each is drawn, with a drawn first side.
+    """
+    time, (low, high) = dt * np.arange(n), _holds("bang_bang", hold_s, dt)
+    drawn = not isinstance(hold_s, int | float)
+    side = -1.0 if drawn and rng.random() < 0.5 else 1.0
+    return amplitude * side * np.where(_changes(time, rng, low, high) % 2 == 0, 1.0, -1.0)
+
+
+def steps(
+    n: int, dt: float, rng: np.random.Generator, *, amplitude: float, hold_s: float | Sequence[float]
+) -> np.ndarray:
+    """Levels drawn evenly between -amplitude and +amplitude, shape (n,): shows what depends on the size of an input.
+
+    hold_s: how long a level is held, or a range from which that is drawn.
+    Source: Nelles 2001, Nonlinear System Identification, sec. 17.7 (APRBS).
+    """
+    at = _changes(dt * np.arange(n), rng, *_holds("steps", hold_s, dt))
+    return amplitude * rng.uniform(-1.0, 1.0, size=int(at[-1]) + 1)[at]
+
+
+SIGNALS: Final[Mapping[str, Callable[..., np.ndarray]]] = {
+    "prbs": maximum_length,
+    "multisine": multisine,
+    "chirp": chirp,
+    "doublet": doublet,
+    "bang_bang": bang_bang,
+    "steps": steps,
+}
+
+
+def make_signal(
+    kind: str,
+    n: int,
+    dt: float,
+    rng: np.random.Generator,
+    *,
+    start_s: float = 0.0,
+    duration_s: float | None = None,
+    **settings: Any,
+) -> np.ndarray:
+    """A signal of one of the SIGNALS at samples dt apart, shape (n,); zero before start_s and after duration_s.
+
+    settings: those of the kind.  Raises with what the kind allows.
+    """
+    if kind not in SIGNALS:
+        raise ValueError(f"No signal {kind!r}. {did_you_mean(kind, SIGNALS)}Kinds: {', '.join(SIGNALS)}.")
+    allowed = settings_of(kind)
+    listed = f"{kind} takes {', '.join(allowed)}, start_s and duration_s"
+    for name in settings:
+        if name not in allowed:
+            raise ValueError(f"Signal {kind!r} has no setting {name!r}. {did_you_mean(name, allowed)}{listed}.")
+    missing = [name for name, needed in allowed.items() if needed and name not in settings]
+    if missing:
+        raise ValueError(f"Signal {kind!r} needs {' and '.join(missing)}: {listed}.")
+    amplitude = settings["amplitude"]
+    if not _is_number(amplitude) or not 0.0 < amplitude < inf:
+        raise ValueError(f"Signal {kind!r} needs amplitude > 0, in its channel's unit, got {amplitude!r}.")
+    if n < 1 or not 0.0 < dt < inf:
+        raise ValueError(f"A signal needs n >= 1 samples and dt > 0 s, got n = {n} and dt = {dt!r}.")
+    first = _samples(kind, "start_s", start_s, dt) if start_s else 0
+    last = n if duration_s is None else min(first + _samples(kind, "duration_s", duration_s, dt), n)
+    if first >= n:
+        raise ValueError(f"Signal {kind!r} would start at {start_s:g} s, after the end at {n * dt:g} s.")
+    signal = np.zeros(n)
+    try:
+        signal[first:last] = SIGNALS[kind](last - first, dt, rng, **settings)
+    except TypeError as error:  # of a text where a number is due, say
+        raise ValueError(f"Signal {kind!r} cannot be made of {settings!r}: {error}.") from None
+    return signal
+
+
+def settings_of(kind: str) -> dict[str, bool]:
+    """The settings of a kind of signal, by name: whether each must be given."""
+    given = inspect.signature(SIGNALS[kind]).parameters.values()
+    return {p.name: p.default is p.empty for p in given if p.kind is p.KEYWORD_ONLY}
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _samples(kind: str, name: str, value: Any, dt: float) -> int:
+    """A time as a number of samples, one or more; raises where it is not a whole number of them."""
+    count = round(value / dt) if _is_number(value) and 0.0 < value < inf else 0
+    if count < 1 or abs(count * dt - value) > 1e-6 * value:
+        raise ValueError(f"Signal {kind!r} needs {name} as a whole number of samples of {dt:g} s, got {value!r}.")
+    return count
+
+
+def _holds(kind: str, hold: float | Sequence[float], dt: float) -> tuple[float, float]:
+    """The range of a hold, s; a number is a range of one."""
+    if _is_number(hold):
+        steady = dt * _samples(kind, "hold_s", hold, dt)
+        return steady, steady
+    low, high = map(float, hold)  # type: ignore[arg-type]
+    if not dt <= low <= high < inf:
+        raise ValueError(f"Signal {kind!r} needs hold_s from one sample ({dt:g} s) on, low before high, got {hold!r}.")
+    return low, high
+
+
+def _changes(time: np.ndarray, rng: np.random.Generator, low: float, high: float) -> np.ndarray:
+    """How many changes, drawn low to high s apart, there have been at each time."""
+    holds = rng.uniform(low, high, size=ceil((time[-1] - time[0]) / low) + 1)
+    return np.searchsorted(time[0] + np.cumsum(holds) - 1e-6 * low, time, side="right")

@@ -1,0 +1,51 @@
+"""What a record says of the states in which its windows begin."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from identification.fit.shooting import Shooting
+
+RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
+LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
+RATE_SAMPLES = 4  # at a window's start, from which a rate is guessed
+
+
+def first_readings(problem: Shooting) -> np.ndarray:
+    """States at the starts of a problem's windows, shape (W, n_states).
+
+    Measured where they are measured; rates of measured signals from their first samples; else zero.
+    """
+    family = problem.plant.family
+    starts = np.zeros((len(problem.windows), len(family.states)))
+    for w, offset in enumerate(problem.offsets):
+        times = problem.record.time[problem.windows[w]]
+        past = times - times[0]
+        full = np.full(len(family.outputs), np.nan)
+        full[problem.columns] = problem.measured[offset]
+        starts[w] = problem.plant.initial(full)[: len(family.states)]
+        rows = slice(offset, offset + int(np.searchsorted(past, LINE)))
+        for name in family.states:
+            told = next((n for n in (name, family.nearly.get(name)) if n in problem.channels), None)
+            c = problem.channels.index(told) if told else 0
+            fine = problem.finite[rows, c]
+            if told and fine.sum() >= LEAST_LINE:
+                line = _line(past[: len(fine)][fine], problem.measured[rows, c][fine])
+                starts[w, family.states.index(name)] = line[1]
+        head = slice(offset, offset + min(RATE_SAMPLES, len(times)))
+        for rate, angle in RATES.items():
+            if rate in family.states and rate not in problem.channels and angle in problem.channels:
+                values = problem.measured[head, problem.channels.index(angle)]
+                starts[w, family.states.index(rate)] = _line(past[: len(values)], values)[0]
+    return starts
+
+
+def _line(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Slope of a straight line through values, by least squares, and its value at t = 0."""
+    middle, mean = float(t.mean()), float(y.mean())
+    power = float((t - middle) @ (t - middle))
+    slope = float((t - middle) @ (y - mean)) / power if power > 0.0 else 0.0
+    return slope, mean - slope * middle

@@ -1,0 +1,68 @@
+"""What remains between a record and a model's free runs: its noise floor, and where it lives."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.records.record import Record
+from identification.fit.validation import FreeRuns, whiteness
+
+
+def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
+    """Standard deviation of the white part of a residual, from its second differences within windows.
+
+    A smooth misfit drops out of second differences; white noise of variance s^2 gives them 6 s^2.
+    """
+    e = np.asarray(residual)
+    same = (window[2:] == window[1:-1]) & (window[1:-1] == window[:-2])
+    second = (e[2:] - 2.0 * e[1:-1] + e[:-2])[same]
+    second = second[np.isfinite(second)]
+    return max(float(np.sqrt(np.mean(second**2) / 6.0)), 1e-9) if second.size else 1e-9
+
+
+def resolution(values: np.ndarray) -> float:
+    """The step in which readings come, or 0 where no two in three of them repeat a value on a common grid.
+
+    Steps as fine as a file's last digit give nearly as many values as readings and do not count.
+    """
+    levels = np.unique(np.round(values[np.isfinite(values)], 9))
+    if levels.size < 3 or 3 * levels.size > np.isfinite(values).sum():
+        return 0.0
+    steps = np.diff(levels)
+    step = float(np.median(steps[steps < 1.5 * steps.min()]))
+    places = (levels - levels[0]) / step
+    return step if np.abs(places - np.round(places)).max() < 0.05 else 0.0
+
+
+def remains_of(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
+    """Per channel: size, noise floor, resolution, colour, and the channels that the residual's rate goes with."""
+    result = {}
+    for c, name in enumerate(runs.channels):
+        e = runs.residual[:, c]
+        keep = np.isfinite(e)
+        rate = np.gradient(e)
+        edge = np.r_[True, runs.window[1:] != runs.window[:-1]] | np.r_[runs.window[1:] != runs.window[:-1], True]
+        inner = keep & ~edge
+        goes_with = {}
+        for other in record.names:
+            signal = record[other][runs.rows][inner]
+            signals = {f"sin({other})": np.sin(signal), f"cos({other})": np.cos(signal)}
+            if not (channel(other).angle and np.ptp(signal) > np.pi):
+                signals = {other: signal}
+            for label, values in signals.items():
+                if np.std(values) > 0.0 and np.std(rate[inner]) > 0.0:
+                    goes_with[label] = float(np.corrcoef(values, rate[inner])[0, 1])
+        strongest = dict(sorted(goes_with.items(), key=lambda item: -abs(item[1]))[:4])
+        white = whiteness(e, runs.window)
+        result[name] = {
+            "rms": float(np.sqrt(np.nanmean(e**2))),
+            "noise_floor": noise_floor(e, runs.window),
+            "resolution": resolution(record[name]),
+            "lag_1_correlation": float(white.correlation[0]),
+            "whiteness_p": white.p_value,
+            "rate_correlates_with": strongest,
+        }
+    return result

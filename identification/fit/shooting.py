@@ -1,0 +1,502 @@
+"""Free runs of a plant over windows of a record as a least-squares problem, and its solution.
+
+Multiple shooting: every window starts from states of its own, which are fitted with the parameters and eliminated by
+blocks, so the cost grows with the length of the record and not with the square of the number of windows.
+Source: Bock 1983, "Recent advances in parameter identification techniques for ODE"; Schittkowski 2002, ch. 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from types import MappingProxyType
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.model import outputs_of
+from auv_gym.param import positions, replace_at, spec_at, value_at
+from auv_gym.plant import Plant, Runs
+from auv_gym.records.record import Record
+from identification.fit.blocks import Blocks, block_step
+from identification.fit.first_readings import first_readings
+
+_START_STEP = 1e-4  # of a start, for its slopes
+_START_PROBE = 1e-3  # change of a start by which is seen whether it matters
+FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
+PIECE = 6  # samples of the short runs from which shared states are first guessed
+JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
+REACH = 5.0  # standard deviations of a coefficient, the most that a fit may move it, lest it stand in for an effect
+HOPE = 1.0  # gain in cost that a whole step must promise for its shares to be tried
+TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
+STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
+FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
+_NO_SCALES: Mapping[str, float] = MappingProxyType({})
+REMEMBERED = 3  # points of which the slopes are kept
+RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
+
+_Move = tuple[str | int, float]  # of a path or of the state of a number, and by how much
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A parameter vector, the states at the windows' starts, and what they give.
+
+    vector: (n_parameters,).  starts: (W, n_states).  residual: (rows, C), NaN where nothing was measured.
+    """
+
+    vector: np.ndarray
+    starts: np.ndarray
+    residual: np.ndarray
+    cost: float
+
+
+@dataclass(frozen=True, eq=False)
+class Linearisation:
+    """Sensitivities of the outputs with the windows' starts projected out, weighted by the channels' deviations.
+
+    columns: (P, rows, C).  starts: (F, rows, C), sensitivities to the windows' starts.  raw: (P,), norms of the columns
+    before the projection.  weights: (C,), 1/sigma.
+    """
+
+    columns: np.ndarray
+    starts: np.ndarray
+    raw: np.ndarray
+    weights: np.ndarray
+
+    @cached_property
+    def information(self) -> np.ndarray:
+        """Normal matrix (P, P) of the parameters in units of their scales."""
+        flat = self.columns.reshape(len(self.columns), -1)
+        return flat @ flat.T
+
+
+class Shooting:
+    """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
+
+    channels: the plant's outputs that the record holds.  start_states: indices of the states that they reveal.
+    doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own
+    (`Plant.deviation`); fits hold them to their values by it.
+    shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
+    segments: (W,), the number of the segment of each window among those that have one.
+    scales: by path, see `scale`, where a parameter has no probe to go by.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        record: Record,
+        windows: Sequence[slice],
+        scales: Mapping[str, float] = _NO_SCALES,
+        doubt: float = np.inf,
+    ):
+        if not windows:
+            raise ValueError(
+                "A fit needs at least one window of data, got none: record longer or choose shorter windows."
+            )
+        self.plant, self.record, self.windows, self.scales = plant, record, tuple(windows), dict(scales)
+        self.runs = Runs.over(plant, record, windows)
+        self.channels = tuple(name for name in plant.outputs if record.has(name))
+        if not self.channels:
+            raise ValueError(
+                f"Plant {plant.name!r} needs at least one of {', '.join(plant.outputs)} in the record, "
+                f"got {', '.join(record.names)}: rename the columns by a mapping."
+            )
+        columns = [plant.outputs.index(name) for name in self.channels]
+        self.columns = np.array(columns)
+        self.angles = np.array([channel(name).angle for name in self.channels])
+        rows = np.concatenate([np.arange(w.start, w.stop) for w in windows])
+        self.measured = outputs_of(plant, record)[rows][:, columns]
+        self.finite = np.isfinite(self.measured)
+        self.counts = self.finite.sum(axis=0)
+        lengths = self.runs.stop - self.runs.begin
+        self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
+        self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
+        self.index, self.doubt = positions(plant), doubt
+        self._bounds: dict[str, tuple[float, float]] = {}
+        self.steps = plant.family.differences
+        unknown = unknown_states(plant)
+        self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
+        self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
+        self._known: dict[Point, dict[_Move, np.ndarray]] = {}
+
+    @property
+    def nuisances(self) -> int:
+        """How many unknowns there are besides the parameters: starts of windows, shared values of segments."""
+        return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
+
+    def scaled(self, scales: Mapping[str, float]) -> Shooting:
+        """The same problem with other scales of these paths."""
+        other = copy(self)
+        other.scales = self.scales | dict(scales)
+        other._known = {p: {m: v for m, v in k.items() if m[0] not in scales} for p, k in self._known.items()}
+        return other
+
+    def scale(self, path: str) -> float:
+        """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
+        if path not in self.scales:
+            spec, value = spec_at(self.plant, path), abs(value_at(self.plant, path))
+            own = 0.1 * value if path in self.plant.coefficients else 0.0
+            self.scales[path] = own or spec.probe or 0.1 * value or 1.0
+        return self.scales[path]
+
+    def bounds(self, path: str) -> tuple[float, float]:
+        """The least and the most that a parameter may be; `REACH` deviations from given where it has one."""
+        if path not in self._bounds:
+            low, high = spec_at(self.plant, path).bounds
+            value, far = value_at(self.plant, path), REACH * self.plant.deviation(path, self.doubt)
+            self._bounds[path] = (max(low, value - far), min(high, value + far))
+        return self._bounds[path]
+
+    def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """How far the paths are from the given plant, in standard deviations of it, and 1 over those, in scales.
+
+        Shape (len(paths),) both; 0 where nothing is known of a path beforehand.
+        """
+        values = np.array([vector[self.index[p]] for p in paths]).reshape(len(paths))
+        given = np.array([self.plant.vector[self.index[p]] for p in paths]).reshape(len(paths))
+        scales = np.array([self.scale(p) for p in paths]).reshape(len(paths))
+        rates = scales / np.array([self.plant.deviation(p, self.doubt) for p in paths]).reshape(len(paths))
+        return rates * (values - given) / scales, rates
+
+    @cached_property
+    def first_guess(self) -> np.ndarray:
+        """States at the windows' starts, shape (W, n_states).
+
+        Measured where they are measured; rates of measured signals from their first samples; shared states from runs
+        over a few samples, in which a wrong value does little; else zero.
+        """
+        return self._with_shared(first_readings(self), self.plant)
+
+    @cached_property
+    def _short(self) -> Shooting | None:
+        """The record in runs of a few samples, in which a wrong shared state does little; None if it is so cut."""
+        if not self.shared or max(w.stop - w.start for w in self.windows) < 2 * PIECE:
+            return None
+        return Shooting(self.plant, self.record, [p for w in self.windows for p in _pieces(w)])
+
+    def _with_shared(self, starts: np.ndarray, plant: Plant) -> np.ndarray:
+        """The starts with the shared states that suit short runs of a plant."""
+        if self._short is None:
+            return starts
+        found = self._short.solve(plant, ()).starts
+        first = np.unique(self._short.segments, return_index=True)[1]
+        starts = starts.copy()
+        for state, _ in self.shared:
+            starts[:, state] = found[first, state][self.segments]
+        return starts
+
+    def point(self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str] = ()) -> Point:
+        """The residuals and the cost of one parameter vector with these starts; paths: those that are fitted."""
+        residual = self._residuals(vector[None], starts[None])[0]
+        return Point(vector, starts, residual, self._cost(residual) + self._pull(vector, paths))
+
+    def _pull(self, vector: np.ndarray, paths: Sequence[str]) -> float:
+        return 0.5 * float((self.pulls(vector, paths)[0] ** 2).sum())
+
+    def linearise(
+        self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | None = None
+    ) -> Linearisation:
+        """Sensitivities to the paths at a point, by differences of `step` scales, pointing into the bounds.
+
+        step: default the family's first; 1 for what a probe does.
+        """
+        flat, start_columns = self.differences(point, paths, sigma, step)
+        gram, cross, _ = self.blocks.normal(start_columns, flat, None)
+        gain = np.linalg.solve(gram, cross)  # (W, F, P)
+        rest, count = flat - self.blocks.rows(gain.transpose(0, 2, 1) @ self.blocks.of(start_columns)), len(paths)
+        columns, shared = rest[:count], rest[count:]
+        if len(shared):
+            shared = shared.reshape(len(shared), -1)
+            own = np.linalg.lstsq(shared.T, columns.reshape(count, -1).T, rcond=1e-10)[0]
+            columns = columns - (own.T @ shared).reshape(columns.shape)
+        return Linearisation(columns, start_columns, np.sqrt((flat[:count] ** 2).sum(axis=(1, 2))), 1.0 / sigma)
+
+    def jumps(
+        self, point: Point, fitted: Sequence[str], groups: Sequence[Sequence[str]], steps: Sequence[float]
+    ) -> list[Point]:
+        """For each group of paths the best point that one undamped step reaches with it and all that is fitted.
+
+        steps: the change of a group's paths, in scales, over which their slopes are taken, one for each group.  All
+        groups share the slopes by what is fitted and by the starts, so that many cost little more than one.
+        """
+        sigma, moved = self.sigma(point), [p for group in groups for p in group]
+        sizes = [step for group, step in zip(groups, steps, strict=True) for _ in group]
+        flat, start_columns = self.differences(
+            point, [*moved, *fitted], sigma, [*sizes, *[self.steps[0]] * len(fitted)]
+        )
+        weighted = np.where(self.finite, point.residual / sigma, 0.0)
+        gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
+        normal, gradient = self.equations(flat, weighted, point.vector, fitted, len(moved))
+        rest = list(range(len(moved), len(flat)))
+        found, row = [], 0
+        for group in groups:
+            used = [*range(row, row + len(group)), *rest]
+            row += len(group)
+            square, right = normal[np.ix_(used, used)], gradient[used]
+            found.append((used, block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING)))
+        best: list[Point] = [point] * len(groups)
+        hoped = [0.5 * float(gradient[used] @ way[0] + (start_gradient * way[1]).sum()) for used, way in found]
+        for share in JUMPS:
+            tried = [i for i, reached in enumerate(best) if reached is point and (share == 1.0 or hoped[i] > HOPE)]
+            if not tried:
+                break
+            moves = [self.moved(point.vector, point.starts, [*groups[i], *fitted], found[i][1], share) for i in tried]
+            residuals = self._residuals(np.array([m[0] for m in moves]), np.array([m[1] for m in moves]))
+            for i, (vector, starts), residual in zip(tried, moves, residuals, strict=True):
+                there = Point(vector, starts, residual, self._cost(residual) + self._pull(vector, fitted))
+                if there.cost < point.cost:
+                    best[i] = there
+        return best
+
+    def equations(
+        self, columns: np.ndarray, residual: np.ndarray, vector: np.ndarray, paths: Sequence[str], first: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Normal matrix (n, n) and gradient (n,) of columns (n, rows, C), with what is known of the paths beforehand.
+
+        first: number of the first path's column; the other columns are of what nothing is known of.
+        """
+        flat = columns.reshape(len(columns), residual.size)
+        normal, gradient = flat @ flat.T, flat @ residual.ravel()
+        pulled, rates = self.pulls(vector, paths)
+        own = slice(first, first + len(paths))
+        normal[own, own] += np.diag(rates**2)
+        gradient[own] -= rates * pulled
+        return normal, gradient
+
+    def moved(
+        self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str], step, share: float = 1.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """A vector and starts moved by a share of a step, within the bounds of the paths."""
+        (change, start_change), vector, starts = step, vector.copy(), starts.copy()
+        for path, size in zip(paths, change[: len(paths)], strict=True):
+            low, high = self.bounds(path)
+            i = self.index[path]
+            vector[i] = min(max(vector[i] + share * size * self.scale(path), low), high)
+        starts[:, self.start_states] += share * start_change
+        for (state, unit), sizes in zip(self.shared, self._by_segment(change[len(paths) :]), strict=True):
+            starts[:, state] += share * unit * sizes[self.segments]
+        return vector, starts
+
+    def solve(
+        self,
+        plant: Plant,
+        paths: Sequence[str],
+        starts: np.ndarray | None = None,
+        max_iterations: int = 40,
+        tolerance: float = 1e-7,
+        near: Point | None = None,
+    ) -> Point:
+        """The point of least cost over the paths and the starts, from the plant's values; Levenberg-Marquardt.
+
+        near: a point whose slopes, if known, do for the first steps.  Slopes follow secants while steps succeed; where
+        these stop gaining, the slopes are taken anew.
+        The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
+        bounds by projection), Nocedal and Wright 2006, ch. 10.
+        """
+        here = self.point(plant.vector, self.first_guess, paths)
+        others = [] if starts is None else [starts]
+        if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
+            others.append(self._with_shared(self.first_guess, plant))
+        here = min([here, *(self.point(plant.vector, other, paths) for other in others)], key=lambda point: point.cost)
+        damping, steps, slopes = 1e-3, list(self.steps if paths or self.shared else self.steps[:1]), None
+        if near is not None:
+            self._slopes(near, (), steps[0], self._remembered(near))
+            slopes = self._slopes(here, paths, steps[0], dict(self._remembered(near)))
+        for _ in range(max_iterations):
+            sigma = self.sigma(here)
+            stale = slopes is not None
+            slopes = slopes or self._slopes(here, paths, steps[0], {})
+            flat, start_columns = (values / sigma for values in slopes)
+            weighted = np.where(self.finite, here.residual / sigma, 0.0)
+            gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
+            normal, gradient = self.equations(flat, weighted, here.vector, paths)
+            held = self._at_edge(here.vector, paths, gradient)
+            normal[held], normal[:, held], gradient[held], cross[:, :, held] = 0.0, 0.0, 0.0, 0.0
+            normal[held, held] = 1.0
+            improved, tries = False, 0
+            while not improved and tries < (STALE_TRIES if stale else TRIES):
+                step = block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
+                there = self.point(*self.moved(here.vector, here.starts, paths, step), paths)
+                improved, tries = there.cost < here.cost, tries + 1
+            damping *= TIGHTER ** (tries if not improved else tries - 1)
+            gain = here.cost - there.cost if improved else 0.0
+            slopes = self._secant(slopes, here, there, paths) if improved and tries == 1 else None
+            if improved:
+                here, damping = there, max(damping / 12.0, 1e-9)
+            if gain < tolerance * max(self.finite.sum(), 1):
+                if stale:
+                    slopes = None
+                    continue
+                if len(steps) == 1:
+                    break
+                damping, steps, slopes = 1e-3, steps[1:], None
+        return here
+
+    def _at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
+        """Numbers of the paths at a bound that the cost would push them over: a step leaves these alone."""
+        held = []
+        for number, path in enumerate(paths):
+            value, (low, high) = vector[self.index[path]], self.bounds(path)
+            if (value <= low and gradient[number] < 0.0) or (value >= high and gradient[number] > 0.0):
+                held.append(number)
+        return held
+
+    def sigma(self, point: Point) -> np.ndarray:
+        """Root mean square of each channel's residual, shape (C,)."""
+        return np.sqrt(np.nansum(point.residual**2, axis=0) / np.maximum(self.counts, 1)) + 1e-9
+
+    def plant_at(self, point: Point, paths: Sequence[str]) -> Plant:
+        """The plant with the point's values at the paths."""
+        return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
+
+    def _outputs(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        return self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)
+
+    def _residuals(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        residual = self.measured - self._outputs(vectors, starts)[:, :, self.columns]
+        # An angle's residual is continuous in a window and starts within half a turn; beyond that it is not wrapped.
+        turns = np.round(residual[:, self.offsets][:, :, self.angles] / (2.0 * np.pi))
+        turns = np.where(np.isfinite(turns), turns, 0.0)
+        if turns.any():
+            residual[:, :, self.angles] -= 2.0 * np.pi * turns[:, self.window_of_row]
+        return residual
+
+    def _cost(self, residual: np.ndarray) -> float:
+        if not np.all(np.abs(residual[self.finite]) < FAR):
+            return np.inf
+        squares = np.nansum(residual**2, axis=0)
+        return 0.5 * float(np.sum(self.counts * np.log(squares / np.maximum(self.counts, 1) + RESIDUAL_FLOOR)))
+
+    def _by_segment(self, values: np.ndarray) -> np.ndarray:
+        """Values of the shared states, one row for each: (len(shared), segments)."""
+        return values.reshape(len(self.shared), -1) if self.shared else np.empty((0, 0))
+
+    def differences(
+        self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | Sequence[float] | None = None
+    ):
+        """Columns over sigma: (P + S, rows, C) of the paths, per scale, and of the S shared values, per unit; starts'.
+
+        step: in scales, one for all or one for each path; default the family's first.  The second array holds those of
+        the windows' starts, (F, rows, C).  What was run at the last points is not run again.
+        """
+        step = self.steps[0] if step is None else step
+        columns, starts = self._slopes(point, paths, step, self._remembered(point))
+        return columns / sigma, starts / sigma
+
+    def _remembered(self, point: Point) -> dict[_Move, np.ndarray]:
+        """The slopes that are known at a point, to be added to; those of points that were not asked for lately go."""
+        self._known[point] = self._known.pop(point, {})
+        while len(self._known) > REMEMBERED:
+            del self._known[next(iter(self._known))]
+        return self._known[point]
+
+    def _slopes(
+        self, point: Point, paths: Sequence[str], step: float | Sequence[float], known: dict[_Move, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What `_differences` gives, in the channels' units; known: slopes at the point; new ones join."""
+        one = step if isinstance(step, int | float) else self.steps[0]
+        each = [step] * len(paths) if isinstance(step, int | float) else step
+        own = list(zip(paths, each, strict=True))
+        starts, shared = [(int(s), _START_STEP) for s in self.start_states], [(state, one) for state, _ in self.shared]
+        new = [move for move in dict.fromkeys([*own, *starts, *shared]) if move not in known]
+        if new:
+            moved = [self._nudged(point, *move) for move in new]
+            residuals = self._residuals(np.array([m[0] for m in moved]), np.array([m[1] for m in moved]))
+            with np.errstate(invalid="ignore", over="ignore"):
+                slopes = (point.residual - residuals) / np.array([m[2] for m in moved])[:, None, None]
+            slopes[~(np.isfinite(slopes) & self.finite)] = 0.0
+            known.update(zip(new, slopes, strict=True))
+        of_row = self.segments[self.window_of_row]
+        apart = [known[move] * (of_row == g)[:, None] for move in shared for g in range(of_row[-1] + 1)]
+        columns = np.array([*(known[move] for move in own), *apart]).reshape(-1, *self.measured.shape)
+        return columns, np.array([known[move] for move in starts]).reshape(-1, *self.measured.shape)
+
+    def _nudged(self, point: Point, what: str | int, step: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """The vector and the starts with a path, or the state of a number, moved by a step, and the step with its sign.
+
+        A path's step is in its scales and points into its bounds; a shared state's is in its units.
+        """
+        vector, starts = point.vector.copy(), point.starts.copy()
+        if isinstance(what, str):
+            i, size = self.index[what], step * self.scale(what)
+            step, size = (step, size) if vector[i] + size <= self.bounds(what)[1] else (-step, -size)
+            vector[i] += size
+        else:
+            starts[:, what] += step * dict(self.shared).get(what, 1.0)
+        return vector, starts, step
+
+    def _secant(
+        self, slopes: tuple[np.ndarray, np.ndarray], here: Point, there: Point, paths: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The slopes as what was seen from one point to another corrects them, window by window.
+
+        What they missed is shared out by how much each move did.  Source: Broyden 1965, Mathematics of Computation 19.
+        """
+        count, sigma = len(slopes[0]), self.sigma(there)
+        every = np.concatenate(slopes)
+        moved = [(there.vector[self.index[p]] - here.vector[self.index[p]]) / self.scale(p) for p in paths]
+        gone, first = there.starts - here.starts, np.unique(self.segments, return_index=True)[1]
+        moved += [float(size) for state, unit in self.shared for size in gone[first, state] / unit]
+        change = np.where(self.finite, here.residual - there.residual, 0.0)
+        parts = self.blocks.of(every)
+        own = gone[:, self.start_states]
+        moves = np.concatenate([np.broadcast_to(np.array(moved), (len(own), count)), own], axis=1)
+        share = parts**2 @ np.tile(sigma**-2.0, self.blocks.longest) * moves
+        whole = (share * moves).sum(axis=1, keepdims=True)
+        share = np.divide(share, whole, out=np.zeros_like(share), where=whole > 0.0)
+        missed = self.blocks.of(change[None]) - moves[:, None] @ parts
+        every = self.blocks.rows(parts + share[:, :, None] * missed)
+        return every[:count], every[count:]
+
+    @cached_property
+    def blocks(self) -> Blocks:
+        """The rows of the windows as blocks of one length."""
+        return Blocks(self.runs.stop - self.runs.begin, len(self.channels))
+
+    @cached_property
+    def start_states(self) -> np.ndarray:
+        """Indices of the states whose start changes a measured output for longer than a sample; others stay guessed."""
+        starts, family = self.first_guess, self.plant.family
+        names, left = family.states, set(family.shared)
+        if not any(name in self.channels for name in family.at_rest):
+            left |= set(family.at_rest)
+        states = [names.index(name) for name in names if name not in left]
+        moved = np.repeat(starts[None], len(states) + 1, axis=0)
+        for k, state in enumerate(states, start=1):
+            moved[k, :, state] += _START_PROBE
+        outputs = self._outputs(np.repeat(self.plant.vector[None], len(moved), axis=0), moved)
+        changes = outputs[1:] - outputs[0]
+        return np.array([s for s, c in zip(states, changes, strict=True) if self._reveals(names[s], c)], dtype=int)
+
+    def _reveals(self, state: str, change: np.ndarray) -> bool:
+        seen = np.nanmax(np.abs(np.where(self.finite, change[:, self.columns], 0.0))) > 1e-9
+        return bool(seen and not self._forgotten(state, change))
+
+    def _forgotten(self, state: str, change: np.ndarray) -> bool:
+        """Whether a change of a state at the windows' starts is gone one sample later; known of states read out.
+
+        Fitting such a start would only take the first sample away, and let a fit wander to absurd values.
+        """
+        if state not in self.plant.outputs:
+            return False
+        left = change[self.offsets + 1, self.plant.outputs.index(state)] / _START_PROBE
+        return bool(np.median(np.abs(left)) < FORGOTTEN)
+
+
+def _pieces(window: slice) -> list[slice]:
+    """The window in runs of `PIECE` samples, the last one longer by what remains."""
+    count = max((window.stop - window.start) // PIECE, 1)
+    edges = [window.start + PIECE * i for i in range(count)] + [window.stop]
+    return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def unknown_states(plant: Plant) -> dict[str, str]:
+    """The states of which each segment has a value of its own that nobody knows, with the effect that acts alike."""
+    family = plant.family
+    if family.shared_unless and value_at(plant, family.shared_unless) != 0.0:
+        return {}
+    return dict(family.shared)

@@ -1,0 +1,167 @@
+"""How well a model agrees with a record: free runs, scores per channel, and tests of what remains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from scipy import stats
+
+from auv_gym.channels import channel, wrap
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.fit.shooting import Shooting
+
+
+@dataclass(frozen=True)
+class Score:
+    """Agreement of one channel over a stated horizon, in the channel's unit where it has one.
+
+    fit_percent = 100 (1 - |y - yh| / |y - mean y|).  r2 = 1 - |y - yh|^2 / |y - mean y|^2.
+    """
+
+    rmse: float
+    mean_absolute: float
+    maximum: float
+    r2: float
+    fit_percent: float
+    samples: int
+
+    def as_dict(self) -> dict[str, float]:
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeRuns:
+    """Free runs over windows: rows of the record, model outputs and residuals, by channel (rows, C).
+
+    scored: rows past the samples to which the initial states were fitted.
+    """
+
+    channels: tuple[str, ...]
+    rows: np.ndarray
+    window: np.ndarray
+    model: np.ndarray
+    residual: np.ndarray
+    scored: np.ndarray
+
+    def scores(self, record: Record) -> dict[str, Score]:
+        """A score for each channel, over the scored rows."""
+        result = {}
+        for c, name in enumerate(self.channels):
+            keep = self.scored & np.isfinite(self.residual[:, c])
+            result[name] = score(record[name][self.rows[keep]], self.residual[keep, c])
+        return result
+
+
+def free_runs(plant: Plant, record: Record, windows: Sequence[slice], settle: float = 20.0) -> FreeRuns:
+    """Free runs of a plant over windows of a record, each from states fitted to the window's first seconds alone.
+
+    settle: s, at least three samples; those samples are not scored.  Raises Diverged.
+    """
+    heads = head_windows(record, windows, settle)
+    starts = Shooting(plant, record, heads).solve(plant, ()).starts
+    scored = np.concatenate([np.arange(w.start, w.stop) >= h.stop for w, h in zip(windows, heads, strict=True)])
+    return _runs(Shooting(plant, record, windows), plant, starts, scored)
+
+
+def head_windows(record: Record, windows: Sequence[slice], settle: float) -> list[slice]:
+    """The first `settle` seconds of each window, at least three samples."""
+    heads = []
+    for w in windows:
+        count = int(np.searchsorted(record.time[w], record.time[w.start] + settle))
+        heads.append(slice(w.start, w.start + min(max(count, 3), w.stop - w.start)))
+    return heads
+
+
+def fitted_runs(plant: Plant, record: Record, windows: Sequence[slice]) -> FreeRuns:
+    """Free runs of a plant over windows of a record, each from the states that suit the whole window best."""
+    problem = Shooting(plant, record, windows)
+    return _runs(problem, plant, problem.solve(plant, ()).starts, np.ones(problem.runs.rows, dtype=bool))
+
+
+def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarray) -> FreeRuns:
+    model = plant.run(problem.record, problem.windows, starts)[:, problem.columns]
+    residual = problem.point(plant.vector, starts).residual
+    rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
+    return FreeRuns(problem.channels, rows, problem.window_of_row, model, residual, scored)
+
+
+def score(measured: np.ndarray, residual: np.ndarray) -> Score:
+    """The score of a residual against the measured signal it belongs to."""
+    if residual.size == 0:
+        raise ValueError(
+            "A score needs at least one sample, got none: choose longer windows or a shorter settling time."
+        )
+    power, spread = float(residual @ residual), float(np.sum((measured - measured.mean()) ** 2))
+    ratio = power / spread if spread > 0.0 else np.inf
+    return Score(
+        rmse=float(np.sqrt(power / residual.size)),
+        mean_absolute=float(np.mean(np.abs(residual))),
+        maximum=float(np.max(np.abs(residual))),
+        r2=1.0 - ratio,
+        fit_percent=100.0 * (1.0 - np.sqrt(ratio)),
+        samples=int(residual.size),
+    )
+
+
+def compare(measured: Record, model: Record) -> dict[str, Score]:
+    """Scores of a simulated or predicted record against the measured one, for the channels that both hold."""
+    names = [n for n in model.names if measured.has(n) and not np.array_equal(measured[n], model[n])]
+    result = {}
+    for name in names:
+        residual = measured[name] - model[name]
+        result[name] = score(measured[name], wrap(residual) if channel(name).angle else residual)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Whiteness:
+    """Autocorrelation of residuals with its 95 % bound, and the Ljung-Box test of its being zero."""
+
+    lags: np.ndarray
+    correlation: np.ndarray
+    bound: float
+    p_value: float
+
+
+def whiteness(residual: np.ndarray, window: np.ndarray, lags: int = 15) -> Whiteness:
+    """Autocorrelation of a residual within its windows.
+
+    residual, window: (n,).  Source: Ljung and Box 1978.
+    """
+    e = np.where(np.isfinite(residual), residual, 0.0)
+    lags = max(min(lags, int(np.min(np.bincount(window)[np.unique(window)])) - 1), 1)
+    power, n = float(e @ e), e.size
+    correlation = np.array(
+        [
+            np.sum(e[k:] * e[:-k] * (window[k:] == window[:-k])) / power if power > 0.0 else 0.0
+            for k in range(1, lags + 1)
+        ]
+    )
+    pairs = np.array([np.sum(window[k:] == window[:-k]) for k in range(1, lags + 1)])
+    # the mean of an estimate over short windows is scaled to the number of pairs that it has
+    scaled = correlation * n / np.maximum(pairs, 1)
+    statistic = float(np.sum(pairs * scaled**2))
+    bound = 1.96 / np.sqrt(n)
+    return Whiteness(np.arange(1, lags + 1), correlation, bound, float(stats.chi2.sf(statistic, lags)))
+
+
+def input_correlation(
+    residual: np.ndarray, signal: np.ndarray, window: np.ndarray, lags: int = 15
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Correlation of a residual with an input at lags -lags..lags (positive: the input leads), and the 95 % bound.
+
+    Source: Ljung 1999, sec. 16.6, with the bound for a white residual.
+    """
+    e = residual - np.nanmean(residual)
+    e = np.where(np.isfinite(e), e, 0.0)
+    u = signal - signal.mean()
+    norm = np.sqrt(float(e @ e) * float(u @ u))
+    ks = np.arange(-lags, lags + 1)
+    values = []
+    for k in ks:
+        a, b = (slice(k, None), slice(None, e.size - k)) if k >= 0 else (slice(None, e.size + k), slice(-k, None))
+        values.append(float(np.sum(e[a] * u[b] * (window[a] == window[b]))) / norm if norm > 0.0 else 0.0)
+    return ks, np.array(values), 1.96 / np.sqrt(e.size)

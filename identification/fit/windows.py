@@ -1,0 +1,151 @@
+"""Where free runs begin and end in a record, and which of them are kept from the fit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from auv_gym.model import inputs_of
+from auv_gym.param import value_at
+from auv_gym.physics.actuators import travel
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.fit.shooting import unknown_states
+
+LEAST_SAMPLES = 8
+LEAST_LEFT = 4  # windows that a segment keeps, for its first seconds to be left out
+UNTOLD = 0.01  # of an actuator's travel, within which it stands where its commands put it
+_BEYOND = 1e6  # a command past every stop
+
+
+def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice]:
+    """Windows of at most `seconds`: consecutive ones, or for inputs that move in steps the stretches between the steps.
+
+    The sample at which an input has moved is left out: the log may have been written while it moved.  Stretches with
+    fewer than `LEAST_SAMPLES` samples are dropped.  A vehicle that is `afloat` near the surface is judged below that
+    depth only, in equal parts of each stretch there.  No log says where the actuators stood before its first row, and
+    a wrong guess would pass for an effect: windows begin where that no longer matters (`_commanded`), and those of
+    other vehicles a settling time after their segment too, where at least `LEAST_LEFT` are left then.
+    """
+    family = plant.family
+    inputs, time = inputs_of(plant, record), record.time
+    begin = [s.start + _commanded(plant, inputs[s], time[s]) for s in record.segments]
+    if family.stepped:
+        return _between_steps(record, family.stepped, seconds, begin)
+    if family.afloat is not None:
+        return _submerged(record, family.afloat, seconds, begin)
+    return _settled(record, record.windows(seconds), plant.settle, begin)
+
+
+def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
+    """The first row of a segment at which the actuators stand where its commands put them, wherever they stood before.
+
+    inputs: (n, n_inputs).  time: (n,) s.  Followed from both ends of their travel, plays included, until the two agree;
+    the first row if they never do, since nothing would be left.
+    """
+    family, p = plant.family, plant.family.view(plant.derived)
+    shape, times, count = family.hooks["shape"], family.hooks["actuator_times"], len(family.actuators)
+    dead_times, lags, slownesses = zip(*(times(j, p) for j in range(count)), strict=True)
+    at, plays, shaped = np.zeros((2, count)), np.zeros((2, count)), np.zeros((2, count))
+    for side in (0, 1):
+        before = inputs[0].copy()
+        before[:count] = [_ends(plant, name)[side] for name in family.actuators]
+        plays[side] = before[:count]
+        shape(before, plays[side], p, at[side])
+    travel_of = np.abs(at[1] - at[0])
+    for k in range(len(time)):
+        for side in (0, 1):
+            shape(inputs[k], plays[side], p, shaped[side])
+            for j in range(count):
+                if lags[j] <= 0.0 and slownesses[j] <= 0.0:
+                    at[side, j] = shaped[side, j]
+        apart = np.maximum(np.abs(at[1] - at[0]), np.abs(shaped[1] - shaped[0]))
+        if np.all(apart <= UNTOLD * travel_of):
+            return int(np.searchsorted(time, time[k] + max(dead_times)))
+        if k + 1 < len(time):
+            for side in (0, 1):
+                for j in range(count):
+                    target = shaped[side, j]
+                    at[side, j] = travel(at[side, j], target, lags[j], slownesses[j], time[k + 1] - time[k])[2]
+    return 0
+
+
+def _ends(plant: Plant, name: str) -> tuple[float, float]:
+    """The least and the most that an actuator may have been told before a record; its stops do the rest."""
+    low, high = plant.family.ranges.get(name, (-_BEYOND, _BEYOND))
+    low, high = (value_at(plant, end) if isinstance(end, str) else end for end in (low, high))
+    return low, high
+
+
+def _between_steps(record: Record, stepped: Sequence[str], seconds: float, begin: Sequence[int]) -> list[slice]:
+    """Windows of at most `seconds` between the steps of inputs, from the rows `begin` of the segments on."""
+    inputs = np.stack([record[name] for name in stepped], axis=1)
+    found = []
+    for segment, first in zip(record.segments, begin, strict=True):
+        moved = np.r_[True, np.any(np.diff(inputs[segment], axis=0) != 0.0, axis=1)]
+        edges = segment.start + np.r_[np.flatnonzero(moved), segment.stop - segment.start]
+        for before, after in pairwise(edges):
+            found += _cut(record.time, max(before + 1, first), after, seconds)
+    return [w for w in found if w.stop - w.start >= LEAST_SAMPLES]
+
+
+def held_out(plant: Plant, record: Record, windows: Sequence[slice]) -> tuple[list[slice], list[slice]]:
+    """Windows to fit and windows to judge by: every other one, or every other segment whole.
+
+    Whole segments where each has an unknown of its own (`Family.shared`), which its windows would tell each other.
+    """
+    windows = list(windows)
+    if not unknown_states(plant):
+        return windows[0::2], windows[1::2]
+    starts = [segment.start for segment in record.segments]
+    segments = [int(np.searchsorted(starts, w.start, side="right")) for w in windows]
+    used = list(dict.fromkeys(segments))
+    if len(used) < 2:
+        return windows[0::2], windows[1::2]
+    fitted = set(used[0::2])
+    return (
+        [w for w, segment in zip(windows, segments, strict=True) if segment in fitted],
+        [w for w, segment in zip(windows, segments, strict=True) if segment not in fitted],
+    )
+
+
+def _settled(record: Record, windows: Sequence[slice], settle: float, begin: Sequence[int]) -> list[slice]:
+    """The windows from the rows `begin` of their segments on, and where enough are left without `settle` seconds."""
+    time, found = record.time, []
+    for segment, first in zip(record.segments, begin, strict=True):
+        here = [w for w in windows if segment.start <= w.start < segment.stop]
+        settled = segment.start + int(np.searchsorted(time[segment], time[segment.start] + settle))
+        late = _from(here, max(settled, first))
+        found += late if len(late) >= LEAST_LEFT else _from(here, first)
+    return found
+
+
+def _from(windows: Sequence[slice], row: int) -> list[slice]:
+    """The windows from a row on, without those of which less than half is left."""
+    return [slice(max(w.start, row), w.stop) for w in windows if 2 * (w.stop - row) >= w.stop - w.start]
+
+
+def _submerged(record: Record, depth: float, seconds: float, begin: Sequence[int]) -> list[slice]:
+    """Windows of half to all of `seconds` in the stretches below a depth, m, from the segments' rows `begin` on."""
+    under, time, found = record["depth_m"] > depth, record.time, []
+    for segment, first in zip(record.segments, begin, strict=True):
+        changes = np.flatnonzero(np.diff(under[segment])) + 1
+        edges = segment.start + np.r_[0, changes, segment.stop - segment.start]
+        for start, stop in pairwise(edges):
+            if under[start]:
+                found += _cut(time, max(start, first), stop, seconds)
+    return [w for w in found if time[w.stop - 1] - time[w.start] >= 0.5 * seconds]
+
+
+def _cut(time: np.ndarray, start: int, stop: int, seconds: float) -> list[slice]:
+    """The rows from start to stop in equal parts of at most `seconds`."""
+    if stop - start < 2:
+        return []
+    parts = int(np.ceil((time[stop - 1] - time[start]) / seconds))
+    if parts <= 1:
+        return [slice(int(start), int(stop))]
+    edges = time[start] + (time[stop - 1] - time[start]) * np.arange(1, parts) / parts
+    rows = [int(start), *(start + np.searchsorted(time[start:stop], edges)).tolist(), int(stop)]
+    return [slice(a, b) for a, b in pairwise(rows) if b > a]

@@ -1,1 +1,0 @@
-"""Identification with kernels."""

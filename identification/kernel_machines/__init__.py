@@ -1,0 +1,5 @@
+"""Least-squares support vector machines: regression, hulls, nonlinear difference equations, diving models."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

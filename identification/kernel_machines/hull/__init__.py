@@ -1,0 +1,1 @@
+"""A vehicle's hull learned from its logs."""

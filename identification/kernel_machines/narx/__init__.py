@@ -1,0 +1,1 @@
+"""Nonlinear difference equations by kernel machines."""

@@ -1,0 +1,1 @@
+"""Penalty and width of a kernel machine, chosen."""

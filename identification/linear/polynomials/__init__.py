@@ -1,0 +1,1 @@
+"""Polynomial models: ARX, ARMAX, output error, and the choice of their orders."""

@@ -1,0 +1,47 @@
+"""ARX: linear models in discrete time by least squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from auv_gym.records.record import Record
+from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.polynomials.structure import Orders, Structure
+
+
+@dataclass(frozen=True)
+class Arx:
+    """Least-squares ARX, A(q) y = B(q) u + intercept + e.
+
+    n_a: lags of an output.  n_b: lags of an input, from `delay` on; 0 where it does not act.  delay: samples, at least
+    1, as an output does not see the input of its own row.  One number serves all outputs, a list has one for each, a
+    list of lists one for each output and channel.  structure: diagonal (each output by itself) or full (A has lags of
+    all outputs in each).  integrating: outputs with a pole at exactly 1, counted in n_a.  offset: whether an operating
+    point is estimated.  skip: samples of each segment that serve as lags only, at least.
+    Where e is not white, as with noise on a measured output, the coefficients are biased at any length of record, and
+    the intervals do not hold this bias: see Armax.  Source: Ljung 1999, sec. 4.2, 7.3.
+    """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
+
+    def __post_init__(self) -> None:
+        _ = self.orders
+
+    @cached_property
+    def orders(self) -> Structure:
+        """The equations that these settings make."""
+        return Structure.asked_by(self)
+
+    def fit(self, *records: Record) -> PolynomialFit:
+        """Fit over all segments of all records, each with its own lags; raises if the data cannot tell all of them."""
+        return fit_blocks("Arx", records, self.orders, self.offset, self.skip, lambda errors, arx: (arx, None, ""))

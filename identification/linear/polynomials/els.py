@@ -1,0 +1,142 @@
+"""Extended least squares: ARMAX models by regressions on their own errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from auv_gym.records.record import Record
+from identification.linear.polynomials.filtering import is_stable, largest_root
+from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.polynomials.prediction import Prediction
+from identification.linear.polynomials.structure import Orders, Row, Structure
+
+PASSES = 50
+_SETTLED = 1e-9  # change of the sum of squares in a pass, relative
+_SHARE = 0.7  # of a pass that is taken after the first
+_SEEN = 1e-10  # power of what the regression leaves of errors, relative, below which it tells nothing of C
+_INSIDE = 0.98  # size of the largest root of C to which an unstable one is brought
+
+
+@dataclass(frozen=True)
+class Els:
+    """ARMAX by extended least squares: A(q) y = B(q) u + C(q) e, regressed on the errors of the last pass.
+
+    Settings as in Arx, and n_c: lags of the errors.  Without bias where C is near 1 (1/C - 1/2 positive real), less
+    accurate than Armax, which starts from it.  Source: Ljung 1999, sec. 10.4 (pseudolinear regression).
+    """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    n_c: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
+
+    def __post_init__(self) -> None:
+        _ = self.orders
+
+    @cached_property
+    def orders(self) -> Structure:
+        """The equations that these settings make."""
+        return Structure.asked_by(self)
+
+    def fit(self, *records: Record) -> PolynomialFit:
+        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        return fit_blocks(
+            "Els", records, self.orders, self.offset, self.skip, lambda errors, arx: (extended(errors, arx), None, "")
+        )
+
+
+def extended(prediction: Prediction, arx: np.ndarray, passes: int = PASSES) -> np.ndarray:
+    """The parameters of the pass with the smallest errors; arx: those of least squares, with zeros for C.
+
+    Each pass takes the errors of the one before, and goes a part of the way that they ask for, since whole steps
+    swing; where its C is not stable, it is made so.
+    """
+    lags, rows = prediction.lags, prediction.rows
+    parts = [_Part.of(prediction, row) for row in rows] if lags else []
+    free, best, least = arx, arx, np.inf
+    previous = np.inf
+    for count in range(passes if lags else 0):
+        errors = [e[lags:] for e in prediction.errors(free, prediction.starts())]
+        loss = sum(float(np.vdot(e, e)) for e in errors)
+        if loss < least:
+            best, least = free, loss
+        if abs(loss - previous) <= _SETTLED * loss:
+            break
+        previous = loss
+        passed = _with_stable_c(prediction, np.concatenate([part.solve(errors) for part in parts]))
+        mixed = passed if count == 0 else (1.0 - _SHARE) * free + _SHARE * passed
+        free = _with_stable_c(prediction, mixed)
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """An output's regression on what is measured.
+
+    late: which parameters are the errors'.  errors: their lags and numbers.
+    """
+
+    joints: list[np.ndarray]
+    triangle: np.ndarray
+    late: np.ndarray
+    errors: list[tuple[int, int]]
+
+    @classmethod
+    def of(cls, prediction: Prediction, row: Row) -> _Part:
+        problem = prediction.regressions[prediction.rows.index(row)]
+        ends = np.cumsum([len(y) - prediction.first for y in prediction.scaled.y])[:-1]
+        late = [term.kind == "c" for term in row.free_terms] + [False] * prediction.intercept
+        local = {of.number: i for i, of in enumerate(prediction.rows)}
+        errors = [(term.lag, local[term.number]) for term in row.free_terms if term.kind == "c"]
+        return cls(np.split(problem.joint, ends), problem.triangle, np.array(late), errors)
+
+    @cached_property
+    def back(self) -> np.ndarray:
+        """The inverse of the regression's own triangle."""
+        return np.linalg.inv(self.triangle[:-1, :-1])
+
+    def solve(self, errors: Sequence[np.ndarray]) -> np.ndarray:
+        """The parameters of the regression on these errors too, its own part eliminated."""
+        count = len(self.errors)
+        across, among = np.zeros((self.triangle.shape[1], count)), np.zeros((count, count))
+        for joint, e in zip(self.joints, errors):
+            columns = [(lag, e[: max(len(e) - lag, 0), i]) for lag, i in self.errors]
+            for k, (lag, column) in enumerate(columns):
+                across[:, k] += joint[lag:].T @ column
+                for other, (late, with_column) in enumerate(columns[: k + 1]):
+                    # both from the row on at which the later of the two begins
+                    size = len(e) - max(lag, late)
+                    if size > 0:
+                        among[k, other] += column[column.size - size :] @ with_column[with_column.size - size :]
+        among = np.tril(among) + np.tril(among, -1).T
+        known, onto, along = self.triangle[:-1, -1], self.back.T @ across[:-1], across[-1]
+        free = np.empty(self.late.size)
+        left = among - onto.T @ onto
+        floor = (_SEEN * np.trace(among) + np.finfo(float).tiny) * np.eye(count)
+        free[self.late] = np.linalg.solve(left + floor, along - onto.T @ known)
+        free[~self.late] = self.back @ (known - onto @ free[self.late])
+        return free
+
+
+def _with_stable_c(prediction: Prediction, free: np.ndarray) -> np.ndarray:
+    """The same with all roots of C brought inside the circle, by one factor."""
+    c = prediction.c(free)
+    if is_stable(c):
+        return free
+    factor, free, at = _INSIDE / largest_root(c), free.copy(), 0
+    for row in prediction.rows:
+        for k, term in enumerate(row.free_terms):
+            if term.kind == "c":
+                free[at + k] *= factor**term.lag
+        at += row.free + prediction.intercept
+    return free

@@ -1,0 +1,101 @@
+"""Output-error models: the noise is on the measurement, and free runs are fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import lfilter
+
+from auv_gym.records.record import Record
+from identification.linear.polynomials.armax import least_errors
+from identification.linear.polynomials.els import extended
+from identification.linear.polynomials.filtering import half_squares, largest_root
+from identification.linear.polynomials.levenberg_marquardt import Stopping
+from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.polynomials.prediction import Prediction
+from identification.linear.polynomials.structure import Orders, Structure
+
+_PASSES = 10
+_NEAR = 1e-3  # gradient at which a model is good enough to begin from
+_INSIDE = 0.999  # size of the largest root of A with which signals are filtered
+
+
+@dataclass(frozen=True)
+class OutputError:
+    """An output-error model, y = (B(q) / A(q)) u + e: what is minimised are the errors of free runs.
+
+    Settings as in Arx.  Each segment's initial state is estimated.  Right where the noise is on the measurement alone;
+    under feedback only if e is white.  An integrating plant can be fitted, an unstable one cannot: use Armax.
+    By Levenberg and Marquardt's method from filtered least squares (Steiglitz and McBride 1965) and from ARMAX; the
+    better counts.
+    Source: Ljung 1999, secs. 4.2 and 7.2.
+    """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
+    stopping: Stopping = field(default_factory=Stopping)
+
+    def __post_init__(self) -> None:
+        _ = self.orders
+
+    @cached_property
+    def orders(self) -> Structure:
+        """The equations that these settings make."""
+        return Structure.asked_by(self, tied=True)
+
+    def fit(self, *records: Record) -> PolynomialFit:
+        """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
+        return fit_blocks("OutputError", records, self.orders, self.offset, self.skip, self._minimised)
+
+    def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
+        begun = [filtered(prediction, arx) if len(prediction.rows) == 1 else arx, loosened(prediction, arx)]
+        return min(
+            (least_errors(prediction, start, self.stopping) for start in begun), key=lambda f: _loss(prediction, *f)
+        )
+
+
+def _loss(prediction: Prediction, free: np.ndarray, starts: np.ndarray, _: str) -> float:
+    """Log determinant of the errors' covariance."""
+    errors = np.concatenate(prediction.errors(free, starts))
+    return float(np.linalg.slogdet(errors.T @ errors)[1])
+
+
+def loosened(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
+    """The parameters of A and B of an ARMAX model with a C of its own, of the order of A."""
+    loose = replace(prediction, structure=replace(prediction.structure, tied=False))
+    loose = replace(loose, rows=tuple(loose.structure.rows[row.number] for row in prediction.rows))
+    ours = [
+        known
+        for row in loose.rows
+        for known in [*(term.kind != "c" for term in row.free_terms), *[True] * loose.intercept]
+    ]
+    start = np.zeros(loose.free)
+    start[ours] = arx
+    return least_errors(loose, extended(loose, start, _PASSES), Stopping(gradient=_NEAR))[0][ours]
+
+
+def filtered(prediction: Prediction, arx: np.ndarray) -> np.ndarray:
+    """The parameters with the smallest errors among passes of least squares on signals filtered with 1/A."""
+    best, least = arx, np.inf
+    free, one = arx, np.eye(1)
+    for _ in range(_PASSES):
+        value = half_squares(np.concatenate(prediction.errors(free, prediction.starts())), one)
+        if value < least:
+            best, least = free, value
+        a = prediction.c(free)[:, 0, 0]
+        a = a * min(1.0, _INSIDE / max(largest_root(a[:, None, None]), 1e-12)) ** np.arange(a.size)
+        problem = prediction.regressions[0]
+        ends = np.cumsum([len(y) - prediction.first for y in prediction.scaled.y])[:-1]
+        columns = np.concatenate([lfilter([1.0], a, part, axis=0) for part in np.split(problem.joint, ends)])
+        free = np.linalg.lstsq(columns[:, :-1], columns[:, -1], rcond=1e-14)[0]
+    return best

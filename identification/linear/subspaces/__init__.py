@@ -1,0 +1,1 @@
+"""State-space models by subspace methods, and their refinement."""

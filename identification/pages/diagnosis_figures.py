@@ -1,0 +1,477 @@
+"""Figures of a diagnosis as inline SVG: the log, the runs of the model over it, what remains, the track.
+
+Needs the extra `render`. A function takes a Diagnosis and returns a matplotlib Figure; `svg` turns that into text.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.records.record import Record
+from identification.diagnosis.judge.verdict import Diagnosis, Stage
+from identification.fit.validation import FreeRuns, input_correlation
+from identification.pages import drawing
+from identification.pages.drawing import (
+    AFTER,
+    BEFORE,
+    COMMAND,
+    INK,
+    INPUT,
+    MEASURED,
+    POINTS,
+    QUIET,
+    Clock,
+    band,
+    compass_ticks,
+    downwards,
+    grid,
+    line,
+    new_figure,
+    patch,
+    quantity_label,
+    shown_values,
+    thinned,
+    unit_label,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+GIVEN = "#9a8fb0"
+FITTED_SHADE, HELD_SHADE, SETTLE_SHADE = "#f7f3e8", "#dbe8f4", "#ececec"
+CONTEXT = ("depth_m", "pitch_rad", "roll_rad", "u_mps", "w_mps", "altitude_m")
+CLEAR = 0.1  # correlation below which a signal is not worth a picture
+DOTS = 500  # of a scatter
+
+
+def svg(draw: Callable[[Diagnosis], Figure], diagnosis: Diagnosis, name: str, label: str) -> str:
+    """The SVG element of a figure of a diagnosis, see `drawing.svg`."""
+    return drawing.svg(lambda: draw(diagnosis), name, label)
+
+
+def log_figure(d: Diagnosis) -> Figure:
+    """Measured outputs, inputs and context over time, with the fitted and the held-out windows shaded."""
+    record, plant = d.record, d.given.plant
+    outputs = list(d.after.every.channels)
+    inputs = [n for n in plant.inputs if record.has(n) and channel(n).kind == "input"]
+    context = [n for n in CONTEXT if record.has(n) and n not in outputs]
+    heights = [1.5, *[1.0] * (len(outputs) - 1), *[1.0] * len(inputs), *[0.62] * len(context)]
+    figure = new_figure(sum(heights) + 0.26 * len(heights) + 0.6)
+    panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
+    clock = Clock(record)
+    for axes, name in zip(panels, [*outputs, *inputs, *context]):
+        _shade(axes, d, clock)
+        colour = MEASURED if name in outputs else INPUT if name in inputs else QUIET
+        line(axes, clock.times, shown_values(name, record[name]), clock.cuts, color=colour, linewidth=1.0)
+        axes.set_title(quantity_label(name), loc="left")
+        axes.margins(x=0.0)
+        axes.locator_params(axis="y", nbins=3 if name in context else 5)
+        downwards(axes, name)
+    if outputs[0] == "heading_rad" and record.has("heading_cmd_rad"):
+        command, heading = record["heading_cmd_rad"], record["heading_rad"]
+        near = command + 2.0 * np.pi * np.round((heading - command) / (2.0 * np.pi))
+        line(
+            panels[0],
+            clock.times,
+            np.rad2deg(near),
+            clock.cuts,
+            color=COMMAND,
+            linewidth=1.0,
+            linestyle="--",
+            zorder=1.5,
+        )
+        panels[0].set_title(f"{quantity_label('heading_rad')} (dashed: commanded)", loc="left")
+    if outputs[0] == "heading_rad":
+        compass_ticks(panels[0])
+    panels[-1].set_xlabel(clock.label)
+    figure.legend(handles=_window_patches(), loc="outside upper left", ncols=2)
+    return figure
+
+
+def overview_figure(d: Diagnosis) -> Figure:
+    """Free runs of the model in all windows over the measured outputs; the first one in strips."""
+    names, clock = d.after.every.channels, Clock(d.record)
+    strips = int(np.clip(round(sum(len(w) for w in d.windows) / 15), 1, 4))
+    heights = [1.45] * strips + [1.15] * (len(names) - 1)
+    figure = new_figure(sum(heights) + 0.32 * len(heights) + 0.7)
+    panels = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
+    edges = np.linspace(clock.times[0], clock.times[-1], strips + 1)
+    spans = [*pairwise(edges), *[(edges[0], edges[-1])] * (len(names) - 1)]
+    for number, (axes, span) in enumerate(zip(panels, spans)):
+        name = names[max(number - strips + 1, 0)]
+        _shade(axes, d, clock, span)
+        _runs(axes, d, name, clock, span)
+        axes.set_xlim(span)
+        axes.locator_params(axis="y", nbins=5)
+        if number in (0, *range(strips, len(panels))):
+            axes.set_title(quantity_label(name), loc="left")
+        if name == "heading_rad":
+            compass_ticks(axes)
+        downwards(axes, name)
+    panels[-1].set_xlabel(clock.label)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles=[*handles, *_window_patches()], labels=[*labels, *_WINDOW_WORDS], loc="outside upper left", ncols=5
+    )
+    return figure
+
+
+def zoom_figure(d: Diagnosis) -> Figure:
+    """An output and the first input in two or three held-out windows: worst before, typical, worst after."""
+    picked, record, name = example_windows(d), d.record, most_improved(d)
+    output = d.after.held.channels.index(name)
+    driver = next(iter(d.given.plant.family.required))
+    figure = new_figure(4.0)
+    panels = figure.subplots(2, len(picked), sharex="col", height_ratios=(2.6, 1.0), squeeze=False)
+    for column, (title, number) in enumerate(picked):
+        rows = d.after.held.rows[d.after.held.window == number]
+        seconds = record.time[rows] - record.time[rows[0]]
+        start = seconds[np.argmax(d.after.held.scored[d.after.held.window == number])]
+        top, bottom = panels[:, column]
+        for axes in (top, bottom):
+            axes.axvspan(0.0, start, color=SETTLE_SHADE, zorder=0, linewidth=0)
+            axes.set_xlim(0.0, seconds[-1])
+        measured = record[name][rows]
+        top.plot(seconds, shown_values(name, measured), color=MEASURED, linewidth=1.8, label="measured")
+        for label, stage, look in series(d):
+            runs = stage.held
+            model = runs.model[runs.window == number, output]
+            top.plot(seconds, shown_values(name, _nearest_turn(name, model, measured)), label=label, **look)
+        bottom.step(seconds, shown_values(driver, record[driver][rows]), where="post", color=INPUT, linewidth=1.3)
+        top.set_title(title, loc="left", fontweight="bold")
+        top.locator_params(axis="y", nbins=6)
+        bottom.locator_params(axis="y", nbins=4)
+        if name == "heading_rad":
+            compass_ticks(top)
+        downwards(top, name)
+        bottom.set_xlabel("time since the window's start, s")
+    panels[0, 0].set_ylabel(quantity_label(name))
+    panels[1, 0].set_ylabel(quantity_label(driver))
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
+    figure.legend(handles=handles, labels=labels, loc="outside upper left", ncols=5)
+    return figure
+
+
+def growth_figure(d: Diagnosis) -> Figure:
+    """Root mean square error over the held-out windows against the time since the window's start, per output."""
+    names = d.after.held.channels
+    figure = new_figure(2.9 * ((len(names) + 1) // 2))
+    panels = grid(figure, len(names), 2)
+    for c, (axes, name) in enumerate(zip(panels, names)):
+        axes.axvspan(0.0, d.settle, color=SETTLE_SHADE, zorder=0, linewidth=0)
+        tops = []
+        for label, stage, look in series(d):
+            seconds, error = error_growth(stage.held, d.record, d.window, c)
+            axes.plot(seconds, shown_values(name, error), marker="o", markersize=3, label=label, **look)
+            tops.append(np.nanmax(shown_values(name, error)))
+        if d.before is not d.given:
+            seconds, error = error_growth(d.given.held, d.record, d.window, c)
+            axes.plot(
+                seconds, shown_values(name, error), color=GIVEN, linewidth=1.2, linestyle=":", label="vehicle as given"
+            )
+            tops.append(min(np.nanmax(shown_values(name, error)), 2.5 * max(tops)))
+        axes.set_xlim(0.0, d.window)
+        axes.set_ylim(0.0, 1.08 * max(tops))
+        axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (root mean square)", loc="left")
+        axes.set_xlabel("time since the window's start, s")
+    handles, labels = panels[0].get_legend_handles_labels()
+    handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
+    figure.legend(handles=handles, labels=labels, loc="outside upper left", ncols=4)
+    return figure
+
+
+def track_figure(d: Diagnosis) -> Figure:
+    """Plan view of the measured track with the model's free runs in the held-out windows, north up."""
+    figure = new_figure(4.6)
+    axes = figure.subplots()
+    clock, runs = Clock(d.record), d.after.held
+    keep = thinned(d.record["north_m"], POINTS, clock.cuts)
+    track = [np.append(d.record[name], np.nan)[keep] for name in ("east_m", "north_m")]
+    axes.plot(*track, color=MEASURED, linewidth=1.6, label="measured")
+    for label, stage, look in series(d):
+        east, north = (stage.held.model[:, runs.channels.index(n)] for n in ("east_m", "north_m"))
+        keep = thinned(north, POINTS, np.flatnonzero(np.diff(runs.window)) + 1)
+        axes.plot(np.append(east, np.nan)[keep], np.append(north, np.nan)[keep], label=label, **look)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_title("north, m", loc="left")
+    axes.set_xlabel("east, m")
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
+def residual_figure(d: Diagnosis) -> Figure:
+    """Measured minus model over time, before and after, from starts fitted to whole windows; one panel per output."""
+    names, clock = d.after.fitted.channels, Clock(d.record)
+    figure = new_figure(1.75 * len(names) + 0.7)
+    panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for c, (axes, name) in enumerate(zip(panels, names)):
+        _shade(axes, d, clock)
+        for label, stage, look in series(d):
+            runs = stage.fitted
+            cuts = np.flatnonzero(np.diff(runs.window)) + 1
+            line(
+                axes,
+                clock.times[runs.rows],
+                shown_values(name, runs.residual[:, c]),
+                cuts,
+                label=label,
+                **{**look, "linewidth": 0.75 * look["linewidth"]},
+            )
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.set_title(f"residual of {channel(name).label}, {unit_label(name)}", loc="left")
+        axes.margins(x=0.0)
+    panels[-1].set_xlabel(clock.label)
+    handles, labels = panels[0].get_legend_handles_labels()
+    figure.legend(
+        handles=[*handles, *_window_patches()], labels=[*labels, *_WINDOW_WORDS], loc="outside upper left", ncols=4
+    )
+    return figure
+
+
+def autocorrelation_figure(d: Diagnosis) -> Figure:
+    """Autocorrelation of what remains, per output, with the band in which 95 % of a white residual's would lie."""
+    names = d.after.fitted.channels
+    figure = new_figure(2.5 * ((len(names) + 1) // 2))
+    panels = grid(figure, len(names), 2)
+    for axes, name in zip(panels, names):
+        for (label, stage, look), shift in zip(series(d), (-0.2, 0.2)):
+            white = stage.whiteness[name]
+            lags = white.lags * d.record.sample_interval
+            width = 0.38 * d.record.sample_interval
+            shift = shift * d.record.sample_interval if len(series(d)) > 1 else 0.0
+            axes.bar(lags + shift, white.correlation, width=width, color=look["color"], zorder=2.0, label=label)
+        band(axes, lags, d.after.whiteness[name].bound)
+        axes.set_xlim(0.0, lags[-1] + d.record.sample_interval)
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.set_ylim(-1.0, 1.0)
+        axes.set_title(f"autocorrelation, {channel(name).label}", loc="left")
+        axes.set_xlabel("lag, s")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
+def input_correlation_figure(d: Diagnosis) -> Figure:
+    """Correlation of what remains of the least explained output with each varying input, at lags of either sign."""
+    runs, names = d.after.fitted, varying_inputs(d)
+    output = runs.channels.index(least_explained(d))
+    figure = new_figure(2.35 * ((len(names) + 1) // 2) + 0.3)
+    panels = grid(figure, len(names), 2)
+    for axes, name in zip(panels, names):
+        for label, stage, look in series(d):
+            residual, signal = stage.fitted.residual[:, output], d.record[name][runs.rows]
+            lags, values, bound = input_correlation(residual, signal, runs.window)
+            seconds = lags * d.record.sample_interval
+            axes.plot(seconds, values, marker=".", label=label, **look)
+        band(axes, seconds, bound)
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.axvline(0.0, color=INK, linewidth=0.7, linestyle=":")
+        axes.set_xlim(seconds[0], seconds[-1])
+        axes.set_title(f"correlation with {channel(name).label}", loc="left")
+        axes.set_xlabel("lag, s (right of 0: the input leads)")
+    low = min(axes.get_ylim()[0] for axes in panels)
+    high = max(axes.get_ylim()[1] for axes in panels)
+    for axes in panels:
+        axes.set_ylim(min(low, -0.2), max(high, 0.2))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
+    return figure
+
+
+def correlate_figure(d: Diagnosis) -> Figure:
+    """Rate of what remains of an output against the signal that it goes with most, and its trend."""
+    names = correlated_outputs(d)
+    figure = new_figure(2.8 * ((len(names) + 1) // 2))
+    panels = grid(figure, len(names), 2)
+    for axes, name in zip(panels, names):
+        label, value = next(iter(d.remains[name]["rate_correlates_with"].items()))
+        signal, rate = _rate_against(d, name, label)
+        step = max(signal.size // DOTS, 1)
+        axes.plot(
+            signal[::step], rate[::step], ".", color=AFTER, alpha=0.4, markersize=6, markeredgewidth=0, label="sample"
+        )
+        order = np.array_split(np.argsort(signal), min(10, max(signal.size // 10, 1)))
+        axes.plot(
+            [signal[k].mean() for k in order], [rate[k].mean() for k in order],
+            "o-", color=INK, markersize=4, linewidth=1.4, label="mean of each tenth",
+        )  # fmt: skip
+        axes.axhline(0.0, color=INK, linewidth=0.7)
+        spread = np.quantile(np.abs(rate), 0.995)
+        axes.set_ylim(-1.15 * spread, 1.15 * spread)
+        axes.set_title(f"rate of the residual of {channel(name).label}, {_rate_unit(name)}", loc="left")
+        axes.set_xlabel(f"{signal_label(label)} (correlation {value:+.2f})")
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
+    return figure
+
+
+def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
+    """Two or three different held-out windows by what they show: title and number among the held-out windows."""
+    output = d.after.held.channels.index(most_improved(d))
+    before, after = (_window_errors(stage.held, output) for stage in (d.before, d.after))
+    order = np.argsort(before)
+    if series(d)[0][1] is series(d)[-1][1]:
+        picked = [("Largest error", order[-1]), ("A typical window", order[(order.size - 1) // 2])]
+    else:
+        wanted = np.argsort(after)
+        picked = [
+            ("Largest error before", order[-1]),
+            ("A typical window", order[(order.size - 1) // 2]),
+            ("Largest error after", wanted[-1]),
+        ]
+    found: dict[int, str] = {}
+    for title, number in picked:
+        together = {"Largest error before", "Largest error after"} == {found.get(int(number)), title}
+        found[int(number)] = "Largest error before and after" if together else found.get(int(number), title)
+    return [(title, number) for number, title in found.items()]
+
+
+def most_improved(d: Diagnosis) -> str:
+    """The output whose held-out error shrank most; the first where nothing was added to the vehicle."""
+    names = d.after.held.channels
+    if not d.changed:
+        return names[0]
+    return max(names, key=lambda name: d.before.scores[name].rmse / max(d.after.scores[name].rmse, 1e-12))
+
+
+def least_explained(d: Diagnosis) -> str:
+    """The output of which most is left, in noise floors."""
+    return max(d.after.fitted.channels, key=lambda name: d.remains[name]["rms"] / d.remains[name]["noise_floor"])
+
+
+def correlated_outputs(d: Diagnosis) -> list[str]:
+    """The outputs whose residual goes with a logged signal, or else the one whose residual does so most, if any."""
+    found = {n: abs(next(iter(r["rate_correlates_with"].values()), 0.0)) for n, r in d.remains.items()}
+    clear = [n for n, size in found.items() if size > CLEAR]
+    strongest = max(found, key=lambda n: found[n])
+    return clear or ([strongest] if found[strongest] > 0.0 else [])
+
+
+def error_growth(runs: FreeRuns, record: Record, window: float, output: int) -> tuple[np.ndarray, np.ndarray]:
+    """Time since the window's start, s, and root mean square residual of an output around it, both (bins,)."""
+    time = record.time[runs.rows]
+    first = np.r_[True, runs.window[1:] != runs.window[:-1]]
+    since = time - time[first][np.cumsum(first) - 1]
+    width = max(record.sample_interval, window / 24.0)
+    bins = np.minimum((since / width).astype(int), int(np.ceil(window / width)) - 1)
+    squares = runs.residual[:, output] ** 2
+    keep = np.isfinite(squares)
+    count = np.bincount(bins[keep])
+    filled = count > 0
+    mean_square = np.bincount(bins[keep], squares[keep])[filled] / count[filled]
+    middle = np.bincount(bins[keep], since[keep])[filled] / count[filled]
+    return middle, np.sqrt(mean_square)
+
+
+def series(d: Diagnosis) -> list[tuple[str, Stage, dict[str, Any]]]:
+    """What to draw of the model: name, stage and look; one entry where nothing was added to the vehicle."""
+    before = {"color": BEFORE, "linewidth": 2.2, "linestyle": (0, (4, 1.2))}  # wider, to be seen below the other
+    after = {"color": AFTER, "linewidth": 1.3}
+    if d.changed:
+        return [("model before", d.before, before), ("model after", d.after, after)]
+    return [("refitted model", d.after, after)]
+
+
+def varying_inputs(d: Diagnosis) -> list[str]:
+    """The inputs of the vehicle that the record holds and that move in its windows."""
+    rows = d.after.fitted.rows
+    return [n for n in d.given.plant.inputs if d.record.has(n) and np.ptp(d.record[n][rows]) > 0.0]
+
+
+def signal_label(label: str) -> str:
+    """The words for a signal of `remains`: a channel's name, or its sine or cosine."""
+    found = re.fullmatch(r"(sin|cos)\((\w+)\)", label)
+    words = {"sin": "sine", "cos": "cosine"}
+    return f"{words[found[1]]} of {channel(found[2]).label}" if found else quantity_label(label)
+
+
+_WINDOW_WORDS = ("fitted window", "held-out window")
+
+
+def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]) -> None:
+    """The measured output and the free runs of the windows that touch a span of time."""
+    record, output = d.record, d.after.every.channels.index(name)
+    inside = np.flatnonzero((clock.times >= span[0]) & (clock.times <= span[1]))
+    cuts = np.flatnonzero(np.isin(inside, clock.cuts))
+    line(
+        axes,
+        clock.times[inside],
+        shown_values(name, record[name][inside]),
+        cuts,
+        color=MEASURED,
+        linewidth=1.5,
+        label="measured",
+    )
+    for label, stage, look in series(d):
+        runs = stage.every
+        shown = np.isin(runs.rows, inside)
+        window, rows = runs.window[shown], runs.rows[shown]
+        cuts = np.flatnonzero(np.diff(window)) + 1
+        parts = [
+            _nearest_turn(name, m, record[name][r])
+            for m, r in zip(np.split(runs.model[shown, output], cuts), np.split(rows, cuts))
+        ]
+        line(
+            axes,
+            clock.times[rows],
+            shown_values(name, np.concatenate(parts)),
+            cuts,
+            label=label,
+            **{**look, "linewidth": 0.75 * look["linewidth"]},
+        )
+
+
+def _nearest_turn(name: str, model: np.ndarray, measured: np.ndarray) -> np.ndarray:
+    """A run of the model shifted by whole turns so that it starts beside the measured angle."""
+    if not channel(name).angle or model.size == 0:
+        return model
+    return model - 2.0 * np.pi * np.round((model[0] - measured[0]) / (2.0 * np.pi))
+
+
+def _shade(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = None) -> None:
+    """The fitted and the held-out windows as bands over the whole height."""
+    low, high = span or (-np.inf, np.inf)
+    for windows, colour in zip(d.windows, (FITTED_SHADE, HELD_SHADE)):
+        bars = [(clock.times[w.start], clock.times[w.stop - 1] - clock.times[w.start]) for w in windows]
+        bars = [(start, length) for start, length in bars if start + length >= low and start <= high]
+        axes.broken_barh(
+            bars, (0.0, 1.0), transform=axes.get_xaxis_transform(), facecolor=colour, linewidth=0, zorder=0
+        )
+
+
+def _window_patches() -> list:
+    patches = [patch(FITTED_SHADE), patch(HELD_SHADE)]
+    for shade, words in zip(patches, _WINDOW_WORDS):
+        shade.set_label(words)
+    return patches
+
+
+def _window_errors(runs: FreeRuns, output: int) -> np.ndarray:
+    """Root mean square residual of an output in each window, (W,), over the scored rows."""
+    keep = runs.scored & np.isfinite(runs.residual[:, output])
+    squares = np.where(keep, runs.residual[:, output], 0.0) ** 2
+    return np.sqrt(np.bincount(runs.window, squares) / np.maximum(np.bincount(runs.window, keep), 1))
+
+
+def _rate_against(d: Diagnosis, name: str, label: str) -> tuple[np.ndarray, np.ndarray]:
+    """A signal of `remains` and the rate of the residual per second, inside the windows, as people read them."""
+    runs = d.after.fitted
+    residual = runs.residual[:, runs.channels.index(name)]
+    rate = np.gradient(residual) / d.record.sample_interval
+    change = runs.window[1:] != runs.window[:-1]
+    inner = np.isfinite(rate) & ~(np.r_[True, change] | np.r_[change, True])
+    found = re.fullmatch(r"(sin|cos)\((\w+)\)", label)
+    other = found[2] if found else label
+    signal = d.record[other][runs.rows]
+    shown = {"sin": np.sin, "cos": np.cos}[found[1]](signal) if found else shown_values(other, signal)
+    inner &= np.isfinite(shown)
+    return shown[inner], shown_values(name, rate[inner])
+
+
+def _rate_unit(name: str) -> str:
+    unit = unit_label(name)
+    return f"{unit}²" if unit.endswith("/s") else f"{unit}/s"

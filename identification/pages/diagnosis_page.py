@@ -1,0 +1,507 @@
+"""The page that tells a diagnosis to people: one self-contained HTML file, figures inside, nothing to load."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.param import spec_at, value_at
+from auv_gym.plant import Plant
+from identification.diagnosis.extras import Extras
+from identification.diagnosis.judge.verdict import Coefficient, Detectable, Diagnosis, Effect, quantity
+from identification.diagnosis.search.acceptance import threshold
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import candidates_of
+from identification.diagnosis.search.trials import Trial
+from identification.pages import diagnosis_figures, habitat_figure
+from identification.pages.drawing import require_render
+from identification.pages.page import Drawing, amount, both, drawing, listed, number, page, span, typeset
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ENVIRONMENTS = {"glider": "auv_gym/GliderHeading-v0", "float": "auv_gym/FloatDepth-v0"}
+MEANINGS = {
+    "none": "The refitted vehicle agrees with this log as far as the log can tell.",
+    "doubted": "The log itself looks wrong. Nothing is said of the vehicle until that is cleared up.",
+    "coefficients": "The refitted vehicle agrees with this log; some coefficients were not what they were given as.",
+    "named": "Adding these effects explains most of the disagreement, also in data that took no part in the fit.",
+    "tied": "Something is missing, its size is known, but several causes would explain this log equally well.",
+    "unexplained": "Log and vehicle disagree, and no effect in the list of candidates accounts for most of it.",
+}
+# What makes an effect act unlike the others, so that a new log would tell it apart.
+APART = {
+    "effects.rudder.offset": "a measured fin angle, or commands that reach the rudder's stops",
+    "effects.rudder.gain": "a measured fin angle, or commands that reach the rudder's stops",
+    "effects.rudder.lost_travel": "a measured fin angle",
+    "effects.rudder.dead_time": "samples shorter than the delay, and sharp steps of the rudder",
+    "effects.rudder.lag": "samples shorter than the lag, and sharp steps of the rudder",
+    "effects.rudder.slowness": "steps of the rudder of different sizes",
+    "effects.rudder.deadband": "small and large rudder angles to both sides",
+    "effects.rudder.backlash": "small and large rudder angles to both sides",
+    "effects.yaw.moment": "a forward speed that varies: a rudder's moment changes with it, a constant one does not",
+    "effects.yaw.roll_moment": "a roll angle that varies, best moved on purpose",
+    "effects.yaw.speed_squared": "a forward speed that varies",
+    "effects.yaw.quadratic_damping": "slow and fast turns",
+    "effects.compass.bias": "a track, or a second source of heading",
+    "effects.compass.lag": "a gyro, which does not share the compass's lag",
+    "effects.compass.deviation_sin": "headings all around the circle, and a track or a gyro",
+    "effects.compass.deviation_cos": "headings all around the circle, and a track or a gyro",
+    "effects.current.north": "a track over headings all around the circle",
+    "effects.current.east": "a track over headings all around the circle",
+    "effects.volume.compressibility": "a profile of the water's density, measured with the log",
+    "effects.water.gradient": "a profile of the water's density, measured with the log",
+    "effects.volume.offset": "a known trim, weighed in water of known density",
+    "effects.piston.offset": "a measured piston position",
+    "effects.tether.pull": "a dive without the line",
+    "effects.tether.drag": "dives at several speeds, near the surface and deep",
+    "effects.volume.air": "a slow dive through the uppermost twenty metres",
+    "effects.volume.expansion": "the same depths in water of another temperature",
+    "effects.volume.leak": "a long stay at one depth",
+    "effects.water.current": "dives and rises at several speeds",
+    "effects.oil.pump_gain": "a measured oil volume",
+    "effects.oil.valve_gain": "a measured oil volume",
+    "effects.oil.valve_with_depth": "valve actions at several depths, with a measured oil volume",
+}
+# Key in the template, function, words for who cannot see it, words below it.
+PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
+    (
+        "log",
+        diagnosis_figures.log_figure,
+        "Time series of {first}, inputs and context, with fitted and held-out windows shaded.",
+        "What was measured: first what the vehicle did, then what it was told to do, then the circumstances. "
+        "Shaded bands are the windows.",
+    ),
+    (
+        "overview",
+        diagnosis_figures.overview_figure,
+        "Measured {first} over time with free runs of the model {model}, in every window.",
+        "Free runs of the model, {model}, over what was measured. Each window starts afresh, so every jump back to "
+        "the measured line is the start of a new run.",
+    ),
+    (
+        "zoom",
+        diagnosis_figures.zoom_figure,
+        "Measured {improved} and free runs of the model {model}, in single held-out windows.",
+        "Held-out windows in close-up: {improved}, and below it {input}. In the grey seconds the start of the run is "
+        "fitted; they are not scored.",
+    ),
+    (
+        "growth",
+        diagnosis_figures.growth_figure,
+        "Root mean square error in held-out windows against time since the window's start.",
+        "How the error grows while the model runs alone, over all held-out windows. A lower and flatter line is a "
+        "better model.",
+    ),
+    (
+        "track",
+        diagnosis_figures.track_figure,
+        "Plan view of the measured track and of the model's free runs in held-out windows.",
+        "The track from above, north up, with free runs in the held-out windows.",
+    ),
+    (
+        "residual",
+        diagnosis_figures.residual_figure,
+        "Residual of {first} and of all other outputs over time.",
+        "Measured minus model, with starts fitted to whole windows. Noise looks like grass; waves and slopes are "
+        "something that the model lacks.",
+    ),
+    (
+        "habitat",
+        habitat_figure.habitat_figure,
+        "Where the residual lives: shares of the squared error and of the samples, and its growth within a run.",
+        "Where what is left lives. Bars: share of the squared error and share of the samples, by the quantity that it "
+        "goes with most; line: how it grows while the model runs alone.",
+    ),
+    (
+        "autocorrelation",
+        diagnosis_figures.autocorrelation_figure,
+        "Autocorrelation of the residual with the 95 % band of noise.",
+        "Whether the residual remembers its past. Bars inside the grey band: no more than noise.",
+    ),
+    (
+        "inputs",
+        diagnosis_figures.input_correlation_figure,
+        "Correlation of the residual of {left} with each input at positive and negative lags.",
+        "Whether the residual of {left} follows an input. A peak right of zero is a response that the model lacks; one "
+        "left of zero comes with control, which moves {input} after {first} has gone astray.",
+    ),
+    (
+        "correlate",
+        diagnosis_figures.correlate_figure,
+        "Scatter of the residual's rate against the signal it goes with most.",
+        "The rate of what remains against the logged signal that it goes with most. A slope or a bend in the black "
+        "line points at a cause; a flat line does not.",
+    ),
+)
+GLOSSARY = {
+    "free run": "The model alone, driven by the logged inputs from one starting state, never looking at the log again.",
+    "window": "A stretch of the log over which one free run goes. Windows alternate between fitted and held out.",
+    "held out": "Not used to fit any parameter. Errors there show what a model is worth on data that it has not seen.",
+    "horizon": "How long a free run is scored: the window less the first seconds, to which its start is fitted.",
+    "residual": "Measured minus model.",
+    "coefficient": "A number that the model always has, such as yaw damping. Refitted before anything is missing.",
+    "effect": "A physical cause that the model can have but does not need, such as a rudder offset.",
+    "neutral": "The value of an effect at which it is not there.",
+    "evidence": "Twice the gain in log-likelihood from adding a candidate. Zero: it does not help. Negative: it harms.",
+    "probe": "The smallest change of an effect that is worth detecting, declared with the effect.",
+    "tied": "Explaining the log equally well: the log gives no reason to prefer one over the other.",
+    "95 % interval": "Where the true value lies with 95 % confidence, if this effect is the cause.",
+    "noise floor": "The part of a residual that jumps from sample to sample. No model can explain it.",
+    "white": "Without memory: knowing one sample of the residual says nothing about the next.",
+}
+
+
+def diagnosis_page(diagnosis: Diagnosis, extras: Extras | None = None) -> str:
+    """The report as the text of one HTML page, which needs no other file and no network.
+
+    extras: takes the pictures that cannot be drawn; the page says which and why in their place.  Raises ImportError,
+    with the command to run, if the extra `render` is not installed.
+    """
+    require_render()
+    return page("diagnosis.html", _content(diagnosis, extras or Extras()))
+
+
+def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
+    plant = d.given.plant
+    titles = _titles(d)
+    source = d.source or str(d.record.attrs.get("source", "")) or "a record"
+    return {
+        "d": d,
+        "source": source,
+        "vehicle": plant.title or plant.name,
+        "vehicle_name": plant.name,
+        "vehicle_text": plant.description,
+        "summary": typeset(_worded(d.summary(), {n: channel(n).label for n in d.record.names})),
+        "meaning": MEANINGS[d.verdict],
+        "figures": _figures(d, extras),
+        "errors": _errors(d),
+        "facts": _facts(d),
+        "log": _log_facts(d),
+        "remains": _remains(d),
+        "rounds": _rounds(d, titles),
+        "bar": number(threshold(len(candidates_of(plant, d.record))), 2),
+        "by_coefficient": _by_coefficient(d, titles),
+        "effects": [_effect(d, e, titles) for e in d.effects],
+        "ties": _ties(d, titles),
+        "coefficients": [_coefficient(c) for c in d.coefficients],
+        "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],
+        "environment": ENVIRONMENTS.get(plant.family.kind, ""),
+        "glossary": GLOSSARY,
+        "changed": d.changed,
+        "rest": _rest(d),
+        "sensors": [m.text for m in d.kinematics.mismatches] if d.kinematics is not None else [],
+        "compared": "; ".join(d.kinematics.equations) if d.kinematics is not None else "",
+        "loops": [loop.words for loop in d.loops],
+        "failures": [failure.text for failure in (*d.failures, *extras.failures)],
+        "as_given_is_before": d.before is d.given,
+    }
+
+
+def _titles(d: Diagnosis) -> dict[str, str]:
+    paths = [p for r in d.rounds for t in r.trials for p in t.candidate.paths]
+    paths += [*d.given.plant.coefficients, *(x.path for x in d.detectable), *(e.path for e in d.effects)]
+    return {p: spec_at(d.given.plant, p).title or p for p in paths}
+
+
+def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
+    words = {
+        "first": channel(d.after.every.channels[0]).label,
+        "improved": channel(diagnosis_figures.most_improved(d)).label,
+        "left": channel(diagnosis_figures.least_explained(d)).label,
+        "input": channel((*d.given.plant.family.required, *d.given.plant.inputs)[0]).label,
+        "model": "before and after what was added to it" if d.changed else "with its coefficients refitted",
+    }
+    lacking = {
+        "track": not {"north_m", "east_m"} <= set(d.after.held.channels),
+        "inputs": not diagnosis_figures.varying_inputs(d),
+        "correlate": not diagnosis_figures.correlated_outputs(d),
+        "habitat": d.habitat is None or not d.habitat.shares,
+    }
+    made: dict[str, Drawing | None] = {}
+    for key, draw, label, caption in PICTURES:
+        made[key] = None
+        if not lacking.get(key, False):
+            drawn = partial(diagnosis_figures.svg, draw, d, key, label.format(**words))
+            picture = extras.attempt(f"The picture '{key}'", drawn, "")
+            made[key] = drawing(picture, caption.format(**words)) if picture else None
+    return made
+
+
+def _errors(d: Diagnosis) -> list[dict[str, Any]]:
+    """Per output: words, held-out error of each stage, and the reduction from before to after."""
+    rows = []
+    for name, before in d.before.scores.items():
+        unit, given, after = channel(name).unit, d.given.scores[name], d.after.scores[name]
+        rows.append(
+            {
+                "name": channel(name).label,
+                "given": amount(given.rmse, unit),
+                "unit": amount(after.rmse, unit).partition(" ")[2],
+                "before": amount(before.rmse, unit),
+                "after": amount(after.rmse, unit),
+                "fit": [f"{number(s.fit_percent)} %" for s in (given, before, after)],
+                "largest": [amount(s.maximum, unit) for s in (given, before, after)],
+                "less": _less(before.rmse, after.rmse),
+            }
+        )
+    return rows
+
+
+def _less(before: float, after: float) -> str:
+    share = 100.0 * (1.0 - after / before) if before > 0.0 else 0.0
+    if abs(share) < 0.5:
+        return "unchanged"
+    return f"{abs(share):.0f} % {'less' if share > 0.0 else 'more'}"
+
+
+def _rest(d: Diagnosis) -> list[str]:
+    """Paragraphs on what no effect explains, and on process noise."""
+    said = [f"The log itself: {doubt.text}. What to do: {doubt.mend}." for doubt in d.doubts]
+    if d.discovery is not None:
+        said.append(d.discovery.summary())
+    if d.habitat is not None:
+        said.append(d.habitat.summary())
+    if d.form is not None:
+        said.append(d.form.words)
+        if d.form.form == "innovations":
+            values = [
+                f"{spec_at(d.given.plant, e.path).title} {quantity(e.value, e.unit)} ({span(e.ci95, e.unit)})"
+                for e in d.form.fit.estimates
+            ]
+            said.append(f"With process noise: {'; '.join(values)}.")
+    return said
+
+
+def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
+    """Value, words and remark of each key number besides the errors."""
+    fitted, held = (len(w) for w in d.windows)
+    facts = [
+        (
+            _longest_run(d),
+            "horizon",
+            f"length of {'the longest' if d.given.plant.family.stepped else 'each'} scored free run",
+        ),
+        (f"{fitted} / {held}", "windows", "fitted / held out"),
+    ]
+    if d.effects:
+        share = max(d.explained, 0.0)
+        facts.append((f"{100.0 * share:.0f} %", "explained", "of the held-out squared error above the noise"))
+    return facts
+
+
+def _longest_run(d: Diagnosis) -> str:
+    """Length of the longest scored free run with its unit."""
+    scored, runs = d.after.held.scored, d.after.held
+    time = d.record.time[runs.rows]
+    longest = max(np.ptp(time[(runs.window == w) & scored]) for w in np.unique(runs.window[scored]))
+    seconds = longest if d.given.plant.family.stepped else d.window - d.settle
+    return f"{seconds:g} s" if seconds < 7200.0 else f"{seconds / 3600.0:.3g} h"
+
+
+def _log_facts(d: Diagnosis) -> str:
+    record, parts = d.record, len(d.record.segments)
+    seconds = record.duration_s
+    size, unit = (3600.0, "h") if seconds > 5.0 * 3600.0 else (60.0, "min") if seconds > 300.0 else (1.0, "s")
+    text = f"{len(record):,} samples over {seconds / size:.3g} {unit}, "
+    text += "evenly" if record.is_uniform() else "unevenly"
+    text += f" spaced, {record.sample_interval:.3g} s apart" + ("" if record.is_uniform() else " in the median")
+    text += f", in {parts} segments without a gap." if parts > 1 else ", without a gap that would cut it."
+    filled = {n: int(record.dataset[n].attrs.get("filled", 0)) for n in record.names}
+    filled = {n: count for n, count in filled.items() if count}
+    if filled:
+        text += (
+            " Missing samples filled in: " + ", ".join(f"{c} of {channel(n).label}" for n, c in filled.items()) + "."
+        )
+    if record.attrs.get("derived"):
+        text += f" Not measured but derived: {record.attrs['derived']}."
+    return text
+
+
+def _remains(d: Diagnosis) -> list[tuple[str, str]]:
+    """Per output its words, and a paragraph: size, noise floor, memory, and what it goes with."""
+    texts = []
+    for name in d.after.fitted.channels:
+        r, unit = d.remains[name], channel(name).unit
+        text = f"root mean square {amount(r['rms'], unit)}, noise floor {amount(r['noise_floor'], unit)}. "
+        if r["resolution"] > 0.0:
+            text += f"Readings come in steps of {amount(r['resolution'], unit)}. "
+        coloured = r["whiteness_p"] < 0.01
+        if r["rms"] < 1.25 * r["noise_floor"]:
+            text += "There is little left to explain. "
+        elif coloured:
+            text += "The difference is slow: something that lasts over samples and that no accepted effect describes. "
+        text += f"Neighbouring samples correlate by {number(r['lag_1_correlation'], 2, sign=True)}, "
+        text += "and the residual is not white. " if coloured else "and the residual may well be white. "
+        strongest = next(iter(r["rate_correlates_with"].items()), None)
+        if strongest:
+            size, signal = abs(strongest[1]), diagnosis_figures.signal_label(strongest[0]).partition(",")[0]
+            words = "strongly" if size > 0.6 else "moderately" if size > 0.3 else "weakly"
+            value = f"correlation {number(strongest[1], 2, sign=True)}"
+            if size > diagnosis_figures.CLEAR:
+                text += f"Of all logged signals its rate goes most with {signal}, {words} ({value})."
+            else:
+                text += f"Its rate goes with no logged signal to speak of (most with {signal}: {value})."
+        texts.append((channel(name).label, text))
+    return texts
+
+
+def _rounds(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
+    """The candidates of each round with their bars, for the tables."""
+    sizes = [v for r in d.rounds for t in r.trials for v in (t.train, t.held) if isfinite(v)]
+    low, high = min([0.0, *sizes]), max([1.5 * threshold(len(candidates_of(d.given.plant, d.record))), *sizes])
+    low = max(low, -0.5 * high)  # one bad candidate shall not flatten the good ones
+    zero = 100.0 * -low / (high - low)
+    rounds, added = [], []
+    for number_, r in enumerate(d.rounds, 1):
+        trials = [
+            {
+                "title": t.candidate.title,
+                "value": _fitted_value(t),
+                "bars": [_bar(v, low, high, zero) for v in (t.train, t.held)],
+                "numbers": [number(v, 3) if abs(v) >= 0.95 else number(round(v, 1), 1) for v in (t.train, t.held)],
+                "verdict": _verdict(t, r, titles),
+                "kind": "chosen" if t is r.chosen else "tied" if t in r.tied else "seen" if t.state else "unseen",
+            }
+            for t in r.trials
+        ]
+        rounds.append({"number": number_, "after": list(added), "trials": trials, "zero": zero, "outcome": _outcome(r)})
+        added += [r.chosen.candidate.title] if r.chosen else []
+    return rounds
+
+
+def _bar(value: float, low: float, high: float, zero: float) -> dict[str, Any]:
+    """Left edge and width of an evidence bar in percent, and whether it is cut off."""
+    shown = min(max(value if isfinite(value) else 0.0, low), high)
+    width = 100.0 * abs(shown) / (high - low)
+    return {"left": f"{zero - (width if shown < 0 else 0):.2f}", "width": f"{width:.2f}", "cut": value < low}
+
+
+def _fitted_value(trial: Trial) -> str:
+    if trial.state is None:
+        return "–"
+    parts = []
+    for path in trial.candidate.paths:
+        spec, value = spec_at(trial.state.plant, path), value_at(trial.state.plant, path)
+        value = spec.neutral if abs(value - spec.neutral) < 1e-3 * spec.probe else value
+        text = amount(value, spec.unit, sign=spec.neutral == 0.0)
+        text += "" if spec.neutral == 0.0 else f" (neutral {spec.neutral:g})"
+        parts.append(f"{path.rpartition('.')[2].replace('_', ' ')} {text}" if len(trial.candidate.paths) > 1 else text)
+    return "; ".join(parts)
+
+
+def _verdict(trial: Trial, of: Round, titles: dict[str, str]) -> str:
+    if trial is of.chosen:
+        return "chosen"
+    if trial in of.tied:
+        return "tied with the chosen one"
+    return _worded(trial.objection, titles) or "acceptable, but clearly behind the chosen one"
+
+
+def _outcome(r: Round) -> str:
+    if r.chosen is None:
+        return "Nothing was accepted in this round, and the search ended."
+    text = f"Chosen: {r.chosen.candidate.title}."
+    if r.tied:
+        text += f" The record does not tell it from {listed([t.candidate.title for t in r.tied], 'or')}."
+    return text
+
+
+def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
+    signed, c = e.neutral == 0.0, e.coefficient
+    if c is not None:
+        return {
+            "title": c.title,
+            "path": c.path,
+            "value": amount(c.value, c.unit),
+            "si": "",
+            "interval": span(c.ci95, c.unit),
+            "interval_si": "",
+            "neutral": quantity(c.given, c.unit),
+            "neutral_label": "value as given",
+            "evidence": (number(e.evidence_train), number(e.evidence_held)),
+            "alternatives": [_alternative(d, p, titles) for p in e.tied_with if p != c.path],
+        }
+    return {
+        "title": e.title,
+        "path": e.path,
+        "value": amount(e.value, e.unit, sign=signed),
+        "si": both(e.value, e.unit).partition("(")[2].rstrip(")"),
+        "interval": span(e.ci95, e.unit),
+        "interval_si": f"{number(e.ci95[0])} to {number(e.ci95[1])} {e.unit}" if e.unit in ("rad", "rad/s") else "",
+        "neutral": "" if signed else quantity(e.neutral, e.unit),
+        "neutral_label": "neutral value",
+        "evidence": (number(e.evidence_train), number(e.evidence_held)),
+        "alternatives": [_alternative(d, p, titles) for p in e.tied_with],
+    }
+
+
+def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, str]:
+    """A tied path and the value that it would have if it were the cause."""
+    moved = next((c for c in d.coefficients if c.path == path), None)
+    if moved is not None:
+        value = f"{amount(moved.value, moved.unit)} instead of {amount(moved.given, moved.unit)}"
+        return {"title": titles.get(path, path), "path": path, "value": value}
+    tried = (t for r in d.rounds for t in r.tied if path in t.candidate.paths and t.state is not None)
+    trial = next(tried, None)
+    if trial is None or trial.state is None:
+        return {"title": titles.get(path, path), "path": path, "value": ""}
+    spec = spec_at(trial.state.plant, path)
+    value = amount(value_at(trial.state.plant, path), spec.unit, sign=spec.neutral == 0.0)
+    return {"title": titles.get(path, path), "path": path, "value": value}
+
+
+def _by_coefficient(d: Diagnosis, titles: dict[str, str]) -> list[tuple[str, str]]:
+    """Effects that no round chose but a coefficient's change revealed, each with that coefficient, in words."""
+    chosen = {p for r in d.rounds if r.chosen for p in r.chosen.candidate.paths}
+    moved = {c.path for c in d.coefficients}
+    pairs = ((e, next((p for p in e.tied_with if p in moved), "")) for e in d.effects if e.path not in chosen)
+    return [(e.title, titles[path]) for e, path in pairs if path]
+
+
+def _ties(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
+    """Each group that the record cannot tell apart, in words, with what another log would need."""
+    return [
+        {
+            "members": listed([titles.get(p, p) for p in group], "or"),
+            "apart": [(titles.get(p, p), APART[p]) for p in group if p in APART],
+        }
+        for group in d.tied
+    ]
+
+
+def _coefficient(c: Coefficient) -> dict[str, str]:
+    change = number(100.0 * (c.value / c.given - 1.0), 2, sign=True) + " %" if c.given else ""
+    cells = {"given": amount(c.given, c.unit), "value": amount(c.value, c.unit), "interval": span(c.ci95, c.unit)}
+    return {"title": c.title or c.path, "path": c.path, "change": change, **cells}
+
+
+def _in_order(items: Sequence[Detectable], plant: Plant) -> list[Detectable]:
+    """By size in probes, what cannot be seen last."""
+    return sorted(items, key=lambda x: (not isfinite(x.size), x.size / (spec_at(plant, x.path).probe or 1.0)))
+
+
+def _detectable(x: Detectable, plant: Plant, titles: dict[str, str]) -> dict[str, Any]:
+    probe = spec_at(plant, x.path).probe
+    seen = isfinite(x.size)
+    return {
+        "title": x.title or x.path,
+        "path": x.path,
+        "seen": seen,
+        "size": amount(x.size, x.unit) if seen else "",
+        "probe": typeset(quantity(probe, x.unit)),
+        "probes": number(x.size / probe, 2) if seen and probe > 0.0 else "",
+        "reason": _worded(x.reason, titles),
+    }
+
+
+def _worded(text: str, titles: dict[str, str]) -> str:
+    """A text with the words for each path in it."""
+    for path in sorted(titles, key=len, reverse=True):
+        text = text.replace(path, titles[path])
+    return text

@@ -1,0 +1,40 @@
+"""The picture of what is left when nothing explains it: where it lives, and how it grows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from auv_gym.channels import channel
+from identification.diagnosis.judge.verdict import Diagnosis
+from identification.pages.diagnosis_figures import AFTER, GIVEN
+from identification.pages.drawing import grid, new_figure, shown_values, unit_label
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def habitat_figure(d: Diagnosis) -> Figure:
+    """Shares of the squared error and of the samples by the quantity it goes with most, beside its growth in a run."""
+    habitat = d.habitat
+    assert habitat is not None
+    share = (habitat.found or tuple(sorted(habitat.shares, key=lambda s: s.p_value)))[0]
+    figure = new_figure(3.2)
+    panels = grid(figure, 1 + (habitat.growth is not None), 2)
+    edges = shown_values(share.name, share.edges)
+    places, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    panels[0].bar(places - 0.2 * width, share.error, 0.38 * width, color=AFTER, label="of the squared error")
+    panels[0].bar(places + 0.2 * width, share.samples, 0.38 * width, color=GIVEN, label="of the samples")
+    said = "" if share in habitat.found else " (no more than chance)"
+    panels[0].set_title(f"share by {channel(share.name).label}{said}", loc="left")
+    panels[0].set_xlabel(f"{channel(share.name).label}, {unit_label(share.name)}")
+    panels[0].legend()
+    if habitat.growth is not None:
+        rms = shown_values(habitat.channel, habitat.growth.rms)
+        panels[1].plot(habitat.growth.time, rms, marker="o", markersize=3, color=AFTER)
+        panels[1].set_ylim(bottom=0.0)
+        label = f"residual of {channel(habitat.channel).label}, {unit_label(habitat.channel)} (root mean square)"
+        panels[1].set_title(label, loc="left")
+        panels[1].set_xlabel("time since the window's start, s")
+    return figure

@@ -1,0 +1,275 @@
+"""The pages of `auv-gym identify` and `auv-gym compare`, and the tables that they and the command line print."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from auv_gym import __version__
+from auv_gym.channels import channel
+from identification.compare.comparison import OpenLoop
+from identification.compare.model_tests import is_white, strongest_tie
+from identification.estimate import Estimate
+from identification.estimator import Fit, notes_of
+from identification.identified import Identified
+from identification.linear.fit import LinearFit, has_errors, is_linear
+from identification.linear.polynomials.orders import OrderSearch
+from identification.linear.uncertainty import SimulatedBand, pole_intervals
+from identification.order_search import order_table
+from identification.pages.drawing import shown_values, unit_label
+from identification.pages.drawn_channels import outputs_of
+from identification.pages.linear_figures import bode_figure, pole_zero_figure
+from identification.pages.linear_tables import full_pole_table, zero_table
+from identification.pages.model_figures import horizon_figure, residual_drawings, rollout_figure
+from identification.pages.order_figures import order_figure, singular_value_figure
+from identification.pages.page import Drawing, Table, amount, chance, drawn, listed, number, page, span
+
+# model -> channel -> horizon in s -> root mean square error
+Sweeps = Mapping[str, Mapping[str, Mapping[float, float]]]
+_RUNS = (
+    "In a free run the model sees the inputs alone. Its start is fitted to the first {settle} of each window, "
+    "which are not scored; this is so for all models."
+)
+_BAND = (
+    " Shaded: where 95 % of fits to other records of this length would run, by what the parameters are unsure of; it "
+    "holds neither disturbances nor what the model lacks."
+)
+_TESTS = (
+    "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "
+    "follows most: the input with the largest correlation at an earlier sample, and that in 95 % bounds of noise."
+)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page."""
+
+    title: str
+    texts: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    drawings: Sequence[Drawing] = ()
+
+
+def parameter_table(estimates: Sequence[Estimate]) -> Table:
+    """Each parameter with its value and 95 % interval; why some have none is said below."""
+    problems = list(dict.fromkeys(e.problem for e in estimates if e.problem))
+    rows = [(e.path, amount(e.value, e.unit), _interval(e, problems)) for e in estimates]
+    caption = " ".join(f"({number}) {problem[0].upper()}{problem[1:]}." for number, problem in enumerate(problems, 1))
+    return Table(("parameter", "value", "95 % interval"), tuple(rows), caption=caption)
+
+
+def score_table(open_loop: OpenLoop) -> Table:
+    """Errors of free runs by output and model; of several models, for the outputs that more than one has."""
+    rows = []
+    for name in shared_outputs(open_loop.scores):
+        for model, of in open_loop.scores.items():
+            if name in of:
+                s, unit = of[name], channel(name).unit
+                errors = amount(s.rmse, unit), amount(s.maximum, unit)
+                rows.append((name, model, *errors, f"{s.fit_percent:.1f} %", number(s.r2, 4)))
+    return Table(("output", "model", "rms error", "largest", "fit", "R²"), tuple(rows), words=2)
+
+
+def horizon_table(sweeps: Sweeps) -> Table:
+    """Root mean square errors of predictions, by output and model, one column a horizon in s."""
+    horizons = sorted({k for of in sweeps.values() for errors in of.values() for k in errors})
+    rows = []
+    for name in shared_outputs(sweeps):
+        for model, of in sweeps.items():
+            if name in of:
+                found = [
+                    number(float(shown_values(name, np.asarray(of[name][k])))) if k in of[name] else "–"
+                    for k in horizons
+                ]
+                rows.append((f"{channel(name).label}, {unit_label(name)}", model, *found))
+    return Table(("output", "model", *(f"{k:g} s" for k in horizons)), tuple(rows), words=2)
+
+
+def shared_outputs(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """The outputs that more than one model has, or all where there are none; found: model -> channel -> anything."""
+    names = [name for of in found.values() for name in of]
+    shared = [name for name in dict.fromkeys(names) if names.count(name) > 1]
+    return shared or list(dict.fromkeys(names))
+
+
+def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Whiteness of the residual of each output, and the input that it goes with most."""
+    rows = []
+    for name, test in tests.items():
+        driver, size = strongest_tie(test)
+        tie = f"{driver} ({number(size, 2)})" if driver else "–"
+        rms, first = amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2)
+        rows.append((name, tie, rms, first, chance(test["p_value"]), "yes" if is_white(test) else "no"))
+    return Table(("output", "follows most", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
+
+
+def identified_page(title: str, done: Identified, words: str) -> str:
+    """The page of one fit: free runs over held-out data, parameters, residual tests; of a linear fit also predictions
+    over the horizon, poles and zeros, its frequency response and where its orders are from.  words: what was fitted.
+    """
+    found, sections = [*(f"Check the data: {doubt}" for doubt in done.doubts), words], []
+    if done.open_loop is not None and done.open_loop.runs:
+        scores = done.open_loop.scores["model"]
+        told = [f"{s.fit_percent:.1f} % of {channel(name).label}" for name, s in scores.items()]
+        found.append(f"Free runs over held-out data ({done.told}) fit {listed(told, 'and')}.")
+        sections.append(_free_run_section(done.open_loop, f"Free runs over {done.told}", done.band))
+    found += outside_words(done)
+    if done.sweep:
+        sections.append(_horizon_section({"model": done.sweep}))
+    if done.problem:
+        found.append(f"It could not be judged in full: {done.problem}")
+    sections.append(_parameter_section(done.fit))
+    if is_linear(done.fit):
+        sections += [_pole_section(done.fit), _response_section(done.fit)]
+    if done.tests:
+        sections.append(_residual_section(done.tests))
+    sections += _order_sections(done)
+    return _page(title, "auv-gym identify", found, sections)
+
+
+def outside_words(done: Identified) -> list[str]:
+    """How much of the held-out data is unlike what the model was trained on, of models that know it."""
+    model = done.fit.model
+    outside = getattr(getattr(model, "learned", None) or model, "outside", None)
+    if outside is None or done.open_loop is None:
+        return []
+    share = number(100.0 * outside(done.held), 2)
+    return [f"{share} % of the held-out samples are outside of what the model was trained on: there it is a guess."]
+
+
+def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -> str:
+    """The page of several models over a record: free runs, and predictions over the horizon."""
+    found = [words]
+    for name in shared_outputs(open_loop.scores):
+        of = {model: scores[name] for model, scores in open_loop.scores.items() if name in scores}
+        best = min(of, key=lambda model: of[model].rmse)
+        found.append(f"{channel(name).label.capitalize()}: {best} is nearest, {of[best].fit_percent:.1f} % fit.")
+    found += [f"{model} has no free run: {reason}" for model, reason in open_loop.failed.items()]
+    sections = [_free_run_section(open_loop, "Free runs")] if open_loop.runs else []
+    if sweeps:
+        names = shared_outputs(sweeps)
+        shared = {model: {n: errors for n, errors in of.items() if n in names} for model, of in sweeps.items()}
+        sections.append(_horizon_section(shared))
+    return _page(title, "auv-gym compare", found, sections)
+
+
+def _page(title: str, eyebrow: str, found: Sequence[str], sections: Sequence[Section]) -> str:
+    content = {"title": title, "eyebrow": eyebrow, "found": found, "sections": sections, "version": __version__}
+    return page("models.html", content)
+
+
+def _parameter_section(fit: Fit) -> Section:
+    """Parameters, where there are any, and what the fit says in words."""
+    texts = [f"{note[0].upper()}{note[1:]}." for note in notes_of(fit)]
+    if texts and not fit.estimates:
+        return Section("The fit", texts)
+    return Section("Parameters", texts, [parameter_table(fit.estimates)])
+
+
+def _free_run_section(open_loop: OpenLoop, title: str, band: SimulatedBand | None = None) -> Section:
+    given = shared_outputs(open_loop.scores)
+    names = [name for name in outputs_of(open_loop.record, given) if name in given] or given[:1]
+    records = {model: open_loop.shown(model) for model in open_loop.runs}
+    bands = {} if band is None else {"model": dict(zip(band.channels, band.half.T, strict=True))}
+    picture = drawn(
+        lambda: rollout_figure(open_loop.shown(), records, names, "measured", bands),
+        "free-runs",
+        "Measured outputs and free runs of the models, with their errors below.",
+        "Free runs over what was measured, and below each output the error. Errors that grow steadily are a drift, "
+        "errors that swing with the input a wrong gain or delay." + (_BAND if bands else ""),
+    )
+    windows = len(open_loop.windows)
+    text = f"{windows} window{'s' * (windows != 1)}. " + _RUNS.format(settle=f"{open_loop.settle:g} s")
+    return Section(title, [text], [score_table(open_loop)], [picture])
+
+
+def _horizon_section(sweeps: Sweeps) -> Section:
+    return Section(
+        "Predictions over the horizon",
+        ["Each prediction starts from the state corrected with every measurement up to then, and runs free."],
+        [horizon_table(sweeps)],
+        [
+            drawn(
+                lambda: horizon_figure(sweeps),
+                "horizon",
+                "Root mean square error of predictions over the horizon.",
+                "A model of the vehicle stays low far ahead; one that follows measurements is good for a few "
+                "samples only.",
+            )
+        ],
+    )
+
+
+def _pole_section(fit: LinearFit) -> Section:
+    tables = [full_pole_table(pole_intervals(fit)), zero_table(fit.model)]
+    return Section(
+        "Poles and zeros",
+        tables=tables,
+        drawings=[
+            drawn(
+                lambda: pole_zero_figure({"model": fit}),
+                "poles",
+                "Poles with their 95 % regions and zeros in the plane of discrete time.",
+                "Grey lines: equal damping ratio ζ, solid, and equal natural frequency, dashed. A mode whose pole is "
+                "outside the unit circle grows; a zero within the region of a pole says that an order is too many.",
+            )
+        ],
+    )
+
+
+def _response_section(fit: LinearFit) -> Section:
+    band = " Shaded: the 95 % band." if has_errors(fit) else ""
+    return Section(
+        "Frequency response",
+        drawings=[
+            drawn(
+                lambda: bode_figure({"model": fit}),
+                "response",
+                "Gain and phase of every output by every input over the frequency.",
+                f"Up to the Nyquist frequency, half the sampling rate.{band} A band is widest where the inputs did not "
+                "move the vehicle.",
+            )
+        ],
+    )
+
+
+def _order_sections(done: Identified) -> list[Section]:
+    sections = []
+    if done.search is not None:
+        sections.append(_search_section(done.search))
+    if np.size(getattr(done.fit, "singular_values", ())) > 0:
+        picture = drawn(
+            lambda: singular_value_figure(done.fit),
+            "singular-values",
+            "Singular values of the subspace fit, those that were kept marked.",
+            "States above the level of the others carry what the past tells of the future; the rest is noise.",
+        )
+        sections.append(Section("Order", drawings=[picture]))
+    return sections
+
+
+def _search_section(search: OrderSearch) -> Section:
+    picture = drawn(
+        lambda: order_figure(search),
+        "orders",
+        "One-step error over the orders, and criteria over the number of parameters, with the choices.",
+        "Left the error of the best model of each n_a and n_b, whatever its n_c and delay. Beside it the criteria as "
+        "errors: the root of AIC and MDL, and for BIC the error that it charges as much.",
+    )
+    return Section("Orders", tables=[order_table(search)], drawings=[picture])
+
+
+def _residual_section(tests: Mapping[str, Mapping[str, Any]]) -> Section:
+    white = sum(map(is_white, tests.values()))
+    title = f"Residual tests: white in {white} of {len(tests)} outputs"
+    return Section(title, tables=[residual_table(tests)], drawings=residual_drawings({"model": tests}))
+
+
+def _interval(estimate: Estimate, problems: Sequence[str]) -> str:
+    if estimate.problem:
+        return f"none ({problems.index(estimate.problem) + 1})"
+    return span(estimate.ci95, estimate.unit) if all(map(isfinite, estimate.ci95)) else "none"

@@ -1,0 +1,121 @@
+"""HTML pages of reports: one self-contained file, and how numbers with units read in it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, log10
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identification.pages.drawing import require_render, svg
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def page(template: str, content: Mapping[str, Any]) -> str:
+    """The text of one HTML page, from a template in `identification/pages/templates` that extends `page.html`.
+
+    Raises ImportError, with the command to run, if the extra `render` is not installed.
+    """
+    require_render()
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("identification"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template(template).render(content).strip() + "\n"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure on the page: its SVG, and the words below it."""
+
+    svg: str
+    caption: str
+
+
+def drawing(svg: str, caption: str) -> Drawing:
+    """A figure for a page, from `identification.pages.drawing.svg`, in which all words are escaped."""
+    from markupsafe import Markup
+
+    return Drawing(Markup(svg), caption)
+
+
+def drawn(draw: Callable[[], Figure], name: str, label: str, caption: str) -> Drawing:
+    """The figure that `draw` makes, for a page; see `identification.pages.drawing.svg`."""
+    return drawing(svg(draw, name, label), caption)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of texts; of a cell that is a pair the second stands below the first.
+
+    words: how many columns come before those with numbers.  marked: rows that something is wrong with.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str | tuple[str, str]]]
+    words: int = 1
+    caption: str = ""
+    marked: Sequence[int] = ()
+
+
+def number(value: float, digits: int = 3, sign: bool = False) -> str:
+    """A number with this many significant digits, without an exponent where it stays short; a true minus sign."""
+    if not isfinite(value):
+        return "–"
+    if value == 0.0:
+        return "0"
+    size = int(np.floor(log10(abs(float(f"{value:.{digits - 1}e}")))))
+    text = f"{value:.{digits - 1}e}" if not -5 <= size < 6 else f"{value:.{max(digits - 1 - size, 0)}f}"
+    text = text if text.startswith("-") or not sign else f"+{text}"
+    return text.replace("-", "−")
+
+
+def amount(value: float, unit: str, sign: bool = False) -> str:
+    """A value with its unit as people read it: angles and their rates in degrees."""
+    if unit in ("rad", "rad/s"):
+        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
+    return typeset(f"{number(value, sign=sign)} {'' if unit == '1' else unit}".strip())
+
+
+def percent(value: float) -> str:
+    """A percentage with no more digits than it is worth."""
+    return f"{number(value) if abs(value) >= 1.0 or not isfinite(value) else f'{value:.2f}'.replace('-', '−')} %"
+
+
+def chance(p: float) -> str:
+    """A probability; small ones are only told to be small."""
+    return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
+
+
+def span(limits: tuple[float, float], unit: str) -> str:
+    """An interval as people read it."""
+    low, high = (amount(limit, unit) for limit in limits)
+    return f"{low.partition(' ')[0]} to {high}"
+
+
+def both(value: float, unit: str) -> str:
+    """An amount, and in brackets the same in SI where that differs."""
+    if unit in ("rad", "rad/s"):
+        return f"{amount(value, unit)} ({number(value)} {unit})"
+    return amount(value, unit)
+
+
+def typeset(unit: str) -> str:
+    """Powers as raised digits."""
+    for plain, raised in (("^2", "²"), ("^3", "³"), ("^4", "⁴")):
+        unit = unit.replace(plain, raised)
+    return unit
+
+
+def listed(items: Sequence[str], word: str) -> str:
+    """`a, b or c`."""
+    return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)

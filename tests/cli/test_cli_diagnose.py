@@ -1,0 +1,137 @@
+"""The command `auv-gym diagnose`: its files, and what it says to bad input."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auv_gym.cli import main
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from auv_gym.records.reading import read_record
+from auv_gym.records.record import Record
+from auv_gym.records.slocum import shipped_log
+from identification.diagnosis.result_files import digest_of
+from identification.experiments.heading_control import closed_loop
+
+
+@pytest.fixture(scope="module")
+def log() -> Record:
+    plant = replace_at(load_vehicle("slocum"), "effects.rudder.deadband", 0.06)
+    return closed_loop(plant, rng=np.random.default_rng(2), duration=600.0, track_noise=None)
+
+
+def write_csv(path, columns):
+    rows = zip(*columns.values())
+    path.write_text("\n".join([",".join(columns), *(",".join(f"{v:.9g}" for v in row) for row in rows)]) + "\n")
+    return path
+
+
+def columns_of(record, **changes):
+    columns = {"time_s": record.time, "heading_rad": record["heading_rad"], "rudder_rad": record["rudder_rad"]}
+    return {**columns, **changes}
+
+
+def run(log_path, out, *options, vehicle="slocum"):
+    return main(["diagnose", str(log_path), "--vehicle", vehicle, "--out", str(out), *options])
+
+
+def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    columns = columns_of(log)
+    degrees = {"time_s": columns["time_s"], "heading_deg": np.rad2deg(columns["heading_rad"]) % 360.0}
+    degrees["rudder_deg"] = np.rad2deg(columns["rudder_rad"])
+    out = tmp_path / "out"
+    assert run(write_csv(tmp_path / "mission.csv", degrees), out, "--seed", "5") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "The vehicle lacks rudder deadband (half width)" in said
+    content = json.loads((out / "diagnosis.json").read_text())
+    assert content["verdict"] == "named"
+    assert content["seed"] == 5
+    assert [e["path"] for e in content["effects"]] == ["effects.rudder.deadband"]
+    assert {p.name for p in out.iterdir()} == {"diagnosis.json", "vehicle.toml", "report.html"}
+    assert load_vehicle(out / "vehicle.toml").effects.rudder.deadband == pytest.approx(0.06, rel=0.2)  # its interval
+
+
+def test_a_log_can_be_thinned(log, tmp_path):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    out = tmp_path / "out"
+    assert run(write_csv(tmp_path / "mission.csv", columns_of(log)), out, "--resample", "8") == 0
+    diagnosed = json.loads((out / "diagnosis.json").read_text())["record_sha256"]
+    path = tmp_path / "mission.csv"
+    assert diagnosed == digest_of(read_record(path).resample(8.0)) != digest_of(read_record(path))
+
+
+def bad_logs(record):
+    n = len(record)
+    heading, rudder, time = record["heading_rad"], record["rudder_rad"], record.time
+    gap = heading.copy()
+    gap[40:60] = np.nan
+    back = time.copy()
+    back[50] = back[48] - 1.0
+    return {
+        "missing column": ({"time_s": time, "heading_rad": heading}, ["rudder_rad", "heading_rad"]),
+        "unknown unit suffix": ({"time_s": time, "heading_degree": heading, "rudder_rad": rudder}, ["heading_degree"]),
+        "constant rudder": (columns_of(record, rudder_rad=np.full(n, 0.1)), ["Nothing excites", "constant at 0.1"]),
+        "too short": ({k: v[:20] for k, v in columns_of(record).items()}, ["at least 4 windows of 120 s"]),
+        "NaN runs": (columns_of(record, heading_rad=gap), ["heading_rad", "20"]),
+        "time going backwards": (columns_of(record, time_s=back), ["time goes backwards"]),
+    }
+
+
+CASES = ["missing column", "unknown unit suffix", "constant rudder", "too short", "NaN runs", "time going backwards"]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_bad_logs_are_refused_in_words(case, log, tmp_path, capsys):
+    columns, words = bad_logs(log)[case]
+    out = tmp_path / "out"
+    assert run(write_csv(tmp_path / "bad.csv", columns), out) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    for word in words:
+        assert word.lower() in said.lower(), said
+    assert "Traceback" not in said
+    assert not out.exists() or not list(out.iterdir())
+
+
+def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):
+    heading = np.r_[log["heading_rad"]]
+    heading[70:80] = np.nan
+    path = write_csv(tmp_path / "gap.csv", columns_of(log, heading_rad=heading))
+    out = tmp_path / "out"
+    assert run(path, out) == 1
+    assert "--cut-gaps" in capsys.readouterr().err
+    assert run(path, out, "--cut-gaps", "--window", "90") == 0
+    assert json.loads((out / "diagnosis.json").read_text())["effects"][0]["path"] == "effects.rudder.deadband"
+
+
+def test_windows_shorter_than_two_samples_are_refused(log, tmp_path, capsys):
+    path = write_csv(tmp_path / "log.csv", columns_of(log))
+    assert run(path, tmp_path / "out", "--window", "0.1") == 1
+    assert "samples 4 s apart): choose longer windows" in " ".join(capsys.readouterr().err.split())
+    assert main(["compare", "slocum", "--record", str(path), "--window", "0.1"]) == 1
+    assert "samples 4 s apart: choose longer windows" in " ".join(capsys.readouterr().err.split())
+
+
+def test_an_unknown_vehicle_is_answered_with_the_nearest_names(tmp_path, capsys):
+    assert run("slocum:ammonite", tmp_path / "out", vehicle="ganeshblu") == 1
+    assert "Did you mean 'ganeshblue'" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("kept", [0, 200, 5000, 200_000])
+def test_a_truncated_binary_is_refused(kept, tmp_path, capsys):
+    pytest.importorskip("dbdreader", reason="the extra `slocum` is not installed")
+    whole = shipped_log("ammonite").read_bytes()
+    path = tmp_path / "cut.mbd"
+    path.write_bytes(whole[:kept])
+    assert run(path, tmp_path / "out") == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "cut.mbd" in said
+    assert "Traceback" not in said
+
+
+def test_a_folder_that_cannot_be_written_is_refused_before_the_work(log, tmp_path, capsys):
+    (tmp_path / "file").write_text("in the way")
+    path = write_csv(tmp_path / "log.csv", columns_of(log))
+    assert run(path, tmp_path / "file" / "out") == 1
+    assert "Cannot write into" in " ".join(capsys.readouterr().err.split())

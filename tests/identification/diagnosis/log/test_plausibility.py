@@ -1,0 +1,172 @@
+"""Doubts about a log: slips are named, honest logs pass."""
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import load_vehicle
+from identification.diagnosis import diagnose
+from identification.diagnosis.log.plausibility import BAD, FACTOR, GAIN, Match
+from identification.diagnosis.log.slips import Slip, slipped, slips_of, undone
+from scripts.slip_study import doubts, log_of
+
+
+def slip_called(record, plant, text) -> Slip:
+    return next(s for s in slips_of(record, plant) if s.text.startswith(text))
+
+
+@pytest.fixture(scope="module")
+def logs():
+    plants = {name: load_vehicle(name) for name in ("ganeshblue", "slocum", "qiandao_float", "mermaid", "vt690")}
+    return {name: (plant, log_of(plant)) for name, plant in plants.items()}
+
+
+def test_clean_logs_raise_no_doubt(logs):
+    for plant, record in logs.values():
+        assert doubts(record, plant) == (), plant.name
+
+
+@pytest.mark.parametrize(
+    "vehicle, text",
+    [
+        ("ganeshblue", "the rudder acts with the opposite sign"),
+        ("ganeshblue", "heading_rad looks mirrored"),
+        ("ganeshblue", "depth_m looks mirrored"),
+        ("ganeshblue", "north_m and east_m look exchanged"),
+        ("slocum", "rudder_rad looks like degrees"),
+        ("slocum", "u_mps looks like knots, not"),
+        ("slocum", "time runs at half the rate"),
+        ("qiandao_float", "piston_m looks mirrored"),
+        ("qiandao_float", "the piston moves the wrong way"),
+        ("qiandao_float", "depth_m looks mirrored"),
+        ("mermaid", "oil_volume_m3 looks mirrored"),
+    ],
+)
+def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
+    plant, record = logs[vehicle]
+    slip = slip_called(record, plant, text)
+    wrong = slipped(record, slip, plant)
+    (doubt,) = doubts(wrong, plant)
+    assert doubt.text == slip.text
+    assert doubt.gain >= GAIN
+    assert doubt.channels == slip.channels
+    mended = undone(wrong, doubt.slip, plant)
+    for name in slip.channels:
+        assert mended[name] == pytest.approx(record[name], abs=1e-9 * np.ptp(record[name]) + 1e-12)
+    assert doubts(mended, plant) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "text",
+    [
+        "the rudder acts with the opposite sign",
+        "the stern plane acts with the opposite sign",
+        "rudder_rad and stern_plane_rad look exchanged",
+        "roll_rad and pitch_rad look exchanged",
+        "u_mps and v_mps look exchanged",
+        "heading_rad looks like degrees",
+        "q_radps looks mirrored",
+        "u_dvl_mps looks mirrored",
+        "depth_m looks ten times too large",
+        "depth_m looks like feet",
+        "time runs at half the rate",
+        "time runs at twice the rate",
+    ],
+)
+def test_a_slip_in_six_degrees_of_freedom_is_named(logs, text):
+    plant, record = logs["vt690"]
+    slip = slip_called(record, plant, text)
+    (doubt,) = doubts(slipped(record, slip, plant), plant)
+    assert slip.text in (doubt.text, *doubt.instead)
+
+
+def test_a_signal_that_is_mostly_noise_counts_where_it_is_asked_for():
+    plant, rng, window = load_vehicle("vt690"), np.random.default_rng(0), np.repeat([0, 1], 400)
+    noise, slope = rng.normal(0.0, 0.01, 800), np.linspace(0.0, 1.0, 800)
+    match = Match(plant)
+    match.add("u_dvl_mps", 1.5 + noise, 3.0**2, window)  # the run has the opposite sign
+    match.add("v_dvl_mps", noise, 0.01**2, window)
+    match.add("w_dvl_mps", slope + noise, 0.01**2, window)
+    assert match.errors == {"w_dvl_mps": pytest.approx(0.0, abs=1e-3)}
+    assert match.stray == ("u_dvl_mps",)
+    assert match.still["v_dvl_mps"] < BAD
+    assert match.telling(match.stray).errors.keys() == {"u_dvl_mps", "w_dvl_mps"}
+    assert match.telling(match.stray).total > 0.49 > match.total
+
+
+@pytest.mark.parametrize(
+    "vehicle, path, value",
+    [
+        ("ganeshblue", "effects.rudder.gain", 1.6),
+        ("ganeshblue", "effects.rudder.offset", 0.06),
+        ("ganeshblue", "effects.rudder.dead_time", 3.0),
+        ("ganeshblue", "effects.current.east", 0.06),
+        ("slocum", "effects.compass.bias", 0.12),
+        ("slocum", "effects.compass.lag", 3.0),
+        ("qiandao_float", "effects.piston.gain", 1.6),
+        ("qiandao_float", "effects.piston.dead_time", 12.0),
+        ("mermaid", "effects.oil.pump_gain", -0.12),
+        ("mermaid", "effects.water.gradient", 6e-3),
+    ],
+)
+def test_effects_and_wrong_coefficients_are_no_slips(logs, vehicle, path, value):
+    plant, _ = logs[vehicle]
+    wrong = {name: 0.8 * value_at(plant, name) for name in plant.family.coefficients}
+    assert doubts(log_of(replace_at(plant, {**wrong, path: value}), seed=2), plant) == ()
+
+
+@pytest.mark.parametrize("text", ["time runs at twice the rate", "time runs at half the rate"])
+def test_a_slipped_clock_that_leaves_only_noise_is_doubted_firmly(logs, text):
+    plant, record = logs["slocum"]
+    (doubt,) = doubts(slipped(record, slip_called(record, plant, text), plant), plant)
+    assert doubt.text.startswith(text)
+    assert doubt.firm
+
+
+def test_only_signs_and_columns_are_beyond_any_effect(logs):
+    plant, record = logs["ganeshblue"]
+    assert slip_called(record, plant, "time runs at twice").scales
+    assert slip_called(record, plant, "rudder_rad looks like degrees").scales
+    assert not slip_called(record, plant, "the rudder acts").scales
+    assert not slip_called(record, plant, "north_m and east_m look exchanged").scales
+
+
+def late(plant):
+    """A float whose piston moves too little and too late, which a clock twice too fast nearly explains."""
+    return replace_at(plant, {"effects.piston.gain": 0.35, "effects.piston.dead_time": 10.6})
+
+
+def test_a_clock_that_leaves_more_than_noise_is_doubted_with_reserve(logs):
+    plant, _ = logs["qiandao_float"]
+    (doubt,) = doubts(log_of(late(plant)), plant)
+    assert doubt.text.startswith("time runs at twice")
+    assert not doubt.firm
+
+
+@pytest.mark.slow
+def test_effects_that_explain_all_come_before_the_clock(logs):
+    plant, _ = logs["qiandao_float"]
+    found = diagnose(log_of(late(plant)), plant)
+    named = {path for group in found.tied for path in group} | {effect.path for effect in found.effects}
+    assert found.doubts == ()
+    assert found.verdict in ("named", "tied")
+    assert named.issuperset({"effects.piston.gain", "effects.piston.dead_time"})
+
+
+def test_a_coefficient_within_its_factor_is_no_slip(logs):
+    plant, _ = logs["ganeshblue"]
+    path = plant.family.coefficients[-1]
+    low, high = spec_at(plant, path).bounds
+    strong = float(np.clip(0.7 * FACTOR * value_at(plant, path), low, high))
+    assert doubts(log_of(replace_at(plant, path, strong)), plant) == ()
+
+
+def test_degrees_taken_as_radians_are_unfolded(logs):
+    plant, record = logs["slocum"]  # turns by more than 180 degrees over 57.3 from sample to sample
+    slip = slip_called(record, plant, "heading_rad looks like degrees")
+    wrong = slipped(record, slip, plant)
+    assert np.abs(np.diff(np.degrees(record["heading_rad"]))).max() > np.pi
+    error = undone(wrong, slip, plant)["heading_rad"] - record["heading_rad"]
+    assert np.median(np.abs(np.diff(error))) < 1e-9  # a step wrong now and then, by a turn of 2 pi degrees
+    assert np.abs(np.diff(error)).max() < np.radians(4.1 * np.pi)

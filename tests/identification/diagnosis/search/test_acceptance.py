@@ -1,0 +1,284 @@
+"""The gate before every name: each reason to refuse, each route that leads to it, and what fails beside the others."""
+
+from dataclasses import replace
+from importlib import import_module
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import load_vehicle
+from identification.diagnosis.judge.findings import coefficient_of, effects_of, twin_effects
+from identification.diagnosis.search import acceptance, swaps
+from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, holds, objection, threshold
+from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
+from identification.diagnosis.search.candidates import Candidate, Screening
+from identification.diagnosis.search.swaps import Reconsidering
+from identification.diagnosis.search.trials import Trial, gate
+from identification.experiments.missions import run_mission
+from tests.identification.diagnosis.stand_ins import (
+    PLANT,
+    Table,
+    round_of,
+    state_of,
+    trial_of,
+    with_probes,
+)
+
+OFFSET, LAG, MOMENT = "effects.rudder.offset", "effects.compass.lag", "effects.yaw.moment"
+A, B, C = (Candidate(path, (path,)) for path in (OFFSET, LAG, MOMENT))
+COUNT = 18  # candidates
+COEFFICIENTS = PLANT.family.coefficients
+diagnosis = import_module("identification.diagnosis.diagnose")
+
+
+def sure(**changes) -> Claim:
+    """A claim with nothing against it, but for the changes."""
+    good = Claim(
+        train=100.0,
+        held=50.0,
+        bar=20.0,
+        sizes=[Size(5.0, 1.0, False)],
+        windows=12,
+        better=lambda: np.ones(12),
+        reach=lambda: [1.0],
+    )
+    return replace(good, **changes)
+
+
+@pytest.mark.parametrize(
+    "changes, reason",
+    [
+        ({}, ""),
+        ({"bar": 150.1}, "not significant"),
+        ({"train": 10.0, "held": 9.9}, "not significant"),
+        ({"train": float("nan")}, "not significant"),
+        ({"held": -27.6}, "does not hold in the held-out windows"),
+        ({"held": 2.6}, "does not hold in the held-out windows"),
+        ({"train": 1000.0, "held": 19.9}, "does not hold in the held-out windows"),
+        ({"train": 1000.0, "held": 20.1}, ""),
+        ({"better": lambda: -np.ones(12)}, "free runs in the held-out windows did not improve in enough of them"),
+        ({"better": lambda: np.r_[50.0, -np.ones(11)]}, "free runs in the held-out windows did not improve in enough"),
+        ({"better": lambda: np.r_[np.nan, np.ones(11)]}, "free runs in the held-out windows diverge with it"),
+        ({"better": lambda: np.r_[-np.inf, np.ones(11)]}, "free runs in the held-out windows diverge with it"),
+        ({"better": lambda: np.r_[np.inf, np.ones(11)]}, ""),
+        ({"windows": 7, "better": lambda: -np.ones(7)}, ""),
+        ({"sizes": [Size(5.0, 1.0, True)]}, "only helps at the limit of what is physical"),
+        ({"sizes": [Size(0.99, 1.0, False)]}, "smaller than its probe"),
+        ({"reach": lambda: [1.96 * 5.0 / 3.01]}, ""),  # three standard errors
+        ({"reach": lambda: [1.96 * 5.0 / 2.99]}, "its size is too uncertain"),
+    ],
+)
+def test_every_reason_to_refuse_is_given_when_it_is_the_only_one(changes, reason):
+    found = objection(sure(**changes))
+    assert found.startswith(reason)
+    assert bool(found) == bool(reason)
+
+
+def test_one_component_of_two_is_enough_but_none_may_be_at_a_limit():
+    small, large = Size(0.1, 1.0, False), Size(5.0, 1.0, False)
+    assert objection(sure(sizes=[small, large], reach=lambda: [1.0, 1.0])) == ""
+    assert objection(sure(sizes=[large, replace(small, limited=True)], reach=lambda: [1.0, 1.0])) == acceptance.LIMITED
+    assert objection(sure(sizes=[small, small], reach=lambda: [1.0, 1.0])) == acceptance.SMALL
+
+
+def test_a_term_needs_more_in_the_held_out_windows_and_better_runs_in_few_of_them():
+    assert objection(sure(held=9.0, train=40.0), EFFECT) == objection(sure(held=9.0, train=40.0), TERM) == ""
+    assert objection(sure(held=6.5, train=40.0), EFFECT) == ""
+    assert objection(sure(held=6.5, train=40.0), TERM) == acceptance.UNREPEATED
+    assert objection(sure(held=9.0, train=100.0), TERM) == acceptance.UNREPEATED
+    few = sure(windows=3, better=lambda: np.array([1.0, 1.0, -3.0]))
+    assert objection(few, EFFECT) == ""
+    assert objection(few, TERM) == acceptance.NO_BETTER
+    assert not holds(np.zeros(3))
+
+
+def test_what_is_costly_is_asked_only_of_what_passed_all_else():
+    def never():
+        raise AssertionError("asked in vain")
+
+    assert objection(sure(held=-1.0, better=never, reach=never)) == acceptance.UNREPEATED
+    assert objection(sure(sizes=[Size(0.5, 1.0, False)], reach=never)) == acceptance.SMALL
+
+
+def test_a_limit_is_a_bound_that_is_not_neutral():
+    assert at_limit(1.0, (0.0, 1.0), 0.0)
+    assert at_limit(1.2, (0.0, 1.0), 0.0)
+    assert at_limit(-3.0, (-3.0, 3.0), 0.0)
+    assert not at_limit(0.0, (0.0, 1.0), 0.0)
+    assert not at_limit(0.9999, (0.0, 1.0), 0.0)
+    assert not at_limit(0.5, (0.0, np.inf), 1.0)
+    assert at_limit(0.0, (0.0, np.inf), 1.0)
+    assert not at_limit(1e9, (-np.inf, np.inf), 0.0)
+
+
+def test_the_bar_is_that_of_a_chi_squared_shared_among_all_candidates():
+    assert threshold(1) == pytest.approx(3.2905**2, rel=1e-4)  # the two-sided 0.1 % point of a normal, from tables
+    assert threshold(40) == pytest.approx(stats.norm.isf(0.5e-3 / 40) ** 2)
+    assert threshold(40, 2) == pytest.approx(-2.0 * np.log(1e-3 / 40))  # chi-squared of two: exponential
+
+
+def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of_the_state():
+    both = Candidate("current", ("effects.current.north", "effects.current.east"))
+    start, after = state_of(PLANT), with_probes(dict.fromkeys(both.paths, 5.0))
+    screening = trial_of(both).screening
+
+    def asked(evidence: float, found=screening, error: float = 0.1) -> str:
+        bench = Table({frozenset(): (0.0, 0.0), frozenset(both.paths): (0.5 * evidence, 0.5 * evidence)}, error=error)
+        return gate(bench, start, after, [(both, found)], COUNT).objection
+
+    assert asked(threshold(COUNT, 2) + 0.1) == ""
+    assert asked(threshold(COUNT, 2) - 0.1) == acceptance.INSIGNIFICANT
+    assert asked(threshold(COUNT, 2) + 0.1, replace(screening, tried=50)) == acceptance.INSIGNIFICANT
+    assert asked(threshold(COUNT + 49, 2) + 0.1, replace(screening, tried=50)) == ""
+    assert asked(100.0, error=2.0) == acceptance.UNSURE
+    after = with_probes(dict.fromkeys(both.paths, 0.5))
+    assert asked(100.0) == acceptance.SMALL
+
+
+def pair(together=(200.0, 100.0), first=(20.0, 1.0), second=(90.0, 80.0)):
+    """A table of two effects, and the state with both."""
+    likely = {frozenset(): (0.0, 0.0), frozenset({OFFSET}): first, frozenset({LAG}): second}
+    bench = Table(likely | {frozenset({OFFSET, LAG}): together})
+    state = with_probes({OFFSET: 5.0, LAG: 5.0}, *COEFFICIENTS)
+    return bench, state, state_of(PLANT, *COEFFICIENTS)
+
+
+def test_what_passes_beside_the_others_stays_with_the_evidence_that_it_has_there():
+    bench, state, nominal = pair()
+    last = Round((), None, (), {})
+    after, rounds = confirmed(bench, nominal, state, [round_of(trial_of(A)), round_of(trial_of(B)), last], COUNT)
+    assert after is state
+    assert [r.chosen and r.chosen.candidate for r in rounds] == [A, B, None]
+    effects, _ = effects_of(after, rounds, bench.intervals(after))
+    assert [(e.path, e.evidence_train, e.evidence_held) for e in effects] == [(OFFSET, 110.0, 20.0), (LAG, 180.0, 99.0)]
+
+
+def test_what_the_held_out_windows_refute_beside_the_others_is_not_named():
+    bench, state, nominal = pair(together=(200.0, 52.4))  # -27.6 for the first one beside the second
+    after, rounds = confirmed(bench, nominal, state, [round_of(trial_of(A)), round_of(trial_of(B))], COUNT)
+    assert [r.chosen.candidate for r in rounds] == [B]
+    assert OFFSET not in after.paths
+    assert value_at(after.plant, OFFSET) == 0.0
+    assert rounds[0].evidence == (90.0, 80.0)
+
+
+def test_the_weakest_goes_first_and_the_other_one_may_then_stay():
+    bench, state, nominal = pair((100.0, 90.0), (96.0, 88.0), (94.0, 84.0))  # either one alone does nearly all
+    after, rounds = confirmed(bench, nominal, state, [round_of(trial_of(A)), round_of(trial_of(B))], COUNT)
+    assert [r.chosen.candidate for r in rounds] == [A]
+    assert after.paths == (*COEFFICIENTS, OFFSET)
+    bench, state, nominal = pair(together=(4.0, 3.0), first=(3.0, 2.0), second=(2.0, 1.0))
+    after, rounds = confirmed(bench, nominal, state, [round_of(trial_of(A)), round_of(trial_of(B))], COUNT)
+    assert rounds == []
+    assert after is nominal
+
+
+def test_an_effect_without_a_component_left_is_not_named():
+    bench, state, nominal = pair()
+    both = Candidate("current", ("effects.current.north", "effects.current.east"))
+    _, rounds = confirmed(bench, nominal, state, [round_of(trial_of(c)) for c in (both, A, B)], COUNT)
+    assert [r.chosen.candidate for r in rounds] == [A, B]
+
+
+def test_a_component_within_two_errors_or_less_than_a_probe_is_dropped():
+    north, east = "effects.current.north", "effects.current.east"
+    state = with_probes({north: 5.0, east: 0.9, OFFSET: 0.1})
+    kept = without_idle_parts(Table({}), state, [(north, east), (OFFSET,)])
+    assert set(kept.paths) == {north, OFFSET}
+    loose = without_idle_parts(Table({}, error=2.0), with_probes({north: 5.0, east: 3.9}), [(north, east)])
+    assert loose.paths == (north,)
+
+
+@pytest.mark.parametrize(
+    "likely, found",
+    [
+        ({}, {OFFSET, LAG}),
+        ({"together": (200.0, 52.4)}, set()),  # the first one's held-out evidence beside the second is -27.6
+        ({"together": (95.0, 84.0), "second": (90.0, 80.0)}, set()),  # the second one alone does nearly as well
+        ({"together": (200.0, 0.0), "second": (20.0, -20.0)}, set()),  # the pair as a whole does not hold
+    ],
+)
+def test_a_pair_is_taken_up_only_if_it_passes_as_one_change_and_by_members(monkeypatch, likely, found):
+    bench, state, start = pair(**likely)
+    first = trial_of(A, with_probes({OFFSET: 5.0}, *COEFFICIENTS), acceptance.UNREPEATED, (20.0, 5.0))
+    second = trial_of(B, state)
+    monkeypatch.setattr(swaps, "selected", lambda bench, near, left, count, sensors: round_of(second))
+    search = Reconsidering(bench, (A, B), 3, ())
+    after, rounds = search._paired(start, [Round((first,), None, (), {})])
+    assert {p for p in after.paths if p.startswith("effects.")} == found
+    assert {r.chosen.candidate.paths[0] for r in rounds if r.chosen} == found
+
+
+def test_a_pair_is_sought_beside_what_is_still_there(monkeypatch):
+    """A trial that was fitted beside an effect that has been taken out since would bring it back unseen."""
+    bench, state, start = pair()
+    stale = trial_of(A, with_probes({OFFSET: 5.0, MOMENT: 1.0}, *COEFFICIENTS), "", (90.0, 50.0))
+    fresh = Round((trial_of(A, None, acceptance.INSIGNIFICANT),), None, (), {})
+    monkeypatch.setattr(swaps, "selected", lambda bench, near, left, count, sensors: fresh)
+    search = Reconsidering(bench, (A, B, C), 3, ())
+    after, rounds = search._paired(start, [Round((stale,), None, (), {})])
+    assert after is start
+    assert not any(r.chosen for r in rounds)
+    anew = round_of(trial_of(B, with_probes({LAG: 5.0}, *COEFFICIENTS)))
+    monkeypatch.setattr(swaps, "selected", lambda bench, near, left, count, sensors: anew)
+    after, rounds = search._paired(start, [Round((stale,), None, (), {})])
+    assert after.paths == (*COEFFICIENTS, LAG)
+    assert rounds == [anew]
+
+
+@pytest.mark.parametrize("held, named", [(40.0, True), (-27.6, False)])
+def test_an_effect_told_from_a_coefficient_passes_the_gate_too(held, named):
+    gain, path = "effects.rudder.gain", "hull.n_delta"
+    given = value_at(PLANT, path)
+    state = state_of(replace_at(PLANT, path, 1.5 * given), *COEFFICIENTS)
+
+    class Coefficients(Table):
+        plant = PLANT
+
+        def gains(self, before, after):
+            assert path not in before.paths
+            assert value_at(before.plant, path) == given
+            return 100.0, held
+
+    found = coefficient_of(PLANT, path, (1.5 * given, 0.02 * given, 0.04 * given), COUNT, 0.1)
+    effects = twin_effects([(gain, path)], [], [found], Coefficients({}), state, COUNT)
+    assert [e.path for e in effects] == [gain] * named
+    if named:
+        assert effects[0].value == pytest.approx(1.5)
+        assert effects[0].ci95 == pytest.approx((1.46, 1.54))
+        assert (effects[0].evidence_train, effects[0].evidence_held) == (100.0, held)
+
+
+@pytest.fixture(scope="module")
+def offset_log():
+    return run_mission(replace_at(load_vehicle("slocum"), OFFSET, 0.05), np.random.default_rng(1), duration=600.0)
+
+
+def with_idle(bench, state, rounds):
+    """A found state and its rounds with another effect that explains nothing, as a search might leave them."""
+    path = "effects.yaw.roll_moment"
+    start = replace_at(state.plant, path, 2.0 * spec_at(state.plant, path).probe)
+    after, candidate = bench.fit(start, (*state.paths, path), state), Candidate("idle", (path,))
+    screening = Screening(candidate, np.zeros(1), 0.0, 1.0, np.zeros(1))
+    return after, [*rounds, round_of(Trial(candidate, after, 100.0, -27.6, screening, ""))]
+
+
+def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatch):
+    def overdone(bench, *given):
+        return with_idle(bench, *attribute(bench, *given))
+
+    monkeypatch.setattr(diagnosis, "attribute", overdone)
+    found = diagnosis.diagnose(offset_log, load_vehicle("slocum"))
+    assert [e.path for e in found.effects] == [OFFSET]
+    assert "effects.yaw.roll_moment" not in found.state.paths
+    assert value_at(found.after.plant, "effects.yaw.roll_moment") == 0.0
+
+
+def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):
+    monkeypatch.setattr(diagnosis, "disagrees", lambda *_: True)
+    monkeypatch.setattr(Reconsidering, "improved", lambda self, state, rounds: with_idle(self.bench, state, rounds))
+    found = diagnosis.diagnose(offset_log, load_vehicle("slocum"))
+    assert [e.path for e in found.effects] == [OFFSET]
+    assert "effects.yaw.roll_moment" not in found.state.paths

@@ -1,0 +1,175 @@
+"""Terms found in logs of vehicles with a force that no named effect is, and nothing in logs without one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, value_at
+from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
+from auv_gym.vehicles.glider import yaw_inertia, yaw_rates
+from identification.diagnosis.search import discovery
+from identification.diagnosis.search.discovery import Discovery, Term, discover, library_of
+from identification.diagnosis.search.terms import Found
+from identification.diagnosis.search.workbench import State
+from identification.experiments.missions import run_mission
+from identification.fit.likelihood import colour
+from identification.fit.shooting import Shooting
+from identification.fit.windows import free_run_windows, held_out
+from tests.identification.gliders import QUICK
+
+YAW = "effects.discovered.yaw."
+
+
+def searched(plant, record, window=None, settle=None, seed=0, without=()) -> Discovery:
+    train, held = held_out(plant, record, free_run_windows(plant, record, window or plant.window))
+    fitted, other = Shooting(plant, record, train), Shooting(plant, record, held)
+    paths = plant.family.coefficients
+    point = fitted.solve(plant, paths, fitted.solve(plant, ()).starts)
+    refitted = fitted.plant_at(point, paths)
+    state = State(refitted, paths, point, other.solve(refitted, ()), colour(fitted, point))
+    library = [p for p in library_of(plant) if p not in without]
+    return discover(fitted, other, state, library, np.random.default_rng(seed), settle)
+
+
+def turned_by(moment, seed: int) -> Record:
+    """A log of the Slocum's commands whose heading comes from another integration, with a moment (psi, r, u, roll).
+
+    Heun's method at a fiftieth of a sample, on the linear form of yaw.
+    """
+    plant, rng = QUICK, np.random.default_rng(seed)
+    record = run_mission(plant, rng, duration=1500.0)
+    hull = plant.family.view(plant.vector).hull
+    (damping, effect), inertia = yaw_rates(hull), yaw_inertia(hull)
+    rudder, u, roll = record["rudder_rad"], record["u_mps"], np.zeros(len(record))
+    turning = np.cos(record["roll_rad"]) / np.cos(record["pitch_rad"])  # of the heading, by a body yaw rate
+    step, headings = plant.dt / 50, []
+    psi, r = float(record["heading_rad"][0]), 0.0
+    for k in range(len(record)):
+        headings.append(psi)
+        for _ in range(50):
+            first = damping * r + effect * rudder[k] + moment(psi, r, u[k], roll[k]) / inertia
+            ahead = r + step * first
+            second = damping * ahead + effect * rudder[k]
+            second += moment(psi + step * turning[k] * r, ahead, u[k], roll[k]) / inertia
+            psi, r = psi + 0.5 * step * turning[k] * (r + ahead), r + 0.5 * step * (first + second)
+    noisy = np.array(headings) + rng.normal(0.0, np.radians(0.5), len(record))
+    kept = [n for n in record.names if n in plant.inputs]
+    return Record.from_arrays(record.time, {**{n: record[n] for n in kept}, "heading_rad": noisy})
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_moment_simulated_elsewhere_is_found_with_its_size(seed):
+    found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), seed))
+    assert found.holds
+    (term,) = found.terms
+    assert term.path == f"{YAW}sin_2heading"
+    assert term.frequency >= 0.8
+    assert term.ci95[0] < 0.02 < term.ci95[1]
+    assert term.ci95[1] - term.ci95[0] < 0.006
+    assert term.evidence_held > 20.0
+    assert value_at(found.plant, term.path) == term.value
+    before, after = found.errors["heading_rad"]
+    assert after < 0.5 * before
+    assert "times sin 2 heading, 95 % interval 0.0" in found.summary()
+
+
+def test_a_law_that_no_term_is_finds_one_near_it_or_nothing():
+    """A moment in proportion to the root of r is no term: what stands for it must help on held-out data, or fall."""
+    record = turned_by(lambda psi, r, u, roll: -0.08 * np.sign(r) * np.sqrt(abs(r)), 0)
+    found = searched(QUICK, record)
+    assert all(t.evidence_held > 6.6 for t in found.terms)
+    assert {t.path.removeprefix(YAW) for t in found.terms} <= {"r", "r_r", "rudder_rudder", "ur", "wr"}
+    if found.terms:
+        assert found.errors["heading_rad"][1] < found.errors["heading_rad"][0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_clean_log_has_no_term(seed):
+    plant = QUICK
+    found = searched(plant, run_mission(plant, np.random.default_rng(100 + seed), duration=900.0))
+    assert not found.terms
+    assert not found.rejected
+    assert found.paths == plant.family.coefficients
+    assert found.summary() == "No term of the library explains what remains."
+
+
+def test_a_search_repeats_to_the_last_digit():
+    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0)
+    first, second = (searched(QUICK, record, seed=7) for _ in range(2))
+    assert first.terms == second.terms
+    assert first.frequencies == second.frequencies
+
+
+def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
+    """The first search is blind to the true term and ends in another one, which passes; the second has both."""
+    asked, real, true = [], discovery.search, f"{YAW}sin_2heading"
+
+    def blind_at_first(train, held, state, library, rng):
+        asked.append(library)
+        if len(asked) == 1:
+            return real(train, held, state, [p for p in library if p != true], rng)
+        paths, scales = (*state.paths, true), dict.fromkeys([*library, *state.paths[2:]], 0.01)
+        point = train.scaled(scales).solve(replace_at(state.plant, true, 0.02), paths, state.train.starts)
+        plant = train.plant_at(point, paths)
+        both = State(plant, paths, point, held.solve(plant, ()), colour(train, point))
+        return Found(true, both, 1.0, (), scales), {}
+
+    monkeypatch.setattr(discovery, "search", blind_at_first)
+    found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0))
+    assert len(asked) == 2
+    assert [t.path for t in found.terms] == [true]
+    assert [(t.path, bool(t.objection)) for t in found.rejected] == [(f"{YAW}cos_heading", True)]
+    assert value_at(found.plant, f"{YAW}cos_heading") == 0.0
+    assert found.terms[0].value == value_at(found.plant, true) == pytest.approx(0.02, abs=0.003)
+
+
+def test_a_term_that_the_held_out_windows_refute_is_rejected_with_the_reason():
+    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 1)
+    plant = QUICK
+    found = searched(plant, record, without=(f"{YAW}sin_heading",))
+    assert not found.holds
+    (term,) = found.rejected
+    assert term.evidence_train > 20.0 > 0.0 > term.evidence_held
+    assert "(does not hold in the held-out windows)" in found.summary()
+    assert found.paths == plant.family.coefficients
+
+
+@pytest.mark.slow
+def test_a_force_with_depth_is_found_on_a_float():
+    plant = load_vehicle("qiandao_float")
+    truth = replace_at(plant, "effects.discovered.heave.depth", 0.01)
+    record = run_mission(truth, np.random.default_rng(3), target_depths=(40.0, 10.0), duration=1000.0)
+    (term,) = searched(plant, record).terms
+    assert term.path == "effects.discovered.heave.depth"
+    assert term.ci95[0] < 0.01 < term.ci95[1]
+    assert term.words.startswith("a force down of 0.01")
+    assert "N per metre of depth, 95 % interval 0.0" in term.words
+    assert term.words.endswith("N/m")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_force_with_depth_is_found_on_a_torpedo_among_two_hundred_terms(seed):
+    plant = load_vehicle("npsauv")
+    truth = replace_at(plant, "effects.discovered.heave.depth", 5.0)
+    record = run_mission(truth, np.random.default_rng(seed), duration=200.0)
+    (term,) = searched(plant, record, window=25.0, settle=5.0).terms
+    assert term.path == "effects.discovered.heave.depth"
+    assert term.ci95[0] < 5.0 < term.ci95[1]
+
+
+def test_words_say_the_force_its_regressor_and_its_interval():
+    title = "discovered heave force from depth"
+    term = Term("effects.discovered.heave.depth", title, "N/m", -0.12, (-0.14, -0.10), 0.98, 40.0, 38.0)
+    assert term.words == "a heave force of -0.12 N per metre of depth, 95 % interval -0.14 to -0.1 N/m"
+    other = replace(term, title="discovered yaw moment from u v", unit="kg", value=12.03, ci95=(11.99, 12.07))
+    assert other.words == "a yaw moment of 12.03 kg, times u v, 95 % interval 11.99 to 12.07 kg"
+
+
+def test_without_a_library_there_is_nothing_to_search():
+    plant = QUICK
+    assert len(library_of(plant)) == 18
+    with pytest.raises(ValueError, match="needs some to choose from"):
+        discover(*[None] * 2, State(plant, (), *[None] * 3), (), np.random.default_rng(0))  # type: ignore[arg-type]

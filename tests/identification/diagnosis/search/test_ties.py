@@ -1,0 +1,103 @@
+"""What counts as a tie, to either side of each bar."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from identification.diagnosis.search import acceptance
+from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.ties import Likeness, ahead_of, best_of, tied
+from tests.identification.diagnosis.stand_ins import PLANT, state_of, trial_of
+
+FIRST, SECOND = (Candidate(p, (p,)) for p in ("effects.rudder.offset", "effects.yaw.moment"))
+APART = Likeness(0.5, (1.0,), 100.0, {})
+
+
+@dataclass
+class Costs:
+    """A workbench that knows what each state costs in each window."""
+
+    of: dict = field(default_factory=dict)
+
+    def trial(self, candidate, costs, objection=""):
+        state = state_of(PLANT, *candidate.paths)
+        self.of[state] = np.asarray(costs, dtype=float)
+        return trial_of(candidate, state, objection)
+
+    def costs(self, state, reference):
+        return self.of[state]
+
+    @property
+    def train(self):
+        class Problem:
+            index = {p: i for i, p in enumerate((*FIRST.paths, *SECOND.paths))}
+
+        return Problem
+
+
+@pytest.mark.parametrize(
+    "extra, objection, is_tied",
+    [
+        (8.9, "", True),
+        (9.1, "", False),
+        (6.0, acceptance.SMALL, True),
+        (6.0, acceptance.UNREPEATED, False),
+        (-0.1, acceptance.UNREPEATED, True),
+        (6.0, acceptance.INSIGNIFICANT, False),
+        (-0.1, acceptance.UNSURE, False),
+    ],
+)
+def test_a_few_windows_tie_by_evidence_and_by_why_the_other_one_was_refused(extra, objection, is_tied):
+    bench = Costs()
+    best, other = bench.trial(FIRST, [10.0] * 4), bench.trial(SECOND, [10.0 + extra / 4] * 4, objection)
+    assert bool(tied(bench, best, other, [APART])) is is_tied
+
+
+@pytest.mark.parametrize("spread, is_tied", [(4.4, True), (4.2, False)])
+def test_many_windows_tie_too_where_they_disagree_among_themselves(spread, is_tied):
+    """20 in all over 9 windows, of which 8 are a spread away from the mean: 1.64 standard errors are 4.64 spreads."""
+    signs = np.array([1, -1, 1, -1, 1, -1, 1, -1, 0])
+    bench = Costs()
+    best, other = bench.trial(FIRST, np.zeros(9)), bench.trial(SECOND, 20.0 / 9 + spread * signs)
+    assert bool(tied(bench, best, other, [APART])) is is_tied
+    few = Costs()  # 1.64 standard errors are 40
+    best, other = few.trial(FIRST, np.zeros(6)), few.trial(SECOND, 20.0 / 6 + 10.0 * signs[:6])
+    assert not tied(few, best, other, [APART])
+
+
+@pytest.mark.parametrize(
+    "likeness, is_tied",
+    [
+        (Likeness(0.95, (1.0,), 8.9, {}), True),
+        (Likeness(0.95, (1.0,), 9.1, {}), False),
+        (Likeness(1.0 - 4e-5, (1.0,), 1e4, {}), True),
+        (Likeness(1.0 - 6e-5, (1.0,), 1e4, {}), False),
+    ],
+)
+def test_signatures_that_hardly_differ_tie_whatever_the_fits_reached(likeness, is_tied):
+    bench = Costs()
+    best, other = bench.trial(FIRST, [0.0] * 4), bench.trial(SECOND, [100.0] * 4)
+    assert bool(tied(bench, best, other, [APART, likeness])) is is_tied
+
+
+def test_what_was_never_fitted_ties_with_nothing():
+    bench = Costs()
+    assert not tied(bench, bench.trial(FIRST, [0.0] * 4), trial_of(SECOND), [Likeness(1.0, (1.0,), 0.0, {})])
+
+
+def test_a_rival_takes_the_lead_only_by_more_than_a_tie():
+    bench = Costs()
+    chosen, rival = bench.trial(FIRST, [10.0] * 4), bench.trial(SECOND, [10.0 - 8.9 / 4] * 4)
+    assert ahead_of(bench, chosen, [rival]) is chosen
+    better = bench.trial(SECOND, [10.0 - 9.1 / 4] * 4)
+    assert ahead_of(bench, chosen, [rival, better]) is better
+    assert ahead_of(bench, chosen, []) is chosen
+
+
+def test_of_equals_the_first_in_the_vehicles_order_is_the_best():
+    bench = Costs()
+    second, first = bench.trial(SECOND, [1.0] * 4), bench.trial(FIRST, [1.002] * 4)
+    assert best_of(bench, [second, first]) is first
+    first = bench.trial(FIRST, [1.003] * 4)
+    assert best_of(bench, [second, first]) is second

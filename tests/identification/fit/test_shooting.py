@@ -1,0 +1,171 @@
+"""States that each dive has one unknown value of: recovered with honest intervals, and told from nothing else."""
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, value_at
+from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
+from identification.fit.greybox import GreyBox
+from identification.fit.shooting import Shooting, unknown_states
+from identification.fit.windows import free_run_windows
+
+DRAG, OFFSET = "hull.drag_quadratic", "effects.volume.offset"
+TRUTH = {DRAG: 280.0, "effects.volume.compressibility": 1e-7}
+VOLUMES = np.array([-3e-5, -1e-5, -2.2e-5, -4e-5])
+ROWS = 60
+
+
+def dives(seed: int = 0, noise: float = 0.3, volumes=VOLUMES, truth=TRUTH) -> Record:
+    """Measured depths of dives with these unknown volumes, a valve and a pump action in each; noise: m."""
+    k, count = np.arange(ROWS), len(volumes)
+    valved, pumped = 2e-5 * (k >= 18), 8e-5 * (k >= 38)
+    channels = {"oil_volume_m3": pumped - valved, "pumped_volume_m3": pumped, "valved_volume_m3": valved}
+    record = Record.from_arrays(
+        np.tile(100.0 * k, count),
+        {name: np.tile(values, count) for name, values in channels.items()},
+        segment=np.repeat(np.arange(count), ROWS),
+    )
+    starts = np.array([[100.0 + 20.0 * i, 0.03, volume] for i, volume in enumerate(volumes)])
+    depth = replace_at(load_vehicle("mermaid"), truth).run(record, record.segments, starts)[:, 0]
+    return record.with_channels({"depth_m": depth + noise * np.random.default_rng(seed).standard_normal(depth.size)})
+
+
+def shooting(record: Record) -> Shooting:
+    plant = load_vehicle("mermaid")
+    return Shooting(plant, record, free_run_windows(plant, record, plant.window))
+
+
+def by_dive(fit) -> np.ndarray:
+    """The volumes at the starts of the windows, (dives, windows in each)."""
+    return fit.starts[:, 2].reshape(len(VOLUMES), -1)
+
+
+def test_a_vehicle_says_whether_its_dives_have_volumes_of_their_own():
+    mermaid = load_vehicle("mermaid")
+    assert unknown_states(mermaid) == {"volume_m3": OFFSET}
+    assert unknown_states(replace_at(mermaid, "hull.trim_known", 1.0)) == {}
+    assert unknown_states(load_vehicle("qiandao_float")) == {}
+    assert unknown_states(load_vehicle("slocum")) == {}
+
+
+def test_exact_dives_give_each_its_volume_and_the_drag():
+    fit = GreyBox(load_vehicle("mermaid"), list(TRUTH)).fit(dives(noise=0.0))
+    for path, value in TRUTH.items():
+        assert value_at(fit.model, path) == pytest.approx(value, rel=1e-5)
+    # the same in the three windows of a dive, and another in each dive
+    assert by_dive(fit) == pytest.approx(np.tile(VOLUMES[:, None], 3), abs=1e-10)
+    assert np.array_equal(np.ptp(by_dive(fit), axis=1), np.zeros(4))
+
+
+def test_the_first_guess_of_the_volumes_needs_no_right_drag():
+    """From a few samples each, in which a quarter more drag does little; coarse, but each dive on its own side."""
+    problem = shooting(dives(noise=0.0))
+    guess = problem.first_guess[:, 2].reshape(4, 3)
+    assert np.array_equal(np.ptp(guess, axis=1), np.zeros(4))
+    assert np.argsort(guess[:, 0]).tolist() == np.argsort(VOLUMES).tolist()
+    assert guess[:, 0] == pytest.approx(VOLUMES, abs=2e-5)
+
+
+def test_intervals_hold_the_truth_where_each_dive_has_an_unknown_volume():
+    hits, values, errors, volumes = np.zeros(2), [], [], []
+    for seed in range(40):
+        fit = GreyBox(load_vehicle("mermaid"), list(TRUTH)).fit(dives(seed))
+        hits += [fit[path].ci95[0] <= value <= fit[path].ci95[1] for path, value in TRUTH.items()]
+        values.append([fit[path].value for path in TRUTH])
+        errors.append([fit[path].error for path in TRUTH])
+        volumes.append(by_dive(fit)[:, 0])
+    # at 95 % fewer than 34 hits of 40 have a probability of 0.3 %
+    assert np.all(hits >= 34), hits
+    # a standard deviation of 40 draws is known to 11 %
+    assert np.std(values, axis=0) / np.mean(errors, axis=0) == pytest.approx([1.0, 1.0], abs=0.3)
+    assert np.mean(volumes, axis=0) == pytest.approx(VOLUMES, abs=0.5e-6)
+
+
+def test_an_offset_of_all_dives_cannot_be_told_from_their_volumes():
+    fit = GreyBox(load_vehicle("mermaid"), [DRAG, OFFSET]).fit(dives(truth={}))
+    assert not fit[OFFSET].identifiable
+    assert "initial states" in fit[OFFSET].problem
+    assert fit[DRAG].identifiable
+    alone = GreyBox(load_vehicle("mermaid"), [DRAG]).fit(dives(truth={}))
+    assert fit[DRAG].error == pytest.approx(alone[DRAG].error, rel=0.01)
+
+
+def test_with_a_known_trim_the_offset_is_what_all_dives_share():
+    plant = replace_at(load_vehicle("mermaid"), "hull.trim_known", 1.0)
+    fit = GreyBox(plant, [DRAG, OFFSET]).fit(dives(volumes=np.full(3, -2e-5), truth={DRAG: 280.0}))
+    for path, value in {DRAG: 280.0, OFFSET: -2e-5}.items():
+        assert fit[path].value == pytest.approx(value, abs=4.0 * fit[path].error)
+        assert fit[path].error < 0.01 * abs(value)
+    assert np.array_equal(fit.starts[:, 2], np.zeros(len(fit.starts)))
+
+
+def test_every_dive_counts_as_an_unknown():
+    problem = shooting(dives())
+    assert len(problem.windows) == 12
+    assert problem.nuisances == 12 * len(problem.start_states) + 4
+    two = shooting(dives(volumes=VOLUMES[:2]))
+    assert two.nuisances == 6 * len(two.start_states) + 2
+
+
+def test_what_a_volume_does_in_one_dive_is_taken_out_of_the_sensitivities():
+    """A lift in one dive alone is left with nothing, one that grows in the dive is not."""
+    problem = shooting(dives(noise=0.0))
+    paths = [OFFSET, "effects.volume.leak", DRAG]
+    point = problem.solve(problem.plant, [DRAG])
+    linear = problem.linearise(point, paths, problem.sigma(point))
+    left = np.sqrt(np.diag(linear.information)) / linear.raw
+    assert left[0] < 1e-9
+    assert np.all(left[1:] > 0.05)
+
+
+def runs_of(monkeypatch) -> list[int]:
+    """How many runs each call of the plant makes from now on."""
+    counted, outputs = [], Shooting._outputs
+
+    def counting(self, vectors, starts):
+        counted.append(len(vectors))
+        return outputs(self, vectors, starts)
+
+    monkeypatch.setattr(Shooting, "_outputs", counting)
+    return counted
+
+
+def test_slopes_of_a_point_near_by_lead_to_the_same_fit_in_fewer_runs(monkeypatch):
+    problem = shooting(dives())
+    start = problem.solve(problem.plant, ())
+    problem.linearise(start, [DRAG], problem.sigma(start))
+    counted = runs_of(monkeypatch)
+    alone = problem.solve(problem.plant, [DRAG], start.starts)
+    runs = sum(counted)
+    led = problem.solve(problem.plant, [DRAG], start.starts, near=start)
+    assert sum(counted) - runs <= runs
+    # both rest where the cost, about half a sample's worth per sample, gains less than 1e-7 of that
+    assert led.cost == pytest.approx(alone.cost, abs=1e-4)
+    drag = problem.index[DRAG]
+    assert led.vector[drag] == pytest.approx(alone.vector[drag], rel=1e-3)
+
+
+def test_known_slopes_are_not_run_again_and_are_the_same(monkeypatch):
+    problem = shooting(dives())
+    point = problem.solve(problem.plant, ())
+    sigma = problem.sigma(point)
+    first = problem.linearise(point, [DRAG, "effects.volume.leak"], sigma)
+    counted = runs_of(monkeypatch)
+    again = problem.linearise(point, ["effects.volume.leak", DRAG], sigma)
+    assert counted == []
+    assert np.array_equal(again.raw, first.raw[::-1])
+    problem.linearise(point, [DRAG], sigma, step=1.0)
+    # another step of the path and, for the states that dives share, of these
+    assert counted == [2]
+
+
+def test_other_scales_change_the_units_of_slopes_and_nothing_else():
+    problem = shooting(dives())
+    point = problem.solve(problem.plant, ())
+    sigma = problem.sigma(point)
+    one = problem.linearise(point, [DRAG], sigma)
+    other = problem.scaled({DRAG: 2.0 * problem.scale(DRAG)}).linearise(point, [DRAG], sigma)
+    # a difference quotient over twice the change bends a little
+    assert other.raw == pytest.approx(2.0 * one.raw, rel=1e-2)
+    assert problem.linearise(point, [DRAG], sigma).raw == pytest.approx(one.raw, rel=1e-12)

@@ -1,0 +1,259 @@
+"""The page of a diagnosis: complete, self-contained, well-formed, and with the diagnosis's own numbers."""
+
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auv_gym.channels import channel
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record, concat
+from identification.diagnosis import diagnose
+from identification.diagnosis.log.plausibility import Doubt
+from identification.experiments.heading_control import closed_loop
+from identification.fit.validation import FreeRuns
+from identification.pages import diagnosis_figures as figures
+from identification.pages.diagnosis_page import MEANINGS, amount, diagnosis_page, number, span
+from tests.identification.outline import Outline
+
+pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+pytest.importorskip("jinja2", reason="the extra `render` is not installed")
+
+SECTIONS = ("the-log", "before-after", "remains", "sensors", "loop", "candidates", "effects", "detectable", "method")
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.fixture(scope="module")
+def diagnosis():
+    vehicle = load_vehicle("slocum")
+    truth = replace_at(vehicle, {"effects.current.north": 0.08, "effects.yaw.moment": 0.02})
+    record = closed_loop(truth, rng=np.random.default_rng(4), duration=600.0)
+    return diagnose(record, vehicle, source="dive 7 <west>.csv")
+
+
+@pytest.fixture(scope="module")
+def page(diagnosis):
+    return diagnosis_page(diagnosis)
+
+
+@pytest.fixture(scope="module")
+def outline(page):
+    return Outline(page)
+
+
+@pytest.fixture
+def no_figures(monkeypatch):
+    monkeypatch.setattr(figures, "svg", lambda draw, d, name, label: f'<svg role="img" aria-label="{name}"></svg>')
+
+
+def test_the_page_is_well_formed(page, outline):
+    assert page.startswith("<!doctype html>")
+    assert outline.faults == []
+    ids = [attrs["id"] for _, attrs in outline.tags if "id" in attrs]
+    assert len(ids) == len(set(ids))
+    for reference in re.findall(r'(?:url\(|href=")#([^")]+)', page):
+        assert reference in ids
+
+
+def test_the_page_loads_nothing(page, outline):
+    assert "http:" not in page
+    assert "https:" not in page
+    assert "@import" not in page
+    for tag, attrs in outline.tags:
+        assert tag not in {"script", "iframe", "object", "embed"}
+        assert "src" not in attrs
+        assert attrs.get("href", "#").startswith(("#", "data:"))
+    assert all(target.startswith("#") for target in re.findall(r"url\(([^)]*)\)", page))
+
+
+def test_the_page_says_which_logs_the_vehicle_has_seen(diagnosis, outline):
+    assert diagnosis.given.plant.fitted_to in outline.text
+    assert "its numbers were fitted to" in outline.text
+
+
+def test_the_sections_stand_in_order_and_can_be_reached(outline):
+    ids = [attrs["id"] for tag, attrs in outline.tags if tag == "section" and "id" in attrs]
+    links = [attrs["href"].removeprefix("#") for tag, attrs in outline.tags if tag == "a"]
+    assert tuple(ids) == SECTIONS
+    assert tuple(links) == SECTIONS
+
+
+def test_every_figure_has_words_for_who_cannot_see_it(outline):
+    drawings = [attrs for tag, attrs in outline.tags if tag == "svg"]
+    assert len(drawings) >= 9
+    assert all(attrs["role"] == "img" and len(attrs["aria-label"]) > 20 for attrs in drawings)
+    assert sum(tag == "figcaption" for tag, _ in outline.tags) == len(drawings)
+
+
+def test_the_page_shows_the_numbers_of_the_diagnosis(diagnosis, outline):
+    text = outline.text
+    assert len(diagnosis.effects) >= 2
+    for e in diagnosis.effects:
+        assert amount(e.value, e.unit, sign=True) in text
+        assert span(e.ci95, e.unit) in text
+        assert e.path in text
+    for name in ("heading_rad", "north_m", "east_m"):
+        for stage in (diagnosis.given, diagnosis.before, diagnosis.after):
+            assert amount(stage.scores[name].rmse, channel(name).unit) in text
+    assert f"{len(diagnosis.windows[0])} / {len(diagnosis.windows[1])}" in text
+    assert f"{100.0 * diagnosis.explained:.0f} %" in text
+    for c in diagnosis.coefficients:
+        assert amount(c.value, c.unit) in text
+    for x in diagnosis.detectable:
+        assert x.title in text
+        assert not np.isfinite(x.size) or amount(x.size, x.unit) in text
+    for r in diagnosis.rounds:
+        for trial in r.trials:
+            assert trial.candidate.title in text
+            assert trial.state is None or abs(trial.train) < 1.0 or number(trial.train) in text
+
+
+def test_names_of_logs_are_text_not_markup(page, outline):
+    assert "dive 7 <west>.csv" in outline.text
+    assert "<west>" not in page
+
+
+def test_the_same_diagnosis_gives_the_same_page(diagnosis, page):
+    assert diagnosis_page(diagnosis) == page
+
+
+@pytest.mark.parametrize("verdict", list(MEANINGS))
+def test_each_verdict_has_its_page(diagnosis, no_figures, verdict):
+    group = (diagnosis.effects[0].path, "effects.rudder.offset")
+    changed = {
+        "none": {"effects": (), "tied": (), "after": diagnosis.before},
+        "doubted": {
+            "effects": (),
+            "tied": (),
+            "doubts": (Doubt("the rudder is mirrored", ("rudder_rad",), 9.0, "turn it"),),
+        },
+        "coefficients": {"effects": (), "tied": (), "coefficients": (replace(diagnosis.coefficients[0], wrong=True),)},
+        "named": {"tied": ()},
+        "tied": {"tied": (group,), "effects": (replace(diagnosis.effects[0], tied_with=group[1:]),)},
+        "unexplained": {"effects": (), "tied": (), "after": diagnosis.before},
+    }[verdict]
+    found = Outline(diagnosis_page(replace(diagnosis, verdict=verdict, **changed)))
+    assert found.faults == []
+    assert MEANINGS[verdict] in found.text
+    assert ("section", {"class": f"verdict {verdict}", "aria-label": "Verdict"}) in found.tags
+    assert ("cannot tell apart" in found.text) == (verdict == "tied")
+    assert ("No effect was named." in found.text) == (verdict in ("none", "coefficients", "unexplained", "doubted"))
+
+
+def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosis, no_figures):
+    moved = replace(
+        diagnosis.effects[0], path="effects.rudder.gain", title="rudder gain", unit="1", neutral=1.0,
+        value=0.7, ci95=(0.6, 0.8), tied_with=("hull.n_delta",),
+    )  # fmt: skip
+    d = replace(
+        diagnosis, before=diagnosis.given, effects=(moved,), tied=((moved.path, "hull.n_delta"),), verdict="tied"
+    )
+    text = Outline(diagnosis_page(d)).text
+    assert "Before is the vehicle as it was given." in text
+    assert "rudder gain acts exactly as rudder effectiveness" in text
+    c = next(c for c in d.coefficients if c.path == "hull.n_delta")
+    assert f"{amount(c.value, c.unit)} instead of {amount(c.given, c.unit)}" in text
+
+
+@pytest.mark.parametrize("missing", ["matplotlib", "jinja2"])
+def test_without_the_extra_the_error_says_what_to_install(diagnosis, monkeypatch, missing):
+    monkeypatch.setitem(sys.modules, missing, None)
+    with pytest.raises(ImportError, match=rf"{missing} is not installed: pip install 'auv-gym\[render\]'"):
+        diagnosis_page(diagnosis)
+
+
+@pytest.mark.parametrize(
+    "value, text",
+    [
+        (0.0, "0"),
+        (1234.5, "1234"),
+        (0.99951, "1.00"),
+        (-0.27335, "−0.273"),
+        (0.00055139, "0.000551"),
+        (1.28e-7, "1.28e−07"),
+        (float("inf"), "–"),
+    ],
+)
+def test_numbers_for_people(value, text):
+    assert number(value) == text
+
+
+def test_angles_are_in_degrees_and_units_in_print():
+    assert amount(np.pi / 6.0, "rad", sign=True) == "+30.0 deg"
+    assert amount(12.0, "N m s^2/rad^2") == "12.0 N m s²/rad²"
+    assert span((-np.pi, np.pi), "rad/s") == "−180 to 180 deg/s"
+
+
+def test_thinning_keeps_extremes_ends_and_breaks():
+    values = np.cumsum(np.random.default_rng(0).standard_normal(20_000))
+    cuts = [5000, 12_345]
+    kept = figures.thinned(values, 1000, cuts)
+    assert kept.size <= 1000 + 3 * (len(cuts) + 1)
+    assert {int(np.argmin(values)), int(np.argmax(values)), 0, 4999, 5000, 12_344, 12_345, 19_999} <= set(kept.tolist())
+    assert np.count_nonzero(kept == values.size) == 3
+    lines = np.split(kept, np.flatnonzero(kept == values.size) + 1)
+    assert all(np.all(np.diff(line[:-1]) > 0) for line in lines if line.size > 1)
+
+
+def test_error_growth_is_the_root_mean_square_at_each_time_into_the_windows():
+    time = np.arange(0.0, 240.0, 4.0)
+    record = Record.from_arrays(time, {"heading_rad": np.zeros(time.size)})
+    window = np.repeat([0, 1], 30)
+    since = np.tile(4.0 * np.arange(30), 2)
+    residual = since * np.where(window == 0, 3.0, 4.0)
+    runs = FreeRuns(("heading_rad",), np.arange(60), window, residual[:, None], residual[:, None], since >= 20.0)
+    seconds, error = figures.error_growth(runs, record, 120.0, 0)
+    one_sample = np.isclose(seconds % 4.0, 0.0)  # bins of 5 s hold one or two samples of a window
+    assert one_sample.sum() > 15
+    np.testing.assert_allclose(error[one_sample], seconds[one_sample] * np.sqrt(12.5))
+
+
+def test_segments_that_start_their_clock_again_are_drawn_one_after_another():
+    part = Record.from_arrays(np.arange(0.0, 100.0, 4.0), {"heading_rad": np.zeros(25)})
+    clock = figures.Clock(concat([part, part]))
+    assert clock.closed_up
+    assert list(clock.cuts) == [25]
+    assert np.all(np.diff(clock.times) > 0.0)
+    assert "one after another" in clock.label
+
+
+def test_the_examples_are_the_worst_windows_and_a_typical_one(diagnosis):
+    held = diagnosis.before.held
+    output = held.channels.index(figures.most_improved(diagnosis))
+    keep = held.scored
+    sizes = {w: np.mean(held.residual[keep & (held.window == w), output] ** 2) for w in np.unique(held.window)}
+    examples = dict(figures.example_windows(diagnosis))
+    worst = next(number for title, number in examples.items() if title.startswith("Largest error before"))
+    assert worst == max(sizes, key=lambda w: sizes[w])
+    assert len(set(examples.values())) == len(examples) >= 2
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")
+def test_a_browser_draws_the_page_without_a_console_message(page, tmp_path):
+    assert not console_messages(page, tmp_path)
+    picture = tmp_path / "page.png"
+    assert picture.stat().st_size > 50_000
+    # the same look at a page that does complain, to know that complaints are seen
+    assert console_messages("<!doctype html><title>x</title><script>console.error('seen')</script>", tmp_path)
+
+
+def console_messages(page: str, folder: Path) -> list[str]:
+    """What a browser writes to its console while it draws a page."""
+    (folder / "page.html").write_text(page, encoding="utf-8")
+    assert CHROMIUM is not None
+    done = subprocess.run(
+        [
+            CHROMIUM, "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run",
+            "--disable-background-networking", "--disable-component-update", "--disable-sync",
+            "--enable-logging=stderr", "--v=0", f"--user-data-dir={folder / 'profile'}", "--window-size=1100,6000",
+            f"--screenshot={folder / 'page.png'}", (folder / "page.html").as_uri(),
+        ],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    return [line for line in done.stderr.splitlines() if "CONSOLE" in line]

@@ -1,0 +1,56 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auv_gym.plant import load_vehicle
+from auv_gym.plant.record_check import check_excitation, check_ranges
+from auv_gym.records.record import Record
+from identification.diagnosis import diagnose
+from identification.fit.greybox import GreyBox
+
+FLOAT = load_vehicle("qiandao_float")
+TIME = np.arange(0.0, 600.0, 0.7)
+
+
+def _record(segment=None, **changes):
+    piston = 0.55 + 0.05 * np.sign(np.sin(TIME / 60.0))
+    channels = {"depth_m": 20.0 + 5.0 * np.sin(TIME / 60.0), "piston_m": piston, **changes}
+    return Record.from_arrays(TIME, channels, segment=segment)
+
+
+def test_a_record_within_the_ranges_passes():
+    check_ranges(FLOAT, _record())
+    check_excitation(FLOAT, _record())
+
+
+def test_a_piston_in_millimetres_for_a_part_of_the_log_is_refused_with_the_place():
+    labels = np.where(TIME < 300.0, "one", "two")
+    piston = np.where(TIME < 300.0, 0.52, 520.0) + 0.0 * TIME
+    with pytest.raises(
+        ValueError, match=r"from 0.5 to 0.6 m; piston_m is 520 at 300 s of two.*unit, throughout the log"
+    ):
+        check_ranges(FLOAT, _record(segment=labels, piston_m=piston))
+
+
+@pytest.mark.parametrize("fit", [lambda r: diagnose(r, FLOAT), lambda r: GreyBox(FLOAT, ["hull.drag_linear"]).fit(r)])
+def test_a_depth_above_the_surface_is_refused_by_diagnosis_and_fit(fit):
+    with pytest.raises(ValueError, match=r"qiandao_float has depth from -5 to inf m; depth_m is -\d.*sign"):
+        fit(_record(depth_m=-20.0 - 5.0 * np.sin(TIME / 60.0)))
+
+
+def test_a_dive_without_buoyancy_actions_is_refused():
+    with pytest.raises(ValueError, match=r"Nothing excites the vehicle: piston_m is constant at 0.55 \(m\)"):
+        diagnose(_record(piston_m=np.full(TIME.size, 0.55)), FLOAT)
+
+
+def test_a_vehicle_that_needs_no_input_is_excited_by_those_that_were_logged():
+    glider = load_vehicle(Path(__file__).parents[2] / "examples" / "vehicles" / "seawing.toml")
+    assert glider.family.required == ()
+    time = np.arange(600.0)
+    slides = Record.from_arrays(time, {"depth_m": time, "battery_m": 0.03 * np.sign(np.sin(time / 60.0))})
+    check_excitation(glider, slides)
+    with pytest.raises(ValueError, match=r"battery_m is constant at 0.01 \(m\)"):
+        check_excitation(glider, Record.from_arrays(time, {"depth_m": time, "battery_m": np.full(600, 0.01)}))
+    with pytest.raises(ValueError, match=r"the log has none of ballast_m3, battery_m, battery_rad\. Use a log with"):
+        check_excitation(glider, Record.from_arrays(time, {"depth_m": time}))
