@@ -8,7 +8,7 @@ from auv_gym.cli import main
 from auv_gym.records.record import Record
 from identification.campaign.index import read_index
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 GUIDE = re.findall(r"```toml\n(.*?)```", (ROOT / "docs" / "campaigns.md").read_text(encoding="utf-8"), re.DOTALL)
 
 

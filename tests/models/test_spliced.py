@@ -21,7 +21,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 RATES = ("p_radps", "q_radps", "r_radps")
 BODY = ("u_mps", "v_mps", "w_mps", *RATES)
 WATER = {

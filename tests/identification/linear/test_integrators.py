@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.identification.linear.test_long_predictor import (
+from tests.identification.linear.subspaces.test_long_predictor import (
     CHANNELS,
     SLOW,
     SUM,

@@ -6,7 +6,7 @@ from math import log
 
 import numpy as np
 import pytest
-from known_systems import INPUTS, OUTPUTS, TRUTH, record_of
+from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
 from auv_gym.models.linear import Polynomial
 from auv_gym.records.record import Record
