@@ -3,27 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from math import radians
 from typing import Any
 
-import numpy as np
-
 from auv_gym.param import did_you_mean
-from auv_gym.plant import Plant, without_effects
-from auv_gym.plant.cruise import Cruise, command_limits, find_cruise, find_helm, resting_commands
-from auv_gym.plant.float_engine import find_engine
-from controllers.composed.loops import Cascade, Joint, Mirrored, commands_of
+from auv_gym.plant import Plant
+from controllers.composed.loops import Joint
 from controllers.controller import Controller
 from controllers.gains import Gains, NoGains, gains_for
-from controllers.pid import Pid
-from controllers.s_plane import SPlane
-from controllers.tracking import Points
+from controllers.kinds import KINDS
 
-KINDS = ("pid", "s_plane", "gpc")
-TARGETS = {"body": ("depth_m", "heading_rad", "u_mps"), "glider": ("heading_rad",), "float": ("depth_m",)}
-_POINTS = 9  # of the steady speeds at commands from rest to the limit
-_FASTEST = 20.0  # m/s
+LAWS = ("pid", "s_plane", "gpc")
 
 
 def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = None, **settings: Any) -> Controller:
@@ -38,11 +29,8 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
     if kind == "s_plane":
         return s_plane_autopilot(plant, targets, **settings)
     if kind == "gpc":
-        from controllers.predictive.gpc_autopilot import gpc_autopilot  # needs a solver
-
-        chosen = {} if targets is None else {"targets": tuple(targets)}
-        return gpc_autopilot(plant, **chosen, **settings)
-    raise ValueError(f"No autopilot of kind {kind!r}. {did_you_mean(kind, KINDS)}Kinds: {', '.join(KINDS)}.")
+        return gpc_autopilot(plant, targets, **settings)
+    raise ValueError(f"No autopilot of kind {kind!r}. {did_you_mean(kind, LAWS)}Kinds: {', '.join(LAWS)}.")
 
 
 def usual_autopilot(plant: Plant) -> Controller:
@@ -66,51 +54,9 @@ def pid_autopilot(
     dt: s between calls, default the plant's.  pitch_limit: rad, in place of the tuned one.  gains: a file, or the
     gains themselves.  Raises where there are none for this vehicle and time.
     """
-    chosen = _targets(plant, targets, also=("pitch_rad",) if plant.family.kind == "body" else ())
-    known = gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
-    if plant.family.kind == "glider":
-        return Pid(**_settings(known, "pid", "heading"), limit=plant.hull.rudder_limit)
-    if plant.family.kind == "float":
-        return _engine_pid(plant, known)
-    cruise, limits, helm = _cruise(plant), command_limits(plant), find_helm(plant)
-    rudder, plane, propulsion = (float(cruise.commands[i]) for i in (helm.rudder, helm.plane, helm.drive))
-    pitch = Pid(
-        **_settings(known, "pid", "pitch"),
-        measured="pitch_rad",
-        command=plant.inputs[helm.plane],
-        rate_measured="q_radps",
-        limit=float(limits[helm.plane]),
-        neutral=plane,
-    )
-    loops: dict[str, Controller] = {
-        "heading_rad": Pid(
-            **_settings(known, "pid", "heading"),
-            command=plant.inputs[helm.rudder],
-            rate_measured="r_radps",
-            limit=float(limits[helm.rudder]),
-            neutral=rudder,
-        ),
-        "u_mps": Pid(
-            **_settings(known, "pid", "speed"),
-            measured="u_mps",
-            command=plant.inputs[helm.drive],
-            limit=0.5 * float(limits[helm.drive]),
-            middle=0.5 * float(limits[helm.drive]),
-            neutral=propulsion,
-            steady=steady_speeds(plant),
-        ),
-        "pitch_rad": pitch,
-    }
-    if "depth_m" in chosen:
-        settings = _settings(known, "pid", "depth")
-        if pitch_limit is not None:
-            settings["limit"] = pitch_limit
-        level = min(
-            max(float(cruise.state[plant.family.states.index("pitch_rad")]), -settings["limit"]), settings["limit"]
-        )
-        outer = Pid(**settings, measured="depth_m", command="pitch_rad", neutral=level)
-        loops["depth_m"] = Cascade(outer, pitch)
-    return _joined(plant, [loops[name] for name in chosen], known)
+    kind = KINDS.of(plant.family)
+    chosen = _targets(plant, targets, also=tuple(name for name in kind.plans if name not in kind.targets))
+    return kind.pid(plant, chosen, _gains(plant, dt, gains), pitch_limit)
 
 
 def s_plane_autopilot(
@@ -125,100 +71,65 @@ def s_plane_autopilot(
     dt: s between calls, default the plant's.  gains: a file, or the gains themselves.  Raises where there are none for
     this vehicle and time.
     """
-    if plant.family.kind != "body":
+    kind = KINDS.of(plant.family)
+    if kind.s_plane is None:
         raise ValueError(
             f"S-plane control is there for vehicles in six degrees of freedom, got {plant.name!r} of family "
             f"{plant.family.name!r}: take kind 'pid'."
         )
-    chosen = _targets(plant, targets)
-    known = gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
-    cruise, limits, helm = _cruise(plant), command_limits(plant), find_helm(plant)
-    rudder, plane, propulsion = (float(cruise.commands[i]) for i in (helm.rudder, helm.plane, helm.drive))
-    to_starboard, to_nose_up = (float(np.sign(gain)) for gain in (cruise.rudder_gains[2], cruise.plane_gains[2]))
-    loops = {
-        "heading_rad": SPlane(
-            **_settings(known, "s_plane", "heading"),
-            command=plant.inputs[helm.rudder],
-            span=to_starboard * float(limits[helm.rudder]),
-            rate_measured="r_radps",
-            limit=float(limits[helm.rudder]),
-            neutral=rudder,
-        ),
-        "depth_m": SPlane(
-            **_settings(known, "s_plane", "depth"),
-            span=-to_nose_up * float(limits[helm.plane]),
-            measured="depth_m",
-            command=plant.inputs[helm.plane],
-            limit=float(limits[helm.plane]),
-            neutral=plane,
-        ),
-        "u_mps": SPlane(
-            **_settings(known, "s_plane", "speed"),
-            span=0.5 * float(limits[helm.drive]),
-            measured="u_mps",
-            command=plant.inputs[helm.drive],
-            limit=0.5 * float(limits[helm.drive]),
-            middle=0.5 * float(limits[helm.drive]),
-            neutral=propulsion,
-            steady=steady_speeds(plant),
-        ),
-    }
-    return _joined(plant, [loops[name] for name in chosen], known)
+    return kind.s_plane(plant, _targets(plant, targets), _gains(plant, dt, gains))
 
 
-def steady_speeds(plant: Plant) -> Points:
-    """Forward speeds, m/s, and the propulsion commands that hold them on a level straight course, without effects."""
-    clean, helm = without_effects(plant), find_helm(plant)
-    actuators, highest = len(clean.family.actuators), float(command_limits(clean)[helm.drive])
-    depth = clean.family.states.index("depth_m")
-    points = [(0.0, 0.0)]
-    for command in np.linspace(0.0, highest, _POINTS)[1:]:
-        commands = resting_commands(clean)
-        commands[helm.drive] = command
-        low, high = 0.0, _FASTEST
-        for _ in range(40):
-            x = np.zeros(len(clean.states))
-            x[0], x[depth] = 0.5 * (low + high), 1e3  # far below any wave
-            for at in (len(clean.family.states), x.size - actuators):
-                x[at : at + actuators] = commands[:actuators]
-            gains = float(clean.step(x, commands)[0]) > x[0]
-            low, high = (x[0], high) if gains else (low, x[0])
-        points.append((float(0.5 * (low + high)), float(command)))
-    return tuple(points)
+def gpc_autopilot(
+    plant: Plant,
+    targets: Sequence[str] | None = None,
+    *,
+    dt: float | None = None,
+    pitch_limit: float | None = None,
+    **settings: Any,
+) -> Controller:
+    """Predictive control on `linearise(plant)`: depth, heading and speed of a torpedo, each by a Gpc of its own.
+
+    Planes hold the depth within pitch_limit, rad, default 20 degrees either side of trim; rudder and propulsion do the
+    rest; fins are turned further where it goes slower.  A glider's rudder holds its heading, a float's engine its
+    depth.  One motion each, as at cruise they do not act on each other at first order.
+    targets: some of these channels, default all; `pitch_rad` in the place of depth.  dt: s between plans, a multiple of
+    the plant's, with which the filters go; default a third of the time for a torpedo's length, a fifteenth of a float's
+    engine's time.  settings: further ones of every Gpc.
+    """
+    kind = KINDS.of(plant.family)
+    makers = kind.plans
+    names = kind.targets if targets is None else tuple(targets)
+    unknown = [name for name in names if name not in makers]
+    if unknown or not names:
+        raise ValueError(
+            f"gpc_autopilot of {plant.name!r} needs targets among {', '.join(makers)}, got "
+            f"{', '.join(unknown) or 'none'}."
+        )
+    if pitch_limit is not None:
+        if "pitch_rad" not in makers or not 0.0 < pitch_limit < radians(85.0):
+            raise ValueError(f"gpc_autopilot needs a pitch_limit of a torpedo, 0 to 1.48 rad, got {pitch_limit!r}.")
+        if "depth_m" in names:
+            settings = {**settings, "pitch_limit": pitch_limit}
+    settings = {"every": _samples(plant, kind.every, dt), **settings}
+    made = [makers[name](plant, settings) for name in names]
+    return made[0] if len(made) == 1 else Joint(tuple(made))
 
 
-@lru_cache(maxsize=16)
-def _cruise(plant: Plant) -> Cruise:
-    return find_cruise(plant)  # a tenth of a second
+def _samples(plant: Plant, every: Callable[[Plant], float], dt: float | None) -> int:
+    """Samples of the plant from one plan to the next."""
+    samples = max(round((every(plant) if dt is None else dt) / plant.dt), 1)
+    if dt is not None and abs(samples * plant.dt - dt) > 1e-6 * dt:
+        raise ValueError(f"gpc_autopilot needs dt a multiple of the {plant.dt:g} s of {plant.name!r}, got {dt!r}.")
+    return samples
 
 
-def _engine_pid(plant: Plant, gains: Gains) -> Pid:
-    engine = find_engine(plant)
-    return Pid(
-        **_settings(gains, "pid", "depth"),
-        measured="depth_m",
-        command=engine.channel,
-        limit=engine.half,
-        rate_limit=engine.rate,
-        middle=engine.middle,
-        neutral=float(plant.hull.piston_neutral) if engine.channel == "piston_m" else 0.0,
-    )
-
-
-def _joined(plant: Plant, loops: Sequence[Controller], gains: Gains) -> Controller:
-    """The loops side by side; the bow planes share the work of the stern planes where they are to."""
-    source, *mirrors = plant.family.body.by_role()["pitch"]
-    shared = list(loops)
-    if mirrors and gains.bow_share != 0.0:
-        shared = [
-            Mirrored(loop, gains.bow_share, source=source, command=mirrors[0]) if source in commands_of(loop) else loop
-            for loop in loops
-        ]
-    return Joint(tuple(shared))
+def _gains(plant: Plant, dt: float | None, gains: str | os.PathLike | Gains | None) -> Gains:
+    return gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
 
 
 def _targets(plant: Plant, targets: Sequence[str] | None, also: tuple[str, ...] = ()) -> tuple[str, ...]:
-    known = TARGETS[plant.family.kind]
+    known = KINDS.of(plant.family).targets
     chosen = known if targets is None else tuple(targets)
     for name in chosen:
         if name not in (*known, *also):
@@ -232,14 +143,3 @@ def _targets(plant: Plant, targets: Sequence[str] | None, also: tuple[str, ...] 
             "or pitch_rad, which move the same plane."
         )
     return chosen
-
-
-def _settings(gains: Gains, kind: str, loop: str) -> dict[str, Any]:
-    try:
-        return dict(gains.loops[kind][loop])
-    except KeyError:
-        there = ", ".join(f"{k}.{name}" for k, loops in gains.loops.items() for name in loops)
-        raise ValueError(
-            f"The gains of {gains.vehicle!r} at {gains.dt:g} s have no {kind}.{loop}, but {there or 'nothing'}: add it "
-            "to the gains that you give, or choose other targets or another kind."
-        ) from None

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from math import isfinite, log
 from pathlib import Path
+from typing import Any
 
 from auv_gym.writing import replacing
 
@@ -30,6 +31,17 @@ class Gains:
     dt: float
     bow_share: float = 0.0
     loops: Mapping[str, Loops] = field(default_factory=dict)
+
+    def law(self, kind: str, loop: str) -> dict[str, Any]:
+        """The settings of one law; raises ValueError where these gains have none."""
+        try:
+            return dict(self.loops[kind][loop])
+        except KeyError:
+            there = ", ".join(f"{k}.{name}" for k, loops in self.loops.items() for name in loops)
+            raise ValueError(
+                f"The gains of {self.vehicle!r} at {self.dt:g} s have no {kind}.{loop}, but {there or 'nothing'}: add "
+                "it to the gains that you give, or choose other targets or another kind."
+            ) from None
 
 
 class NoGains(ValueError):

@@ -8,7 +8,7 @@ from math import inf, isfinite
 
 from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant
-from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.vehicles.glider import GliderHull, yaw_rates
 from auv_gym.vehicles.profiling_float import steady_speed
 from controllers.tracking import Points, check_loop, error_of, filtered_rate, held_by, limited
 
@@ -108,7 +108,7 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
     and only the two slower poles are placed.  settling: s, default the larger of T and 3 samples.
     Raises for other vehicles, or if the rudder does not turn this one.  Source: Astrom and Murray 2021, sec. 8.2.
     """
-    if plant.family.kind != "glider":
+    if not isinstance(plant.hull, GliderHull):
         raise ValueError(
             f"heading_pid places poles on a glider's linear form, got {plant.name!r} of family {plant.family.name!r}: "
             "give a Pid gains of your own."

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from auv_gym.plant import without_effects
-from controllers.autopilots import KINDS, TARGETS, autopilot
+from controllers.autopilots import LAWS, autopilot
 from controllers.controller import Controller
+from controllers.kinds import KINDS
 
 
 @dataclass(frozen=True)
@@ -46,9 +47,9 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
     plant = getattr(inner, "plant", None)
     if plant is None:
         raise ValueError(f"{inner} has no vehicle, so no controller is known for it: leave out {kind}.")
-    if kind not in KINDS:
-        raise ValueError(f"No autopilot of kind {kind!r}. Kinds: {', '.join(KINDS)}.")
-    known = TARGETS[plant.family.kind]
+    if kind not in LAWS:
+        raise ValueError(f"No autopilot of kind {kind!r}. Kinds: {', '.join(LAWS)}.")
+    known = KINDS.of(plant.family).targets
     _, info = env.reset(seed=0)
     targets = tuple(info["target"])
     if not targets or not set(targets) <= set(known):
@@ -56,5 +57,4 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
             f"No controller follows the target of this environment ({', '.join(targets) or 'a path'}); of "
             f"{plant.name} they follow {', '.join(known)}: compare in another environment."
         )
-    chosen = targets if plant.family.kind == "body" else None
-    return Pilot(autopilot(without_effects(plant), kind, chosen, **settings))
+    return Pilot(autopilot(without_effects(plant), kind, targets, **settings))

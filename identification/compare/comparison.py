@@ -304,9 +304,9 @@ def compare_closed(
 def stand_in(plant: Plant, model: Model) -> Model:
     """The model where it has all outputs of the plant; else the plant with the model driving those that it has.
 
-    A float has no other motion that a plant could add: its model stands alone.
+    A vehicle without a position on the map, such as a float, has no other motion to add: its model stands alone.
     """
-    alone = isinstance(model, Plant | Spliced) or plant.family.kind == "float"
+    alone = isinstance(model, Plant | Spliced) or "north_m" not in plant.states
     if alone or set(plant.outputs) <= set(model.outputs):
         return model
     return cast(Model, splice(plant, model))

@@ -155,7 +155,7 @@ def diagnose(
                 "The description of what remains", lambda: habitat_of(after.fitted, record, rng), None
             )
     form = None
-    if left and effects and plant.family.kind != "body" and bench.train.runs.rows <= FEW_ROWS:
+    if left and effects and plant.family.body is None and bench.train.runs.rows <= FEW_ROWS:
         progress(0.95, "filtering, for the process noise")
         form = extras.attempt("The fit with process noise", lambda: _form(state, record, train), None)
     progress(1.0, "done")

@@ -10,6 +10,7 @@ from auv_gym.model import Diverged
 from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from auv_gym.vehicles.glider import GliderHull
 from controllers.controller import Controller
 from controllers.pid import heading_pid
 from identification.experiments.excitation import prbs, set_point_steps, slow_variation
@@ -46,7 +47,7 @@ def closed_loop(
     bit_time: s, default the larger of 2 samples and 8 s.  run_in: s before the record begins, as a log begins in
     mid-mission.  Raises Diverged.
     """
-    if plant.family.name != "glider":
+    if not isinstance(plant.hull, GliderHull):
         raise ValueError(
             f"closed_loop needs a vehicle of family 'glider', got {plant.name!r} ({plant.family.name!r}): step "
             "this one in an environment, such as gymnasium.make('auv_gym/Heading-v0', vehicle=...)."

@@ -50,7 +50,7 @@ def steer(
     the plant's own `effects.sampling` has noise, that stands.
     Raises ValueError for other vehicles, or if the run is cut short.
     """
-    if plant.family.kind != "body":
+    if plant.family.body is None:
         raise ValueError(
             f"steer needs a vehicle in six degrees of freedom, got {plant.name!r} of family {plant.family.name!r}."
         )

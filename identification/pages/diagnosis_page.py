@@ -18,6 +18,7 @@ from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.trials import Trial
+from identification.experiments.kinds import KINDS
 from identification.pages import diagnosis_figures, habitat_figure
 from identification.pages.drawing import require_render
 from identification.pages.page import Drawing, amount, both, drawing, listed, number, page, span, typeset
@@ -25,7 +26,6 @@ from identification.pages.page import Drawing, amount, both, drawing, listed, nu
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ENVIRONMENTS = {"glider": "auv_gym/GliderHeading-v0", "float": "auv_gym/FloatDepth-v0"}
 MEANINGS = {
     "none": "The refitted vehicle agrees with this log as far as the log can tell.",
     "doubted": "The log itself looks wrong. Nothing is said of the vehicle until that is cleared up.",
@@ -191,7 +191,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "ties": _ties(d, titles),
         "coefficients": [_coefficient(c) for c in d.coefficients],
         "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],
-        "environment": ENVIRONMENTS.get(plant.family.kind, ""),
+        "environment": KINDS.of(plant.family).environment,
         "glossary": GLOSSARY,
         "changed": d.changed,
         "rest": _rest(d),

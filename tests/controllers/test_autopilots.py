@@ -11,10 +11,12 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import list_vehicles, load_vehicle, save_vehicle
 from auv_gym.plant.cruise import command_ranges, find_cruise
-from controllers.autopilots import TARGETS, autopilot, steady_speeds, usual_autopilot
+from controllers.autopilots import autopilot, usual_autopilot
 from controllers.composed.scheduled import Scheduled
 from controllers.controller import Controller
 from controllers.gains import Gains, gains_for, read_gains, write_gains
+from controllers.kinds import KINDS
+from controllers.kinds.body import steady_speeds
 from controllers.predictive.gpc import Gpc
 from controllers.trials.settling import step_response
 from controllers.trials.trial import NOISE, at_rest, level_flight, run_trial
@@ -113,7 +115,7 @@ def test_the_same_gains_hold_on_a_changed_vehicle(vehicle, dt, side):
 @pytest.mark.parametrize("vehicle, dt", [entry for entry in ENTRIES if entry not in TORPEDOES])
 def test_gliders_and_floats_settle_with_noise(vehicle, dt):
     plant = load_vehicle(FILES.get(vehicle, vehicle), dt=dt)
-    name = TARGETS[plant.family.kind][0]
+    name = KINDS.of(plant.family).targets[0]
     first, target, limit = OTHERS[vehicle]
     rng = np.random.default_rng(3)
     run = run_trial(

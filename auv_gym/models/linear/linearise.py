@@ -7,18 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_gym.models.linear.kinds import KINDS
 from auv_gym.models.linear.state_space import StateSpace
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, without_effects
-from auv_gym.plant.cruise import command_limits, find_cruise, find_helm
-from auv_gym.plant.float_engine import find_engine
-
-_VERTICAL = ("w_mps", "q_radps", "pitch_rad", "depth_m")
-_HORIZONTAL = ("v_mps", "r_radps", "heading_rad")
-_PLANES = {"yaw": _HORIZONTAL, "pitch": _VERTICAL, "surge": ("u_mps",)}
-_SMALL = 1e-5  # of a difference quotient: rounding and curvature both stay below 1e-9
-_DEEP = 100.0  # m, where a float is far from the surface
-_NEAR_REST = 0.1  # of a float's fastest speed: a drag with the square of the speed has no slope at rest
 
 
 def linearise(
@@ -38,14 +30,14 @@ def linearise(
     glider straight ahead, a float at rest and deep, whose drag is that of a tenth of its fastest speed.
     States are changes from there; actuators with a lag add theirs.  Raises on names that the vehicle lacks.
     """
-    family = plant.family
-    moves = _moves(plant)
+    family, kind = plant.family, KINDS.of(plant.family)
+    moves = kind.moves(plant)
     clean = replace(without_effects(plant), dt=plant.dt if dt is None else float(dt))
-    chosen = _checked("inputs", inputs, _usual_inputs(clean), tuple(moves))
+    chosen = _checked("inputs", inputs, kind.usual(clean), tuple(moves))
     moved = dict.fromkeys(name for channel in chosen for name in moves[channel])
     kept = _checked("states", states, moved, family.states)
     seen = _checked("outputs", outputs, [name for name in kept if name in clean.outputs], clean.outputs)
-    point, commands = _steady(clean) if at is None else at
+    point, commands = kind.steady(clean) if at is None else at
     full = np.zeros(len(clean.states))
     full[: len(family.states)] = point
     for start in (len(family.states), len(family.states) + len(family.actuators), full.size - len(family.actuators)):
@@ -54,7 +46,7 @@ def linearise(
     at_states = [clean.states.index(name) for name in (*kept, *positions)]
     at_inputs = [family.inputs.index(name) for name in chosen]
     at_outputs = [clean.outputs.index(name) for name in seen]
-    sizes = _steps(clean, (*kept, *positions, *chosen))
+    sizes = kind.steps(clean, (*kept, *positions, *chosen))
 
     def after(change: np.ndarray) -> np.ndarray:
         """The states a sample later and the outputs now."""
@@ -84,56 +76,6 @@ def linearise(
         output_offset=steady[len(at_states) :],
         states=tuple(f"{names[i]} change" for i in states_kept),
     )
-
-
-def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:
-    """Which of the family's states each input moves at first order."""
-    family = plant.family
-    if family.body is not None:
-        roles = family.body.by_role()
-        return {name: _PLANES[role] for role, names in roles.items() for name in names}
-    if family.kind == "glider":
-        return dict.fromkeys(family.inputs[:3], ("heading_rad", "r_radps"))
-    if family.kind == "float":
-        return {family.required[0]: ("depth_m", "depth_rate_mps")}
-    raise ValueError(f"linearise knows torpedoes, gliders and floats, got {plant.name!r} of kind {family.kind!r}.")
-
-
-def _usual_inputs(plant: Plant) -> list[str]:
-    if plant.family.body is None:
-        return list(plant.family.required)
-    return list(plant.family.body.by_role().get("pitch", plant.family.required))
-
-
-def _steady(plant: Plant) -> tuple[np.ndarray, np.ndarray]:
-    """The family's states and inputs in steady motion."""
-    if plant.family.body is not None:
-        cruise = find_cruise(plant)
-        return cruise.state, cruise.commands
-    state = np.zeros(len(plant.family.states))
-    if plant.family.kind == "float":
-        state[plant.family.states.index("depth_m")] = _DEEP
-    named = {"piston_m": plant.hull.piston_neutral} if plant.family.required == ("piston_m",) else {}
-    return state, np.array([plant.constants.get(name, named.get(name, 0.0)) for name in plant.inputs])
-
-
-def _steps(plant: Plant, names: Sequence[str]) -> np.ndarray:
-    """Half the difference of each name's quotient, in its unit."""
-    if plant.family.body is not None:
-        helm = find_helm(plant)
-        drive = plant.inputs[helm.drive]  # in volts or turns, where the others are in rad and m/s
-        scale = max(float(command_limits(plant)[helm.drive]), 1.0)
-        return np.array([_SMALL * (scale if name.startswith(drive) else 1.0) for name in names])
-    if plant.family.kind != "float":
-        return np.full(len(names), _SMALL)
-    hull, engine = plant.hull, find_engine(plant)
-    slow = _NEAR_REST * engine.speed
-    force = slow * (hull.drag_linear + slow * hull.drag_quadratic)
-    share = force / (engine.speed * (hull.drag_linear + engine.speed * hull.drag_quadratic))
-    # without inertia the engine's step alone makes the speed
-    moved = share * engine.half if hull.quasi_steady else _SMALL * engine.half
-    sizes = {"depth_m": _SMALL, "depth_rate_mps": slow}
-    return np.array([sizes.get(name, moved) for name in names])
 
 
 def _check_steady(plant: Plant, drift: dict[str, float], dt: float) -> None:

@@ -11,11 +11,10 @@ import numpy as np
 from auv_gym.channels import channel, set_point_of, wrap
 from auv_gym.model import outputs_of
 from auv_gym.plant import Plant
-from auv_gym.plant.cruise import command_ranges, find_helm
 from auv_gym.records.record import Record
-from controllers.autopilots import TARGETS, autopilot
+from controllers.autopilots import autopilot
 from controllers.controller import Controller
-from controllers.pid import float_depth_pid, heading_pid
+from controllers.kinds import KINDS
 from identification.diagnosis.judge.verdict import Diagnosis, quantity
 
 MOST_SAMPLES = 4000  # of a log that are run again; the rest would only take time
@@ -85,11 +84,8 @@ def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
 
 def controller_of(plant: Plant, targets: tuple[str, ...]) -> Controller:
     """The vehicle's controller for these channels; raises ValueError where there is none."""
-    if plant.family.kind == "glider":
-        return heading_pid(plant)
-    if plant.family.kind == "float":
-        return float_depth_pid(plant)
-    return autopilot(plant, targets=targets)
+    on_board = KINDS.of(plant.family).on_board
+    return autopilot(plant, targets=targets) if on_board is None else on_board(plant, targets)
 
 
 def steered(
@@ -108,7 +104,7 @@ def steered(
     inputs = np.array(
         [record[n] if record.has(n) else np.full(len(record), model.constants[n]) for n in model.inputs]
     ).T
-    limits, time, first = _limits(model), record.time, outputs_of(model, record)
+    limits, time, first = KINDS.of(model.family).ranges(model), record.time, outputs_of(model, record)
     goals, steps = _asked(record, targets, model.dt)
     found = np.full((len(record), len(targets)), inf)
     at = [model.outputs.index(name) for name in targets]
@@ -165,21 +161,8 @@ def _asked(record: Record, targets: tuple[str, ...], dt: float) -> tuple[list[di
 
 
 def _targets(plant: Plant) -> tuple[str, ...]:
-    if plant.family.kind == "float" and "piston_m" not in plant.family.required:
-        return ()
-    return TARGETS[plant.family.kind]
-
-
-def _limits(plant: Plant) -> dict[str, tuple[float, float]]:
-    """The lowest and the highest of each command."""
-    if plant.family.kind == "glider":
-        return {"rudder_rad": (-plant.hull.rudder_limit, plant.hull.rudder_limit)}
-    if plant.family.kind == "float":
-        return {"piston_m": (plant.hull.piston_low, plant.hull.piston_high)}
-    ranges = command_ranges(plant)
-    found = {name: (float(low), float(high)) for name, (low, _, high) in zip(plant.inputs, ranges)}
-    drive = plant.inputs[find_helm(plant).drive]
-    return found | {drive: (0.0, found[drive][1])}
+    kind = KINDS.of(plant.family)
+    return kind.targets if kind.logged is None else kind.logged(plant)
 
 
 def _steered_part(record: Record, targets: tuple[str, ...]) -> Record:

@@ -22,16 +22,15 @@ from identification.campaign.file.settings import EnvExperiment, RunSettings
 from identification.campaign.running.perform import status_of
 from identification.campaign.running.staging import make_controller, make_env
 from identification.diagnosis.judge.verdict import Diagnosis
-from identification.diagnosis.planning.designs import Design, campaign_text, designs_of
 from identification.diagnosis.planning.separation import Knowledge, Noise, knowledge_of, noise_of, separation
+from identification.experiments.designs import Design, campaign_text
 from identification.experiments.driving import drive
+from identification.experiments.kinds import KINDS
 from identification.experiments.missions import run_mission
 from identification.fit.windows import free_run_windows
 
 ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
 FILE = "next_experiment.toml"
-# the least and the most by family or kind; others: 2 to 60
-_MINUTES = {"float_oil": (600.0, 40000.0), "float_piston": (5.0, 240.0), "body": (1.0, 30.0)}
 _FIRST = 2.0  # of the least minutes: how long the first simulations are
 _REFINED = 2  # designs that are simulated once more, for as long as they are expected to take
 
@@ -112,7 +111,7 @@ def next_experiment(
         known = [knowledge_of(r.plant, r.paths, record, windows, noise) for r in rivals]
     assert noise is not None
     rivals = [replace(r, paths=_free(r)) if k is None else replace(r, paths=k.paths) for r, k in zip(rivals, known)]
-    chosen = designs_of(plant) if designs is None else tuple(designs)
+    chosen = KINDS.of(plant.family).designs(plant) if designs is None else tuple(designs)
     length, proposals = min(_FIRST * minutes[0], minutes[1]), []
     for number, design in enumerate(chosen):
         progress(0.8 * number / len(chosen), design.title)
@@ -129,7 +128,7 @@ def next_experiment(
 
 def minutes_of(plant: Plant) -> tuple[float, float]:
     """How long an experiment with a vehicle should at least, and may at most, take."""
-    return _MINUTES.get(plant.family.name, _MINUTES.get(plant.family.kind, (2.0, 60.0)))
+    return KINDS.of(plant.family).minutes(plant)
 
 
 def _order(proposal: Proposal) -> tuple[float, float, bool]:

@@ -195,7 +195,7 @@ def _known_rates(states, actuators, inputs, heading, depth, derived, scratch, ra
 
 
 def _check_plant(plant: Plant) -> None:
-    if plant.family.kind != "body":
+    if plant.family.body is None:
         raise ValueError(
             f"The forces on a hull need a vehicle in six degrees of freedom, got {plant.name!r} of family "
             f"{plant.family.name!r}."

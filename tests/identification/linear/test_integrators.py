@@ -2,15 +2,6 @@
 
 import numpy as np
 import pytest
-from tests.identification.linear.subspaces.test_long_predictor import (
-    CHANNELS,
-    SLOW,
-    SUM,
-    TWO,
-    WALK,
-    both,
-    driven,
-)
 
 from identification.compare.comparison import compare_open
 from identification.estimator import notes_of
@@ -22,6 +13,15 @@ from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
 from identification.linear.subspaces.refinement import candidate, local_directions, slopes_of
 from identification.linear.uncertainty import pole_intervals
+from tests.identification.linear.subspaces.test_long_predictor import (
+    CHANNELS,
+    SLOW,
+    SUM,
+    TWO,
+    WALK,
+    both,
+    driven,
+)
 
 METHODS = pytest.mark.parametrize("method", [N4sid, Pbsid])
 DRIFT = 0.03  # rad a sample, a fifth of what an input does

@@ -11,7 +11,6 @@ from identification.campaign.file.plan import plan
 from identification.campaign.file.reading import read_campaign
 from identification.campaign.running.staging import check_run
 from identification.diagnosis import diagnose
-from identification.diagnosis.planning.designs import designs_of
 from identification.diagnosis.planning.next_experiment import (
     ENOUGH,
     Proposal,
@@ -23,6 +22,7 @@ from identification.diagnosis.planning.next_experiment import (
 )
 from identification.diagnosis.planning.separation import Noise, separation
 from identification.experiments.heading_control import closed_loop
+from identification.experiments.kinds import KINDS
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 
@@ -55,7 +55,7 @@ def tie():
 
 
 def design(plant, name):
-    return next(d for d in designs_of(plant) if d.name == name)
+    return next(d for d in KINDS.of(plant.family).designs(plant) if d.name == name)
 
 
 def test_another_speed_tells_a_rudder_offset_from_a_yaw_moment(tie):
@@ -140,7 +140,7 @@ def test_every_design_is_a_campaign(vehicle, tmp_path):
     plant = load_vehicle(vehicle)
     same = [Rival("a", plant, ()), Rival("b", plant, ())]
 
-    for given in designs_of(plant):
+    for given in KINDS.of(plant.family).designs(plant):
         proposal = Proposal(given, 3.0, 0.0, 3.0, ("a", "b"))
         for run in plan(read_campaign(write_experiment(proposal, plant, same, tmp_path))):
             if given.name not in ("dives", "dives_slow", "turns_slow", "speeds", "circle", "straight"):  # for time

@@ -6,12 +6,12 @@ from math import log
 
 import numpy as np
 import pytest
-from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
 from auv_gym.models.linear import Polynomial
 from auv_gym.records.record import Record
 from identification.linear.polynomials.arx import Arx
 from identification.linear.polynomials.orders import CRITERIA, Cell, Orders, OrderSearch, search_orders
+from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
 COLOURED = Polynomial.from_coefficients(
     a={"q_radps": [-1.5, 0.7]},

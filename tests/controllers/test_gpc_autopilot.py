@@ -8,10 +8,10 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.plant.cruise import find_cruise
 from auv_gym.plant.float_engine import find_engine
-from controllers.autopilots import autopilot
+from controllers.autopilots import autopilot, gpc_autopilot
 from controllers.composed.loops import Joint
+from controllers.kinds.body import PITCH_LIMIT
 from controllers.predictive.gpc import Gpc
-from controllers.predictive.gpc_autopilot import PITCH_LIMIT, gpc_autopilot
 from controllers.trials.settling import step_response
 from controllers.trials.trial import at_rest, level_flight, run_trial
 

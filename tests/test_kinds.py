@@ -1,0 +1,39 @@
+"""What each layer knows of each kind of vehicle, and what it says where it knows nothing."""
+
+from dataclasses import replace
+
+import pytest
+
+from auv_gym import load_vehicle
+from auv_gym.models.linear.kinds import KINDS as STEADY
+from auv_gym.vehicles import FAMILIES, compose
+from controllers.autopilots import autopilot
+from controllers.kinds import KINDS as CONTROL
+from identification.experiments.kinds import KINDS as EXPERIMENTS
+from identification.experiments.missions import mission_of
+
+LAYERS = (STEADY, CONTROL, EXPERIMENTS)
+FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]))
+
+
+@pytest.mark.parametrize("kinds", LAYERS)
+def test_a_layer_knows_the_kind_of_every_family_and_no_other(kinds):
+    assert set(kinds.names) == {family.kind for family in FAMILIES_OF_ALL_KINDS}
+    for family in FAMILIES_OF_ALL_KINDS:
+        assert kinds.of(family) is kinds.of(replace(family, name="another of its kind"))
+
+
+@pytest.mark.parametrize("kinds", LAYERS)
+def test_a_kind_that_a_layer_does_not_know_is_refused_with_what_to_add(kinds):
+    with pytest.raises(ValueError, match=r"vehicles of kind body, float, glider, got family 'crab' of kind 'walker'") as e:
+        kinds.of(replace(FAMILIES["glider"], name="crab", kind="walker"))
+    assert f"{kinds._package}.walker with an object KIND" in str(e.value)
+
+
+def test_the_refusal_reaches_those_who_ask_for_a_controller_or_a_mission():
+    glider = load_vehicle("slocum")
+    walker = replace(glider, family=replace(glider.family, kind="walker"))
+    with pytest.raises(ValueError, match="Controllers know vehicles of kind body, float, glider, got family 'glider'"):
+        autopilot(walker)
+    with pytest.raises(ValueError, match="There are experiments with vehicles of kind"):
+        mission_of(walker)
