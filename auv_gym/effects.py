@@ -394,7 +394,3 @@ class FloatEffects:
     depth: FloatDepthSensor = part(FloatDepthSensor)
     discovered: FloatTerms = part(FloatTerms)
     sampling: FloatSampling = part(FloatSampling)
-
-
-# By kind of vehicle, see `Family.kind`: what can be listed without the physics of the families.
-EFFECTS: Mapping[str, type] = {"glider": GliderEffects, "body": BodyEffects, "float": FloatEffects}

@@ -1,7 +1,8 @@
-"""What an env steps and what every fit returns: the Model protocol, free simulation and prediction."""
+"""What an env steps and what every fit returns: the Model protocol, optional ones beside it, free runs, prediction."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -45,6 +46,54 @@ class Model(Protocol):
         ...
 
 
+@runtime_checkable
+class Supplied(Protocol):
+    """A model that knows values of inputs which a record may lack."""
+
+    @property
+    def constants(self) -> Mapping[str, float]: ...
+
+
+@runtime_checkable
+class Continuous(Protocol):
+    """A model of continuous time, which takes steps of any length."""
+
+    def step_over(self, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
+        """The state `duration` s later; pure."""
+        ...
+
+
+@runtime_checkable
+class Runner(Protocol):
+    """A model that makes whole free runs faster than step by step."""
+
+    def run(self, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
+        """Outputs over windows from these states, (W, n_states), one window after the other: (rows, n_outputs)."""
+        ...
+
+
+@runtime_checkable
+class Spread(Protocol):
+    """A model whose states have a scale of their own, beyond which a fitted start has no meaning."""
+
+    @property
+    def start_spread(self) -> np.ndarray: ...
+
+
+@runtime_checkable
+class Trained(Protocol):
+    """A model of data, which can say how far a record lies outside of them."""
+
+    def outside(self, record: Record) -> float:
+        """The share of a record's samples that are outside of what the model was trained on."""
+        ...
+
+
+def constants_of(model: Model) -> Mapping[str, float]:
+    """Values of inputs that the model knows by itself, by channel."""
+    return model.constants if isinstance(model, Supplied) else {}
+
+
 class Diverged(RuntimeError):
     """A run left the finite numbers; says when, in which channel, and what the last finite values were."""
 
@@ -62,7 +111,7 @@ def inputs_of(model: Model, record: Record) -> np.ndarray:
 
     `elapsed_s` is the time since each segment began, where the record does not say it.
     """
-    constants = {name: np.full(record.time.size, value) for name, value in getattr(model, "constants", {}).items()}
+    constants = {name: np.full(record.time.size, value) for name, value in constants_of(model).items()}
     if "elapsed_s" in constants:
         constants["elapsed_s"] = record.elapsed
     columns = [record[name] if record.has(name) or name not in constants else constants[name] for name in model.inputs]
@@ -82,20 +131,24 @@ def simulate(model: Model, record: Record) -> Record:
     own times; other models raise if their dt is not its sample interval. Raises Diverged if a run leaves the finite
     numbers.
     """
-    inputs, measured = inputs_of(model, record), outputs_of(model, record)
-    run = getattr(model, "run", None)
-    if run is not None:
-        starts = np.array([model.initial(measured[s.start]) for s in record.segments])
-        result = run(record, record.segments, starts)
-    else:
-        result = np.empty_like(measured)
+    measured = outputs_of(model, record)
+    if not isinstance(model, Continuous):
         for segment in record.segments:
             check_interval(model, record.time[segment])
-            x = model.initial(measured[segment.start])
-            for k in range(segment.start, segment.stop):
-                result[k] = model.output(x)
-                x = model.step(x, inputs[k])
-    return _with_outputs(model, record, result)
+    starts = np.array([model.initial(measured[s.start]) for s in record.segments])
+    return _with_outputs(model, record, run_free(model, record, record.segments, starts))
+
+
+def run_free(model: Model, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
+    """Outputs of free runs over windows from these states, (W, n_states), one after the other: (rows, n_outputs)."""
+    if isinstance(model, Runner):
+        return model.run(record, windows, starts)
+    inputs, result = inputs_of(model, record), []
+    for window, x in zip(windows, starts, strict=True):
+        for k in range(window.start, window.stop):
+            result.append(model.output(x))
+            x = model.step(x, inputs[k])
+    return np.array(result).reshape(-1, len(model.outputs))
 
 
 def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray | None = None) -> Record:
@@ -108,15 +161,13 @@ def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray |
         raise ValueError(f"predict needs a horizon of at least 1 sample, got {horizon}: 1 is one step ahead.")
     inputs, measured = inputs_of(model, record), outputs_of(model, record)
     result = np.empty_like(measured)
-    step_over = getattr(model, "step_over", None)
     for number, segment in enumerate(record.segments):
         times = record.time[segment]
-        if step_over is None:
+        if not isinstance(model, Continuous):
             check_interval(model, times)
 
         def advance(x, k, times=times, start=segment.start):
-            u = inputs[start + k]
-            return step_over(x, u, times[k + 1] - times[k]) if step_over else model.step(x, u)
+            return advanced(model, x, inputs[start + k], float(times[k + 1] - times[k]))
 
         corrected = [model.initial(measured[segment.start]) if starts is None else starts[number]]
         for k in range(times.size - 1):
@@ -128,6 +179,11 @@ def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray |
                 x = advance(x, j)
             result[segment.start + k] = model.output(x)
     return _with_outputs(model, record, result)
+
+
+def advanced(model: Model, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
+    """The state after a sample of `duration` s, which is the model's own where it knows no other."""
+    return model.step_over(x, u, duration) if isinstance(model, Continuous) else model.step(x, u)
 
 
 def check_interval(model: Model, times: np.ndarray) -> None:

@@ -9,7 +9,7 @@ from dataclasses import MISSING, Field, dataclass, fields
 from importlib import import_module
 from importlib.metadata import entry_points
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Protocol, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Protocol, get_args, get_type_hints, runtime_checkable
 
 from auv_gym.param import did_you_mean
 
@@ -32,6 +32,14 @@ class Fit(Protocol):
 
     @property
     def estimates(self) -> tuple[Estimate, ...]: ...
+
+
+@runtime_checkable
+class Noted(Protocol):
+    """A fit that has something to say of itself."""
+
+    @property
+    def notes(self) -> tuple[str, ...]: ...
 
 
 class Estimator(Protocol):
@@ -276,7 +284,7 @@ def summary(fit: Fit) -> str:
 
 def notes_of(fit: Fit) -> tuple[str, ...]:
     """What a fit says in words of itself; most say nothing."""
-    return tuple(getattr(fit, "notes", ()))
+    return fit.notes if isinstance(fit, Noted) else ()
 
 
 def _worked_on(method: Method, given: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from auv_gym.channels import CHANNELS
-from auv_gym.effects import EFFECTS
 from auv_gym.param import list_paths, spec_at
-from auv_gym.vehicles import Part, compose
+from auv_gym.vehicles import Part, compose, effects_by_kind
 from auv_gym.vehicles.body.kinds import part_kinds
 
 _ROOT = Path(__file__).parents[1]
@@ -102,7 +101,7 @@ def effects_page() -> str:
     """Every effect of every family: path, words, unit, neutral value, bounds, probe."""
     parts = [f"# Effects\n\n{_OF_EFFECTS}\n"]
     for family, title, note in _FAMILIES:
-        tree = EFFECTS[family]()
+        tree = effects_by_kind()[family]
         paths = [path for path in list_paths(tree) if not path.startswith("discovered.")]
         parts.append(f"## {title}\n\n{note}\n\n{_effect_table(tree, paths, 'effects.')}")
     return "\n".join(parts)

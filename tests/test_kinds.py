@@ -25,7 +25,9 @@ def test_a_layer_knows_the_kind_of_every_family_and_no_other(kinds):
 
 @pytest.mark.parametrize("kinds", LAYERS)
 def test_a_kind_that_a_layer_does_not_know_is_refused_with_what_to_add(kinds):
-    with pytest.raises(ValueError, match=r"vehicles of kind body, float, glider, got family 'crab' of kind 'walker'") as e:
+    with pytest.raises(
+        ValueError, match=r"vehicles of kind body, float, glider, got family 'crab' of kind 'walker'"
+    ) as e:
         kinds.of(replace(FAMILIES["glider"], name="crab", kind="walker"))
     assert f"{kinds._package}.walker with an object KIND" in str(e.value)
 

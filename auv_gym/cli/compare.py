@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -110,11 +110,9 @@ def _names(models: list[str]) -> list[str]:
 
 def _check_sample_times(models: Mapping[str, Model], data: Record) -> None:
     """Raises, by their names, if models in discrete time do not step as the record is sampled."""
-    from auv_gym.plant import Plant
+    from auv_gym.model import Continuous
 
-    times: dict[str, float] = {
-        name: model.dt for name, model in models.items() if not isinstance(model, Plant) and not _steps_over(model)
-    }
+    times: dict[str, float] = {name: model.dt for name, model in models.items() if not isinstance(model, Continuous)}
     if len({round(dt, 9) for dt in times.values()}) > 1:
         told = ", ".join(f"{name} {dt:g} s" for name, dt in times.items())
         raise ValueError(
@@ -127,10 +125,6 @@ def _check_sample_times(models: Mapping[str, Model], data: Record) -> None:
                 f"{name} steps {dt:g} s at a time, and the record has samples {data.sample_interval:g} s apart"
                 f"{'' if data.is_uniform() else ', unevenly'}: give --resample {dt:g}."
             )
-
-
-def _steps_over(model: Any) -> bool:
-    return hasattr(model, "step_over")
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> list[Path]:

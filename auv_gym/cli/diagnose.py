@@ -166,7 +166,7 @@ def _between_depths(record: Record, shallowest: float | None, deepest: float | N
 
 def _error_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.channels import channel
-    from identification.diagnosis.judge.verdict import quantity
+    from identification.diagnosis.wording import quantity
 
     stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.changed else [])]
     heads = ["as given>", "before>" if diagnosis.changed else "refitted>", "after>"][: len(stages)]
@@ -179,7 +179,7 @@ def _error_table(diagnosis: Diagnosis) -> Table:
 
 def _effect_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.param import spec_at
-    from identification.diagnosis.judge.verdict import interval, quantity
+    from identification.diagnosis.wording import interval, quantity
 
     shown = table("Effects", "effect", "value>", "95 % interval>", "not told apart from")
     for effect in diagnosis.effects:

@@ -72,13 +72,13 @@ def _parts() -> Table:
 
 
 def _effects() -> Table:
-    from auv_gym.effects import EFFECTS
+    from auv_gym.vehicles import effects_by_kind
     from auv_gym.vehicles.body.kinds import part_kinds
 
     shown = table("Effects, by kind of vehicle and of part", "path", "neutral>", "bounds>", "probe>")
-    for kind, effects in EFFECTS.items():
+    for kind, effects in effects_by_kind().items():
         shown.add_row(f"[bold]{kind}[/]")
-        _add(shown, effects(), "effects.")
+        _add(shown, effects, "effects.")
         shown.add_section()
     for name, kind in part_kinds().items():
         for effects, forms in _by_effects(kind).items():

@@ -116,10 +116,10 @@ def _parse(text: str, origin: str) -> Plant:
         if not isinstance(value, kind) or isinstance(value, bool):
             raise ValueError(f"Vehicle file {origin}: {key} needs {wanted}, got {value!r}.")
     try:
-        if named == "body":
-            family, content = parts_of(content)
-        else:
+        if named in FAMILIES:
             family = FAMILIES[named]
+        else:
+            family, content = parts_of(content)
     except ValueError as error:
         raise ValueError(f"Vehicle file {origin}: {str(error).rstrip('.')}.") from None
     tables = {key: content[key] for key in _TABLES if key in content}

@@ -100,9 +100,16 @@ class Family:
 
 def _named(name: str) -> Family:
     """The one family of this name: a copy or pickle of a plant has the same as the plant."""
-    from auv_gym.vehicles import FAMILIES
-
     return FAMILIES[name]
+
+
+FAMILIES: dict[str, Family] = {}  # reduced families by name; that of a body is made of its parts
+
+
+def registered(family: Family) -> Family:
+    """The family, found by its name from now on."""
+    FAMILIES[family.name] = family
+    return family
 
 
 @compiled

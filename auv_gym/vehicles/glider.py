@@ -17,7 +17,7 @@ from auv_gym.physics.discovered import any_term, yaw_moment
 from auv_gym.physics.discovered_terms import N_YAW
 from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
-from auv_gym.vehicles.family import Family, copied
+from auv_gym.vehicles.family import Family, copied, registered
 
 
 @dataclass(frozen=True)
@@ -235,3 +235,4 @@ GLIDER = Family(
         "derive": copied,
     },
 )
+registered(GLIDER)

@@ -17,7 +17,7 @@ from auv_gym.physics.buoyancy import GRAVITY, air_volume, exposed_volume
 from auv_gym.physics.discovered import any_term, heave_damping, heave_force
 from auv_gym.physics.discovered_terms import N_HEAVE
 from auv_gym.physics.sensors import lag_error
-from auv_gym.vehicles.family import Family, copied
+from auv_gym.vehicles.family import Family, copied, registered
 
 
 @dataclass(frozen=True)
@@ -298,3 +298,5 @@ FLOAT_OIL = replace(
     required=("oil_volume_m3",),
     stepped=("oil_volume_m3",),
 )
+registered(FLOAT_PISTON)
+registered(FLOAT_OIL)

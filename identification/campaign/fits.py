@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from auv_gym.model import Model
+from auv_gym.model import Model, constants_of
 from auv_gym.models.files import load_model, save_model
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
@@ -210,7 +210,7 @@ def _fill(result: dict[str, Any], task: FitTask, folder: Path) -> None:
     suffix = ".toml" if isinstance(model, Plant) else ".npz"
     attrs = {"campaign_fit": fit.name, "method": fit.method, "runs": [row.id for row in task.train]}
     save_model(model, folder / FOLDER / f"{task.name}{suffix}", attrs)
-    driven = [name for name in model.inputs if name not in getattr(model, "constants", {})]
+    driven = [name for name in model.inputs if name not in constants_of(model)]
     result |= {
         "file": f"{task.name}{suffix}",
         "inputs": driven or list(model.inputs),

@@ -12,7 +12,19 @@ import gymnasium
 import numpy as np
 
 from auv_gym.channels import channel, set_point_of
-from auv_gym.model import Diverged, Model, check_finite, check_interval, inputs_of, outputs_of
+from auv_gym.model import (
+    Continuous,
+    Diverged,
+    Model,
+    Spread,
+    advanced,
+    check_finite,
+    check_interval,
+    constants_of,
+    inputs_of,
+    outputs_of,
+    run_free,
+)
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.models.spliced import Spliced, splice
 from auv_gym.plant import Plant
@@ -172,7 +184,7 @@ def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.nd
     rows = np.concatenate([np.arange(h.start, h.stop) for h in heads])
     number = np.repeat(np.arange(len(heads)), [h.stop - h.start for h in heads])
     linear = isinstance(model, StateSpace | Polynomial)
-    tied = 1.0 / getattr(model, "start_spread", np.full(x.shape[1], np.inf))
+    tied = 1.0 / (model.start_spread if isinstance(model, Spread) else np.full(x.shape[1], np.inf))
     seen = _SEEN_LINEAR if linear else _SEEN
 
     def left(states: np.ndarray) -> np.ndarray:
@@ -235,11 +247,10 @@ def horizon_sweep(
     picked = np.unique(np.linspace(0, len(possible) - 1, min(MOST_ORIGINS, len(possible))).astype(int))
     origins = [possible[k] for k in picked]
     states, wanted = [], set(origins)
-    step_over = getattr(model, "step_over", None)
     for s, x in zip(record.segments, prediction_starts(model, record, settle)):
         for k in range(s.start, min(s.stop, origins[-1] + 1)):
             if k > s.start:
-                x = step_over(x, inputs[k - 1], time[k] - time[k - 1]) if step_over else model.step(x, inputs[k - 1])
+                x = advanced(model, x, inputs[k - 1], time[k] - time[k - 1])
                 x = model.correct(x, measured[k])
             if k in wanted:
                 states.append(x)
@@ -314,7 +325,7 @@ def stand_in(plant: Plant, model: Model) -> Model:
 
 def check_usable(name: str, model: Model, record: Record) -> None:
     """Raises, by its name, if a model cannot run over a record: a channel lacks, or the sample time is another."""
-    constants = getattr(model, "constants", {})
+    constants = constants_of(model)
     lacking = [c for c in model.inputs if not record.has(c) and c not in constants]
     if lacking:
         raise ValueError(
@@ -326,7 +337,7 @@ def check_usable(name: str, model: Model, record: Record) -> None:
             f"Model {name!r} gives {', '.join(model.outputs)}, and the record has none of them; it has "
             f"{', '.join(record.names)}: there is nothing to compare."
         )
-    if isinstance(model, Plant) or hasattr(model, "step_over"):
+    if isinstance(model, Continuous):
         return
     for part in record.segments:
         try:
@@ -367,16 +378,7 @@ def _measured_columns(model: Model, record: Record) -> list[int]:
 
 def _free(model: Model, record: Record, windows: Sequence[slice], starts: np.ndarray) -> np.ndarray:
     """Outputs of free runs, shape (total rows, n_outputs)."""
-    run = getattr(model, "run", None)
-    if run is not None:
-        return run(record, windows, starts)
-    inputs, result = inputs_of(model, record), []
-    for w, start in zip(windows, starts, strict=True):
-        x = start
-        for k in range(w.start, w.stop):
-            result.append(model.output(x))
-            x = model.step(x, inputs[k])
-    y = np.array(result)
+    y = run_free(model, record, windows, starts)
     check_finite(model.outputs, np.concatenate([record.time[w] for w in windows]), y)
     return y
 

@@ -187,7 +187,8 @@ def diagnose(
         source=source,
         versions=_versions(),
     )
-    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(diagnosis), ())
+    stages = {"given": as_given.plant, "before": before.plant, "after": after.plant}
+    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, stages), ())
     return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
 
 

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from identification.fit.shooting import Shooting
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
 
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
 LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 RATE_SAMPLES = 4  # at a window's start, from which a rate is guessed
 
 
-def first_readings(problem: Shooting) -> np.ndarray:
+class Windows(Protocol):
+    """Windows of a record and the readings in them: measured and finite, (rows, C), of these channels."""
+
+    plant: Plant
+    record: Record
+    windows: tuple[slice, ...]
+    offsets: np.ndarray
+    channels: tuple[str, ...]
+    columns: np.ndarray
+    measured: np.ndarray
+    finite: np.ndarray
+
+
+def first_readings(problem: Windows) -> np.ndarray:
     """States at the starts of a problem's windows, shape (W, n_states).
 
     Measured where they are measured; rates of measured signals from their first samples; else zero.

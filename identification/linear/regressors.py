@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -13,9 +13,6 @@ from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.linear.polynomials.structure import Row, Term
 from identification.linear.triangles import triangle_tall
-
-if TYPE_CHECKING:
-    from identification.linear.scaled import Scaled
 
 SAMPLES_PER_COEFFICIENT = 4
 
@@ -89,7 +86,17 @@ class Regression:
         return triangle_tall(self.joint)
 
 
-def regression(series: Series | Scaled, row: Row, start: int = 0, intercept: bool = False) -> Regression:
+class Signals(Protocol):
+    """Inputs u and outputs y of each segment, (n, m) and (n, p)."""
+
+    @property
+    def u(self) -> tuple[np.ndarray, ...]: ...
+
+    @property
+    def y(self) -> tuple[np.ndarray, ...]: ...
+
+
+def regression(series: Signals, row: Row, start: int = 0, intercept: bool = False) -> Regression:
     """The regression of an output on -1 times lags of outputs and on lags of inputs, as its equation has them.
 
     start: samples at the beginning of each segment that serve as lags only, at least; errors' lags are left out.

@@ -13,11 +13,12 @@ from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge.verdict import Coefficient, Detectable, Diagnosis, Effect, quantity
+from identification.diagnosis.judge.verdict import Coefficient, Detectable, Diagnosis, Effect
 from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.wording import quantity
 from identification.experiments.kinds import KINDS
 from identification.pages import diagnosis_figures, habitat_figure
 from identification.pages.drawing import require_render

@@ -11,6 +11,8 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.channels import channel
+from auv_gym.model import Trained
+from auv_gym.plant import Plant
 from identification.compare.comparison import OpenLoop
 from identification.compare.model_tests import is_white, strongest_tie
 from identification.estimate import Estimate
@@ -134,10 +136,10 @@ def identified_page(title: str, done: Identified, words: str) -> str:
 def outside_words(done: Identified) -> list[str]:
     """How much of the held-out data is unlike what the model was trained on, of models that know it."""
     model = done.fit.model
-    outside = getattr(getattr(model, "learned", None) or model, "outside", None)
-    if outside is None or done.open_loop is None:
+    trained = model.learned if isinstance(model, Plant) else model
+    if not isinstance(trained, Trained) or done.open_loop is None:
         return []
-    share = number(100.0 * outside(done.held), 2)
+    share = number(100.0 * trained.outside(done.held), 2)
     return [f"{share} % of the held-out samples are outside of what the model was trained on: there it is a guess."]
 
 

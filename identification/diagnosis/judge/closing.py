@@ -15,7 +15,7 @@ from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
 from controllers.controller import Controller
 from controllers.kinds import KINDS
-from identification.diagnosis.judge.verdict import Diagnosis, quantity
+from identification.diagnosis.wording import quantity
 
 MOST_SAMPLES = 4000  # of a log that are run again; the rest would only take time
 
@@ -38,16 +38,17 @@ class ClosedLoop:
     words: str
 
 
-def closed_loop(diagnosis: Diagnosis) -> tuple[ClosedLoop, ...]:
+def closed_loop(record: Record, stages: Mapping[str, Plant]) -> tuple[ClosedLoop, ...]:
     """The closed loop with each model of a diagnosis, for each channel that has set points in the log.
+
+    stages: the vehicle as "given", "before" and "after".
 
     The vehicle's autopilot steers the model by the log's set points.  What the logged commands have beside those of
     this autopilot at the logged readings, such as an excitation or another controller's habits, is added to its
     commands: a model that is right then repeats the log, whatever steered the vehicle.
     """
-    plant, record = diagnosis.given.plant, diagnosis.record
+    plant = stages["given"]
     targets = targets_of(plant, record)
-    stages = {"given": diagnosis.given.plant, "before": diagnosis.before.plant, "after": diagnosis.after.plant}
     wanted = ", ".join(map(set_point_of, _targets(plant)))
     reason = "" if targets else f"The log has no set points{f' ({wanted})' if wanted else ''}."
     controller = None

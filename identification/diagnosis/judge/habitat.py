@@ -13,7 +13,7 @@ from scipy import stats
 from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.diagnosis.judge.spectrum import Rhythm, rhythm_of
-from identification.diagnosis.judge.verdict import quantity
+from identification.diagnosis.wording import quantity
 from identification.fit.residual import noise_floor
 from identification.fit.validation import FreeRuns
 

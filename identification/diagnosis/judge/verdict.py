@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.diagnosis.extras import Failure
+from identification.diagnosis.judge.closing import ClosedLoop
+from identification.diagnosis.judge.habitat import Habitat
+from identification.diagnosis.log.kinematics import Kinematics
+from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
+from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.workbench import State
+from identification.diagnosis.wording import interval, quantity
+from identification.fit.innovations import Choice
 from identification.fit.validation import FreeRuns, Score, Whiteness
-
-if TYPE_CHECKING:
-    from identification.diagnosis.extras import Failure
-    from identification.diagnosis.judge.closing import ClosedLoop
-    from identification.diagnosis.judge.habitat import Habitat
-    from identification.diagnosis.log.kinematics import Kinematics
-    from identification.diagnosis.log.plausibility import Doubt
-    from identification.diagnosis.search.discovery import Discovery
-    from identification.fit.innovations import Choice
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
 
@@ -251,24 +250,6 @@ def _error_sentence(d: Diagnosis) -> str:
         else:
             parts.append(f"{label} {quantity(before.rmse, unit)}")
     return f"Root mean square error of free runs {d.reach} in held-out {d.held_words}: {'; '.join(parts)}."
-
-
-def quantity(value: float, unit: str) -> str:
-    """A number with its unit, for people: angles in degrees, volumes in millilitres."""
-    if not np.isfinite(value):
-        return "not detectable"
-    if unit in ("rad", "rad/s"):
-        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
-    if unit.startswith("m^3"):
-        value, unit = 1e6 * value, unit.replace("m^3", "mL", 1)
-    digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
-    return f"{digits} {'' if unit == '1' else unit}".strip()
-
-
-def interval(limits: tuple[float, float], unit: str) -> str:
-    """A 95 % interval with its unit, angles in degrees for people."""
-    low, high = (quantity(v, unit) for v in limits)
-    return f"{low.split(' ')[0]} to {high}"
 
 
 def _listed(items: list[str]) -> str:

@@ -11,10 +11,10 @@ from auv_gym.channels import channel
 from auv_gym.model import Diverged
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from identification.diagnosis.judge.verdict import quantity
 from identification.diagnosis.search.acceptance import TERM, Claim, objection, size_of, threshold
 from identification.diagnosis.search.terms import ITERATIONS, Found, gains, interval_of, search
 from identification.diagnosis.search.workbench import State
+from identification.diagnosis.wording import quantity
 from identification.fit.likelihood import colour
 from identification.fit.shooting import Point, Shooting
 from identification.fit.validation import free_runs

@@ -1,7 +1,5 @@
 """The closed loop before and after: better with the right model, and said plainly where nothing can be run."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -26,8 +24,7 @@ CASES = [
 
 def told(record, given, after):
     """What the closed loop needs of a diagnosis."""
-    stages = {name: SimpleNamespace(plant=plant) for name, plant in (("given", given), ("before", given))}
-    return SimpleNamespace(record=record, after=SimpleNamespace(plant=after), **stages)
+    return record, {"given": given, "before": given, "after": after}
 
 
 @pytest.mark.parametrize("vehicle, effects, settings, channels", CASES, ids=[case[0] for case in CASES])
@@ -35,7 +32,7 @@ def test_the_corrected_vehicle_repeats_the_logged_loop(vehicle, effects, setting
     given = load_vehicle(vehicle)
     truth = replace_at(given, effects)
     record = run_mission(truth, np.random.default_rng(0), **settings)
-    found = closed_loop(told(record, given, truth))
+    found = closed_loop(*told(record, given, truth))
     assert tuple(loop.channel for loop in found) == channels
     loop = next(loop for loop in found if loop.channel in ("heading_rad", "depth_m") and loop.before > 1.2 * loop.after)
     assert loop.after < 0.1 * loop.logged
@@ -52,10 +49,10 @@ def test_samples_before_the_first_set_point_are_left_out_and_later_ones_keep_the
     sparse[new] = wanted[new]
     late = sparse.copy()
     late[: new[1]] = np.nan
-    first, whole = record.time[new[1]], closed_loop(told(record, given, given))
-    assert closed_loop(told(record.with_channels({"heading_cmd_rad": sparse}), given, given)) == whole
-    cut = closed_loop(told(record.between(first, np.inf), given, given))
-    assert closed_loop(told(record.with_channels({"heading_cmd_rad": late}), given, given)) == cut
+    first, whole = record.time[new[1]], closed_loop(*told(record, given, given))
+    assert closed_loop(*told(record.with_channels({"heading_cmd_rad": sparse}), given, given)) == whole
+    cut = closed_loop(*told(record.between(first, np.inf), given, given))
+    assert closed_loop(*told(record.with_channels({"heading_cmd_rad": late}), given, given)) == cut
 
 
 def test_set_points_that_never_meet_give_a_reason():
@@ -65,14 +62,14 @@ def test_set_points_that_never_meet_give_a_reason():
     goals = {"depth_cmd_m": np.where(early, record["depth_cmd_m"], np.nan)}
     goals["heading_cmd_rad"] = np.where(early, np.nan, record["heading_cmd_rad"])
     apart = Record.from_arrays(record.time, {n: record[n] for n in record.names} | goals, segment=half)
-    (loop,) = closed_loop(told(apart, given, given))
+    (loop,) = closed_loop(*told(apart, given, given))
     assert "never has all of its set points" in loop.words
 
 
 def test_a_log_without_set_points_gives_a_reason():
     given = load_vehicle("slocum")
     record = run_mission(given, np.random.default_rng(0), duration=60.0).without(["heading_cmd_rad"])
-    (loop,) = closed_loop(told(record, given, given))
+    (loop,) = closed_loop(*told(record, given, given))
     assert np.isnan(loop.after)
     assert "no set points (heading_cmd_rad)" in loop.words
 

@@ -1,0 +1,23 @@
+"""Sizes and intervals of what a diagnosis finds, in words for people."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def quantity(value: float, unit: str) -> str:
+    """A number with its unit, for people: angles in degrees, volumes in millilitres."""
+    if not np.isfinite(value):
+        return "not detectable"
+    if unit in ("rad", "rad/s"):
+        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
+    if unit.startswith("m^3"):
+        value, unit = 1e6 * value, unit.replace("m^3", "mL", 1)
+    digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+    return f"{digits} {'' if unit == '1' else unit}".strip()
+
+
+def interval(limits: tuple[float, float], unit: str) -> str:
+    """A 95 % interval with its unit, angles in degrees for people."""
+    low, high = (quantity(v, unit) for v in limits)
+    return f"{low.split(' ')[0]} to {high}"
