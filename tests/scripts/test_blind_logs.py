@@ -7,7 +7,8 @@ import pytest
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import load_vehicle
 from auv_gym.record import Record
-from scripts.blind_logs import CLEAN, HIDDEN, VEHICLES, effects_of, judge, main, study, write_log
+from scripts.blind.kinds import kind_of
+from scripts.blind_logs import CLEAN, VEHICLES, effects_of, judge, main, study, write_log
 
 
 def written(folder, truth, verdict, effects, tied=(), detectable=()):
@@ -75,7 +76,7 @@ def test_what_no_log_shows_is_right_if_nothing_is_named_or_claimed(tmp_path):
 def test_every_probed_effect_is_in_the_study_or_has_a_reason_not_to_be(vehicle):
     plant = load_vehicle(vehicle)
     probed = {p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0}
-    hidden = HIDDEN[plant.family.name]
+    hidden = kind_of(plant).hidden
     assert set(effects_of(vehicle)) | set(hidden) == probed
     assert not set(effects_of(vehicle)) & set(hidden)
     assert all(len(reason) > 10 for reason in hidden.values())
