@@ -19,7 +19,7 @@ from rich.progress import Progress
 from rich.table import Table
 from scipy.signal import dlsim, lfilter
 
-from scripts.benchmarks.peers.environments import OURS, PEERS, Peer, make, run
+from scripts.benchmarks.peers.environments import OURS, PEERS, Peer, add_peer_arguments, make, run, wide_console
 from scripts.benchmarks.systems import (
     SYSTEMS,
     clean,
@@ -41,13 +41,11 @@ ERRORS = {
 _QUANTITIES = {"ms": "ms", "fit_percent": "fit, %"}
 _FORMS = {"ms": "{:.1f}", "fit_percent": "{:.2f}"}
 _TIE = 0.01  # of a median, by which another package must be better to count as ahead
-_WIDTH = 120  # columns, where no terminal says how many there are
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this benchmark."""
-    parser.add_argument("--peers", type=Path, default=Path(".peers"), help="environments of others (default: .peers)")
-    parser.add_argument("--make-peers", action="store_true", help="make the environments that are not there, with pip")
+    add_peer_arguments(parser)
     parser.add_argument("--seeds", type=int, default=20, help="records of each length (default: %(default)s)")
     parser.add_argument(
         "--samples", type=int, nargs="+", default=[1000, 10_000], help="lengths of records (default: 1000 10000)"
@@ -55,7 +53,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--budget", type=float, default=120.0, help="s, after which a method gets no more seeds (default: %(default)g)"
     )
-    parser.add_argument("--threads", type=int, default=1, help="of linear algebra, in all processes (default: 1)")
 
 
 def measure(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -163,9 +160,7 @@ def loss(found: np.ndarray, column: tuple[str, int]) -> float:
 
 def show(numbers: Mapping[str, Any]) -> None:
     """Print both tables, what is missing from them, and where another package is ahead."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=max(console.width, _WIDTH))
+    console = wide_console()
     for system, rows in numbers["systems"].items():
         if rows:
             console.print(_table(system, rows))

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from auv_gym.cli.console import steps_bar, table
 from auv_gym.physics.polynomials import TERMS
@@ -22,7 +21,15 @@ from auv_gym.plant import load_vehicle
 from identification.kernel.fixed_size import FixedSize
 from identification.kernel.regression import LsSvmRegression
 from scripts.benchmarks.hybrid import hybrid_rows
-from scripts.benchmarks.peers.environments import KERNEL_OURS, KERNEL_PEERS, Peer, make, run
+from scripts.benchmarks.peers.environments import (
+    KERNEL_OURS,
+    KERNEL_PEERS,
+    Peer,
+    add_peer_arguments,
+    make,
+    run,
+    wide_console,
+)
 
 VEHICLE = "heu_torpedo"
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -34,7 +41,6 @@ PENALTY, SIGMA = 1e3, 6.0  # near the best for 2000 samples with this noise
 FLYING_PENALTY, FLYING_SIGMA = 1e7, 20.0
 GRID = {"penalties": [1e1, 1e2, 1e3, 1e4, 1e5], "sigmas": [2.0, 4.0, 6.0, 9.0, 13.0]}
 SIZES = (50, 100, 256, 500, 1000)
-_WIDTH = 120  # columns, where no terminal says how many there are
 
 
 @dataclass(frozen=True)
@@ -52,12 +58,10 @@ class Section:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options of this benchmark."""
-    parser.add_argument("--peers", type=Path, default=Path(".peers"), help="environments of others (default: .peers)")
-    parser.add_argument("--make-peers", action="store_true", help="make the environments that are not there, with pip")
+    add_peer_arguments(parser)
     parser.add_argument("--samples", type=int, default=2000, help="to learn from (default: %(default)s)")
     parser.add_argument("--long", type=int, default=100_000, help="samples of a long record (default: %(default)s)")
     parser.add_argument("--size", type=int, default=256, help="centres of fixed-size machines (default: %(default)s)")
-    parser.add_argument("--threads", type=int, default=1, help="of linear algebra, in all processes (default: 1)")
     parser.add_argument(
         "--only", nargs="+", choices=[section.name for section in SECTIONS], help="sections (default: all)"
     )
@@ -84,9 +88,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, Any]:
 
 def show(numbers: Mapping[str, Any]) -> None:
     """Print every section's table, and what is missing from them."""
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=max(console.width, _WIDTH))
+    console = wide_console()
     for section in SECTIONS:
         if section.name not in numbers["sections"]:
             continue

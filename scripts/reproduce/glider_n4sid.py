@@ -1,6 +1,6 @@
 """N4SID on the pool log of a glider at -15 deg of rudder, cross-checked at -30 deg, beside what else can be fitted.
 
-    python -m scripts.reproduce.glider_n4sid --seeds 50 --out figures
+    python -m scripts.reproduce.glider_n4sid --seeds 50 --jobs 2 --out glider_n4sid
 
 The logs are not published. The vehicle is the preset `ganeshblue_corrected`, equation (15), which has no rudder lag; a
 log is 30 s of zero rudder and 120 s at one angle, read once a second by a compass with white noise, to 0.1 deg, within

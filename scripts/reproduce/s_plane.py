@@ -1,6 +1,6 @@
 """The control case of Xu et al. 2013 on `heu_torpedo`: surge, heading and depth under S-plane, PID and GPC.
 
-    python -m scripts.reproduce.s_plane --out figures
+    python -m scripts.reproduce.s_plane --seeds 20 --jobs 2 --out s_plane
 
 Surge from rest to 1.5 m/s; heading to 50 deg for 40 s, then back to 0; depth from 5 m to 10 m for 40 s, then back to
 5 m; the last two at the speed of 3.5 V. Each run holds the other two channels with the same autopilot. Every seed

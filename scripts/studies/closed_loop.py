@@ -1,6 +1,6 @@
 """Which methods are biased by feedback: pitch held by a PID, PRBS at the plane, a coloured disturbance, many seeds.
 
-    python -m scripts.studies.closed_loop --seeds 50 --out closed_loop
+    python -m scripts.studies.closed_loop --seeds 50 --jobs 2 --out closed_loop
 
 The truth is the pitch of a torpedo's linear form, so that its poles and its response are known. Each seed is one record
 in closed loop and one in open loop, of which the first part and the whole are fitted by every method with the right
@@ -192,6 +192,9 @@ def attempt(
 
 def gathered(found: Found) -> dict[tuple[str, int], dict[str, Errors]]:
     """The errors of all seeds by loop and samples, then by method."""
+    for loop, runs in found.runs.items():
+        if len(runs) < 2:
+            raise ValueError(f"Scatter needs --seeds of at least 2, got {len(runs)} in {loop} loop.")
     return {
         (loop, length): {name: _over_seeds([of[str(length)][name] for of in runs.values()]) for name in by_method}
         for loop, runs in found.runs.items()
@@ -214,14 +217,13 @@ def response_grid() -> np.ndarray:
     return np.geomspace(OMEGA[0], 0.9 * np.pi / DT, 40)
 
 
-def verdicts(found: Found) -> list[str]:
-    """A line for each loop and method, of the longest records."""
-    names, most = quantities(truth(found.options["vehicle"])), max(found.options["samples"])
+def refusals(found: Found) -> list[str]:
+    """Of each loop, length and method, how many records were not fitted, and why the first was not."""
     return [
-        f"{loop} loop, {samples} samples, {method}: {_verdict(errors, names)}"
+        f"{loop} loop, {samples} samples, {method}: {len(errors.refused)} records refused ({errors.refused[0]})"
         for (loop, samples), by_method in gathered(found).items()
         for method, errors in by_method.items()
-        if samples == most
+        if errors.refused
     ]
 
 
@@ -313,17 +315,6 @@ def _worst(errors: Errors, inside: Sequence[int]) -> int:
     return inside[int(np.argmax(np.abs(errors.t[list(inside)])))]
 
 
-def _verdict(errors: Errors, names: Sequence[str]) -> str:
-    if not errors.enough:
-        return f"refused ({errors.refused[0]})"
-    at = _worst(errors, range(len(names)))
-    rest = f"; {len(errors.refused)} records refused" if errors.refused else ""
-    surest = f"t = {errors.t[at]:.1f}, {errors.bias[at]:.4f} in {names[at]}"
-    if errors.biased:
-        return f"biased ({surest}){rest}"
-    return f"none seen beyond {MATTERS:g} (surest: {surest}){rest}"
-
-
 def sheets(found: Found) -> list[Sheet]:
     """A table for each loop and length of the records; in a file, all quantities."""
     shown, every = [], []
@@ -372,7 +363,7 @@ STUDY = Study(
         "vehicle": Option(VEHICLE, "a torpedo with gains for pitch"),
         "methods": Option(list(estimators()), "which are tried", tuple(estimators()), several=True),
     },
-    remarks=verdicts,
+    remarks=refusals,
     pictures=pictures,
     doing="records",
 )

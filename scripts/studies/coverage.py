@@ -1,6 +1,6 @@
 """How often the 95 % intervals of linear fits hold the truth, over many records of systems that are known.
 
-    python -m scripts.studies.coverage --seeds 500 --samples 1000
+    python -m scripts.studies.coverage --seeds 500 --samples 1000 --jobs 2 --out coverage
 
 Each method has the orders of its system. Judged are the intervals of coefficients, and of the refined state space those
 of its poles and of gain and phase of its responses: the share of records in which each holds the true value.

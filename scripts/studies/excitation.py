@@ -1,6 +1,6 @@
 """What excitation tells about the depth model of npsauv: every design at the same amplitude and length, in one table.
 
-    python -m scripts.studies.excitation --out figures
+    python -m scripts.studies.excitation --out excitation
 
 The vertical plane in closed loop, as in the first paper: `auv_gym/Depth-v0` sampled every 4 s for 600 s, pitch read to
 0.1 deg, the tuned PID autopilot at work, and a signal added at the stern plane and another at the bow plane. What is
@@ -14,7 +14,7 @@ noise in past depths would count as excitation.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from math import degrees, inf, isfinite, pi, radians
@@ -315,6 +315,12 @@ def excitation_figure(found: Found) -> Figure:
     return figure
 
 
+def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
+    """The picture, where some design adds a signal."""
+    added = any(run["signals"] for design in found.runs for run in found.of(design))
+    return {"excitation.png": lambda: excitation_figure(found)} if added else {}
+
+
 STUDY = Study(
     __doc__ or "",
     attempt,
@@ -323,7 +329,7 @@ STUDY = Study(
     seeds=5,
     one_of="design",
     options={"amplitude": Option(3.0, "of each plane, deg", least=1e-3)},
-    pictures=lambda found: {"excitation.png": lambda: excitation_figure(found)},
+    pictures=pictures,
 )
 
 if __name__ == "__main__":

@@ -166,7 +166,7 @@ class Study:
         tasks = [(case, seed) for case in self._chosen(cases) for seed in self.seeds_of(case, seeds)]
         kept = None
         if out is not None:
-            begin(out, {"options": chosen, **self.facts})
+            begin(out, {"study": self.about.partition("\n")[0], "options": chosen, **self.facts})
             kept = [out / "runs" / f"{quote(case, safe=' ,()=+')} seed {seed}.json" for case, seed in tasks]
         told = chosen | ({"out": out} if self.keeps else {})
         results = results_of(partial(self.attempt, **told), tasks, jobs, self.doing, kept)

@@ -1,6 +1,6 @@
 """Vehicles against models identified from them, in the environment: the same controller, the same seeds.
 
-    python -m scripts.studies.identified_rollouts --seeds 5 --out rollouts
+    python -m scripts.studies.identified_rollouts --seeds 5 --jobs 2 --out rollouts
 
 For each vehicle and seed: an experiment in closed loop with noisy sensors and PRBS at the actuators and the set point;
 ARMAX, N4SID with refinement and a grey box fitted to it; then an episode of steps with the vehicle, and with each model
@@ -166,7 +166,7 @@ def compared(vehicle: str, seed: int, methods: Sequence[str] = METHODS) -> tuple
     task = TASKS[vehicle]
     plant = load_vehicle(vehicle, dt=task.dt)
     record = experiment(task, plant, np.random.default_rng(seed))
-    wrong = off(plant, task.free)
+    wrong = off(plant, task.free, SHARES)
     models: dict[str, Model] = {}
     failed = {}
     for name in methods:
@@ -200,9 +200,9 @@ def experiment(task: Task, plant: Plant, rng: np.random.Generator) -> Record:
     return run.record
 
 
-def off(plant: Plant, free: Sequence[str]) -> Plant:
-    """A plant whose coefficients are wrong by SHARES in turn."""
-    return replace_at(plant, {path: SHARES[i % 2] * value_at(plant, path) for i, path in enumerate(free)})
+def off(plant: Plant, paths: Sequence[str], shares: tuple[float, float]) -> Plant:
+    """A plant whose coefficients are wrong by these shares in turn."""
+    return replace_at(plant, {path: shares[i % 2] * value_at(plant, path) for i, path in enumerate(paths)})
 
 
 def _env(task: Task, plant: Plant, duration: float, model: Model | None = None) -> gymnasium.Env:

@@ -1,6 +1,6 @@
 """Where a nonlinear black box is worth it: free runs of NARX LS-SVM, ARX and ARMAX over records of four systems.
 
-    python -m scripts.studies.narx --seeds 5 --json narx.json
+    python -m scripts.studies.narx --seeds 3 --jobs 2 --out narx
 
 Each seed is a record to fit and another without noise to judge by; every model has the same inputs and outputs. A
 method's number is that of its lags; "one step" is tuned by leave-one-out errors in place of free runs.

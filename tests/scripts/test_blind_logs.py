@@ -102,7 +102,8 @@ def test_effects_of_a_float_with_a_piston_are_named(effect):
     assert named("qiandao_float", [effect], [0]) == {effect: 1.0}
 
 
-@pytest.mark.parametrize("effect", [CLEAN, pytest.param("effects.volume.compressibility", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", [CLEAN, "effects.volume.compressibility"])
 def test_effects_of_a_float_with_oil_are_named(effect):
     assert named("mermaid", [effect], [0]) == {effect: 1.0}
 

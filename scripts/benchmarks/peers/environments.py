@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import os
 import subprocess
@@ -53,6 +54,19 @@ PEERS = (
 )
 KERNEL_OURS = Peer("auv-gym", "", "scripts.benchmarks.peers.run_kernel")
 KERNEL_PEERS = (Peer("scikit-learn", "1.9.1", "scripts.benchmarks.peers.run_sklearn"),)
+
+
+def add_peer_arguments(parser: argparse.ArgumentParser) -> None:
+    """The options of a benchmark beside other packages."""
+    parser.add_argument("--peers", type=Path, default=Path(".peers"), help="environments of others (default: .peers)")
+    parser.add_argument("--make-peers", action="store_true", help="make the environments that are not there, with pip")
+    parser.add_argument("--threads", type=int, default=1, help="of linear algebra, in all processes (default: 1)")
+
+
+def wide_console() -> Console:
+    """A console for tables of 120 columns, where no terminal says how many there are."""
+    console = Console()
+    return console if console.is_terminal else Console(width=max(console.width, 120))
 
 
 def make(folder: Path, peers: Sequence[Peer] = PEERS) -> None:

@@ -1,6 +1,6 @@
 """Geng and Zhao 2012 from the records of their experiment to predictive control of depth on the identified model.
 
-    python -m scripts.reproduce.armax.__main__ --out vertical_plane
+    python -m scripts.reproduce.armax --out vertical_plane
 
 Takes the records of `scripts/campaigns/vertical_plane.toml` from the folder, or performs the runs that it lacks, and
 prints and draws:

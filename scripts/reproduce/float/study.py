@@ -1,6 +1,7 @@
 """The comparison of Zhong et al. 2024 on a simulated float: RWLS, IVLS and LS-SVM, beside what works better.
 
-    python -m scripts.reproduce.float.__main__ --out figures
+    python -m scripts.reproduce.float --seeds 50 --jobs 2 --out float
+    python -m scripts.reproduce.float --seeds 2 --case dives
 
 The field data are not published, so the float is the preset `qiandao_float` under the PID of `float_depth_pid`, sampled
 as in the paper. White depth noise goes into the closed loop. The dive to 40 m and back to 0 m identifies, cut where it

@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from auv_gym.model import Diverged, Model, simulate
-from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.record import Record
 from auv_gym.splice import splice
@@ -16,6 +15,7 @@ from identification.kernel.hull import HullLsSvm
 from identification.linear.arx import Arx
 from identification.linear.n4sid import N4sid
 from scripts.reproduce.ls_svm.experiments import MANOEUVRES, NOISE, Judgement, bang_bang_runs, circled, judged, vehicle
+from scripts.studies.identified_rollouts import off
 
 ONE_VOLTAGE, SEVERAL = (4.0,), (3.0, 3.5, 4.0, 4.5, 5.0)  # V
 DATA = {"4 V": ONE_VOLTAGE, "3 to 5 V": SEVERAL}
@@ -33,7 +33,7 @@ GIVEN = "coefficients off by 20 %"
 def methods(voltages: Sequence[float]) -> dict[str, object]:
     """Estimators by name, for records at these voltages."""
     coarse = replace(vehicle(), longest_step=STEP)
-    wrong = off(coarse)
+    wrong = off(coarse, FREE, SHARES)
     fins = ("rudder_rad", "stern_plane_rad")
     # one lag of the voltage, which is constant in each run: more are not told apart; subspaces cannot take it at all
     several = len(voltages) > 1
@@ -48,16 +48,11 @@ def methods(voltages: Sequence[float]) -> dict[str, object]:
     }
 
 
-def off(plant: Plant) -> Plant:
-    """A plant whose coefficients are wrong by SHARES in turn."""
-    return replace_at(plant, {path: SHARES[i % 2] * value_at(plant, path) for i, path in enumerate(FREE)})
-
-
 def judged_methods(data: str, seed: int) -> list[dict]:
     """A row for each method and manoeuvre of one seed; a method that failed has a row that says why."""
     records = bang_bang_runs(DATA[data], seed, noise=NOISE)
     rows = [row for name, made in methods(DATA[data]).items() for row in _judged(data, seed, name, made, records)]
-    return rows + _rows(data, seed, GIVEN, off(replace(vehicle(), longest_step=STEP)))
+    return rows + _rows(data, seed, GIVEN, off(replace(vehicle(), longest_step=STEP), FREE, SHARES))
 
 
 def run_of(model: Model, true: Record) -> Record:

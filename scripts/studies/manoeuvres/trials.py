@@ -172,7 +172,7 @@ def record_of(
 
 
 @cache
-def manoeuvres(vehicle: str, speed: float | None = None) -> Result:
+def manoeuvres(vehicle: str, speed: float | None) -> Result:
     """Everything a vehicle is made to do."""
     trial = approach(vehicle, speed)
     full = trial.plant.parts.rudder.limit

@@ -1,4 +1,4 @@
-"""From the records of the published experiment to predictive control on the identified model."""
+"""The published experiment in its limits, and from its records to predictive control on the identified model."""
 
 import json
 from contextlib import redirect_stdout
@@ -11,6 +11,7 @@ import pytest
 from auv_gym.linear import Polynomial
 from auv_gym.record import Record
 from identification.estimate import Estimate
+from scripts.reproduce import vertical_plane
 from scripts.reproduce.armax import control, models
 from scripts.reproduce.armax.__main__ import main
 from scripts.reproduce.armax.models import DEPTH, PITCH, Verified
@@ -25,7 +26,15 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def printed(folder):
+def experiment(folder):
+    """What the program of the experiment alone prints; its records stay for the models."""
+    with redirect_stdout(StringIO()) as out:
+        assert vertical_plane.main(["--out", str(folder), "--jobs", "1", "--runs-only"]) == 0
+    return out.getvalue()
+
+
+@pytest.fixture(scope="module")
+def printed(folder, experiment):
     """What the program prints of the campaign's own records, control with one seed."""
     with redirect_stdout(StringIO()) as out:
         assert main(["--out", str(folder), "--jobs", "1", "--search", "arx", "--seeds", "0", "--runs", "1"]) == 0
@@ -36,6 +45,13 @@ def printed(folder):
 def told(folder, printed):
     """What it writes."""
     return json.loads((folder / "armax.json").read_text())
+
+
+def test_the_published_experiment_stays_in_its_limits(experiment, folder):
+    lines = [line for line in experiment.splitlines() if "depth within" in line]
+    assert len(lines) == 4
+    assert all(float(line.split("pitch within ")[1].split(" deg")[0]) > 2.0 for line in lines)  # it is excited
+    assert (folder / "figures_5_to_10.png").stat().st_size > 20_000
 
 
 def rows(told, model, fitted=None):
@@ -138,3 +154,9 @@ def test_the_targets_are_reached_over_further_seeds(tmp_path, seed):
     assert min(fit.differences for fit in longer) > 95.0
     cost = {name: np.median([f["cost"] for f in told["control"] if f["controller"] == name]) for name in CONTROLLERS}
     assert cost[CONTROLLERS[1]] < 1.03 * cost[CONTROLLERS[0]]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [10, 20, 30])
+def test_other_seeds_stay_in_the_limits_too(tmp_path, seed):
+    assert vertical_plane.main(["--out", str(tmp_path), "--jobs", "1", "--runs-only", "--seed", str(seed)]) == 0

@@ -200,17 +200,6 @@ def test_the_guide_has_the_tables_that_are_printed(study):
         assert min(study.biases[piston, RWLS, LENGTHS[-1]]) > 10.0
 
 
-def test_the_guides_code_runs(capsys):
-    blocks = re.findall(r"```python\n(.*?)```", GUIDE.read_text(encoding="utf-8"), flags=re.DOTALL)
-    assert len(blocks) == 2
-    names: dict = {}
-    for block in blocks:
-        exec(block, names)
-    assert "damping" in capsys.readouterr().out
-    assert np.sqrt(np.mean(names["error"] ** 2)) < 1.0
-    assert names["fit"]["damping"].value == pytest.approx(0.09, abs=0.03)
-
-
 def test_all_tables_and_pictures_are_made(found):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     names = [sheet.name for sheet in STUDY.sheets(found)]

@@ -18,10 +18,11 @@ from scripts.reproduce.ls_svm.experiments import (
     vehicle,
 )
 from scripts.reproduce.ls_svm.study import STUDY, compared, failures, steered
-from scripts.reproduce.ls_svm.surrogates import FREE, SHARES, STEP, off, run_of
+from scripts.reproduce.ls_svm.surrogates import FREE, SHARES, STEP, run_of
 from scripts.reproduce.ls_svm.tables import PUBLISHED
 from scripts.reproduce.s_plane import CASES
 from scripts.studies.harness import Found
+from scripts.studies.identified_rollouts import off
 
 
 def test_bang_bang_runs_go_from_stop_to_stop_from_rest_and_share_the_voltages():
@@ -75,7 +76,7 @@ def test_one_step_a_sample_is_as_good_as_five():
 
 def test_control_of_a_vehicle_with_wrong_coefficients_differs_and_with_its_own_does_not():
     case = CASES[2]
-    own, wrong = steered(case), off(vehicle())
+    own, wrong = steered(case), off(vehicle(), FREE, SHARES)
     assert compared(case, own, steered(case, vehicle())).value == 0.0
     different = compared(case, own, steered(case, wrong))
     assert different.percent == pytest.approx(100.0 * different.value / 5.0)

@@ -62,7 +62,7 @@ def test_a_stopped_study_goes_on_with_nothing_run_twice(tmp_path):
     assert begun == [*((c, s) for c in STUDY.cases for s in range(3))][:4] + begun[3:4] + begun[5:]
     assert len(begun) == 7  # six, and the one that was stopped
     assert values(found) == values(STUDY.find(range(3)))
-    study.find(range(4), ["good"], out=tmp_path)
+    study.find(range(4), ["g*"], out=tmp_path)
     assert begun[7:] == [("good", 3)]
 
 
@@ -155,7 +155,7 @@ def test_a_folder_holds_one_study(tmp_path, capsys):
     STUDY.find(range(1), ["good"], out=tmp_path)
     assert STUDY.main(["--out", str(tmp_path), "--size", "4"]) == 1
     assert "other settings (see study.json there)" in capsys.readouterr().err
-    begin(tmp_path, {"options": {"size": 3}})
+    begin(tmp_path, {"study": "A study of sums.", "options": {"size": 3}})
     (tmp_path / "file").write_text("")
     assert STUDY.main(["--out", str(tmp_path / "file")]) == 1
     assert "Cannot write into" in capsys.readouterr().err

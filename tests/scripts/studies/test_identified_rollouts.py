@@ -6,7 +6,7 @@ import pytest
 from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
 from scripts.studies.harness import Found
-from scripts.studies.identified_rollouts import METHODS, STUDY, TASKS, UNKNOWN, attempt, off
+from scripts.studies.identified_rollouts import METHODS, SHARES, STUDY, TASKS, UNKNOWN, attempt, off
 
 
 def test_models_of_a_glider_follow_it_closer_than_what_they_began_from(tmp_path):
@@ -28,7 +28,7 @@ def test_the_vehicle_itself_does_not_deviate(monkeypatch):
 
 def test_coefficients_begin_off_in_turn():
     plant, free = load_vehicle("remus100"), TASKS["remus100"].free
-    ratios = [value_at(off(plant, free), path) / value_at(plant, path) for path in free]
+    ratios = [value_at(off(plant, free, SHARES), path) / value_at(plant, path) for path in free]
     assert ratios == pytest.approx([0.85, 1.15, 0.85, 1.15])
 
 

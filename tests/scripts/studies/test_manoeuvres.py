@@ -12,6 +12,7 @@ from scripts.studies.manoeuvres.study import STUDY
 from scripts.studies.manoeuvres.trials import (
     DEPTH_STEP,
     approach,
+    depth_change,
     depth_change_of,
     executes,
     manoeuvres,
@@ -24,7 +25,7 @@ from scripts.studies.manoeuvres.trials import (
 
 @pytest.fixture(scope="module")
 def results():
-    return {name: manoeuvres(name) for name in presets()}
+    return {name: manoeuvres(name, None) for name in presets()}
 
 
 def circle(side, *, radius=8.0, speed=1.5, course=0.6, drift=0.1, turns=1.5, roll=0.05):
@@ -228,7 +229,6 @@ def test_a_neutral_vehicle_turns_the_same_at_another_speed():
         (["--vehicle", "slocum"], "six degrees of freedom, got 'slocum'"),
         (["--vehicle", "vt690", "--speed", "9"], "'vt690' cannot approach at 9 m/s"),
         (["--vehicle", "vt690", "--speed", "-1"], "--speed needs a number above 0"),
-        (["--vehicle", "heu_torpedo", "--speed", "0.3"], "approach faster"),
     ],
 )
 def test_main_says_what_is_wrong(arguments, words, capsys):
@@ -236,3 +236,8 @@ def test_main_says_what_is_wrong(arguments, words, capsys):
     told = capsys.readouterr().err
     assert told.startswith("Error: ")
     assert words in told
+
+
+def test_a_dive_that_is_too_slow_is_refused():
+    with pytest.raises(ValueError, match="approach faster"):
+        depth_change(approach("heu_torpedo", 0.3))

@@ -80,6 +80,7 @@ def test_a_model_is_made_of_the_log_once(tmp_path, monkeypatch):
     assert np.array_equal(again.vector, found.vector)
 
 
+@pytest.mark.slow  # a whole diagnosis
 def test_the_diagnosis_is_told_the_log_and_the_believed_vehicle_alone(tmp_path):
     scenario = SCENARIOS["glider"]
     found = model_of(scenario, "diagnosed", 0, tmp_path)
