@@ -1,4 +1,4 @@
-"""Programs over the three packages: published results reproduced, and benchmarks.
+"""Programs over the three packages: benchmarks, published results reproduced, studies, and what maintainers run.
 
-Each module has `main(argv)`; run one with `python -m scripts.NAME`.
+Run one with `python -m scripts.NAME`, or `python -m scripts.FOLDER.NAME`.
 """

@@ -11,20 +11,19 @@ repeated with the same folder goes on where it stopped.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from auv_gym.cli.options.console import errors, output, progress_bar
+from auv_gym.cli.options.console import errors, output
 from scripts.blind.cases import FAMILIES, KINDS, Case, Undrawn, draw, sketch
 from scripts.blind.scoring import score_folders
-from scripts.blind.sealing import log_folder, seal, truth_folder, write_json
+from scripts.blind.sealing import log_folder, seal, truth_folder
 from scripts.blind.tables import misses_table, shares_table, summary
+from scripts.studies.runs import Failure, read_json, results_of, write_json
 
 TIMEOUT = 300.0  # s
 _ROOT = Path(__file__).resolve().parents[1]
@@ -55,7 +54,7 @@ def run_case(case: Case, out: Path, timeout: float = TIMEOUT) -> dict[str, Any]:
         reason = _diagnose(log, timeout)
         if reason:
             return score_folders(log, truth, {"verdict": reason})
-    return score_folders(log, truth, json.loads((log / "diagnosis.json").read_text()))
+    return score_folders(log, truth, read_json(log / "diagnosis.json"))
 
 
 def _diagnose(log: Path, timeout: float) -> str:
@@ -71,30 +70,29 @@ def _diagnose(log: Path, timeout: float) -> str:
     return ""
 
 
-def run(
-    cases: Sequence[Case],
-    out: Path,
-    jobs: int = 1,
-    timeout: float = TIMEOUT,
-    show: Callable[[float, str], None] = lambda fraction, text: None,
-) -> list[dict[str, Any]]:
+def run(cases: Sequence[Case], out: Path, jobs: int = 1, timeout: float = TIMEOUT) -> list[dict[str, Any]]:
     """The scores of these cases, in their order; each is kept in `out` as soon as it is there.
 
     A case that cannot be drawn is left out, and said.
     """
-    scores: dict[int, dict[str, Any]] = {}
-    with ProcessPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(run_case, case, out, timeout): case for case in cases}
-        for done in as_completed(waiting):
-            case = waiting[done]
-            try:
-                scores[case.number] = done.result()
-            except Undrawn as error:
-                errors.print(str(error))
-                continue
-            write_json(out / "scores" / f"{case.number:05d}.json", scores[case.number])
-            show(len(scores) / len(cases), f"case {case.number}: {case.kind}, {case.vehicle}")
-    return [scores[case.number] for case in cases if case.number in scores]
+    scores = []
+    for found in results_of(_kept_score, [(case, out, timeout) for case in cases], jobs, "cases"):
+        if isinstance(found, Failure):
+            raise ValueError(found.reason)
+        if "undrawn" in found:
+            errors.print(found["undrawn"])
+        else:
+            scores.append(found)
+    return scores
+
+
+def _kept_score(case: Case, out: Path, timeout: float) -> dict[str, Any]:
+    try:
+        score = run_case(case, out, timeout)
+    except Undrawn as error:
+        return {"undrawn": str(error)}
+    write_json(out / "scores" / f"{case.number:05d}.json", score)
+    return score
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -115,10 +113,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     out = args.out / f"seed_{args.seed}"
     (out / "scores").mkdir(parents=True, exist_ok=True)
-    with progress_bar() as show:
-        scores = run(
-            chosen(args.seed, args.cases, args.kind, args.family, args.first), out, args.jobs, args.timeout, show
-        )
+    scores = run(chosen(args.seed, args.cases, args.kind, args.family, args.first), out, args.jobs, args.timeout)
     output.print(shares_table(scores))
     output.print(misses_table(scores))
     if args.json:

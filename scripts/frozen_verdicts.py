@@ -13,20 +13,18 @@ interval; the exit status is then 1.  `--out` keeps what was diagnosed: a run th
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from auv_gym.cli.options.console import errors, output, progress_bar, table
+from auv_gym.cli.options.console import errors, output, table
 from auv_gym.vehicles.former import path_now
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.scoring import score
-from scripts.blind.sealing import write_json
+from scripts.studies.runs import Failure, read_json, results_of, write_json
 
 MOVED = 0.1  # of a size's 95 % interval, beyond which it counts as another
 
@@ -93,7 +91,7 @@ def compare(folder: Path, case: str, before: Mapping[str, Any], now: Mapping[str
     """The change of one case, with who is right where its truth is at hand."""
     sealed, right = folder / "truth" / case / "truth.json", None
     if sealed.exists():
-        truth = renamed(json.loads(sealed.read_text()))
+        truth = renamed(read_json(sealed))
         right = tuple(bool(score(_as_said(one), truth)["right"]) for one in (before, now))
     vehicle = next(
         (line for line in (folder / case / "vehicle.toml").read_text().splitlines() if line.startswith("name")), ""
@@ -104,19 +102,16 @@ def compare(folder: Path, case: str, before: Mapping[str, Any], now: Mapping[str
 
 def run(folder: Path, cases: Sequence[str], out: Path, jobs: int) -> dict[str, dict[str, Any]]:
     """The brief of each case's diagnosis by today's code; each is kept in `out` as soon as it is there."""
-    found = {}
-    for case in cases:
-        if (out / f"{case}.json").exists():
-            found[case] = json.loads((out / f"{case}.json").read_text())
-    left = [case for case in cases if case not in found]
-    with progress_bar() as show, ProcessPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(diagnose_folder, folder / case): case for case in left}
-        for done in as_completed(waiting):
-            case = waiting[done]
-            found[case] = brief(done.result())
-            write_json(out / f"{case}.json", found[case])
-            show(len(found) / len(cases), f"case {case}: {found[case]['verdict']}")
-    return {case: found[case] for case in cases}
+    kept = [out / f"{case}.json" for case in cases]
+    found = dict(zip(cases, results_of(_brief_of, [(folder / case,) for case in cases], jobs, "cases", kept)))
+    for case, result in found.items():
+        if isinstance(result, Failure):
+            raise ValueError(f"Case {case} could not be diagnosed: {result.reason}")
+    return found
+
+
+def _brief_of(folder: Path) -> dict[str, Any]:
+    return brief(diagnose_folder(folder))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -138,14 +133,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     cases = [case for case in cases if not args.case or case in args.case]
     if not cases:
         parser.error(f"{args.folder} holds no cases: give a folder of folders with log.nc, vehicle.toml and frame.json")
-    stored = json.loads(args.baseline.read_text()) if args.baseline else {}
+    stored = read_json(args.baseline) if args.baseline else {}
     before = {}
     for case in cases:
         own = args.folder / case / "verdict.json"
         if case in stored:
             before[case] = renamed(stored[case])
         elif not args.baseline and own.exists():
-            before[case] = renamed(brief(json.loads(own.read_text())))
+            before[case] = renamed(brief(read_json(own)))
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"))
     args.out.mkdir(parents=True, exist_ok=True)
     now = run(args.folder, cases, args.out, args.jobs)

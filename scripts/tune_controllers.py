@@ -15,18 +15,17 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from math import degrees, inf
+from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 from scipy.optimize import minimize
 
-from auv_gym.channels import channel, set_point_of
-from auv_gym.cli.options.console import progress_bar
+from auv_gym.channels import set_point_of
+from auv_gym.cli.options.console import progress_bar, table
 from auv_gym.model import Diverged
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
@@ -37,6 +36,7 @@ from controllers.gains import Gains, Loops, read_gains, write_gains
 from controllers.pid import heading_pid
 from controllers.trials.settling import step_response
 from controllers.trials.trial import NOISE, Steps, at_rest, level_flight, run_trial
+from identification.pages.drawing import shown_values
 
 TABLE_4 = {"heading": (0.9, 1.7, 0.0024), "depth": (2.3, 2.4, 0.00006), "speed": (0.8, 0.1, 0.02)}  # Xu et al. 2013
 BESIDES = {"npsauv": (4.0,)}  # s, sample times besides a preset's own; paper 1 samples npsauv so
@@ -144,77 +144,22 @@ def tuned(bench: Bench, evaluations: int, show: Callable[[float, str], None], s_
 
 def bench_of(plant: Plant, seed: int) -> Bench:
     """The trial of a vehicle: steps that fit its size, changed plants drawn from the seed."""
-    rng, paths = np.random.default_rng(seed), list(plant.family.coefficients)
-    offsets: dict[str, float] = {}
-    if plant.family.kind == "body":
-        known, helm, limits = list_paths(plant), find_helm(plant), command_limits(plant)
-        paths += [path for path in VERTICAL if path in known]
-        fins = {plant.family.body.commands[at][0].name: float(limits[at]) for at in (helm.rudder, helm.plane)}
-        offsets = {f"effects.{fin}.offset": OFF * limit for fin, limit in fins.items()}
-    elif plant.family.kind == "glider":
-        offsets = {"effects.rudder.offset": OFF * plant.hull.rudder_limit}
-    else:
-        engine = find_engine(plant)
-        offsets = {"effects.volume.offset": OFF * engine.half * engine.volume}
-    plants = [plant]
+    tuning, rng = tuning_of(plant), np.random.default_rng(seed)
+    paths = [*plant.family.coefficients, *(path for path in tuning.besides if path in list_paths(plant))]
+    offsets, plants = tuning.offsets(plant), [plant]
     for side in (1.0, -1.0):
         factors = 1.0 + CHANGE * rng.choice([-1.0, 1.0], len(paths))
         changed = {path: value_at(plant, path) * factor for path, factor in zip(paths, factors.tolist(), strict=True)}
         plants.append(replace_at(plant, {**changed, **{path: side * value for path, value in offsets.items()}}))
-    steps, held, duration, scale, start = _steps(plant)
-    return Bench(tuple(plants), tuple(start(plant) for plant in plants), steps, held, duration, scale, seed)
+    trial = tuning.trial(plant)
+    starts = tuple(trial.start(plant) for plant in plants)
+    return Bench(tuple(plants), starts, trial.steps, trial.held, trial.duration, trial.scale, seed)
 
 
 def first_gains(plant: Plant, s_plane: bool = False) -> Gains:
-    """Gains to start from: a torpedo's by its linear-quadratic regulators, others' by their lags and engines."""
-    if plant.family.kind == "glider":
-        pid = heading_pid(plant)
-        names = ("proportional", "integral", "derivative", "filter_time", "integral_range")
-        return Gains(plant.name, plant.dt, loops={"pid": {"heading": {name: getattr(pid, name) for name in names}}})
-    if plant.family.kind == "float":
-        engine = find_engine(plant)
-        time = max(3.0 * plant.dt, 1.5 * engine.half / engine.rate)
-        reach = 1.4 * time * engine.speed
-        gain = -engine.half / reach
-        loop = {
-            "proportional": gain,
-            "integral": gain / (7.0 * time),
-            "derivative": 0.45 * time * gain,
-            "filter_time": 0.25 * time,
-            "integral_range": reach,
-        }
-        return Gains(plant.name, plant.dt, loops={"pid": {"depth": loop}})
-    cruise, limits, helm = find_cruise(plant), command_limits(plant), find_helm(plant)
-    length, speed = plant.hull.length, cruise.speed
-    time = length / speed
-    _, turn, rudder = (float(gain) for gain in cruise.rudder_gains)
-    _, rate, pitch, depth = (float(gain) for gain in cruise.plane_gains)
-    push = 0.5 * float(limits[helm.drive]) / speed
-    by_pitch = depth / pitch
-    pid = {
-        "speed": {"proportional": push, "integral": push / (10.0 * time), "integral_range": 0.3 * speed},
-        "heading": _law(rudder, rudder / (20.0 * time), turn, integral_range=0.2),
-        "pitch": _law(pitch, pitch / (10.0 * time), rate, integral_range=0.2),
-        "depth": _law(by_pitch, by_pitch / (40.0 * time), integral_range=0.5 * length, limit=PITCH_LIMIT),
-    }
-    loops: dict[str, Loops] = {"pid": pid}
-    if s_plane or (plant.name == PUBLISHED and plant.dt < time):
-        scales = {
-            "speed": (speed, 1.0 * speed / time),
-            "heading": _scales("heading", float(limits[helm.rudder]), rudder, turn),
-            "depth": _scales("depth", float(limits[helm.plane]), pitch * by_pitch, pitch / speed),
-        }
-        filters = {"speed": time, "heading": 0.0, "depth": time}
-        loops["s_plane"] = {
-            name: {
-                **dict(zip(("k1", "k2", "k3"), TABLE_4[name], strict=True)),
-                "error_scale": scales[name][0],
-                "rate_scale": scales[name][1],
-                "filter_time": filters[name],
-            }
-            for name in ("speed", "heading", "depth")
-        }
-    return Gains(plant.name, plant.dt, BOW_SHARE if len(plant.family.body.by_role()["pitch"]) > 1 else 0.0, loops)
+    """Gains to start from: a hull's by its linear-quadratic regulators, others' by their lags and engines."""
+    loops, bow_share = tuning_of(plant).first(plant, s_plane)
+    return Gains(plant.name, plant.dt, bow_share, loops)
 
 
 def cost(bench: Bench, gains: Gains, kind: str, name: str) -> float:
@@ -258,7 +203,7 @@ def _trial(bench: Bench, name: str) -> Steps:
 
 def _cost_of(run: Mapping[str, np.ndarray], bench: Bench, name: str) -> float:
     plant, total = bench.plants[0], 0.0
-    command, span = _moved_by(plant, name)
+    command, span = tuning_of(plant).moved_by(plant, name)
     for part, target in _segments(run, name):
         values = run[name][part]
         size = target - values[0]
@@ -276,19 +221,6 @@ def _segments(run: Mapping[str, np.ndarray], name: str) -> Iterator[tuple[slice,
     for begin, end in pairwise(edges):
         if abs(wanted[begin] - run[name][begin]) > 1e-9:
             yield slice(begin, end), float(wanted[begin])
-
-
-def _moved_by(plant: Plant, name: str) -> tuple[str, float]:
-    """The input that moves a channel, and its range."""
-    if plant.family.kind == "float":
-        engine = find_engine(plant)
-        return engine.channel, 2.0 * engine.half
-    if plant.family.kind == "glider":
-        return "rudder_rad", 2.0 * plant.hull.rudder_limit
-    helm = find_helm(plant)
-    index = {"heading_rad": helm.rudder, "depth_m": helm.plane, "u_mps": helm.drive}[name]
-    limit = float(command_limits(plant)[index])
-    return plant.inputs[index], limit if index == helm.drive else 2.0 * limit
 
 
 def _improved(bench: Bench, gains: Gains, kind: str, name: str, evaluations: int, told: Callable[[int], None]) -> Gains:
@@ -324,43 +256,151 @@ def _improved(bench: Bench, gains: Gains, kind: str, name: str, evaluations: int
     return at(found.x)
 
 
-def _steps(plant: Plant) -> tuple[Steps, Mapping[str, float], float, float, Callable[[Plant], Start]]:
+class Trial(NamedTuple):
     """Steps of the targets, targets that stand, s of a run, s of the vehicle's time scale, and where a run starts."""
-    if plant.family.kind == "body":
-        cruise, length = find_cruise(plant), plant.hull.length
-        scale = max(length / cruise.speed, 3.0 * plant.dt)
-        duration = 2.0 * SEGMENT * scale
-        deep = 20.0 * length
-        return (
-            {
-                "depth_m": [(0.0, deep + 4.0 * length), (0.5 * duration, deep + 3.0 * length)],
-                "heading_rad": [(0.0, 0.9), (0.5 * duration, 0.4)],
-                "u_mps": [(0.0, 0.8 * cruise.speed), (0.4 * duration, cruise.speed)],
-            },
-            {"depth_m": deep, "heading_rad": 0.0, "u_mps": cruise.speed},
-            duration,
-            scale,
-            lambda plant: level_flight(plant, deep),
-        )
-    if plant.family.kind == "glider":
-        scale = max(3.0 * plant.dt, 10.0)
-        duration = 2.0 * SEGMENT * scale
-        return (
-            {"heading_rad": [(0.0, 0.9), (0.5 * duration, 0.4)]},
-            {"heading_rad": 0.0},
-            duration,
-            scale,
-            lambda plant: at_rest(plant, {"heading_rad": 0.0}),
-        )
+
+    steps: Steps
+    held: Mapping[str, float]
+    duration: float
+    scale: float
+    start: Callable[[Plant], Start]
+
+
+First = tuple[Mapping[str, Loops], float]  # loops by law, and what bow planes take of the stern planes' command
+
+
+class Tuning(NamedTuple):
+    """What tuning has to know of a kind of vehicle.
+
+    first: the gains to start from; with those of the S-plane law where that is asked for.  moved_by: the input that
+    moves a channel, and its range.  offsets: of the actuators, by path.  besides: coefficients that are changed
+    besides those of the family.
+    """
+
+    kind: str
+    trial: Callable[[Plant], Trial]
+    first: Callable[[Plant, bool], First]
+    moved_by: Callable[[Plant, str], tuple[str, float]]
+    offsets: Callable[[Plant], dict[str, float]]
+    besides: tuple[str, ...] = ()
+
+
+def _hull_trial(plant: Plant) -> Trial:
+    cruise, length = find_cruise(plant), plant.hull.length
+    scale = max(length / cruise.speed, 3.0 * plant.dt)
+    duration, deep = 2.0 * SEGMENT * scale, 20.0 * length
+    steps: Steps = {
+        "depth_m": [(0.0, deep + 4.0 * length), (0.5 * duration, deep + 3.0 * length)],
+        "heading_rad": [(0.0, 0.9), (0.5 * duration, 0.4)],
+        "u_mps": [(0.0, 0.8 * cruise.speed), (0.4 * duration, cruise.speed)],
+    }
+    held = {"depth_m": deep, "heading_rad": 0.0, "u_mps": cruise.speed}
+    return Trial(steps, held, duration, scale, lambda plant: level_flight(plant, deep))
+
+
+def _hull_first(plant: Plant, s_plane: bool) -> First:
+    cruise, limits, helm = find_cruise(plant), command_limits(plant), find_helm(plant)
+    length, speed = plant.hull.length, cruise.speed
+    time = length / speed
+    _, turn, rudder = (float(gain) for gain in cruise.rudder_gains)
+    _, rate, pitch, depth = (float(gain) for gain in cruise.plane_gains)
+    push = 0.5 * float(limits[helm.drive]) / speed
+    by_pitch = depth / pitch
+    pid = {
+        "speed": {"proportional": push, "integral": push / (10.0 * time), "integral_range": 0.3 * speed},
+        "heading": _law(rudder, rudder / (20.0 * time), turn, integral_range=0.2),
+        "pitch": _law(pitch, pitch / (10.0 * time), rate, integral_range=0.2),
+        "depth": _law(by_pitch, by_pitch / (40.0 * time), integral_range=0.5 * length, limit=PITCH_LIMIT),
+    }
+    loops: dict[str, Loops] = {"pid": pid}
+    if s_plane or (plant.name == PUBLISHED and plant.dt < time):
+        scales = {
+            "speed": (speed, 1.0 * speed / time),
+            "heading": _scales("heading", float(limits[helm.rudder]), rudder, turn),
+            "depth": _scales("depth", float(limits[helm.plane]), pitch * by_pitch, pitch / speed),
+        }
+        filters = {"speed": time, "heading": 0.0, "depth": time}
+        loops["s_plane"] = {
+            name: {
+                **dict(zip(("k1", "k2", "k3"), TABLE_4[name], strict=True)),
+                "error_scale": scales[name][0],
+                "rate_scale": scales[name][1],
+                "filter_time": filters[name],
+            }
+            for name in ("speed", "heading", "depth")
+        }
+    return loops, BOW_SHARE if len(plant.family.body.by_role()["pitch"]) > 1 else 0.0
+
+
+def _hull_moved_by(plant: Plant, name: str) -> tuple[str, float]:
+    helm = find_helm(plant)
+    index = {"heading_rad": helm.rudder, "depth_m": helm.plane, "u_mps": helm.drive}[name]
+    limit = float(command_limits(plant)[index])
+    return plant.inputs[index], limit if index == helm.drive else 2.0 * limit
+
+
+def _hull_offsets(plant: Plant) -> dict[str, float]:
+    helm, limits, commands = find_helm(plant), command_limits(plant), plant.family.body.commands
+    return {f"effects.{commands[at][0].name}.offset": OFF * float(limits[at]) for at in (helm.rudder, helm.plane)}
+
+
+def _glider_trial(plant: Plant) -> Trial:
+    scale = max(3.0 * plant.dt, 10.0)
+    duration = 2.0 * SEGMENT * scale
+    steps: Steps = {"heading_rad": [(0.0, 0.9), (0.5 * duration, 0.4)]}
+    held = {"heading_rad": 0.0}
+    return Trial(steps, held, duration, scale, lambda plant: at_rest(plant, held))
+
+
+def _glider_first(plant: Plant, s_plane: bool) -> First:
+    pid, names = heading_pid(plant), ("proportional", "integral", "derivative", "filter_time", "integral_range")
+    return {"pid": {"heading": {name: getattr(pid, name) for name in names}}}, 0.0
+
+
+def _float_trial(plant: Plant) -> Trial:
     engine = find_engine(plant)
     length, duration = engine.speed * engine.time, SEGMENT * engine.time
-    return (
-        {"depth_m": [(0.0, 5.0 * length), (0.5 * duration, 4.6 * length)]},
-        {"depth_m": 4.0 * length},
-        duration,
-        engine.time,
-        lambda plant: at_rest(plant, {"depth_m": 4.0 * length}),
-    )
+    steps: Steps = {"depth_m": [(0.0, 5.0 * length), (0.5 * duration, 4.6 * length)]}
+    held = {"depth_m": 4.0 * length}
+    return Trial(steps, held, duration, engine.time, lambda plant: at_rest(plant, held))
+
+
+def _float_first(plant: Plant, s_plane: bool) -> First:
+    engine = find_engine(plant)
+    time = max(3.0 * plant.dt, 1.5 * engine.half / engine.rate)
+    reach = 1.4 * time * engine.speed
+    gain = -engine.half / reach
+    loop = _law(gain, gain / (7.0 * time), 0.45 * time * gain, filter_time=0.25 * time, integral_range=reach)
+    return {"pid": {"depth": loop}}, 0.0
+
+
+def _float_moved_by(plant: Plant, name: str) -> tuple[str, float]:
+    engine = find_engine(plant)
+    return engine.channel, 2.0 * engine.half
+
+
+def _float_offsets(plant: Plant) -> dict[str, float]:
+    engine = find_engine(plant)
+    return {"effects.volume.offset": OFF * engine.half * engine.volume}
+
+
+_TUNINGS = (
+    Tuning("body", _hull_trial, _hull_first, _hull_moved_by, _hull_offsets, VERTICAL),
+    Tuning(
+        "glider",
+        _glider_trial,
+        _glider_first,
+        lambda plant, name: ("rudder_rad", 2.0 * plant.hull.rudder_limit),
+        lambda plant: {"effects.rudder.offset": OFF * plant.hull.rudder_limit},
+    ),
+    Tuning("float", _float_trial, _float_first, _float_moved_by, _float_offsets),
+)
+TUNINGS = {tuning.kind: tuning for tuning in _TUNINGS}
+
+
+def tuning_of(plant: Plant) -> Tuning:
+    """What tuning has to know of a vehicle's kind."""
+    return TUNINGS[plant.family.kind]
 
 
 def _law(proportional: float, integral: float, derivative: float = 0.0, **settings: float) -> dict[str, float]:
@@ -395,18 +435,15 @@ def _rounded(value: float) -> float:
 
 def _reached_table(reached: Sequence[Reached]) -> Table:
     """What the loops reach, in m, deg and m/s."""
-    table = Table(box=SIMPLE_HEAD)
-    for column in ("vehicle", "dt, s", "kind", "channel", "step", "settled, s", "beyond", "swing"):
-        left = column in ("vehicle", "kind", "channel")
-        table.add_column(column, justify="left" if left else "right", no_wrap=True)
+    shown = table("", "vehicle!", "dt, s>", "kind!", "channel!", "step>", "settled, s>", "beyond>", "swing>")
     for row in reached:
-        angle = channel(row.channel).angle
-        numbers = [degrees(value) if angle else value for value in (row.step, row.overshoot, row.swing)]
-        label = row.channel.replace("_rad", "_deg")
+        step, *others = shown_values(row.channel, np.array([row.step, row.overshoot, row.swing])).tolist()
         settled = f"{row.settling_time:.1f}" if row.settling_time < inf else "never"
-        shown = [f"{value:.2f}" for value in numbers]
-        table.add_row(row.vehicle, f"{row.dt:g}", row.kind, label, shown[0], settled, *shown[1:])
-    return table
+        label = row.channel.replace("_rad", "_deg")
+        shown.add_row(
+            row.vehicle, f"{row.dt:g}", row.kind, label, f"{step:.2f}", settled, *(f"{value:.2f}" for value in others)
+        )
+    return shown
 
 
 if __name__ == "__main__":

@@ -17,19 +17,36 @@ from identification.diagnosis.search.workbench import calm_length
 from identification.fit.likelihood import colour
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows, held_out
-from scripts.blind.logs import Conditions, effects_of, known, log_of
-from scripts.blind.outside import SIZES, VISIBLE, causes_of, excess, outside_log
+from scripts.blind.kinds import effects_of, kind_of, known, log_of, outside_log
+from scripts.blind.logs import Conditions
+from scripts.blind.outside import SIZES, VISIBLE, excess
 
-FAMILIES: Mapping[str, tuple[str, ...]] = {
-    "glider": ("slocum", "ganeshblue"),
-    "float": ("qiandao_float", "mermaid"),
-    "torpedo": ("remus100", "vt690", "npsauv"),
-}
+
+@dataclass(frozen=True)
+class Group:
+    """Vehicles that are drawn, and counted, together.
+
+    durations: s, between which a log's length is drawn to ten seconds, None: 600 s.  window, settle: of free runs, s,
+    None for the vehicle's own.
+    """
+
+    name: str
+    vehicles: tuple[str, ...]
+    durations: tuple[float, float] | None = None
+    window: float | None = None
+    settle: float | None = None
+
+
+_GROUPS = (
+    Group("glider", ("slocum", "ganeshblue")),
+    Group("float", ("qiandao_float", "mermaid")),
+    Group("torpedo", ("remus100", "vt690", "npsauv"), (200.0, 400.0), window=25.0, settle=5.0),
+)
+FAMILIES: Mapping[str, Group] = {group.name: group for group in _GROUPS}
 KINDS = {"none": 0.16, "one": 0.3, "two": 0.14, "one_wrong": 0.14, "none_wrong": 0.1, "outside": 0.16}
 EFFECTS = {"none": 0, "one": 1, "two": 2, "one_wrong": 1, "none_wrong": 0, "outside": 0}
 WRONG = 0.1  # of a coefficient
 MULTIPLES = (2.0, 6.0)  # of the detectable size
-WINDOW, SETTLE = 25.0, 5.0  # s, of a torpedo's free runs
 PERIOD_OF = dict.fromkeys(("effects.water.heave_sin", "effects.water.heave_cos"), "effects.water.heave_period")
 PERIODS = (120.0, 600.0)  # s
 ATTEMPTS = 60
@@ -78,12 +95,11 @@ def sketch(seed: int, number: int) -> Case:
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 0)))
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
     family = str(rng.choice(list(FAMILIES)))
-    vehicle = str(rng.choice(FAMILIES[family]))
-    torpedo = family == "torpedo"
-    duration = float(np.round(rng.uniform(200.0, 400.0), -1)) if torpedo else 600.0
+    group = FAMILIES[family]
+    vehicle = str(rng.choice(group.vehicles))
+    duration = float(np.round(rng.uniform(*group.durations), -1)) if group.durations else 600.0
     conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), duration)
-    frame = (WINDOW, SETTLE) if torpedo else (None, None)
-    return Case(seed, number, kind, family, vehicle, conditions, *frame)
+    return Case(seed, number, kind, family, vehicle, conditions, group.window, group.settle)
 
 
 def draw(case: Case) -> Drawn:
@@ -137,7 +153,7 @@ def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
 
 
 def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
-    cause, seed = str(rng.choice(causes_of(plant))), int(rng.integers(2**31))
+    cause, seed = str(rng.choice(kind_of(plant).causes)), int(rng.integers(2**31))
     clean = log_of(plant, case.conditions, seed)
     for size in SIZES:
         record = outside_log(plant, cause, size, case.conditions, seed)

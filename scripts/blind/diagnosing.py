@@ -7,7 +7,6 @@ A folder holds log.nc, vehicle.toml and frame.json (window and settle, s); diagn
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,15 +15,15 @@ from time import perf_counter
 from auv_gym.model import Diverged
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
-from auv_gym.writing import replacing
 from identification.diagnosis import as_json, diagnose
+from scripts.studies.runs import read_json, write_json
 
 REFUSED = "refused"
 
 
 def diagnose_folder(folder: Path) -> dict:
     """What the diagnosis says, as plain data with its `seconds`; verdict "refused" and a reason where it raises."""
-    frame = json.loads((folder / "frame.json").read_text())
+    frame = read_json(folder / "frame.json")
     record, plant = Record.load(folder / "log.nc"), load_vehicle(folder / "vehicle.toml")
     start = perf_counter()
     try:
@@ -37,9 +36,7 @@ def diagnose_folder(folder: Path) -> dict:
 def main(argv: Sequence[str] | None = None) -> int:
     """Diagnose each folder."""
     for name in sys.argv[1:] if argv is None else argv:
-        said = diagnose_folder(Path(name))
-        with replacing(Path(name) / "diagnosis.json") as new:
-            new.write_text(json.dumps(said, indent=1))
+        write_json(Path(name) / "diagnosis.json", diagnose_folder(Path(name)))
     return 0
 
 

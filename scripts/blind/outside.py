@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+
 import numpy as np
 
 from auv_gym.plant import Plant
@@ -11,49 +13,13 @@ from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.blind import own_float, own_torpedo
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
-from scripts.blind.logs import Conditions, log_of, torpedo_excitation, torpedo_noise
+from scripts.blind.logs import Conditions, glider_log, lake_log, sea_log, torpedo_excitation, torpedo_noise
 from scripts.blind.own_glider import OwnGlider
 
-CAUSES_OF = {
-    "glider": ("drag", "current", "fin", "clock"),
-    "float_piston": ("drag", "current", "tether", "fin", "clock"),
-    "float_oil": ("drag", "current", "tether", "clock"),
-    "body": ("drag", "current", "tether", "fin", "clock"),
-}
 SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
 VISIBLE = 1.0  # excess over the noise variance that a refit of the coefficients must leave in some channel
+Draws = np.random.Generator  # by which the cause is drawn
 _MERMAID_DAYS = 4e5  # s, more than eight dives take
-
-
-def causes_of(plant: Plant) -> tuple[str, ...]:
-    """What may be the matter with a vehicle beyond the library."""
-    return CAUSES_OF.get(plant.family.name, CAUSES_OF.get(plant.family.kind, ()))
-
-
-def outside_log(plant: Plant, cause: str, size: float, conditions: Conditions, seed: int) -> Record:
-    """The log of a plant without effects and with a cause, "" for none; size: 1 is a small one.
-
-    Raises ValueError where the vehicle cannot be kept on its way.
-    """
-    rng = np.random.default_rng([seed, 1])
-    family = plant.family.name
-    if family == "glider":
-        record = log_of(plant, conditions, seed, _glider(plant, cause, size, conditions.duration, rng))
-        spacing = 60.0
-    elif plant.family.kind == "float":
-        record = log_of(plant, conditions, seed, _float(plant, cause, size, rng))
-        spacing = 200.0 if family == "float_piston" else 2e4
-    else:
-        around = _around_torpedo(plant, cause, size, conditions.duration, rng)
-        noise, excitation = torpedo_noise(conditions.noise), torpedo_excitation(conditions.excitation)
-        manoeuvres = np.random.default_rng(seed)
-        record = own_torpedo.own_manoeuvres(plant, around, manoeuvres, conditions.duration, excitation, noise)
-        spacing = 25.0
-    if cause != "clock":
-        return record
-    stamps = np.concatenate([slipped(record.time[s], rng, 0.03 * size, spacing) for s in record.segments])
-    labels = np.repeat(record.labels, [s.stop - s.start for s in record.segments])
-    return Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=labels, attrs=record.attrs)
 
 
 def excess(plant: Plant, record: Record, clean: Record, window: float) -> float:
@@ -63,6 +29,63 @@ def excess(plant: Plant, record: Record, clean: Record, window: float) -> float:
         problem = Shooting(plant, log, free_run_windows(plant, log, window))
         left.append(problem.sigma(problem.solve(plant, plant.family.coefficients, max_iterations=15)) ** 2)
     return float(np.max(left[0] / left[1])) - 1.0
+
+
+# Logs of a plant without effects and with a cause, "" for none; size: 1 is a small one. They raise ValueError where the
+# vehicle cannot be kept on its way. The cause is drawn by one generator, the experiment by another.
+
+
+def glider_outside(
+    plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
+) -> Record:
+    """The log of a glider."""
+    return glider_log(plant, conditions, experiment, _glider(plant, cause, size, conditions.duration, rng))
+
+
+def lake_outside(
+    plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
+) -> Record:
+    """The log of a float with a piston."""
+    around = Around()
+    if cause == "drag":
+        around = Around(tripping=Tripping(0.5 * size, 0.03, 0.08))
+    elif cause == "current":
+        around = Around(gusts=Gusts.draw(rng, 2500.0, 0.01 * size, 240.0, "vertical"))
+    elif cause == "tether":
+        around = Around(tether=Slack(0.004 * size, 25.0))
+    elif cause == "fin":
+        around = Around(sticking=Sticking.draw(rng, 2500.0, 2e-3 * size, 300.0, 40.0 * size))
+    return lake_log(plant, conditions, experiment, _started(around, [0.0]))
+
+
+def sea_outside(
+    plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
+) -> Record:
+    """The log of a float with an oil bladder."""
+    around = Around()
+    if cause == "drag":
+        around = Around(tripping=Tripping(0.5 * size, 0.05, 0.09))
+    elif cause == "current":
+        around = Around(gusts=Gusts.draw(rng, _MERMAID_DAYS, 0.01 * size, 1e4, "vertical"))
+    elif cause == "tether":
+        around = Around(tether=Slack(2e-4 * size, 500.0))
+    return sea_log(plant, conditions, experiment, _started(around, np.cumsum(rng.uniform(2e4, 4e4, 64))))
+
+
+def torpedo_outside(
+    plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
+) -> Record:
+    """The log of a torpedo."""
+    around = _around_torpedo(plant, cause, size, conditions.duration, rng)
+    noise, excitation = torpedo_noise(conditions.noise), torpedo_excitation(conditions.excitation)
+    return own_torpedo.own_manoeuvres(plant, around, experiment, conditions.duration, excitation, noise)
+
+
+def slipped_clock(record: Record, size: float, spacing: float, rng: np.random.Generator) -> Record:
+    """A record with the stamps of a clock that slips about every `spacing` s."""
+    stamps = np.concatenate([slipped(record.time[s], rng, 0.03 * size, spacing) for s in record.segments])
+    labels = np.repeat(record.labels, [s.stop - s.start for s in record.segments])
+    return Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=labels, attrs=record.attrs)
 
 
 def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.random.Generator) -> OwnGlider:
@@ -77,23 +100,12 @@ def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.rand
     return OwnGlider(plant)
 
 
-def _float(plant: Plant, cause: str, size: float, rng: np.random.Generator):
-    deep = plant.family.name == "float_oil"
-    around = Around()
-    if cause == "drag":
-        low, high = (0.05, 0.09) if deep else (0.03, 0.08)
-        around = Around(tripping=Tripping(0.5 * size, low, high))
-    elif cause == "current":
-        spacing, length = (1e4, _MERMAID_DAYS) if deep else (240.0, 2500.0)
-        around = Around(gusts=Gusts.draw(rng, length, 0.01 * size, spacing, "vertical"))
-    elif cause == "tether":
-        around = Around(tether=Slack(2e-4 * size, 500.0) if deep else Slack(0.004 * size, 25.0))
-    elif cause == "fin":
-        around = Around(sticking=Sticking.draw(rng, 2500.0, 2e-3 * size, 300.0, 40.0 * size))
-    begun = iter(np.cumsum(rng.uniform(2e4, 4e4, 64)) if deep else [0.0])
+def _started(around: Around, begun: Iterable[float]) -> Callable[..., own_float.OwnSwim]:
+    """What starts a float at each dive; begun: s, of the gusts' time."""
+    times = iter(begun)
 
     def start(given: Plant, depth: float, rate: float = 0.0, volume: float = 0.0) -> own_float.OwnSwim:
-        return own_float.OwnSwim(given, around, depth, rate, volume, begun=float(next(begun)))
+        return own_float.OwnSwim(given, around, depth, rate, volume, begun=float(next(times)))
 
     return start
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from auv_gym.plant import save_vehicle
-from auv_gym.writing import replacing
 from scripts.blind.cases import Drawn
+from scripts.studies.runs import read_json, write_json
 
 
 def log_folder(out: Path, number: int) -> Path:
@@ -46,10 +45,4 @@ def seal(drawn: Drawn, out: Path) -> Path:
 
 def read_truth(folder: Path) -> dict[str, Any]:
     """What `seal` has written of a case."""
-    return json.loads((folder / "truth.json").read_text())
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Plain data to a file, written aside and then renamed."""
-    with replacing(path) as new:
-        new.write_text(json.dumps(content, indent=1))
+    return read_json(folder / "truth.json")

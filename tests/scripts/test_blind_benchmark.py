@@ -14,8 +14,9 @@ from identification.experiments.heading_control import closed_loop
 from scripts.blind.cases import KINDS, PERIOD_OF, Undrawn, detectable_sizes, draw, sketch
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
-from scripts.blind.logs import Conditions, log_of
-from scripts.blind.outside import causes_of, excess, outside_log
+from scripts.blind.kinds import kind_of, log_of, outside_log
+from scripts.blind.logs import Conditions
+from scripts.blind.outside import excess
 from scripts.blind.own_float import OwnSwim
 from scripts.blind.own_glider import OwnGlider
 from scripts.blind.own_torpedo import own_manoeuvres
@@ -93,7 +94,7 @@ def test_causes_are_absent_at_size_zero_and_do_what_they_say():
 @pytest.mark.parametrize("vehicle, cause", [("slocum", "current"), ("mermaid", "tether")])
 def test_a_cause_outside_the_library_shows_in_the_log(vehicle, cause):
     plant = load_vehicle(vehicle)
-    assert cause in causes_of(plant)
+    assert cause in kind_of(plant).causes
     clean, own = log_of(plant, QUIET, 5), outside_log(plant, "", 0.0, QUIET, 5)
     assert excess(plant, own, clean, plant.window) == pytest.approx(0.0, abs=0.02)
     assert excess(plant, outside_log(plant, cause, 4.0, QUIET, 5), clean, plant.window) > 1.0

@@ -7,7 +7,8 @@ import pytest
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
-from scripts.blind_logs import CLEAN, HIDDEN, VEHICLES, effects_of, judge, main, study, write_log
+from scripts.blind.kinds import kind_of
+from scripts.blind_logs import CLEAN, VEHICLES, effects_of, judge, main, study, write_log
 
 
 def written(folder, truth, verdict, effects, tied=(), detectable=()):
@@ -75,7 +76,7 @@ def test_what_no_log_shows_is_right_if_nothing_is_named_or_claimed(tmp_path):
 def test_every_probed_effect_is_in_the_study_or_has_a_reason_not_to_be(vehicle):
     plant = load_vehicle(vehicle)
     probed = {p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0}
-    hidden = HIDDEN[plant.family.name]
+    hidden = kind_of(plant).hidden
     assert set(effects_of(vehicle)) | set(hidden) == probed
     assert not set(effects_of(vehicle)) & set(hidden)
     assert all(len(reason) > 10 for reason in hidden.values())
@@ -101,7 +102,8 @@ def test_effects_of_a_float_with_a_piston_are_named(effect):
     assert named("qiandao_float", [effect], [0]) == {effect: 1.0}
 
 
-@pytest.mark.parametrize("effect", [CLEAN, pytest.param("effects.volume.compressibility", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", [CLEAN, "effects.volume.compressibility"])
 def test_effects_of_a_float_with_oil_are_named(effect):
     assert named("mermaid", [effect], [0]) == {effect: 1.0}
 

@@ -35,12 +35,12 @@ def test_every_change_is_said():
     assert said[5:] == ("tie gone: rudder.offset or yaw.moment",)
 
 
-@pytest.fixture
-def folder(tmp_path):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
     """Two cases, of which the second one's stored verdict is another than today's."""
-    believed = load_vehicle("slocum")
+    believed, root = load_vehicle("slocum"), tmp_path_factory.mktemp("frozen")
     for name, effects, verdict in (("00000", {}, None), ("00001", {"effects.rudder.offset": 0.05}, "unexplained")):
-        case, truth = tmp_path / name, tmp_path / "truth" / name
+        case, truth = root / name, root / "truth" / name
         case.mkdir()
         truth.mkdir(parents=True)
         log = closed_loop(replace_at(believed, effects), rng=np.random.default_rng(0), duration=600.0)
@@ -51,7 +51,7 @@ def folder(tmp_path):
         (case / "verdict.json").write_text(json.dumps(said | ({"verdict": verdict} if verdict else {})))
         kind = {"number": int(name), "kind": "one" if effects else "none", "family": "glider", "vehicle": "slocum"}
         (truth / "truth.json").write_text(json.dumps({"case": kind, "effects": effects, "wrong": {}, "cause": ""}))
-    return tmp_path
+    return root
 
 
 def test_the_program_compares_keeps_and_writes(folder, tmp_path, capsys):
@@ -82,5 +82,5 @@ def test_bad_options_are_refused(folder, tmp_path, capsys, more, words):
         main([str(folder), "--out", str(tmp_path / "out"), *more])
     assert words in capsys.readouterr().err
     with pytest.raises(SystemExit):
-        main([str(tmp_path / "truth"), "--out", str(tmp_path / "out")])
+        main([str(folder / "truth"), "--out", str(tmp_path / "out")])
     assert "holds no cases" in capsys.readouterr().err

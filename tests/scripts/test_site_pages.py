@@ -1,7 +1,7 @@
 """The pages that are made from the code name what there is."""
 
-from auv_gym.effects import EFFECTS
 from auv_gym.param import list_paths
+from auv_gym.vehicles import effects_by_kind
 from auv_gym.vehicles.body.kinds import part_kinds
 from scripts.site_pages import effects_page, parts_page
 
@@ -24,6 +24,6 @@ def test_a_long_table_of_numbers_is_its_first_and_its_last():
 
 def test_every_effect_of_every_family_is_listed():
     page = effects_page()
-    for effects in EFFECTS.values():
-        for path in list_paths(effects()):
+    for effects in effects_by_kind().values():
+        for path in list_paths(effects):
             assert path.startswith("discovered.") or f"| `effects.{path}` |" in page

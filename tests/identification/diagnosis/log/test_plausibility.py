@@ -8,7 +8,7 @@ from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.plausibility import BAD, FACTOR, GAIN, Match
 from identification.diagnosis.log.slips import Slip, slipped, slips_of, undone
-from scripts.slip_study import doubts, log_of
+from scripts.studies.slips import doubts, log_of
 
 
 def slip_called(record, plant, text) -> Slip:

@@ -1,1 +1,0 @@
-"""Parts of `scripts.reproduce_armax`: models, study, control, tables, pictures."""

@@ -1,0 +1,117 @@
+"""What blind logs of each kind of vehicle are made of, and which effects none of them can show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from auv_gym.param import list_paths, spec_at
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.records.record import Record
+from scripts.blind.logs import Conditions, dive_settings, glider_log, lake_log, lake_settings, sea_log, torpedo_log
+from scripts.blind.outside import glider_outside, lake_outside, sea_outside, slipped_clock, torpedo_outside
+
+_NO_PISTON = "a float with an oil bladder has no piston"
+_NO_OIL = "a float with a piston logs no oil"
+_OWN_VOLUME = "each dive has an unknown volume, which does the same"
+_NO_WAVE = "without the wave its period says nothing"
+_NO_GROWTH = "without the expansion its lag says nothing"
+_NO_SURFACE = "the initial depth of each free run does the same, and none is at the surface"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of vehicle, by the name of its family.
+
+    log: of the standard experiment.  outside: of a vehicle without effects and with one of `causes`, "clock" apart,
+    whose errors are about `clock_spacing` s apart.  settings: of the standard experiment in the study of single
+    effects.  hidden: effects that no log of the kind can show, and why.
+    """
+
+    family: str
+    log: Callable[..., Record]
+    outside: Callable[..., Record]
+    causes: tuple[str, ...]
+    clock_spacing: float
+    settings: Callable[[np.random.Generator], dict[str, Any]] = lambda rng: {}
+    hidden: Mapping[str, str] = field(default_factory=dict)
+
+
+_HIDDEN_IN_A_LAKE = {
+    "effects.depth.bias": _NO_SURFACE,
+    "effects.oil.pump_gain": _NO_OIL,
+    "effects.oil.valve_gain": _NO_OIL,
+    "effects.oil.valve_with_depth": _NO_OIL,
+    "effects.water.heave_period": _NO_WAVE,
+    "effects.volume.expansion_lag": _NO_GROWTH,
+}
+_HIDDEN_AT_SEA = {
+    **{f"effects.piston.{name}": _NO_PISTON for name in ("gain", "backlash", "dead_time", "lag", "slowness")},
+    "effects.piston.offset": f"{_NO_PISTON}, and {_OWN_VOLUME}",
+    "effects.volume.offset": _OWN_VOLUME,
+    "effects.tether.pull": _OWN_VOLUME,
+    "effects.water.heave_sin": "the wave's phase is not known from one dive to the next",
+    "effects.water.heave_cos": "the wave's phase is not known from one dive to the next",
+    "effects.water.heave_period": _NO_WAVE,
+    "effects.volume.expansion_lag": _NO_GROWTH,
+    "effects.depth.bias": _NO_SURFACE,
+    "effects.depth.scale": "without inertia it acts as the drag coefficients do, which are refitted",
+    "effects.depth.lag": "in a steady dive the initial depth does the same; three probes are about the noise",
+}
+_KINDS = (
+    Kind("glider", glider_log, glider_outside, ("drag", "current", "fin", "clock"), 60.0),
+    Kind(
+        "float_piston",
+        lake_log,
+        lake_outside,
+        ("drag", "current", "tether", "fin", "clock"),
+        200.0,
+        lake_settings,
+        _HIDDEN_IN_A_LAKE,
+    ),
+    Kind("float_oil", sea_log, sea_outside, ("drag", "current", "tether", "clock"), 2e4, dive_settings, _HIDDEN_AT_SEA),
+    Kind("body", torpedo_log, torpedo_outside, ("drag", "current", "tether", "fin", "clock"), 25.0),
+)
+KINDS = {kind.family: kind for kind in _KINDS}
+
+
+def kind_of(plant: Plant) -> Kind:
+    """The kind of a vehicle."""
+    return KINDS[plant.family.name]
+
+
+def known(vehicle: str) -> Plant:
+    """The preset with coefficients that are known to the diagnosis's usual doubt.
+
+    Where a preset states wide deviations, as one whose coefficients are guesses does, an effect that acts as such a
+    coefficient is nothing that a log could show.
+    """
+    return replace(load_vehicle(vehicle), deviations={})
+
+
+def effects_of(vehicle: str) -> list[str]:
+    """Every effect of a vehicle that can be probed and that a log of it can show."""
+    plant = load_vehicle(vehicle)
+    probed = [p for p in list_paths(plant) if p.startswith("effects.") and spec_at(plant, p).probe > 0.0]
+    return [path for path in probed if path not in kind_of(plant).hidden]
+
+
+def log_of(plant: Plant, conditions: Conditions, seed: int) -> Record:
+    """The log of a vehicle's standard experiment; the same manoeuvres from one seed.
+
+    Raises ValueError or Diverged where the vehicle cannot be kept on its way.
+    """
+    return kind_of(plant).log(plant, conditions, np.random.default_rng(seed))
+
+
+def outside_log(plant: Plant, cause: str, size: float, conditions: Conditions, seed: int) -> Record:
+    """The log of a plant without effects and with a cause, "" for none; size: 1 is a small one.
+
+    Raises ValueError where the vehicle cannot be kept on its way.
+    """
+    kind, rng = kind_of(plant), np.random.default_rng([seed, 1])
+    record = kind.outside(plant, cause, size, conditions, np.random.default_rng(seed), rng)
+    return slipped_clock(record, size, kind.clock_spacing, rng) if cause == "clock" else record

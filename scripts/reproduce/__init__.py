@@ -1,0 +1,1 @@
+"""Published results reproduced, one module a paper: `python -m scripts.reproduce.NAME`."""

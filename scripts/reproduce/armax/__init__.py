@@ -1,0 +1,1 @@
+"""Geng and Zhao 2012: `python -m scripts.reproduce.armax`."""

@@ -1,0 +1,1 @@
+"""Zhong et al. 2024 on a simulated float: `python -m scripts.reproduce.float`."""

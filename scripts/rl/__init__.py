@@ -1,1 +1,0 @@
-"""Parts of the study of policies trained on models; `scripts.rl_study` runs it."""

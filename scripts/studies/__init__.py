@@ -1,0 +1,1 @@
+"""Finished studies, whose figures the documentation gives: `python -m scripts.studies.NAME`."""

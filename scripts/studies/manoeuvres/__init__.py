@@ -1,0 +1,1 @@
+"""Turning circles, zigzags and depth changes: `python -m scripts.studies.manoeuvres`."""

@@ -1,0 +1,1 @@
+"""The study of policies trained on models: `python -m scripts.studies.rl`."""

@@ -1,0 +1,182 @@
+"""Where policies are trained on models: two vehicles, an effect that nobody declared in each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import radians
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+
+from auv_gym.param import replace_at, value_at
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.rl.settings import make_env
+from identification.experiments.manoeuvres import NOISE
+
+TRUE, BELIEVED, DIAGNOSED, RANDOMISED = "true", "believed", "diagnosed", "randomised"
+ARMAX, GREY_BOX, HULL = "armax", "grey_box", "ls_svm"
+CONTROLLERS = ("pid", "s_plane", "gpc")
+WORDS = {
+    TRUE: "(a) the true vehicle",
+    ARMAX: "(b) ARMAX",
+    GREY_BOX: "(b) grey box",
+    HULL: "(b) LS-SVM hull",
+    BELIEVED: "(c) the believed vehicle",
+    DIAGNOSED: "(d) the diagnosed vehicle",
+    RANDOMISED: "(e) domain randomisation",
+    "pid": "PID",
+    "s_plane": "S-plane",
+    "gpc": "GPC",
+}
+SPREAD = 0.2  # of a coefficient to either side, in domain randomisation
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A vehicle with an undeclared effect in an environment; name: in cases and folders.
+
+    effect: path and value.  options: of the environment, but the vehicle.  log: s, length of the experiment.
+    linear: orders of ARMAX.  free: coefficients of the grey box.  window, settle: s, of its free runs and those of the
+    diagnosis, None for the vehicle's own.  drawn: ranges of domain randomisation beside those of `coefficients`.
+    gamma: of the learning; steps: of one training.
+    """
+
+    name: str
+    title: str
+    env: str
+    vehicle: str
+    dt: float
+    effect: tuple[str, float]
+    options: Mapping[str, Any]
+    log: float
+    linear: Mapping[str, Any]
+    free: tuple[str, ...]
+    drawn: Mapping[str, tuple[float, float]]
+    coefficients: tuple[str, ...]
+    rows: tuple[str, ...]
+    controllers: tuple[str, ...]
+    channel: str
+    command: str
+    gamma: float
+    steps: int
+    window: float | None = None
+    settle: float | None = None
+
+    @property
+    def believed(self) -> Plant:
+        """The vehicle as its modeller believes it to be."""
+        return load_vehicle(self.vehicle, dt=self.dt)
+
+    @property
+    def truth(self) -> Plant:
+        """The vehicle as it is."""
+        return replace_at(self.believed, dict([self.effect]))
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """What domain randomisation draws from, by parameter path."""
+        plant = self.believed
+        own = {path: value_at(plant, path) for path in self.coefficients}
+        wide = {path: sorted((value * (1.0 - SPREAD), value * (1.0 + SPREAD))) for path, value in own.items()}
+        return {**self.drawn, **{path: (low, high) for path, (low, high) in wide.items()}}
+
+    @property
+    def all_rows(self) -> tuple[str, ...]:
+        """What is trained, then the controllers."""
+        return (*self.rows, *self.controllers)
+
+
+PPO: Mapping[str, Any] = {
+    "n_envs": 32,
+    "normalize": True,
+    "policy_kwargs": {"net_arch": [64, 64], "log_std_init": -1.0},
+    "n_steps": 64,
+    "batch_size": 512,
+    "n_epochs": 10,
+    "learning_rate": "lin_1e-3",
+    "gae_lambda": 0.95,
+    "clip_range": 0.2,
+}
+_SENSORS = {**NOISE, "compass": radians(0.5), "depth": 0.02}
+_SCENARIOS = (
+    Scenario(
+        name="glider",
+        title="GliderHeading-v0, slocum, a constant yaw moment of 0.007 N m",
+        env="auv_gym/GliderHeading-v0",
+        vehicle="slocum",
+        dt=4.0,
+        effect=("effects.yaw.moment", 0.007),
+        options={"compass_noise": radians(0.5)},
+        log=2400.0,
+        linear={"outputs": ("heading_rad",), "n_a": 2, "n_b": 2, "n_c": 2, "integrating": ("heading_rad",)},
+        free=("hull.n_r", "hull.n_delta"),
+        drawn={"effects.yaw.moment": (-0.01, 0.01), "effects.rudder.offset": (-0.05, 0.05)},
+        coefficients=("hull.n_r", "hull.n_delta"),
+        rows=(TRUE, BELIEVED, DIAGNOSED, ARMAX, GREY_BOX, RANDOMISED),
+        controllers=("pid", "gpc"),
+        channel="heading_rad",
+        command="rudder_rad",
+        gamma=0.98,
+        steps=80_000,
+    ),
+    Scenario(
+        name="torpedo",
+        title="Heading-v0, heu_torpedo, a rudder that lags by 1.5 s",
+        env="auv_gym/Heading-v0",
+        vehicle="heu_torpedo",
+        dt=0.2,
+        effect=("effects.rudder.lag", 1.5),
+        options={"effects": {f"effects.sampling.{sensor}.noise": value for sensor, value in _SENSORS.items()}},
+        log=400.0,
+        linear={
+            "outputs": ("heading_rad", "r_radps", "v_mps", "roll_rad", "u_mps"),
+            "n_a": 2,
+            "n_b": 2,
+            "n_c": 2,
+            "integrating": ("heading_rad",),
+        },
+        free=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "parts.rudder.moment"),
+        drawn={
+            "effects.rudder.lag": (0.0, 2.0),
+            "effects.rudder.dead_time": (0.0, 1.0),
+            "effects.rudder.gain": (0.8, 1.2),
+            "effects.rudder.offset": (-0.05, 0.05),
+        },
+        coefficients=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur"),
+        rows=(TRUE, BELIEVED, DIAGNOSED, ARMAX, GREY_BOX, HULL, RANDOMISED),
+        controllers=CONTROLLERS,
+        channel="heading_rad",
+        command="rudder_rad",
+        gamma=0.98,
+        steps=100_000,
+        window=25.0,
+        settle=5.0,
+    ),
+)
+SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in _SCENARIOS}
+
+
+def case_of(name: str, row: str) -> str:
+    """A row of a scenario, as a case of the study."""
+    return f"{name}, {row}"
+
+
+def split_case(case: str) -> tuple[str, str]:
+    """The names of scenario and row."""
+    name, _, row = case.partition(", ")
+    return name, row
+
+
+def policy_folder(name: str, row: str, seed: int, out: Path) -> Path:
+    """Where a training leaves its files."""
+    return out / name / row / f"seed_{seed}"
+
+
+def true_env(scenario: Scenario) -> gymnasium.Env:
+    """The environment that all rows are judged in: the true vehicle with noisy sensors.
+
+    Scales, limits and what a controller knows are those of the believed vehicle, as an operator would have them.
+    """
+    return make_env(scenario.env, scenario.truth, vehicle=scenario.vehicle, dt=scenario.dt, **scenario.options)
