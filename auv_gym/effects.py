@@ -17,20 +17,23 @@ from auv_gym.param import param, part
 from auv_gym.physics.discovered_terms import DiscoveredHeave, DiscoveredYaw
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
-# What can happen between a command and what it moves, whatever that is: neutral value, title, unit, bounds. `U` stands
-# for the unit of the command, and bounds in it are those of an angle or of a share, to be multiplied by a `span`.
-_ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float]]] = {
-    "offset": (0.0, "{} offset", "U", (-0.5, 0.5)),
-    "gain": (1.0, "{} gain", "1", (0.05, 5.0)),
-    "deadband": (0.0, "{} deadband (half width)", "U", (0.0, 0.5)),
-    "backlash": (0.0, "{} backlash (full width)", "U", (0.0, 0.5)),
-    "dead_time": (0.0, "{} dead time", "s", (0.0, 20.0)),
-    "lost_travel": (0.0, "{} saturates early, by", "U", (0.0, 1.0)),
-    "lag": (0.0, "{} lag (time constant)", "s", (0.0, 60.0)),
-    "slowness": (0.0, "{} rate limit, as time per angle", "s/U", (0.0, 200.0)),
-    "lost": (0.0, "share of the {} lost", "1", (0.0, 1.0)),
-    "stuck": (0.0, "{} stuck, 1 for wholly", "1", (0.0, 1.0)),
-    "stuck_at": (0.0, "angle at which the {} is stuck", "U", (-1.6, 1.6)),
+_ANGLES = "small and large movements of the {} to both sides"
+_QUICK = "and sharp steps of the {}"
+# What can happen between a command and what it moves, whatever that is: neutral value, title, unit, bounds, and what
+# would set it apart. `U` stands for the unit of the command, and bounds in it are those of an angle or of a share, to
+# be multiplied by a `span`.
+_ON_COMMANDS: Mapping[str, tuple[float, str, str, tuple[float, float], str]] = {
+    "offset": (0.0, "{} offset", "U", (-0.5, 0.5), "a measured position of the {}, or commands that reach its stops"),
+    "gain": (1.0, "{} gain", "1", (0.05, 5.0), "a measured position of the {}, or commands that reach its stops"),
+    "deadband": (0.0, "{} deadband (half width)", "U", (0.0, 0.5), _ANGLES),
+    "backlash": (0.0, "{} backlash (full width)", "U", (0.0, 0.5), _ANGLES),
+    "dead_time": (0.0, "{} dead time", "s", (0.0, 20.0), f"samples shorter than the delay, {_QUICK}"),
+    "lost_travel": (0.0, "{} saturates early, by", "U", (0.0, 1.0), "a measured position of the {}"),
+    "lag": (0.0, "{} lag (time constant)", "s", (0.0, 60.0), f"samples shorter than the lag, {_QUICK}"),
+    "slowness": (0.0, "{} rate limit, as time per angle", "s/U", (0.0, 200.0), "steps of the {} of different sizes"),
+    "lost": (0.0, "share of the {} lost", "1", (0.0, 1.0), ""),
+    "stuck": (0.0, "{} stuck, 1 for wholly", "1", (0.0, 1.0), ""),
+    "stuck_at": (0.0, "angle at which the {} is stuck", "U", (-1.6, 1.6), ""),
 }
 
 
@@ -54,7 +57,7 @@ def effects_on_commands(
     Order of action: gain and offset, deadband, backlash, dead time, saturation, then lag and rate limit.
     """
     fields: list[tuple[str, type, Any]] = []
-    for effect, (neutral, title, stated, (low, high)) in _ON_COMMANDS.items():
+    for effect, (neutral, title, stated, (low, high), apart) in _ON_COMMANDS.items():
         if effect not in probes:
             continue
         of_unit = stated in ("U", "s/U")
@@ -62,7 +65,7 @@ def effects_on_commands(
         high = slowest if effect == "slowness" and slowest is not None else high
         stated = stated.replace("U", unit).replace("s/1", "s") if of_unit else stated
         title = (titles or {}).get(effect, title)
-        field = param(neutral, stated, title, bounds=(low * scale, high * scale), probe=probes[effect])
+        field = param(neutral, stated, title, bounds=(low * scale, high * scale), probe=probes[effect], apart=apart)
         fields.append((effect, float, field))
     fields += [(effect, float, field) for effect, field in (more or {}).items()]
     doc = f"What can happen between a command and what it moves ({unit}); see `effects_on_commands`."
@@ -86,28 +89,88 @@ ActuatorEffects = effects_on_commands("ActuatorEffects", __name__, "rad", FIN_PR
 class YawEffects:
     """Yaw moments that a first model of heading leaves out; positive turns the bow to starboard."""
 
-    moment: float = param(0.0, "N m", "constant yaw moment", bounds=(-50.0, 50.0), probe=0.004)
-    roll_moment: float = param(0.0, "N m/rad", "yaw moment from roll", bounds=(-100.0, 100.0), probe=0.10)
-    speed_squared: float = param(0.0, "1", "rudder effectiveness with speed squared", bounds=(-3.0, 3.0), probe=0.15)
-    quadratic_damping: float = param(0.0, "N m s^2/rad^2", "quadratic yaw damping", bounds=(0.0, 1e5), probe=16.0)
+    moment: float = param(
+        0.0,
+        "N m",
+        "constant yaw moment",
+        bounds=(-50.0, 50.0),
+        probe=0.004,
+        apart="a forward speed that varies: a rudder's moment changes with it, a constant one does not",
+    )
+    roll_moment: float = param(
+        0.0,
+        "N m/rad",
+        "yaw moment from roll",
+        bounds=(-100.0, 100.0),
+        probe=0.10,
+        apart="a roll angle that varies, best moved on purpose",
+    )
+    speed_squared: float = param(
+        0.0,
+        "1",
+        "rudder effectiveness with speed squared",
+        bounds=(-3.0, 3.0),
+        probe=0.15,
+        apart="a forward speed that varies",
+    )
+    quadratic_damping: float = param(
+        0.0, "N m s^2/rad^2", "quadratic yaw damping", bounds=(0.0, 1e5), probe=16.0, apart="slow and fast turns"
+    )
 
 
 @dataclass(frozen=True)
 class CompassEffects:
     """Errors of the measured heading: lag of the needle's field, then constant bias."""
 
-    bias: float = param(0.0, "rad", "compass bias", bounds=(-pi, pi), probe=0.02)
-    lag: float = param(0.0, "s", "compass lag (time constant)", bounds=(0.0, 60.0), probe=0.5)
-    deviation_sin: float = param(0.0, "rad", "compass deviation, sine of heading", bounds=(-0.9, 0.9), probe=0.035)
-    deviation_cos: float = param(0.0, "rad", "compass deviation, cosine of heading", bounds=(-0.9, 0.9), probe=0.035)
+    bias: float = param(
+        0.0, "rad", "compass bias", bounds=(-pi, pi), probe=0.02, apart="a track, or a second source of heading"
+    )
+    lag: float = param(
+        0.0,
+        "s",
+        "compass lag (time constant)",
+        bounds=(0.0, 60.0),
+        probe=0.5,
+        apart="a gyro, which does not share the compass's lag",
+    )
+    deviation_sin: float = param(
+        0.0,
+        "rad",
+        "compass deviation, sine of heading",
+        bounds=(-0.9, 0.9),
+        probe=0.035,
+        apart="headings all around the circle, and a track or a gyro",
+    )
+    deviation_cos: float = param(
+        0.0,
+        "rad",
+        "compass deviation, cosine of heading",
+        bounds=(-0.9, 0.9),
+        probe=0.035,
+        apart="headings all around the circle, and a track or a gyro",
+    )
 
 
 @dataclass(frozen=True)
 class CurrentEffects:
     """Steady velocity of the water over ground."""
 
-    north: float = param(0.0, "m/s", "steady current to the north", bounds=(-3.0, 3.0), probe=0.01)
-    east: float = param(0.0, "m/s", "steady current to the east", bounds=(-3.0, 3.0), probe=0.01)
+    north: float = param(
+        0.0,
+        "m/s",
+        "steady current to the north",
+        bounds=(-3.0, 3.0),
+        probe=0.01,
+        apart="a track over headings all around the circle",
+    )
+    east: float = param(
+        0.0,
+        "m/s",
+        "steady current to the east",
+        bounds=(-3.0, 3.0),
+        probe=0.01,
+        apart="a track over headings all around the circle",
+    )
 
 
 @dataclass(frozen=True)
@@ -312,22 +375,57 @@ class PistonEffects:
 class VolumeEffects:
     """Displaced volume that a first model of a float leaves out; positive lifts."""
 
-    offset: float = param(0.0, "m^3", "initial volume offset", bounds=(-5e-3, 5e-3), probe=2e-6)
-    compressibility: float = param(
-        0.0, "m^3/m", "lift with depth, by compressibility", bounds=(-1e-5, 1e-5), probe=5e-8
+    offset: float = param(
+        0.0,
+        "m^3",
+        "initial volume offset",
+        bounds=(-5e-3, 5e-3),
+        probe=2e-6,
+        apart="a known trim, weighed in water of known density",
     )
-    air: float = param(0.0, "m^3", "trapped air, at the surface", bounds=(0.0, 5e-3), probe=5e-6)
-    expansion: float = param(0.0, "m^3/K", "thermal expansion against the water's", bounds=(-1e-4, 1e-4), probe=3e-7)
+    compressibility: float = param(
+        0.0,
+        "m^3/m",
+        "lift with depth, by compressibility",
+        bounds=(-1e-5, 1e-5),
+        probe=5e-8,
+        apart="a profile of the water's density, measured with the log",
+    )
+    air: float = param(
+        0.0,
+        "m^3",
+        "trapped air, at the surface",
+        bounds=(0.0, 5e-3),
+        probe=5e-6,
+        apart="a slow dive through the uppermost twenty metres",
+    )
+    expansion: float = param(
+        0.0,
+        "m^3/K",
+        "thermal expansion against the water's",
+        bounds=(-1e-4, 1e-4),
+        probe=3e-7,
+        apart="the same depths in water of another temperature",
+    )
     expansion_lag: float = param(0.0, "s", "lag of the hull's temperature", bounds=(0.0, 7200.0), probe=20.0)
-    leak: float = param(0.0, "m^3/s", "leak rate", bounds=(0.0, 1e-6), probe=3e-9)
+    leak: float = param(0.0, "m^3/s", "leak rate", bounds=(0.0, 1e-6), probe=3e-9, apart="a long stay at one depth")
 
 
 @dataclass(frozen=True)
 class ColumnEffects:
     """The water column: density that grows with depth, a vertical current (down positive), heave of internal waves."""
 
-    gradient: float = param(0.0, "kg/m^4", "density stratification", bounds=(0.0, 0.5), probe=1e-3)
-    current: float = param(0.0, "m/s", "vertical current, down", bounds=(-0.5, 0.5), probe=2e-3)
+    gradient: float = param(
+        0.0,
+        "kg/m^4",
+        "density stratification",
+        bounds=(0.0, 0.5),
+        probe=1e-3,
+        apart="a profile of the water's density, measured with the log",
+    )
+    current: float = param(
+        0.0, "m/s", "vertical current, down", bounds=(-0.5, 0.5), probe=2e-3, apart="dives and rises at several speeds"
+    )
     heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_period: float = param(300.0, "s", "period of the internal-wave heave", bounds=(20.0, 1e5), probe=10.0)
@@ -337,8 +435,15 @@ class ColumnEffects:
 class TetherEffects:
     """A line to the surface: its pull, up positive, and the drag of what has been paid out."""
 
-    pull: float = param(0.0, "N", "tether pull", bounds=(-50.0, 50.0), probe=0.02)
-    drag: float = param(0.0, "kg/m^2", "tether drag per length paid out", bounds=(0.0, 10.0), probe=0.05)
+    pull: float = param(0.0, "N", "tether pull", bounds=(-50.0, 50.0), probe=0.02, apart="a dive without the line")
+    drag: float = param(
+        0.0,
+        "kg/m^2",
+        "tether drag per length paid out",
+        bounds=(0.0, 10.0),
+        probe=0.05,
+        apart="dives at several speeds, near the surface and deep",
+    )
 
 
 @dataclass(frozen=True)
@@ -353,9 +458,18 @@ class FloatDragEffects:
 class OilEffects:
     """Errors of the logged oil volume: pump rate, valve rate, and a valve that lets more in under pressure."""
 
-    pump_gain: float = param(0.0, "1", "pump rate error", bounds=(-0.9, 5.0), probe=0.02)
-    valve_gain: float = param(0.0, "1", "valve rate error", bounds=(-0.9, 5.0), probe=0.05)
-    valve_with_depth: float = param(0.0, "1/m", "valve flow with pressure, per depth", bounds=(-0.01, 0.01), probe=1e-4)
+    pump_gain: float = param(0.0, "1", "pump rate error", bounds=(-0.9, 5.0), probe=0.02, apart="a measured oil volume")
+    valve_gain: float = param(
+        0.0, "1", "valve rate error", bounds=(-0.9, 5.0), probe=0.05, apart="a measured oil volume"
+    )
+    valve_with_depth: float = param(
+        0.0,
+        "1/m",
+        "valve flow with pressure, per depth",
+        bounds=(-0.01, 0.01),
+        probe=1e-4,
+        apart="valve actions at several depths, with a measured oil volume",
+    )
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ class Spec(NamedTuple):
     neutral: float
     bounds: tuple[float, float]
     probe: float
+    apart: str = ""
 
 
 def param(
@@ -37,13 +38,15 @@ def param(
     *,
     bounds: tuple[float, float] = (-math.inf, math.inf),
     probe: float = 0.0,
+    apart: str = "",
 ) -> Any:
     """A dataclass field that holds a float parameter.
 
     title: words for a report.  bounds: the values that make physical sense.  probe: the smallest change worth
-    detecting, also the first step of a fit; 0 for a parameter that no fit may free.
+    detecting, also the first step of a fit; 0 for a parameter that no fit may free.  apart: of an effect, what in a log
+    would set it apart from others that look alike.
     """
-    return dataclasses.field(default=default, metadata={"spec": Spec(unit, title, default, bounds, probe)})
+    return dataclasses.field(default=default, metadata={"spec": Spec(unit, title, default, bounds, probe, apart)})
 
 
 def part(group: type, subject: str = "") -> Any:
@@ -139,7 +142,8 @@ def _specs(tree_type: type) -> tuple[tuple[str, Spec], ...]:
         else:
             subject = field.metadata.get("subject", "")
             for path, spec in _specs(_group_of(tree_type, field)):
-                found.append((f"{field.name}.{path}", spec._replace(title=spec.title.replace("{}", subject))))
+                title, apart = (words.replace("{}", subject) for words in (spec.title, spec.apart))
+                found.append((f"{field.name}.{path}", spec._replace(title=title, apart=apart)))
     return tuple(found)
 
 

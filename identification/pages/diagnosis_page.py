@@ -35,40 +35,6 @@ MEANINGS = {
     "tied": "Something is missing, its size is known, but several causes would explain this log equally well.",
     "unexplained": "Log and vehicle disagree, and no effect in the list of candidates accounts for most of it.",
 }
-# What makes an effect act unlike the others, so that a new log would tell it apart.
-APART = {
-    "effects.rudder.offset": "a measured fin angle, or commands that reach the rudder's stops",
-    "effects.rudder.gain": "a measured fin angle, or commands that reach the rudder's stops",
-    "effects.rudder.lost_travel": "a measured fin angle",
-    "effects.rudder.dead_time": "samples shorter than the delay, and sharp steps of the rudder",
-    "effects.rudder.lag": "samples shorter than the lag, and sharp steps of the rudder",
-    "effects.rudder.slowness": "steps of the rudder of different sizes",
-    "effects.rudder.deadband": "small and large rudder angles to both sides",
-    "effects.rudder.backlash": "small and large rudder angles to both sides",
-    "effects.yaw.moment": "a forward speed that varies: a rudder's moment changes with it, a constant one does not",
-    "effects.yaw.roll_moment": "a roll angle that varies, best moved on purpose",
-    "effects.yaw.speed_squared": "a forward speed that varies",
-    "effects.yaw.quadratic_damping": "slow and fast turns",
-    "effects.compass.bias": "a track, or a second source of heading",
-    "effects.compass.lag": "a gyro, which does not share the compass's lag",
-    "effects.compass.deviation_sin": "headings all around the circle, and a track or a gyro",
-    "effects.compass.deviation_cos": "headings all around the circle, and a track or a gyro",
-    "effects.current.north": "a track over headings all around the circle",
-    "effects.current.east": "a track over headings all around the circle",
-    "effects.volume.compressibility": "a profile of the water's density, measured with the log",
-    "effects.water.gradient": "a profile of the water's density, measured with the log",
-    "effects.volume.offset": "a known trim, weighed in water of known density",
-    "effects.piston.offset": "a measured piston position",
-    "effects.tether.pull": "a dive without the line",
-    "effects.tether.drag": "dives at several speeds, near the surface and deep",
-    "effects.volume.air": "a slow dive through the uppermost twenty metres",
-    "effects.volume.expansion": "the same depths in water of another temperature",
-    "effects.volume.leak": "a long stay at one depth",
-    "effects.water.current": "dives and rises at several speeds",
-    "effects.oil.pump_gain": "a measured oil volume",
-    "effects.oil.valve_gain": "a measured oil volume",
-    "effects.oil.valve_with_depth": "valve actions at several depths, with a measured oil volume",
-}
 # Key in the template, function, words for who cannot see it, words below it.
 PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     (
@@ -467,10 +433,11 @@ def _by_coefficient(d: Diagnosis, titles: dict[str, str]) -> list[tuple[str, str
 
 def _ties(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
     """Each group that the record cannot tell apart, in words, with what another log would need."""
+    apart = {path: spec_at(d.given.plant, path).apart for group in d.tied for path in group}
     return [
         {
             "members": listed([titles.get(p, p) for p in group], "or"),
-            "apart": [(titles.get(p, p), APART[p]) for p in group if p in APART],
+            "apart": [(titles.get(p, p), apart[p]) for p in group if apart[p]],
         }
         for group in d.tied
     ]
