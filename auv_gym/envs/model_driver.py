@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from auv_gym.envs.episodes import Episodes
-from auv_gym.envs.layout import RUNNING
-from auv_gym.envs.named import Named
+from auv_gym.envs.infos import Named
+from auv_gym.envs.kernel.layout import RUNNING
 
 
 class ModelDriver:
@@ -20,7 +20,7 @@ class ModelDriver:
         self.model = model = episodes.driver
         family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
         record = episodes.record(row)
-        self._kernel = episodes.kernel
+        self._kernel, self._vector = episodes.kernel, episodes.vector
         self._raw, self._command = record["raw"], record["command"]
         self._true = row[state_at : state_at + len(family.states)]
         self._family = family
@@ -42,14 +42,16 @@ class ModelDriver:
         self._names = {name: i for i, name in enumerate(model.states)}
         self.x = np.zeros(len(model.states))
 
-    def begin(self) -> None:
-        """Start the model from the outputs of the vehicle at the start of an episode."""
+    def begin(self, buffer: np.ndarray) -> None:
+        """Start an episode of the environment, and the model from the vehicle's outputs at its start."""
+        self._kernel.begin_one(self._vector, buffer)
         index = {name: i for i, name in enumerate(self._family.outputs)}
         start = np.array([self._raw[index[name]] if name in index else np.nan for name in self.model.outputs])
         self.x = np.array(self.model.initial(start), dtype=np.float64)
         for i, j in self._unseen:
             self.x[i] = self._start[j]
         self._put(self.x)
+        self._kernel.look_one(buffer)
 
     def step(self, buffer: np.ndarray) -> int:
         """One step of the environment; the status."""

@@ -17,7 +17,6 @@ from auv_gym.rl.settings import make_env
 from auv_gym.writing import replacing
 from controllers.piloting import pilot_for
 from scripts.rl.models import model_of
-from scripts.rl.randomised import NAME as RANDOM_GLIDER
 from scripts.rl.settings import BELIEVED, CONTROLLERS, RANDOMISED, SETTINGS, TRUE, Setting, Study
 
 KEPT = "study.json"
@@ -86,7 +85,6 @@ def training_of(name: str, row: str, seed: int, out: Path, study: Study) -> Trai
         on = setting.truth
     elif row == RANDOMISED:
         options["randomise"] = {path: list(limits) for path, limits in setting.ranges.items()}
-        env = RANDOM_GLIDER if setting.env.endswith("GliderHeading-v0") else env
     elif row != BELIEVED:
         on = model_of(setting, row, seed, out / name / "models")
     return Training(
