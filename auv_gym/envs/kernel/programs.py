@@ -329,7 +329,7 @@ def bind_kernel(family: Family, kind: EnvKind) -> Kernel:
     own = Vehicle(
         parameters=family.view,
         derive=physics.derive,
-        shape=family.hooks["shape"],
+        shape=family.hooks.shape,
         settle=physics.settle,
         step=physics.step,
         read=physics.read,
