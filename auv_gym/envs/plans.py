@@ -31,6 +31,8 @@ from auv_gym.model import Model
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 
+_OPTIONS = ("vehicle", "effects", "randomise", "model", "dt", "duration", "target", "render_mode")
+
 
 def make_episodes(
     task: str | Task,
@@ -58,14 +60,17 @@ def make_episodes(
     for name in own:
         if name not in kind.options:
             raise ValueError(
-                f"{task.name} has no option {name}=; besides those of all environments it has "
-                f"{' and '.join(f'{option}=' for option in kind.options)}: leave {name}= out."
+                f"{task.name} takes the options of all environments and {' and '.join(kind.options)}, got {name!r}. "
+                f"{did_you_mean(name, (*_OPTIONS, *kind.options))}Leave it out."
             )
     if target is not None:
         check_number("target", target, "the channel's unit", at_least=task.least)
     scaled = kind.scale(task, plant, duration=duration, target=target, **own)
     for path in scaled.effects.keys() & (effects or {}).keys():
-        raise ValueError(f"{task.name} needs one value for {path}, got one in effects= and another option: give one.")
+        raise ValueError(
+            f"{task.name} needs one value of {path}, got one by effects= and one by "
+            f"{', '.join(f'{name}=' for name in own)}: leave one out."
+        )
     effects = {**scaled.effects, **(effects or {})}
     units = {"": 1.0, **scaled.units}
     driver, owner, ranges = _driven(plant, model, effects, randomise, scaled.randomise)

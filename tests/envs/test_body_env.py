@@ -541,7 +541,7 @@ def lacking(**changes):
         ({"actions": ["rudder_rad", "rudder_rad"]}, "each once"),
         (
             {"near": (0.8, 0.36)},
-            "has no option near=; besides those of all environments it has actions= and waypoints=",
+            "takes the options of all environments and actions and waypoints, got 'near'",
         ),
         ({"model": lacking(dt=0.2)}, "dt=0.2"),
         ({"model": lacking(outputs=("depth_m",))}, "needs pitch_rad among its outputs"),

@@ -393,7 +393,7 @@ def test_a_model_that_diverges_ends_the_episode():
         ({"target": -3.0}, "target needs a number of at least 0"),
         (
             {"waypoints": [(0.0, 0.0, 10.0)]},
-            "has no option waypoints=; besides",
+            "takes the options of all environments and near and depths, got 'waypoints'",
         ),
         ({"near": 0.8}, r"near= needs a pair \(m, s\)"),
         ({"near": (0.0, 0.36)}, "near.0. needs a number above 0 in m"),
