@@ -82,6 +82,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
             row_at = episodes.plan.size + episodes.derived.size
             self._buffers = np.tile(episodes.new_buffer(), (self.num_envs, 1))
             self._rows = rows = self._buffers[:, row_at : row_at + episodes.row_size]
+            self._each = list(self._buffers)
             self._drivers = [ModelDriver(episodes, row) for row in rows]
         else:
             self._rows = rows = episodes.new_rows(self.num_envs)
@@ -159,10 +160,9 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), dtype=bool)
         if self._drivers:
-            for i in range(self.num_envs):
-                status = self._drive(i, bool(begins[i]))
-                rewards[i], terminated[i], truncated[i] = self._rewards[i], status == TERMINATED, status == TRUNCATED
-            observations[:] = self._observations()
+            statuses = np.array([self._drive(i, starts) for i, starts in enumerate(begins.tolist())])
+            rewards[:], observations[:] = self._rewards, self._observations()
+            terminated[:], truncated[:] = statuses == TERMINATED, statuses == TRUNCATED
         else:
             given = (self.episodes.vector, self.episodes.plan, self._derived, self._rows, begins)
             self.episodes.kernel.step_many(*given, observations, rewards, terminated, truncated)
@@ -237,7 +237,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
 
     def _drive(self, i: int | np.intp, begins: bool) -> int:
         """Step a model, or start its episode; the status."""
-        driver, buffer = self._drivers[i], self._buffers[i]
+        driver, buffer = self._drivers[i], self._each[i]
         if begins:
             driver.begin(buffer)
             return RUNNING

@@ -179,6 +179,14 @@ def test_the_compass_is_sampled():
     assert repeats.mean() == pytest.approx(0.3, abs=0.07)  # 4 standard errors
 
 
+def test_what_no_sensor_measures_gets_no_noise():
+    env = make(compass_noise=1.0)
+    run(env, [0.5] * 5)
+    state = env._record["raw"].tolist()
+    assert env._record["features"].tolist()[1:4] == state[1:4]
+    assert env._record["features"][0] != state[0]
+
+
 def test_compass_noise_is_short_for_the_effect():
     short, long = make(compass_noise=0.1), make(effects={"effects.sampling.compass.noise": 0.1})
     assert [step[-1] for step in run(short, [0.2] * 9)] == [step[-1] for step in run(long, [0.2] * 9)]
