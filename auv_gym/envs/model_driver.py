@@ -47,8 +47,8 @@ class ModelDriver:
         self._names = {name: i for i, name in enumerate(model.states)}
         self.x = np.zeros(len(model.states))
 
-    def begin(self, buffer: np.ndarray) -> None:
-        """Start an episode of the environment, and the model from the vehicle's outputs at its start."""
+    def begin(self, buffer: np.ndarray) -> int:
+        """Start an episode of the environment, and the model from the vehicle's outputs at its start; the status."""
         self._kernel.begin_one(self._vector, buffer)
         index = {name: i for i, name in enumerate(self._family.outputs)}
         start = np.array([self._raw[index[name]] if name in index else np.nan for name in self.model.outputs])
@@ -57,6 +57,7 @@ class ModelDriver:
             self.x[i] = self._start[j]
         self._put(self.x)
         self._kernel.look_one(buffer)
+        return RUNNING
 
     def step(self, buffer: np.ndarray) -> int:
         """One step of the environment; the status."""
@@ -65,7 +66,7 @@ class ModelDriver:
             return status
         for i, j in self._inputs:
             self._u[i] = self._command[j]
-        x = np.asarray(self.model.step(self.x, self._u.copy()), dtype=np.float64)
+        x = np.asarray(self.model.step(self.x, self._u), dtype=np.float64)
         if self._put(x):
             self.x = x
         return self._outcome_one(buffer)

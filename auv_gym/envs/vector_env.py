@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
 from auv_gym.envs.infos import InfoIndex
-from auv_gym.envs.kernel.layout import NO_REASON, NOISE_ROWS, RUNNING, TERMINATED, TRUNCATED, offset
+from auv_gym.envs.kernel.layout import NO_REASON, NOISE_ROWS, TERMINATED, TRUNCATED, offset
 from auv_gym.envs.model_driver import ModelDriver
 from auv_gym.envs.plans import make_episodes
 from auv_gym.envs.tasks import Task
@@ -80,9 +80,9 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self._drivers: list[ModelDriver] = []
         if episodes.by_model:  # each row is part of a buffer, as that of a single environment
             row_at = episodes.plan.size + episodes.derived.size
-            self._buffers = np.tile(episodes.new_buffer(), (self.num_envs, 1))
-            self._rows = rows = self._buffers[:, row_at : row_at + episodes.row_size]
-            self._each = list(self._buffers)
+            buffers = np.tile(episodes.new_buffer(), (self.num_envs, 1))
+            self._rows = rows = buffers[:, row_at : row_at + episodes.row_size]
+            self._buffers = list(buffers)
             self._drivers = [ModelDriver(episodes, row) for row in rows]
         else:
             self._rows = rows = episodes.new_rows(self.num_envs)
@@ -160,7 +160,10 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), dtype=bool)
         if self._drivers:
-            statuses = np.array([self._drive(i, starts) for i, starts in enumerate(begins.tolist())])
+            every = zip(self._drivers, self._buffers, begins.tolist(), strict=True)
+            statuses = np.array(
+                [driver.step(own) if not starts else driver.begin(own) for driver, own, starts in every]
+            )
             rewards[:], observations[:] = self._rewards, self._observations()
             terminated[:], truncated[:] = statuses == TERMINATED, statuses == TRUNCATED
         else:
@@ -229,19 +232,11 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         self._draw(np.flatnonzero(begins))
         if self._drivers:
             for i in np.flatnonzero(begins):
-                self._drive(i, True)
+                self._drivers[i].begin(self._buffers[i])
             observations[begins] = self._observations()[begins]
         else:
             given = (self.episodes.vector, self.episodes.plan, self._derived, self._rows, begins)
             self.episodes.kernel.begin_many(*given, observations)
-
-    def _drive(self, i: int | np.intp, begins: bool) -> int:
-        """Step a model, or start its episode; the status."""
-        driver, buffer = self._drivers[i], self._each[i]
-        if begins:
-            driver.begin(buffer)
-            return RUNNING
-        return driver.step(buffer)
 
     def _restarted(self, ended: np.ndarray, observations: np.ndarray) -> dict[str, Any]:
         """Infos with the last observations and infos of the environments that have ended, which start again."""
