@@ -15,8 +15,10 @@ import tempfile
 import time
 import types
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import fields
 from functools import lru_cache
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,6 +29,7 @@ _GENERATIONS_KEPT = 6
 _STARTED = time.time()
 
 F = TypeVar("F", bound=Callable[..., Any])
+OPEN: Any = None  # an open name of a template, whose meaning `bind` gives
 
 
 def compiled(function: F) -> F:
@@ -106,8 +109,8 @@ def bind(
 
     One text serves every vehicle family, and each family's code is compiled when first called and found in the cache
     at the next start (functions passed as arguments would be compiled anew by every process).
-    inline: see `outlined`.  parallel: the template's open name `prange` shares a loop among all cores; in plain Python
-    it is `range`.
+    A meaning is a number, a function or a `namespace` of functions.  inline: see `outlined`.  parallel: the template's
+    open name `prange` shares a loop among all cores; in plain Python it is `range`.
     """
     if parallel:
         meanings = {**meanings, "prange": _numba().prange if JIT else range}
@@ -120,7 +123,15 @@ def bind(
     if not JIT:
         return bound
     options = {"forceinline": inline and not parallel, "parallel": parallel}
-    return _later(bound, [bound, *filter(callable, meanings.values())], **options)
+    spaces = [vars(meaning).values() for meaning in meanings.values() if isinstance(meaning, types.ModuleType)]
+    return _later(bound, [bound, *filter(callable, chain(meanings.values(), *spaces))], **options)
+
+
+def namespace(functions: Any) -> Any:
+    """A dataclass's fields in the form in which `bind` takes them together: templates call `hooks.command(t, e)`."""
+    found = types.ModuleType(type(functions).__name__)  # whose attributes numba knows as constants
+    vars(found).update({field.name: getattr(functions, field.name) for field in fields(functions)})
+    return found
 
 
 def for_vector(program: Any) -> Callable[[np.ndarray], Any]:

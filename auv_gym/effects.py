@@ -174,10 +174,27 @@ class CurrentEffects:
 
 
 @dataclass(frozen=True)
+class Sampling:
+    """What happens to a reading when it is sampled; no fit frees these, since they are drawn or in whole samples."""
+
+    delay: float = param(0.0, "s", "{} delay", bounds=(0.0, 20.0))
+    noise: float = param(0.0, "channel's", "{} noise (standard deviation)", bounds=(0.0, 100.0))
+    quantisation: float = param(0.0, "channel's", "{} resolution", bounds=(0.0, 100.0))
+    dropout: float = param(0.0, "1", "chance that a reading of the {} is missing", bounds=(0.0, 1.0))
+
+
+@dataclass(frozen=True)
 class GliderTerms:
     """Yaw moments that no named effect explains, found in data."""
 
     yaw: Any = part(DiscoveredYaw)
+
+
+@dataclass(frozen=True)
+class GliderSampling:
+    """Sampling of a glider's readings."""
+
+    compass: Sampling = part(Sampling, "compass")
 
 
 @dataclass(frozen=True)
@@ -189,6 +206,7 @@ class GliderEffects:
     compass: CompassEffects = part(CompassEffects)
     current: CurrentEffects = part(CurrentEffects)
     discovered: GliderTerms = part(GliderTerms)
+    sampling: GliderSampling = part(GliderSampling)
 
 
 @dataclass(frozen=True)
@@ -274,16 +292,6 @@ class DiscoveredTerms:
     roll: Any = part(DiscoveredMoment, "discovered roll")
     pitch: Any = part(DiscoveredMoment, "discovered pitch")
     yaw: Any = part(DiscoveredMoment, "discovered yaw")
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """What happens to a reading when it is sampled; no fit frees these, since they are drawn or in whole samples."""
-
-    delay: float = param(0.0, "s", "{} delay", bounds=(0.0, 20.0))
-    noise: float = param(0.0, "channel's", "{} noise (standard deviation)", bounds=(0.0, 100.0))
-    quantisation: float = param(0.0, "channel's", "{} resolution", bounds=(0.0, 100.0))
-    dropout: float = param(0.0, "1", "chance that a reading of the {} is missing", bounds=(0.0, 1.0))
 
 
 @dataclass(frozen=True)

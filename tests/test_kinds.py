@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from auv_gym import load_vehicle
+from auv_gym.envs.kinds import KINDS as ENVIRONMENTS
 from auv_gym.models.linear.kinds import KINDS as STEADY
 from auv_gym.vehicles import FAMILIES, compose
 from controllers.autopilots import autopilot
@@ -12,7 +13,7 @@ from controllers.kinds import KINDS as CONTROL
 from identification.experiments.kinds import KINDS as EXPERIMENTS
 from identification.experiments.missions import mission_of
 
-LAYERS = (STEADY, CONTROL, EXPERIMENTS)
+LAYERS = (ENVIRONMENTS, STEADY, CONTROL, EXPERIMENTS)
 FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]))
 
 

@@ -1,6 +1,6 @@
 """What a single and a vector environment share: the episodes of a task, and what the numbers of a row mean.
 
-See `plans` for how the plan is made, `layout` for plan and row, and `kernel` for what compiled code does with them.
+See `plans` for how the plan is made, and `kernel` for plan and row and what compiled code does with them.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from auv_gym.envs import layout
-from auv_gym.envs.kernel import START_DRAWS, Kernel
-from auv_gym.envs.layout import LAYOUTS, offset, plan_type, row_type, size
+from auv_gym.envs.kernel.layout import DIVERGED, NO_REASON, START_DRAWS, plan_type, row_type, size
+from auv_gym.envs.kernel.programs import Kernel
+from auv_gym.envs.kind import EnvKind
 from auv_gym.envs.options import check_number
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
@@ -23,36 +23,20 @@ from auv_gym.plant import Plant
 from auv_gym.plant.rollout import scratch_for
 
 _WAYPOINT = ("north_m", "east_m", "depth_m")
-_REASONS = {
-    layout.BROACHED: "broached: depth_m is {value:.3g}",
-    layout.TOO_DEEP: "too deep: depth_m is {value:.4g}, the limit {limit:.4g}",
-    layout.PITCHED: "out of its envelope: pitch_rad is {value:.3g}, the limit {limit:.3g}",
-    layout.ROLLED: "out of its envelope: roll_rad is {value:.3g}, the limit {limit:.3g}",
-    layout.TOO_FAST: "out of its envelope: the speed is {value:.3g} m/s, the limit {limit:.3g}",
-    layout.SPINNING: "out of its envelope: the rate of turn is {value:.3g} rad/s, the limit {limit:.3g}",
-    layout.ARRIVED: "arrived at the last waypoint",
-    layout.FLEW: "out of the water: depth_m is {value:.3g}",
-}
-_LIMITS = {
-    layout.TOO_DEEP: "depth_limit",
-    layout.PITCHED: "pitch_limit",
-    layout.ROLLED: "roll_limit",
-    layout.TOO_FAST: "speed_limit",
-    layout.SPINNING: "rate_limit",
-}
 
 
 @dataclass(frozen=True, eq=False)
 class Episodes:
     """The episodes of a task with a vehicle: everything about them that is the same for all.
 
-    plant: the vehicle that scales and limits come from.  driver: what is simulated, the plant or a model in its place.
-    actions: the inputs that an action commands, in order; it goes from -1 at `middles` - `limits` to 1 at their sum.
-    start_options: channels of a first state that a reset may give.  vector, derived: the driver's parameters before
-    randomisation.  plan: see `layout`.
+    kind: of the vehicle.  plant: the vehicle that scales and limits come from.  driver: what is simulated, the plant or
+    a model in its place.  actions: the inputs that an action commands, in order; it goes from -1 at `middles` -
+    `limits` to 1 at their sum.  start_options: channels of a first state that a reset may give.  vector, derived: the
+    driver's parameters before randomisation.  plan: see `kernel.layout`.
     """
 
     task: Task
+    kind: EnvKind
     plant: Plant
     driver: Model
     kernel: Kernel
@@ -75,7 +59,12 @@ class Episodes:
     @property
     def settings(self) -> Any:
         """The plan as a record."""
-        return _record(self.plan, plan_type(self.plant.family))
+        return _record(self.plan, plan_type(self.plant.family, self.kind.layout))
+
+    @property
+    def row_type(self) -> np.dtype:
+        """The record at the start of a row."""
+        return row_type(self.plant.family, self.kind.layout)
 
     @property
     def row_size(self) -> int:
@@ -111,7 +100,7 @@ class Episodes:
 
     def record(self, row: np.ndarray) -> Any:
         """The named part of a row."""
-        return _record(row, row_type(self.plant.family))
+        return _record(row, self.row_type)
 
     def draws(self, row: np.ndarray) -> np.ndarray:
         """The part of a row that an episode's drawn numbers go to, uniform in [0, 1)."""
@@ -123,7 +112,7 @@ class Episodes:
         if not rows:
             return None
         split = at + rows * len(self.plant.outputs)
-        return row[at:split], row[split : split + rows * len(LAYOUTS[self.plant.family.kind].sensors)]
+        return row[at:split], row[split : split + rows * len(self.kind.layout.sensors)]
 
     def randomised_values(self, row: np.ndarray) -> dict[str, float]:
         """The parameters of the present episode that were drawn."""
@@ -157,46 +146,13 @@ class Episodes:
     def reason(self, record: Any) -> str:
         """Why the episode of a row was terminated, in words, or nothing."""
         code, value, time = int(record["reason"]), float(record["reason_value"]), float(record["time"])
-        if code == layout.NO_REASON:
+        if code == NO_REASON:
             return ""
-        if code == layout.DIVERGED:
+        if code == DIVERGED:
             return f"diverged at {time:g} s: {self.state_names[int(value)]} is not finite or beyond 1e9"
-        limit = float(self.settings[_LIMITS[code]]) if code in _LIMITS else 0.0
-        return f"{_REASONS[code].format(value=value, limit=limit)} at {time:g} s"
-
-
-@dataclass(frozen=True, eq=False)
-class InfoIndex:
-    """What of a row an info shows, the numbers from `first` to `last`: places of single ones, and groups.
-
-    groups: by name, the place of the first number, and the names of all.
-    """
-
-    first: int
-    last: int
-    single: Mapping[str, int]
-    groups: Mapping[str, tuple[int, tuple[str, ...]]]
-
-    @classmethod
-    def of(cls, episodes: Episodes) -> InfoIndex:
-        family, record = episodes.plant.family, row_type(episodes.plant.family)
-        first, state_at = offset(record, "features"), int(episodes.settings["state_at"])
-        places = {
-            "target": (offset(record, "target"), episodes.target_channels),
-            "reading": (first, family.outputs),
-            "command": (offset(record, "command"), family.inputs),
-            "state": (state_at, episodes.state_names),
-            "reward_terms": (offset(record, "term"), tuple(episodes.task.weights)),
-        }
-        single = {"time_s": "time"} | ({"dt_s": "coming_dt"} if family.kind == "float" else {})
-        if isinstance(episodes.driver, Plant) and episodes.driver.learned is not None:
-            single["support_distance"] = "support_distance"
-        return cls(
-            first=first,
-            last=state_at + len(episodes.state_names),
-            single={name: offset(record, field) - first for name, field in single.items()},
-            groups={group: (at - first, names) for group, (at, names) in places.items()},
-        )
+        words, field = self.kind.reasons[code]
+        limit = float(self.settings[field]) if field else 0.0
+        return f"{words.format(value=value, limit=limit)} at {time:g} s"
 
 
 def _record(numbers: np.ndarray, record: np.dtype) -> Any:

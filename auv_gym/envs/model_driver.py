@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from math import isfinite, nan
+
 import numpy as np
 
+from auv_gym.compiled import for_vector
 from auv_gym.envs.episodes import Episodes
-from auv_gym.envs.layout import RUNNING
-from auv_gym.envs.named import Named
+from auv_gym.envs.infos import Named
+from auv_gym.envs.kernel.layout import RUNNING
 
 
 class ModelDriver:
@@ -20,7 +23,9 @@ class ModelDriver:
         self.model = model = episodes.driver
         family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
         record = episodes.record(row)
-        self._kernel = episodes.kernel
+        self._kernel, self._vector = episodes.kernel, episodes.vector
+        self._command_one = for_vector(episodes.kernel.command_one)
+        self._outcome_one = for_vector(episodes.kernel.outcome_one)
         self._raw, self._command = record["raw"], record["command"]
         self._true = row[state_at : state_at + len(family.states)]
         self._family = family
@@ -42,26 +47,29 @@ class ModelDriver:
         self._names = {name: i for i, name in enumerate(model.states)}
         self.x = np.zeros(len(model.states))
 
-    def begin(self) -> None:
-        """Start the model from the outputs of the vehicle at the start of an episode."""
+    def begin(self, buffer: np.ndarray) -> int:
+        """Start an episode of the environment, and the model from the vehicle's outputs at its start; the status."""
+        self._kernel.begin_one(self._vector, buffer)
         index = {name: i for i, name in enumerate(self._family.outputs)}
         start = np.array([self._raw[index[name]] if name in index else np.nan for name in self.model.outputs])
         self.x = np.array(self.model.initial(start), dtype=np.float64)
         for i, j in self._unseen:
             self.x[i] = self._start[j]
         self._put(self.x)
+        self._kernel.look_one(buffer)
+        return RUNNING
 
     def step(self, buffer: np.ndarray) -> int:
         """One step of the environment; the status."""
-        status = self._kernel.command_one(buffer)
+        status = self._command_one(buffer)
         if status != RUNNING:
             return status
         for i, j in self._inputs:
             self._u[i] = self._command[j]
-        x = np.asarray(self.model.step(self.x, self._u.copy()), dtype=np.float64)
+        x = np.asarray(self.model.step(self.x, self._u), dtype=np.float64)
         if self._put(x):
             self.x = x
-        return self._kernel.outcome_one(buffer)
+        return self._outcome_one(buffer)
 
     def state(self) -> Named:
         """The model's state by name."""
@@ -71,12 +79,15 @@ class ModelDriver:
 
     def _put(self, x: np.ndarray) -> bool:
         """The model's outputs and states into the row; without finite numbers there, a state that has diverged."""
-        y = np.asarray(self.model.output(x), dtype=np.float64) if np.isfinite(x).all() else np.full(1, np.nan)
-        if not np.isfinite(y).all():
-            self._true[0] = np.nan
+        # lists, which are faster than arrays for a few numbers
+        states, outputs = x.tolist(), [nan]
+        if all(map(isfinite, states)):
+            outputs = np.asarray(self.model.output(x), dtype=np.float64).tolist()
+        if not all(map(isfinite, outputs)):
+            self._true[0] = nan
             return False
         for i, j in self._outputs:
-            self._raw[i] = y[j]
+            self._raw[i] = outputs[j]
         for i, among_states, j in self._truths:
-            self._true[i] = x[j] if among_states else y[j]
+            self._true[i] = states[j] if among_states else outputs[j]
         return True

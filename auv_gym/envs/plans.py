@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
+from functools import lru_cache
 from math import ceil, floor, nan
 from typing import Any
 
@@ -12,99 +13,101 @@ import numpy as np
 
 from auv_gym.envs import tasks
 from auv_gym.envs.episodes import Episodes
-from auv_gym.envs.float_setting import float_setting
-from auv_gym.envs.kernel import CHANGE_DRAWS, START_DRAWS, bind_kernel
-from auv_gym.envs.layout import LAYOUTS, NOISE_ROWS, SAMPLING, plan_type, row_type, size
+from auv_gym.envs.kernel.layout import (
+    CHANGE_DRAWS,
+    NOISE_ROWS,
+    SAMPLING,
+    START_DRAWS,
+    plan_type,
+    row_type,
+    size,
+)
+from auv_gym.envs.kernel.programs import bind_kernel
+from auv_gym.envs.kind import EnvKind, ScaledTask
+from auv_gym.envs.kinds import KINDS
 from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, model_of, vehicle_of
-from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import Observed, Task
-from auv_gym.envs.torpedo_setting import torpedo_setting
 from auv_gym.model import Model
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
-from auv_gym.plant import Plant
-from auv_gym.vehicles import FAMILIES
+from auv_gym.plant import Plant, load_vehicle
 
-_VEHICLES = {"body": "a vehicle in six degrees of freedom", "float": "a profiling float"}
+_OPTIONS = ("vehicle", "effects", "randomise", "model", "dt", "duration", "target", "render_mode")
 
 
 def make_episodes(
     task: str | Task,
     vehicle: str | os.PathLike | Plant | None,
     *,
-    effects: Mapping[str, float] | None,
-    randomise: Mapping[str, tuple[float, float]] | None,
-    model: Model | str | os.PathLike | None,
-    dt: float | None,
-    duration: float | None,
+    effects: Mapping[str, float] | None = None,
+    randomise: Mapping[str, tuple[float, float]] | None = None,
+    model: Model | str | os.PathLike | None = None,
+    dt: float | None = None,
+    duration: float | None = None,
     target: float | None = None,
-    waypoints: Sequence[Sequence[float]] | None = None,
-    near: tuple[float, float] | None = None,
-    depths: tuple[float, float] | None = None,
-    actions: Sequence[str] | None = None,
+    **own: Any,
 ) -> Episodes:
-    """The episodes that an environment's options describe; raises on what does not fit together."""
+    """The episodes that an environment's options describe; raises on what does not fit together.
+
+    own: options of the vehicle's kind, see `EnvKind.options`; None is as if not given.
+    """
     if isinstance(task, str):
         if task not in tasks.TASKS:
             raise ValueError(f"No task {task!r}. {did_you_mean(task, tasks.TASKS)}Tasks: {', '.join(tasks.TASKS)}.")
         task = tasks.TASKS[task]
-    name = task.name
-    if task.channel and waypoints is not None:
-        raise ValueError(f"{name} has a target, not waypoints: give target= in the unit of {task.channel}.")
-    if not task.channel and target is not None:
-        raise ValueError(f"{name} has waypoints, not a target: give waypoints= as rows of north, east and depth in m.")
-    if task.kind != "float" and (near is not None or depths is not None):
-        raise ValueError(f"near= and depths= are for floats, got them for {name}: leave them out.")
-    if task.kind == "float" and actions is not None:
-        raise ValueError(f"actions= is for torpedoes, got it for {name}, whose action is its engine: leave it out.")
     plant = vehicle_of(task.vehicle if vehicle is None else vehicle, dt)
-    if plant.family.kind != task.kind:
-        families = ", ".join([name for name, family in FAMILIES.items() if family.kind == task.kind] or [task.kind])
-        raise ValueError(
-            f"{name} needs {_VEHICLES[task.kind]} (families {families}), got {plant.name!r} of family "
-            f"{plant.family.name!r}."
-        )
+    kind = _kind_for(task, plant)
+    own = {name: value for name, value in own.items() if value is not None}
+    for name in own:
+        if name not in kind.options:
+            raise ValueError(
+                f"{task.name} takes the options of all environments and {' and '.join(kind.options)}, got {name!r}. "
+                f"{did_you_mean(name, (*_OPTIONS, *kind.options))}Leave it out."
+            )
     if target is not None:
         check_number("target", target, "the channel's unit", at_least=task.least)
-    if task.kind == "float":
-        setting = float_setting(task, plant, duration, target, near, depths)
-    else:
-        setting = torpedo_setting(task, plant, duration, waypoints, actions)
-    units = {"": 1.0, **setting.units}
-    driver, owner, ranges = _driven(plant, model, effects, randomise, setting.randomise)
+    scaled = kind.scale(task, plant, duration=duration, target=target, **own)
+    for path in scaled.effects.keys() & (effects or {}).keys():
+        raise ValueError(
+            f"{task.name} needs one value of {path}, got one by effects= and one by "
+            f"{', '.join(f'{name}=' for name in own)}: leave one out."
+        )
+    effects = {**scaled.effects, **(effects or {})}
+    units = {"": 1.0, **scaled.units}
+    driver, owner, ranges = _driven(plant, model, effects, randomise, scaled.randomise)
     compiled = driver is owner
     if not compiled:
-        if setting.least_dt < plant.dt:
+        if scaled.least_dt < plant.dt:
             raise ValueError(
                 f"near= changes the sample time, for which {type(driver).__name__} was not made: leave near= out, or "
                 "give a plant as model=."
             )
-        _check_model(driver, plant, setting)
+        _check_model(driver, plant, scaled)
 
     def source_of(observed: Observed) -> str:
-        return setting.stands_for.get(observed.source, observed.source)
+        return scaled.stands_for.get(observed.source, observed.source)
 
     # what an agent might move, but not with this vehicle, it does not see
-    observed = [o for o in task.observed if o.source not in task.actions or source_of(o) in setting.actions]
-    family, record = plant.family, np.zeros(1, plan_type(plant.family))
-    kind = LAYOUTS[family.kind]
-    sensors = kind.sensors
+    observed = [o for o in task.observed if o.source not in task.actions or source_of(o) in scaled.actions]
+    family, record = plant.family, np.zeros(1, plan_type(plant.family, kind.layout))
+    layout = kind.layout
+    sensors = layout.sensors
     plan: Any = record[0]
     tables: list[np.ndarray] = []
 
     def table(values: Any) -> int:
-        at = size(plan_type(family)) + sum(t.size for t in tables)
+        at = size(plan_type(family, layout)) + sum(t.size for t in tables)
         tables.append(np.asarray(values, dtype=np.float64).ravel())
         return at
 
     longest = {p: limits[1] for p, limits in ranges.items() if p.endswith(".dead_time")}
-    sized = replace(replace_at(owner, longest) if longest else owner, dt=setting.least_dt)
+    sized = replace(replace_at(owner, longest) if longest else owner, dt=scaled.least_dt)
     state_names = sized.states
     plan["derived_size"] = owner.derived.size
     plan["dt"], plan["longest_step"] = plant.dt, owner.longest_step
     plan["by_model"] = not compiled
-    plan["actions"], plan["observations"] = len(setting.actions), len(observed)
+    plan["actions"], plan["observations"] = len(scaled.actions), len(observed)
     plan["history"] = sized.history
-    sources = {name: i for i, name in enumerate((*family.outputs, *kind.geometry, *family.inputs))}
+    sources = {name: i for i, name in enumerate((*family.outputs, *layout.geometry, *family.inputs))}
     plan["observed_at"] = table(
         [(sources[source_of(o)], o.offset * units[o.unit], o.scale * units[o.unit]) for o in observed]
     )
@@ -121,7 +124,7 @@ def make_episodes(
     assert [where[path] for path in sampling] == list(range(where[sampling[0]], where[sampling[0]] + len(sampling)))
     plan["sampled"] = any(most(effect, sensor) > 0.0 for sensor in sensors for effect in SAMPLING)
     drawn = any(most(effect, sensor) > 0.0 for sensor in sensors for effect in ("noise", "dropout"))
-    plan["sensor_of"] = [next(i for i, c in enumerate(sensors.values()) if o in c) for o in family.outputs]
+    plan["sensor_of"] = [next((i for i, c in enumerate(sensors.values()) if o in c), -1) for o in family.outputs]
     plan["delayed"] = floor(max(most("delay", sensor) for sensor in sensors) / plant.dt + 0.5) + 1
     plan["noise_rows"] = NOISE_ROWS if drawn else 0
 
@@ -135,17 +138,19 @@ def make_episodes(
     plan["target_hold"] = [k / units["rate"] for k in task.hold]
     plan["target_band"] = [k * units[task.unit] for k in task.band]
     plan["fixed_target"] = nan if target is None else target
-    for field, value in setting.plan.items():
+    plan["steps"] = max(round(scaled.duration / plant.dt), 1)
+    for field, value in scaled.plan.items():
         plan[field] = value
-    for field, rows in setting.tables.items():
+    constants = [(family.inputs.index(name), where[path]) for name, path in family.constants.items()]
+    for field, rows in {"constants": constants, **scaled.tables}.items():
         plan[field], plan[f"{field}_at"] = len(rows), table(rows)
 
-    plan["changes"] = ceil(setting.duration / setting.shortest) + 2
+    plan["changes"] = ceil(scaled.duration / scaled.shortest) + 2
     plan["full_state"] = len(state_names)
-    plan["state_at"] = at = size(row_type(family))
+    plan["state_at"] = at = size(row_type(family, layout))
     plan["previous_at"] = at = at + len(state_names)
     at += len(state_names)
-    if setting.own_ages:
+    if scaled.own_ages:
         plan["ages_at"], at = at, at + sized.ages.size
     else:
         plan["ages_at"] = table(sized.ages)
@@ -153,23 +158,40 @@ def make_episodes(
     plan["noise_at"] = at = at + int(plan["sampled"]) * int(plan["delayed"]) * len(family.outputs)
     plan["draws_at"] = at = at + int(plan["noise_rows"]) * (len(family.outputs) + len(sensors))
     plan["row_size"] = at + START_DRAWS + len(ranges) + CHANGE_DRAWS * int(plan["changes"])
-    plan["plan_size"] = size(plan_type(family)) + sum(t.size for t in tables)
+    plan["plan_size"] = size(plan_type(family, layout)) + sum(t.size for t in tables)
     return Episodes(
         task=task,
+        kind=kind,
         plant=plant,
         driver=driver,
-        kernel=bind_kernel(family),
-        actions=setting.actions,
-        middles=setting.middles,
-        limits=setting.limits,
+        kernel=bind_kernel(family, kind),
+        actions=scaled.actions,
+        middles=scaled.middles,
+        limits=scaled.limits,
         observations=tuple(o.name for o in observed),
-        start_options=setting.start,
+        start_options=scaled.start,
         randomise=ranges,
         state_names=state_names,
         vector=owner.vector.copy(),
         derived=owner.derived.copy(),
         plan=np.concatenate([record.view(np.float64), *tables]),
     )
+
+
+def _kind_for(task: Task, plant: Plant) -> EnvKind:
+    """The kind of the vehicle; raises unless the task is for it."""
+    kind, needed = KINDS.of(plant.family), _kind_of(task.vehicle)
+    if kind is not needed:
+        raise ValueError(
+            f"{task.name} needs {needed.title}, such as {task.vehicle!r}, got {plant.name!r} of family "
+            f"{plant.family.name!r}: give another vehicle=, or take an environment for {kind.title}."
+        )
+    return kind
+
+
+@lru_cache
+def _kind_of(preset: str) -> EnvKind:
+    return KINDS.of(load_vehicle(preset).family)
 
 
 def _driven(
@@ -220,11 +242,11 @@ def _model(model: Model | str | os.PathLike, plant: Plant) -> Model:
     return driver
 
 
-def _check_model(model: Model, plant: Plant, setting: Setting) -> None:
+def _check_model(model: Model, plant: Plant, scaled: ScaledTask) -> None:
     """Raises if a model cannot drive the environment, with the channel that lacks."""
     name = type(model).__name__
-    needed = [*setting.read, *(c for fin, read in setting.read_for.items() if fin in model.inputs for c in read)]
-    for channels, what, has in ((needed, "outputs", model.outputs), (setting.driven, "inputs", model.inputs)):
+    needed = [*scaled.read, *(c for fin, read in scaled.read_for.items() if fin in model.inputs for c in read)]
+    for channels, what, has in ((needed, "outputs", model.outputs), (scaled.driven, "inputs", model.inputs)):
         for channel in dict.fromkeys(channels):
             if channel not in has:
                 raise ValueError(

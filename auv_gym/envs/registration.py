@@ -8,21 +8,15 @@ _ONE, _MANY = "auv_gym.envs.task_env:TaskEnv", "auv_gym.envs.vector_env:TaskVect
 
 # Name to what gymnasium's `register` takes besides.
 ENVIRONMENTS: dict[str, dict[str, Any]] = {
-    "auv_gym/GliderHeading-v0": {
-        "entry_point": "auv_gym.envs.glider_heading:GliderHeading",
-        "vector_entry_point": "auv_gym.envs.glider_vector:GliderHeadingVector",
-    },
-    **{
-        f"auv_gym/{task}-v0": {
-            "entry_point": _ONE,
-            "vector_entry_point": _MANY,
-            "kwargs": {"task": task},
-            # they keep the order of calls and the bounds of observations themselves: wrappers would only cost time
-            "order_enforce": False,
-            "disable_env_checker": True,
-        }
-        for task in ("Depth", "Heading", "Speed", "Path", "FloatDepth")
-    },
+    f"auv_gym/{task}-v0": {
+        "entry_point": _ONE,
+        "vector_entry_point": _MANY,
+        "kwargs": {"task": task},
+        # they keep the order of calls and the bounds of observations themselves: wrappers would only cost time
+        "order_enforce": False,
+        "disable_env_checker": True,
+    }
+    for task in ("GliderHeading", "Depth", "Heading", "Speed", "Path", "FloatDepth")
 }
 
 

@@ -102,7 +102,7 @@ class StableBaselinesVecEnv(VecEnv):
 
 
 class SingleEnvs(VecEnv):
-    """Environments stepped one after the other, for what no vector environment does, such as a model in Python.
+    """Environments stepped one after the other, for packages without a native vector environment.
 
     As stable-baselines3's DummyVecEnv, which copies all infos in each step; here an info is there where an environment
     has ended, and those of the others are empty.

@@ -1,19 +1,18 @@
-"""Environments of a task with a torpedo or a float: hold a depth, a heading, a speed; follow a path; dive."""
+"""Environments of a task: hold a depth, a heading, a speed; follow a path; dive."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from auv_gym.compiled import for_vector
-from auv_gym.envs.episodes import InfoIndex
-from auv_gym.envs.layout import NOISE_ROWS, OVER, REFUSED, RUNNING, TERMINATED, offset, row_type
+from auv_gym.envs.infos import InfoIndex, Named
+from auv_gym.envs.kernel.layout import NOISE_ROWS, OVER, REFUSED, RUNNING, TERMINATED, offset
 from auv_gym.envs.model_driver import ModelDriver
-from auv_gym.envs.named import Named
 from auv_gym.envs.plans import make_episodes
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
@@ -40,20 +39,16 @@ class TaskEnv(gymnasium.Env):
         dt: float | None = None,
         duration: float | None = None,
         target: float | None = None,
-        waypoints: Sequence[Sequence[float]] | None = None,
-        near: tuple[float, float] | None = None,
-        depths: tuple[float, float] | None = None,
-        actions: Sequence[str] | None = None,
         render_mode: str | None = None,
+        **own: Any,
     ):
         """An environment of a preset, a vehicle file or a plant; raises on what does not fit together.
 
         task: a name in `tasks.TASKS`.  vehicle: by default the task's.  effects: values by parameter path.  randomise:
         ranges (low, high) by parameter path, from which each episode draws.  model: drives the environment in place of
         the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel; by default it
-        changes in steps.  waypoints: rows of north, east, depth, m; by default they are drawn.  Of floats, near:
-        (m, s), a step lasts so long where the error is smaller.  depths: m, where starts and drawn targets lie.
-        Of torpedoes, actions: the inputs that an action commands, in place of the task's.
+        changes in steps.  own: options of the kind of vehicle: actions, waypoints of a vehicle in six degrees of
+        freedom, near, depths of a float, speed, compass_noise of a glider.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None, 'rgb_array' or 'human', got {render_mode!r}.")
@@ -66,15 +61,12 @@ class TaskEnv(gymnasium.Env):
             "dt": dt,
             "duration": duration,
             "target": target,
-            "waypoints": waypoints,
-            "near": near,
-            "depths": depths,
-            "actions": actions,
+            **own,
         }
         self.episodes = episodes = make_episodes(**self._options)
         self.action_space, self.observation_space = episodes.action_space, episodes.observation_space
         self.render_mode = render_mode
-        record = row_type(episodes.plant.family)
+        record = episodes.row_type
         self._buffer = episodes.new_buffer()
         row_at = episodes.plan.size + episodes.derived.size
         self._row = row = self._buffer[row_at : row_at + episodes.row_size]
@@ -90,8 +82,7 @@ class TaskEnv(gymnasium.Env):
         first = row_at + index.first
         self._singles = tuple((name, first + at) for name, at in index.single.items() if name != "time_s")
         self._time_at = first + index.single["time_s"]
-        places = {group: {n: at + i for i, n in enumerate(names)} for group, (at, names) in index.groups.items()}
-        self._places = tuple(places[group] for group in ("target", "reading", "command", "state", "reward_terms"))
+        self._places = tuple(index.groups[group] for group in ("target", "reading", "command", "state", "reward_terms"))
         self._draws, self._noise = episodes.draws(row), episodes.noise(row)
         self._driver = ModelDriver(episodes, row) if episodes.by_model else None
         plain = self._noise is None and self._driver is None and render_mode is None
@@ -111,7 +102,7 @@ class TaskEnv(gymnasium.Env):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """The first observation and info of an episode that starts in cruise, at a drawn depth and heading.
+        """The first observation and info of an episode with a drawn start.
 
         options: `start`, values of the first state by channel, and `target`, the first one, in place of drawn ones.
         """
@@ -120,10 +111,10 @@ class TaskEnv(gymnasium.Env):
         episodes.set_start(self._record, options)
         self.np_random.random(out=self._draws)
         self._draw_noise()
-        episodes.kernel.begin_one(episodes.vector, self._buffer)
-        if self._driver is not None:
-            self._driver.begin()
-            episodes.kernel.look_one(self._buffer)
+        if self._driver is None:
+            episodes.kernel.begin_one(episodes.vector, self._buffer)
+        else:
+            self._driver.begin(self._buffer)
         if self.render_mode is not None:
             self._follow(begin=True)
         return self._observe(), {**self._info(""), "randomised": episodes.randomised_values(self._row)}
@@ -206,9 +197,10 @@ class TaskEnv(gymnasium.Env):
     def _follow(self, begin: bool = False) -> None:
         """Show the present position to the camera, which is made when an episode begins."""
         if self._camera is None and begin:
-            from auv_gym.envs.camera import Camera
+            from auv_gym.rendering import Camera  # with matplotlib, so not before a picture is wanted
 
-            self._camera = Camera(self.episodes, self._row, human=self.render_mode == "human")
+            window = f"{self.episodes.task.name}, {self.plant.name}" if self.render_mode == "human" else ""
+            self._camera = Camera(self.episodes.kind.view(self.episodes, self._row), window)
         if self._camera is not None:
             self._camera.follow(begin)
 

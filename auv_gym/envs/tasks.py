@@ -2,7 +2,8 @@
 
 Sizes are in units of the vehicle, so that they fit one of any size: a length, a speed, and their quotient, a rate 1/s.
 Those of a torpedo are its own length and its cruise speed (see `cruise`); those of a float are its speed at full travel
-and how far that takes it in a time of its own (see `engine`).
+and how far that takes it in a time of its own (see `engine`). A glider has its nominal speed and its steady turn at
+full rudder, and its times are in s.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from dataclasses import dataclass
 from math import inf, pi, radians
 from typing import Literal
 
-Unit = Literal["", "length", "speed", "rate", "deepest"]
+Unit = Literal["", "length", "speed", "rate", "turn", "deepest"]
 
 PROPULSION = "propulsion"  # stands for the vehicle's own channel: propeller_rpm, propeller_V or speed_cmd_mps
 ENGINE = "engine"  # likewise: piston_m or oil_volume_m3
@@ -21,7 +22,7 @@ ENGINE = "engine"  # likewise: piston_m or oil_volume_m3
 class Observed:
     """One number of an observation: (source - offset) / scale, clipped to [-1, 1].
 
-    source: a reading's channel, an input channel for its last command over its limit, or a name of `layout.GEOMETRY`.
+    source: a reading's channel, an input channel for its last command over its limit, or a name of `Layout.geometry`.
     offset, scale: in `unit`s of the vehicle.
     """
 
@@ -41,7 +42,7 @@ class Task:
     `unit`s, the time for which it stands in lengths travelled, and where it stays.  scale: error that costs the most.
     weights: of the reward terms, by name, in the order of `layout.TERMS`.  duration: of an episode by default, s, for a
     float in lengths travelled.  current: largest drawn one, in cruise speeds, where nothing else is randomised.
-    kind, vehicle: of vehicles that it is for, and the one by default.  least: of a target that is given.
+    vehicle: the one by default; the task is for vehicles of its kind.  least: of a target that is given.
     """
 
     name: str
@@ -56,7 +57,6 @@ class Task:
     band: tuple[float, float] = (-1e9, 1e9)
     duration: float = 60.0
     current: float = 0.0
-    kind: Literal["body", "float"] = "body"
     vehicle: str = "remus100"
     least: float = -inf
 
@@ -188,7 +188,6 @@ DIVE_TRIM = 0.1  # of the engine's half range: the largest drawn error of the tr
 
 FLOAT_DEPTH = Task(
     name="FloatDepth",
-    kind="float",
     vehicle="qiandao_float",
     channel="depth_m",
     unit="length",
@@ -208,4 +207,24 @@ FLOAT_DEPTH = Task(
     least=0.0,
 )
 
-TASKS = {task.name: task for task in (DEPTH, HEADING, SPEED, PATH, FLOAT_DEPTH)}
+# Gliders
+GLIDER_HEADING = Task(
+    name="GliderHeading",
+    vehicle="slocum",
+    channel="heading_rad",
+    scale=pi,
+    step=(radians(20.0), radians(70.0)),
+    hold=(60.0, 180.0),  # s; the slowest preset turns 45 deg in 72 s
+    actions=("rudder_rad",),
+    observed=(
+        Observed("heading_error_sin", "error_sin"),
+        Observed("heading_error_cos", "error_cos"),
+        Observed("turn_rate", "turn_rate", 2.0, "turn"),
+        Observed("rudder", "rudder_rad"),
+        Observed("speed", "speed", 1.0, "speed", offset=1.0),
+    ),
+    weights={"heading": 1.0, "command_travel": COMMAND_TRAVEL},
+    duration=600.0,
+)
+
+TASKS = {task.name: task for task in (DEPTH, HEADING, SPEED, PATH, FLOAT_DEPTH, GLIDER_HEADING)}

@@ -12,10 +12,12 @@ from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
 
-from auv_gym.envs.episodes import InfoIndex
-from auv_gym.envs.layout import NO_REASON, NOISE_ROWS, offset, row_type
+from auv_gym.envs.infos import InfoIndex
+from auv_gym.envs.kernel.layout import NO_REASON, NOISE_ROWS, TERMINATED, TRUNCATED, offset
+from auv_gym.envs.model_driver import ModelDriver
 from auv_gym.envs.plans import make_episodes
 from auv_gym.envs.tasks import Task
+from auv_gym.model import Model
 from auv_gym.plant import Plant
 
 _looping: dict[str, int] = {}  # the process whose threads have run the loop
@@ -39,17 +41,14 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         effects: Mapping[str, float] | None = None,
         randomise: Mapping[str, tuple[float, float]] | None = None,
-        model: Plant | str | os.PathLike | None = None,
+        model: Model | str | os.PathLike | None = None,
         dt: float | None = None,
         duration: float | None = None,
         target: float | None = None,
-        waypoints: Sequence[Sequence[float]] | None = None,
-        near: tuple[float, float] | None = None,
-        depths: tuple[float, float] | None = None,
-        actions: Sequence[str] | None = None,
         render_mode: None = None,
+        **own: Any,
     ):
-        """Environments with the options of `TaskEnv`; a model must be a plant, which has a compiled step.
+        """Environments with the options of `TaskEnv`; a model in Python is stepped for one after the other.
 
         autoreset_mode: an environment that has ended starts again with the next step, in which its action is not used
         (NextStep), at once (SameStep), or when reset with options={"reset_mask": ...} (Disabled).
@@ -70,32 +69,34 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
             dt=dt,
             duration=duration,
             target=target,
-            waypoints=waypoints,
-            near=near,
-            depths=depths,
-            actions=actions,
+            **own,
         )
-        if episodes.by_model:
-            raise ValueError(
-                f"The vector environment steps plants only, got model={type(episodes.driver).__name__}: give "
-                "vectorization_mode='sync' to gymnasium.make_vec."
-            )
         self.metadata = {**self.metadata, "autoreset_mode": AutoresetMode(autoreset_mode)}
         self.num_envs = int(num_envs)
         self.single_action_space, self.single_observation_space = episodes.action_space, episodes.observation_space
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self._mode = AutoresetMode(autoreset_mode)
-        self._rows = rows = episodes.new_rows(self.num_envs)
+        self._drivers: list[ModelDriver] = []
+        if episodes.by_model:  # each row is part of a buffer, as that of a single environment
+            row_at = episodes.plan.size + episodes.derived.size
+            buffers = np.tile(episodes.new_buffer(), (self.num_envs, 1))
+            self._rows = rows = buffers[:, row_at : row_at + episodes.row_size]
+            self._buffers = list(buffers)
+            self._drivers = [ModelDriver(episodes, row) for row in rows]
+        else:
+            self._rows = rows = episodes.new_rows(self.num_envs)
         self._derived = np.tile(episodes.derived, (self.num_envs if episodes.randomise else 1, 1))
-        record = row_type(episodes.plant.family)
+        record = episodes.row_type
         at = offset(record, "action")
         self._actions = rows[:, at : at + len(episodes.actions)]
         self._reasons = rows[:, offset(record, "reason")]
         self._noise_used = rows[:, offset(record, "noise_used")]
+        self._rewards = rows[:, offset(record, "reward")]
         self._noisy = episodes.noise(rows[0]) is not None
         self._index = InfoIndex.of(episodes)
-        self._mask_names = {group: [f"_{name}" for name in names] for group, (_, names) in self._index.groups.items()}
+        shown: dict[str, Any] = {**self._index.groups, **({"state": episodes.driver.states} if self._drivers else {})}
+        self._mask_names = {group: [f"_{name}" for name in names] for group, names in shown.items()}
         self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._seeds: list[int | None] = [None] * self.num_envs
         self._ended = np.zeros(self.num_envs, dtype=bool)
@@ -158,18 +159,16 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         observations = np.empty((self.num_envs, len(self.episodes.observations)), dtype=np.float32)
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), dtype=bool)
-        episodes = self.episodes
-        episodes.kernel.step_many(
-            episodes.vector,
-            episodes.plan,
-            self._derived,
-            self._rows,
-            begins,
-            observations,
-            rewards,
-            terminated,
-            truncated,
-        )
+        if self._drivers:
+            every = zip(self._drivers, self._buffers, begins.tolist(), strict=True)
+            statuses = np.array(
+                [driver.step(own) if not starts else driver.begin(own) for driver, own, starts in every]
+            )
+            rewards[:], observations[:] = self._rewards, self._observations()
+            terminated[:], truncated[:] = statuses == TERMINATED, statuses == TRUNCATED
+        else:
+            given = (self.episodes.vector, self.episodes.plan, self._derived, self._rows, begins)
+            self.episodes.kernel.step_many(*given, observations, rewards, terminated, truncated)
         ended = terminated | truncated
         if self._mode is AutoresetMode.SAME_STEP and ended.any():
             infos = self._restarted(ended, observations)
@@ -231,8 +230,13 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
     def _begin(self, begins: np.ndarray, observations: np.ndarray) -> None:
         _check_process()
         self._draw(np.flatnonzero(begins))
-        episodes = self.episodes
-        episodes.kernel.begin_many(episodes.vector, episodes.plan, self._derived, self._rows, begins, observations)
+        if self._drivers:
+            for i in np.flatnonzero(begins):
+                self._drivers[i].begin(self._buffers[i])
+            observations[begins] = self._observations()[begins]
+        else:
+            given = (self.episodes.vector, self.episodes.plan, self._derived, self._rows, begins)
+            self.episodes.kernel.begin_many(*given, observations)
 
     def _restarted(self, ended: np.ndarray, observations: np.ndarray) -> dict[str, Any]:
         """Infos with the last observations and infos of the environments that have ended, which start again."""
@@ -247,7 +251,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         return {**infos, "final_obs": finals, "_final_obs": ended, "final_info": final, "_final_info": ended}
 
     def _observations(self) -> np.ndarray:
-        at = offset(row_type(self.plant.family), "observation")
+        at = offset(self.episodes.row_type, "observation")
         found = np.ascontiguousarray(self._rows[:, at : at + 16]).view(np.float32)
         return found[:, : len(self.episodes.observations)].copy()
 
@@ -255,8 +259,12 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         index, everywhere = self._index, np.ones(self.num_envs, dtype=bool)
         shown = self._rows[:, index.first : index.last].copy()
         infos: dict[str, Any] = {name: shown[:, at] for name, at in index.single.items()}
-        for group, (at, names) in index.groups.items():
-            infos[group] = dict(zip(names, shown[:, at : at + len(names)].T, strict=True))
+        for group, places in index.groups.items():
+            infos[group] = {name: shown[:, at] for name, at in places.items()}
+        if self._drivers:
+            states = np.array([driver.x for driver in self._drivers])
+            infos["state"] = dict(zip(self.episodes.driver.states, states.T, strict=True))
+        for group in index.groups:
             infos[group].update(dict.fromkeys(self._mask_names[group], everywhere))
         infos["reason"] = reasons = np.full(self.num_envs, "", dtype=object)
         for i in np.flatnonzero(self._reasons != NO_REASON):

@@ -353,7 +353,7 @@ def _carry_for(family: Family) -> Any:
             "SENSORS": len(family.sensors),
             "SCRATCH": max(family.scratch, 1),
             "view": family.view,
-            **{name: family.hooks[name] for name in ("enter", "derivative", "sense")},
+            **{name: getattr(family.hooks, name) for name in ("enter", "derivative", "sense")},
         }
         _BOUND[program] = bind(_carry, program, **meanings)
     return _BOUND[program]

@@ -1,7 +1,7 @@
 """Integration of any vehicle family: RK4, one sample interval, and the rollout over windows of a record.
 
-The functions here are templates: names in capitals and the family's hooks are open, and `bind_family` gives them their
-meaning. A full state vector is
+The functions here are templates: names in capitals, `physics` and `records` are open, and `bind_family` gives them
+their meaning. A full state vector is
 
     [states | actuator positions | backlash memories | sensor states | past shaped commands, oldest first]
 
@@ -11,40 +11,36 @@ result is smooth in the dead time. Actuators move in closed form, see `physics.a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import bind, compiled, ready, view_as
+from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import decay_of, travel
-from auv_gym.vehicles.family import Family
+from auv_gym.vehicles.family import Family, RightHandSide
 
 _ARRIVED = 1e-9  # s before its target where an actuator counts as there
 
-# Open names of the templates, bound per family.
+
+@dataclass(frozen=True, eq=False)
+class Records:
+    """The named numbers of derived parameters and of the work array."""
+
+    parameters: Callable[[Any], Any]
+    work: Callable[[Any], Any]
+
+
+# Open in the templates, which call each other by name.
+physics: RightHandSide = OPEN
+records: Records = OPEN
 STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = PARAMETERS = DERIVED = WORK = BLOCK = MOVES = 0
-derivative: Any
-stable_step: Any
-shape: Any
-actuator_times: Any
-sense: Any
-settle_sensors: Any
-output: Any
-enter: Any
-leave: Any
-kick: Any
-derive: Any
-view: Any
-rk4: Any
-workspace: Any
-drive: Any
-interval: Any
 
 
-def _rk4(h, inputs, p, room):
+def rk4(h, inputs, p, room):
     """One step of the classical fourth-order Runge-Kutta method on room.z in place.
 
     room: record of work arrays; room.path has the actuators' positions at start, middle and end of the step.
@@ -55,7 +51,7 @@ def _rk4(h, inputs, p, room):
         y[i] = z[i]
         total[i] = 0.0
     for stage in range(4):  # a loop, so that the derivative is compiled into it once
-        derivative(y, path[(stage + 1) // 2], inputs, p, slope, terms)
+        physics.derivative(y, path[(stage + 1) // 2], inputs, p, slope, terms)
         weight = 2.0 if stage == 1 or stage == 2 else 1.0
         reach = 0.5 * h if stage < 2 else h
         for i in range(INTEGRATED):
@@ -65,7 +61,7 @@ def _rk4(h, inputs, p, room):
         z[i] += h / 6.0 * total[i]
 
 
-def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
+def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
     """Advance x in place from t0 = times[k] to t1, in equal, stable steps of at most `longest_step` between switchings.
 
     What is stable is asked again after BLOCK steps.  Where masses move in the vehicle (MOVES), steps end where one
@@ -76,15 +72,15 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
     """
     position = x[STATES : STATES + ACTUATORS]
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
-    room = workspace(work)
+    room = records.work(work)
     z, before, target, path = room.z, room.before, room.target, room.path
     lags, slownesses, decays = room.lags, room.slownesses, room.decays
-    enter(x[:STATES], z)
+    physics.enter(x[:STATES], z)
     t = t0
     while t < t1:
         t_next = t1
         for j in range(ACTUATORS):
-            dead_time = actuator_times(j, p)[0]
+            dead_time = physics.actuator_times(j, p)[0]
             if dead_time > 0.0:
                 i = k
                 while i > first and times[i] + dead_time > t:
@@ -95,21 +91,21 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
                 target[j] = shaped[k, j]
         if MOVES and longest_step > 0.0:
             for j in range(ACTUATORS):
-                _, lag, slowness = actuator_times(j, p)
+                _, lag, slowness = physics.actuator_times(j, p)
                 way = abs(target[j] - position[j]) * slowness
                 if lag <= 0.0 and way > _ARRIVED:
                     t_next = min(t_next, t + way)
         pieces = 1
         if longest_step > 0.0:
             # a fit may try coefficients that are too quick for the vehicle's step; fifty times shorter will do
-            step = max(min(longest_step, stable_step(z, inputs, p)), 0.02 * longest_step)
+            step = max(min(longest_step, physics.stable_step(z, inputs, p)), 0.02 * longest_step)
             pieces = max(ceil((t_next - t) / step - 1e-9), 1)
         h = (t_next - t) / pieces
         if pieces > BLOCK:
             pieces = BLOCK
             t_next = t + BLOCK * h
         for j in range(ACTUATORS):
-            _, lags[j], slownesses[j] = actuator_times(j, p)
+            _, lags[j], slownesses[j] = physics.actuator_times(j, p)
             decays[j] = decay_of(lags[j], h)
         for _ in range(pieces):
             for j in range(ACTUATORS):
@@ -122,20 +118,20 @@ def _interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work)
                 for i in range(INTEGRATED):
                     before[i] = z[i]
                 if MOVES:
-                    kick(z, sensors, path, h, p, room.terms)
+                    physics.kick(z, sensors, path, h, p, room.terms)
                 rk4(h, inputs, p, room)
-                sense(before, z, sensors, h, p)
+                physics.sense(before, z, sensors, h, p)
         t = t_next
     if longest_step > 0.0:
-        leave(z, x[:STATES])
+        physics.leave(z, x[:STATES])
 
 
-def _step(x, inputs, times, longest_step, derived, work):
+def step(x, inputs, times, longest_step, derived, work):
     """Advance the full state x in place by a sample; times: s, of the commands kept in x, ending at 0, then its end.
 
     work: scratch, see `scratch_for`.
     """
-    p = view(derived)
+    p = records.parameters(derived)
     history = times.shape[0] - 1
     oldest = np.int64(0)  # a bare 0 is a type of its own to numba, for which `interval` would be compiled once more
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
@@ -143,24 +139,24 @@ def _step(x, inputs, times, longest_step, derived, work):
     for i in range(history - 1):
         for j in range(ACTUATORS):
             past[i, j] = past[i + 1, j]
-    shape(inputs, memory, p, past[history - 1])
+    physics.shape(inputs, memory, p, past[history - 1])
     interval(x, inputs, past, times, oldest, history - 1, 0.0, times[history], longest_step, p, work)
 
 
-def _read(x, derived, y):
+def read(x, derived, y):
     """Outputs of a full state into y."""
-    p = view(derived)
+    p = records.parameters(derived)
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
-    output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y)
+    physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y)
 
 
-def _settle(x, derived):
+def settle(x, derived):
     """The sensors' states in a full state, in place, as after a long time at its present rates."""
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
-    settle_sensors(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, view(derived))
+    physics.settle_sensors(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, records.parameters(derived))
 
 
-def _drive(times, inputs, first, shaped, positions, p, work):
+def drive(times, inputs, first, shaped, positions, p, work):
     """Shaped commands and actuator positions at every sample of a record, (n, ACTUATORS) each, from the commands alone.
 
     first: (n,) row at which each row's segment starts; there the actuators stand where they are told to.
@@ -169,17 +165,17 @@ def _drive(times, inputs, first, shaped, positions, p, work):
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
     still = True
     for j in range(ACTUATORS):
-        dead_time, lag, slowness = actuator_times(j, p)
+        dead_time, lag, slowness = physics.actuator_times(j, p)
         still = still and dead_time <= 0.0 and lag <= 0.0 and slowness <= 0.0
     for k in range(times.shape[0]):
         fresh = first[k] == k
         if fresh:
             for j in range(ACTUATORS):
                 memory[j] = inputs[k, j]
-            shape(inputs[k], memory, p, shaped[k])  # a play that starts in its middle
+            physics.shape(inputs[k], memory, p, shaped[k])  # a play that starts in its middle
             for j in range(ACTUATORS):
                 memory[j] = shaped[k, j]
-        shape(inputs[k], memory, p, shaped[k])
+        physics.shape(inputs[k], memory, p, shaped[k])
         if fresh or still:
             for j in range(ACTUATORS):
                 x[STATES + j] = shaped[k, j]
@@ -189,7 +185,7 @@ def _drive(times, inputs, first, shaped, positions, p, work):
             interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], 0.0, p, work)
 
 
-def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y):
+def rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y):
     """Outputs of free runs over windows of a record, for several parameter vectors, into y.
 
     vectors: (S, n_parameters), or longer by a table.  starts: (S, W, STATES), the states at the windows' first rows.
@@ -204,8 +200,8 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
     x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
     sensors = x[STATES + 2 * ACTUATORS :]
     for s in range(vectors.shape[0]):
-        derive(vectors[s], derived)
-        p = view(derived)
+        physics.derive(vectors[s], derived)
+        p = records.parameters(derived)
         drive(times, inputs, first, shaped, positions, p, work)
         row = 0
         for w in range(begin.shape[0]):
@@ -216,19 +212,13 @@ def _rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y
                 x[STATES + j] = positions[k, j]
             for i in range(STATES + ACTUATORS, x.shape[0]):
                 x[i] = 0.0
-            settle_sensors(x[:STATES], positions[k], sensors, p)
+            physics.settle_sensors(x[:STATES], positions[k], sensors, p)
             while k < stop[w]:
-                output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
+                physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
                 row += 1
                 if k + 1 < stop[w]:
                     interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], longest_step, p, work)
                 k += 1
-
-
-@compiled
-def _no_kick(z, sensors, path, h, p, scratch):
-    """The jump of velocity of a vehicle in which no mass moves."""
-    return
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,16 +269,16 @@ def bind_family(family: Family) -> Programs:
         "BLOCK": family.block,
         "MOVES": int(family.moves),
     }
-    known = {"kick": _no_kick, **sizes, **family.hooks, "view": family.view, "travel": travel}
-    known["workspace"] = view_as(_work_type(family), f"{program}_work")
-    for name, template in (("rk4", _rk4), ("interval", _interval), ("drive", _drive)):
-        known[name] = bind(template, program, **known)
+    views = Records(parameters=family.view, work=view_as(_work_type(family), f"{program}_work"))
+    known: dict[str, Any] = {**sizes, "physics": namespace(family.hooks), "records": namespace(views)}
+    for template in (rk4, interval, drive):  # each after those that it calls
+        known[template.__name__] = bind(template, program, **known)
     _BOUND[program] = Programs(
-        step=ready(bind(_step, program, inline=False, **known)),
-        read=ready(bind(_read, program, **known)),
-        settle=ready(bind(_settle, program, **known)),
-        rollout=ready(bind(_rollout, program, **known)),
-        derivative=ready(family.hooks["derivative"]),
-        derive=ready(family.hooks["derive"]),
+        step=ready(bind(step, program, inline=False, **known)),
+        read=ready(bind(read, program, **known)),
+        settle=ready(bind(settle, program, **known)),
+        rollout=ready(bind(rollout, program, **known)),
+        derivative=ready(family.hooks.derivative),
+        derive=ready(family.hooks.derive),
     )
     return _BOUND[program]

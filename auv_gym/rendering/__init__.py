@@ -5,9 +5,10 @@ try:
 except ImportError as error:
     raise ImportError(f"Rendering needs matplotlib ({error}): pip install 'auv-gym[render]'.") from error
 
+from auv_gym.rendering.camera import Camera
 from auv_gym.rendering.dive import Dive
 from auv_gym.rendering.renderer import Renderer, draw, film_strip
 from auv_gym.rendering.scene import Scene, Target
 from auv_gym.rendering.window import Window
 
-__all__ = ["Dive", "Renderer", "Scene", "Target", "Window", "draw", "film_strip"]
+__all__ = ["Camera", "Dive", "Renderer", "Scene", "Target", "Window", "draw", "film_strip"]

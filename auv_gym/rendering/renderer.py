@@ -41,9 +41,11 @@ class Renderer:
             draw_dive(sheet, scene, Box(_EDGE, _HEAD + 4.0, room.right - _EDGE, room.bottom - _EDGE + 10.0))
             return sheet.pixels()
         split = room.right - _EDGE - _SIDE
-        strip = room.bottom - _EDGE + 10.0 - _STRIP
+        bottom = room.bottom - _EDGE + 10.0
+        strip = bottom if scene.level else bottom - _STRIP
         draw_plan(sheet, scene, Box(_EDGE, _HEAD + 4.0, split - 26.0, strip - 6.0))
-        draw_depth(sheet, scene, Box(_EDGE, strip, split - 26.0, room.bottom - _EDGE + 10.0))
+        if not scene.level:
+            draw_depth(sheet, scene, Box(_EDGE, strip, split - 26.0, bottom))
         draw_attitude(sheet, scene, Box(split, _HEAD + 4.0, room.right - _EDGE, 276.0))
         draw_speed(sheet, scene, Box(split, 288.0, room.right - _EDGE, 346.0))
         draw_commands(sheet, scene, Box(split, 362.0, room.right - _EDGE, room.bottom - _EDGE))

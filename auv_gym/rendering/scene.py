@@ -65,6 +65,7 @@ class Scene:
     commands: by channel name (`rudder_rad`), the value and its limit, or both its ends, in the channel's unit.
     current: velocity of the water, north and east, m/s.  title, caption: left and right of the head line.
     model_trail: a second run at the same times, shape (m, 3) with m <= n.  labels: what the two runs are called.
+    level: the depth is not known, and the plan view takes the room of the depth strip.
     """
 
     trail: np.ndarray
@@ -78,6 +79,7 @@ class Scene:
     caption: str = ""
     model_trail: np.ndarray | None = None
     labels: tuple[str, str] = ("vehicle", "model")
+    level: bool = False
 
     def __post_init__(self):
         trail = _points("A scene's trail needs", self.trail)

@@ -63,8 +63,8 @@ class Clock(VecEnvWrapper):
 def make_many(env: str, count: int, on: Any = TRUE, **options: Any) -> VecEnv:
     """Environments as stable-baselines3 takes them: the native vector environment, else single ones."""
     one = make_env(env, on, **options)  # also for its errors
-    spec, episodes = one.spec, getattr(one.unwrapped, "episodes", None)
-    if spec is None or spec.vector_entry_point is None or getattr(episodes, "by_model", False):
+    spec = one.spec
+    if spec is None or spec.vector_entry_point is None:
         return SingleEnvs([one, *(make_env(env, on, **options) for _ in range(count - 1))])
     if on != TRUE or not isinstance(on, str):
         options = {**options, "model": on}

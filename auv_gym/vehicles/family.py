@@ -21,16 +21,45 @@ def _no_doubts(parameters: Any) -> list[str]:
     return []
 
 
+@compiled
+def no_kick(z, sensors, path, h, p, scratch):
+    """The jump of velocity of a vehicle in which no mass moves."""
+    return
+
+
+@dataclass(frozen=True, eq=False)
+class RightHandSide:
+    """The compiled functions of a family; p: what `derive` makes of the parameters, through the family's view.
+
+    x: the states, as they are between samples, and z: those of RK4.  actuators: their positions.
+    """
+
+    # (z, actuators, inputs, p, dz, scratch): the slopes of z into dz
+    derivative: Callable[[Any, Any, Any, Any, Any, Any], None]
+    # (z, inputs, p): the longest step of RK4, s
+    stable_step: Callable[[Any, Any, Any], float]
+    # (inputs, memory, p, shaped): commands after their memoryless effects and backlash into shaped; memory is updated
+    shape: Callable[[Any, Any, Any, Any], None]
+    # (index, p): dead time s, lag s and slowness, s per unit, of an actuator
+    actuator_times: Callable[[int, Any], tuple[float, float, float]]
+    # (before, z, sensors, duration, p): update the sensors' states after a step
+    sense: Callable[[Any, Any, Any, float, Any], None]
+    # (x, actuators, sensors, p): the sensors' states after a long time at the present rates
+    settle_sensors: Callable[[Any, Any, Any, Any], None]
+    # (x, actuators, sensors, p, y): the outputs into y
+    output: Callable[[Any, Any, Any, Any, Any], None]
+    # (x, z) and (z, x): from the states to the integrated ones, and back
+    enter: Callable[[Any, Any], None]
+    leave: Callable[[Any, Any], None]
+    # (vector, derived): what follows from the parameters alone
+    derive: Callable[[Any, Any], None]
+    # (z, sensors, path, h, p, scratch): put the actuators' rates into path, and let momentum pass from masses that move
+    kick: Callable[[Any, Any, Any, float, Any, Any], None] = no_kick
+
+
 @dataclass(frozen=True, eq=False)
 class Family:
-    """A right-hand side with its channels, and what else sets one family apart from another.
-
-    hooks: the compiled functions of the right-hand side, which see what `derive(vector, derived)` makes of the
-    parameters through `view`: `enter(x, z)` and `leave(z, x)` go from the states to the integrated ones and back;
-    `derivative(z, actuators, inputs, p, dz, scratch)`, `stable_step(z, inputs, p)`, `shape(inputs, memory, p, shaped)`,
-    `actuator_times(index, p)`, `sense(before, z, sensors, duration, p)`, `settle_sensors(x, actuators, sensors, p)`,
-    `output(x, actuators, sensors, p, y)`.
-    """
+    """A right-hand side with its channels, and what else sets one family apart from another."""
 
     name: str
     kind: str
@@ -46,7 +75,7 @@ class Family:
     coefficients: tuple[str, ...]  # paths that a first fit frees
     derived: int  # length of what `derive` makes, without a table
     view: Callable[..., Any]
-    hooks: Mapping[str, Callable[..., Any]]
+    hooks: RightHandSide
     scratch: int = 0  # length of the last argument of `derivative`
     learns: bool = False  # whether a table of learned forces may follow the parameters
     block: int = 1_000_000  # steps after which `stable_step` is asked again
@@ -82,8 +111,7 @@ class Family:
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""
-    # masses move in the vehicle: the derivative sees the actuators' rates behind their positions, and a hook
-    # `kick(z, sensors, path, h, p, scratch)` fills these in path, and lets momentum pass from the masses to the vehicle
+    # masses move in the vehicle: the derivative sees the actuators' rates behind their positions, as `kick` puts them
     moves: bool = False
     program: str = ""  # families of one program share their compiled code; by default those of one kind
     body: Any = None  # of a hull and its parts, what is known of these: `vehicles.body.compose.Body`

@@ -17,7 +17,7 @@ from auv_gym.physics.discovered import any_term, yaw_moment
 from auv_gym.physics.discovered_terms import N_YAW
 from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
-from auv_gym.vehicles.family import Family, copied, registered
+from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
 
 
 @dataclass(frozen=True)
@@ -222,17 +222,17 @@ GLIDER = Family(
     coefficients=("hull.n_r", "hull.n_delta"),
     twins={"effects.rudder.gain": "hull.n_delta"},
     view=view_as(record_type(GliderParameters), "glider"),
-    hooks={
-        "derivative": derivative,
-        "stable_step": stable_step,
-        "shape": shape,
-        "actuator_times": actuator_times,
-        "sense": sense,
-        "settle_sensors": settle_sensors,
-        "output": output,
-        "enter": copied,
-        "leave": copied,
-        "derive": copied,
-    },
+    hooks=RightHandSide(
+        derivative=derivative,
+        stable_step=stable_step,
+        shape=shape,
+        actuator_times=actuator_times,
+        sense=sense,
+        settle_sensors=settle_sensors,
+        output=output,
+        enter=copied,
+        leave=copied,
+        derive=copied,
+    ),
 )
 registered(GLIDER)

@@ -17,7 +17,7 @@ from auv_gym.physics.buoyancy import GRAVITY, air_volume, exposed_volume
 from auv_gym.physics.discovered import any_term, heave_damping, heave_force
 from auv_gym.physics.discovered_terms import N_HEAVE
 from auv_gym.physics.sensors import lag_error
-from auv_gym.vehicles.family import Family, copied, registered
+from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
 
 
 @dataclass(frozen=True)
@@ -278,18 +278,18 @@ FLOAT_PISTON = Family(
     shared={"volume_m3": "effects.volume.offset"},
     shared_unless="hull.trim_known",
     view=view_as(record_type(FloatParameters), "float"),
-    hooks={
-        "derivative": derivative,
-        "stable_step": stable_step,
-        "shape": shape,
-        "actuator_times": actuator_times,
-        "sense": sense,
-        "settle_sensors": settle_sensors,
-        "output": output,
-        "enter": enter,
-        "leave": copied,
-        "derive": copied,
-    },
+    hooks=RightHandSide(
+        derivative=derivative,
+        stable_step=stable_step,
+        shape=shape,
+        actuator_times=actuator_times,
+        sense=sense,
+        settle_sensors=settle_sensors,
+        output=output,
+        enter=enter,
+        leave=copied,
+        derive=copied,
+    ),
 )
 FLOAT_OIL = replace(
     FLOAT_PISTON,

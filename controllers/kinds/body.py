@@ -214,7 +214,7 @@ def _gpc(plant: Plant, model, settings: dict[str, Any], **fields: Any) -> Gpc:
     drift = {name: walk * _OFFSET_DRIFT * high for name, (_, high) in fields.get("output_limits", {}).items()}
     for name in model.inputs:
         at = plant.inputs.index(name)
-        limit, (_, _, slowness) = float(limits[at]), plant.family.hooks["actuator_times"](at, view)
+        limit, (_, _, slowness) = float(limits[at]), plant.family.hooks.actuator_times(at, view)
         ranges[name] = (0.0 if role_of[name] == "surge" else -limit, limit)
         drift[name] = walk * _DRIFTS[role_of[name]] * limit
         if slowness > 0.0:

@@ -51,7 +51,7 @@ def drive(
     steps = {name: checked_steps(name, given) for name, given in (targets or {}).items()}
     inner: Any = env.unwrapped
     actions = commanded(env)
-    _, info = env.reset(seed=seed, options=_options(inner, start))
+    _, info = env.reset(seed=seed, options={"start": dict(start)} if start else None)
     memory = controller.start()
     rows: list[tuple[float, dict, dict, dict]] = []  # time, reading, target, state
     commands: list[dict] = []  # what the vehicle got, and reports
@@ -88,7 +88,7 @@ def drive(
 def commanded(env: gymnasium.Env) -> tuple[str, ...]:
     """The inputs that an environment's action commands."""
     inner: Any = env.unwrapped
-    return inner.episodes.actions if hasattr(inner, "episodes") else ("rudder_rad",)
+    return inner.episodes.actions
 
 
 def checked_steps(name: str, given: Any) -> tuple[tuple[float, float], ...]:
@@ -115,18 +115,6 @@ def versions_used() -> str:
         except PackageNotFoundError:
             found.append(f"{package} none")
     return ", ".join([f"auv-gym {__version__}", *found, f"Python {platform.python_version()}"])
-
-
-def _options(inner: Any, start: Mapping[str, float] | None) -> dict[str, Any] | None:
-    if not start:
-        return None
-    from auv_gym.envs.glider_heading import GliderHeading
-
-    if not isinstance(inner, GliderHeading):
-        return {"start": dict(start)}
-    if set(start) != {"heading_rad"}:
-        raise ValueError(f"GliderHeading starts from a heading_rad that can be given, got {', '.join(start)}.")
-    return {"heading": start["heading_rad"]}
 
 
 def _value_at(steps: Sequence[tuple[float, float]], time: float) -> float:

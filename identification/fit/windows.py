@@ -46,7 +46,7 @@ def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
     the first row if they never do, since nothing would be left.
     """
     family, p = plant.family, plant.family.view(plant.derived)
-    shape, times, count = family.hooks["shape"], family.hooks["actuator_times"], len(family.actuators)
+    shape, times, count = family.hooks.shape, family.hooks.actuator_times, len(family.actuators)
     dead_times, lags, slownesses = zip(*(times(j, p) for j in range(count)), strict=True)
     at, plays, shaped = np.zeros((2, count)), np.zeros((2, count)), np.zeros((2, count))
     for side in (0, 1):

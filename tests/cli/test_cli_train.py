@@ -126,7 +126,7 @@ def test_ctrl_c_stops_and_the_same_command_goes_on(tmp_path, hyperparameters, ca
         (["--algo", "ppp"], "No algorithm 'ppp'"),
         (["--effect", "effects.rudder.offset"], "PATH=VALUE"),
         (["--randomise", "effects.rudder.offset=1"], "PATH=LOW:HIGH"),
-        (["--randomise", "effects.rudder.offset=0:1"], "does not take these options"),
+        (["--randomise", "effects.rudder.offset=0:1"], "needs a value from"),
         (["--on", "none.npz"], "There is no file none.npz"),
     ],
 )

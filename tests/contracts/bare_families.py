@@ -310,6 +310,6 @@ def body_hooks(family: Family) -> dict[str, Callable[..., Any]]:
 def bare(family: Family) -> Family:
     """The family without its effects."""
     own = body_hooks(family) if family.kind == "body" else _HOOKS[family.kind]
-    hooks = {**family.hooks, **own, "sense": no_sense, "settle_sensors": no_settling}
+    hooks = replace(family.hooks, **own, sense=no_sense, settle_sensors=no_settling)
     program = f"bare_{family.program or family.kind}"
     return replace(family, name=f"bare_{family.name}", kind=f"bare_{family.kind}", program=program, hooks=hooks)

@@ -1,66 +1,44 @@
-"""Runs of environments that several of their tests are made of."""
+"""Runs of environments that several tests are made of."""
 
-import os
-import subprocess
-import sys
-import tracemalloc
-from pathlib import Path
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).parents[2]
 
-
+@dataclass(frozen=True)
 class InPython:
     """A plant that the environments do not know as one."""
 
-    def __init__(self, plant):
-        self._plant = plant
+    plant: Any
 
     def __getattr__(self, name):
-        return getattr(self._plant, name)
+        if name.startswith("__"):
+            raise AttributeError(name)
+        return getattr(self.plant, name)
 
 
-def go(env, action, steps):
-    """Step an environment with one action, over the ends of its episodes."""
-    for _ in range(steps):
-        _, _, terminated, truncated, _ = env.step(action)
+def run(env, actions, seed=0, **options):
+    """The steps of an episode with these actions; options of the reset."""
+    env.reset(seed=seed, options=options)
+    return [env.step(np.atleast_1d(np.array(action, np.float32))) for action in actions]
+
+
+def drawn_actions(env, count, seed=1, size=0.4):
+    """Actions up to a size that stay for a while each."""
+    draws = np.random.default_rng(seed).uniform(-size, size, (count // 10 + 1, *env.action_space.shape))
+    return np.repeat(draws, 10, axis=0)[:count]
+
+
+def ends(env, actions):
+    """Step over the ends of episodes; the reasons of those that were terminated, and how many were truncated."""
+    reasons, whole = [], 0
+    for action in actions:
+        observation, reward, terminated, truncated, info = env.step(action)
         if terminated or truncated:
+            assert np.isfinite([reward, *observation, *info["state"].values()]).all()
+            assert terminated == bool(info["reason"])
+            reasons += [info["reason"]] * terminated
+            whole += truncated
             env.reset()
-
-
-def memory_growth(env, action, steps):
-    """Bytes that Python objects and arrays have grown by over many steps, after a first round of them."""
-    env.reset(seed=0)
-    go(env, action, 1000)
-    tracemalloc.start()
-    go(env, action, 1000)
-    before, _ = tracemalloc.get_traced_memory()
-    go(env, action, steps)
-    after, _ = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    return after - before
-
-
-def check_goes_on(env, twin):
-    """A copy of an environment does what the environment does, past the block of noise, so its generators too."""
-    for k in range(60):
-        one, other = env.step([0.1 * np.sin(k)]), twin.step([0.1 * np.sin(k)])
-        np.testing.assert_array_equal(one[0], other[0])
-        assert one[1:] == other[1:]
-
-
-def check_plain_python_agrees(code, folder):
-    """A program that saves numbers to its argument saves the same ones without numba, and says whether it is there."""
-    found = []
-    for jit in ("0", "1"):
-        out = folder / f"run{jit}.npy"
-        environment = {**os.environ, "AUV_GYM_JIT": jit, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run(
-            [sys.executable, "-c", code, str(out)], env=environment, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        assert done.stdout.strip() == str(jit == "1")
-        found.append(np.load(out))
-    # the cruise is sought to 1e-10 by each on its own; rounding of float32 observations is 1e-7
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-6, atol=2e-7)
+    return reasons, whole

@@ -2,6 +2,7 @@ import os
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium
@@ -13,10 +14,11 @@ from gymnasium.wrappers import vector as wrappers
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.envs.tasks import TASKS
 from auv_gym.envs.vector_env import TaskVectorEnv
+from auv_gym.models.linear import StateSpace
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 
-TORPEDO = [name for name, task in TASKS.items() if task.kind == "body"]
+BODY = [name for name, task in TASKS.items() if task.vehicle == "remus100"]
 ROOT = str(Path(__file__).parents[2])
 # Everything that is drawn: noisy, late, coarse and missing readings, dead times, parameters of vehicle and water.
 DRAWN = {
@@ -50,11 +52,27 @@ FLOAT_DRAWN = {
         "hull.piston_neutral": (0.52, 0.58),
     },
 }
+GLIDER_DRAWN = {
+    "effects": {
+        "effects.sampling.compass.dropout": 0.2,
+        "effects.sampling.compass.delay": 8.0,
+        "effects.rudder.dead_time": 6.0,
+        "effects.compass.lag": 2.0,
+    },
+    "randomise": {"effects.yaw.moment": (-0.01, 0.01), "effects.sampling.compass.noise": (0.0, 0.05)},
+}
+LINEAR = StateSpace(
+    np.array([[0.9, 0.0], [1.0, 1.0]]), np.array([[0.02], [0.0]]), np.eye(2)[1:], ("rudder_rad",), ("heading_rad",), 4.0
+)
+WILD = replace(LINEAR, a=np.array([[9.0, 0.0], [1.0, 9.0]]))
 CASES = {
-    **{task: (task, {"duration": 4.0, **DRAWN}) for task in TORPEDO},
+    **{task: (task, {"duration": 4.0, **DRAWN}) for task in BODY},
     "float": ("FloatDepth", {"duration": 28.0, **FLOAT_DRAWN}),
     "float at two rates": ("FloatDepth", {"duration": 14.0, "near": (5.0, 0.36), "target": 30.0, **FLOAT_DRAWN}),
     "float with oil": ("FloatDepth", {"duration": 1200.0, "vehicle": "mermaid"}),
+    "glider": ("GliderHeading", {"duration": 100.0, "speed": (0.2, 0.4), **GLIDER_DRAWN}),
+    "glider by a model": ("GliderHeading", {"duration": 100.0, "compass_noise": 0.02, "model": LINEAR}),
+    "glider by a model that diverges": ("GliderHeading", {"duration": 100.0, "model": WILD}),
 }
 
 
@@ -87,8 +105,8 @@ def test_it_is_bit_for_bit_the_single_environments(case, mode):
     native = make(task, autoreset_mode=mode, **options)
     one, other = sync.reset(seed=7), native.reset(seed=7)
     np.testing.assert_array_equal(one[0], other[0])
-    ends = 0
-    for k, actions in enumerate(actions_for(native, 1500)):
+    ends, steps = 0, 400
+    for k, actions in enumerate(actions_for(native, steps)):
         one, other = sync.step(actions), native.step(actions)
         for expected, found in zip(one[:4], other[:4], strict=True):
             np.testing.assert_array_equal(expected, found)
@@ -104,7 +122,7 @@ def test_it_is_bit_for_bit_the_single_environments(case, mode):
         if k % 10 == 0 and "randomised" not in one[4]:
             for i in range(3):
                 assert_same_info(one[4], other[4], i)
-    assert ends > 3 * 1500 / 45  # an episode has at most 40 steps
+    assert ends > 3 * steps / 45  # an episode has at most 40 steps
 
 
 def test_disabled_autoreset_waits_for_a_reset():
@@ -208,15 +226,6 @@ def test_a_plant_of_another_make_drives_it():
     assert not np.array_equal(one[-1]["state"]["east_m"], other[-1]["state"]["east_m"])
 
 
-class Still:
-    inputs, states, outputs, dt = (
-        ("stern_plane_rad",),
-        ("depth_m",),
-        ("depth_m", "pitch_rad", "q_radps", "w_mps", "u_mps"),
-        0.1,
-    )
-
-
 @pytest.mark.parametrize(
     "options, message",
     [
@@ -224,7 +233,6 @@ class Still:
         ({"num_envs": 2.5}, "num_envs needs a whole number"),
         ({"render_mode": "rgb_array"}, "draws nothing"),
         ({"autoreset_mode": "Sometimes"}, "Sometimes"),
-        ({"model": Still()}, "vectorization_mode='sync'"),
         ({"duration": -1.0}, "duration needs"),
     ],
 )

@@ -420,13 +420,13 @@ def test_it_drives_an_environment():
     plant = load_vehicle("slocum")
     model = splice(plant, lag("heading_rad", plant.dt))
     env = gymnasium.make("auv_gym.envs:auv_gym/GliderHeading-v0", vehicle="slocum", model=model)
-    env.reset(seed=1, options={"heading": 0.0, "target": 0.5})
+    env.reset(seed=1, options={"start": {"heading_rad": 0.0}, "target": 0.5})
     for _ in range(10):
         observation, _, terminated, _, info = env.step(np.array([1.0], dtype=np.float32))
     assert not terminated
     assert env.observation_space.contains(observation)
     gone = 2.0 * plant.hull.rudder_limit * (1.0 - exp(-10.0 * plant.dt / 1.5))
-    assert info["heading_rad"] == pytest.approx(gone)
+    assert info["state"]["heading_rad"] == pytest.approx(gone)
     assert info["state"]["north_m"] > 1.0
 
 

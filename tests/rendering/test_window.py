@@ -60,5 +60,6 @@ def test_without_matplotlib_the_error_names_the_extra(monkeypatch):
 
 
 def test_environments_load_no_matplotlib_until_asked():
-    program = "import sys, auv_gym.envs, auv_gym.envs.glider_heading; sys.exit('matplotlib' in sys.modules)"
+    program = "import sys, gymnasium as g, auv_gym.envs; g.make('auv_gym/GliderHeading-v0'); "
+    program += "sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -206,8 +206,8 @@ def test_a_vehicle_of_ones_own_lies_beside_the_policy(tmp_path):
     trained = train(small(options={"vehicle": mine, "effects": {"effects.rudder.offset": 0.1}}), tmp_path / "policy")
     env = trained.policy.env()
     assert env.unwrapped.plant.name == "mine"
-    assert env.unwrapped.plant.effects.rudder.offset == 0.1
-    assert trained.policy.env(effects={"effects.rudder.offset": 0.0}).unwrapped.plant.effects.rudder.offset == 0.0
+    assert env.unwrapped.model.effects.rudder.offset == 0.1
+    assert trained.policy.env(effects={"effects.rudder.offset": 0.0}).unwrapped.model.effects.rudder.offset == 0.0
 
 
 def test_single_environments_do_what_the_dummy_of_stable_baselines_does():
@@ -262,9 +262,9 @@ def test_bad_settings_are_refused(settings, words):
 
 def test_what_cannot_be_trained_is_said_before_anything_is_written(tmp_path):
     for settings, words in (
-        ({"options": {"vehicle": "remus100"}}, "family 'glider'"),
+        ({"options": {"vehicle": "remus100"}}, "heading of an underwater glider"),
         ({"on": tmp_path / "none.npz"}, "There is no file"),
-        ({"options": {"durations": 3.0}}, "does not take these options"),
+        ({"options": {"durations": 3.0}}, "Did you mean 'duration'"),
         ({"hyperparameters": {"policy_kwargs": {"n_critics": 3}}}, "n_critics says nothing to ppo"),
     ):
         with pytest.raises(ValueError, match=words):

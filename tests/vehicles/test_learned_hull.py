@@ -19,7 +19,7 @@ from auv_gym.vehicles.body.learned_hull import LearnedHull
 HEU = load_vehicle("heu_torpedo")
 TYPICAL = np.array([0.3, 0.1, 0.1, 0.2, 0.2, 0.2])
 COMMANDS = np.array([0.1, -0.05, 4.0])
-derivative, view = HEU.family.hooks["derivative"], HEU.family.view
+derivative, view = HEU.family.hooks.derivative, HEU.family.view
 
 
 @compiled

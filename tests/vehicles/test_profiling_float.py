@@ -42,7 +42,7 @@ def rates(plant: Plant, depth=100.0, rate=0.0, volume=0.0, piston=0.0, **inputs:
     u = np.array([{**plant.constants, **inputs}.get(name, 0.0) for name in plant.inputs])
     actuators, dz = np.array([piston, plant.hull.temperature]), np.empty(4)
     z = np.array([depth, rate, volume, 0.0])
-    plant.family.hooks["derivative"](z, actuators, u, plant.family.view(plant.derived), dz, np.empty(1))
+    plant.family.hooks.derivative(z, actuators, u, plant.family.view(plant.derived), dz, np.empty(1))
     return dz
 
 

@@ -30,7 +30,7 @@ def rates(plant: Plant, depth=100.0, rate=0.0, volume=0.0, actuators=(0.0, 15.0)
     """The derivative of depth, depth rate, unknown volume and clock."""
     u = np.array([{**plant.constants, **inputs}.get(name, 0.0) for name in plant.inputs])
     dz, z = np.empty(4), np.array([depth, rate, volume, 0.0])
-    plant.family.hooks["derivative"](z, np.array(actuators), u, plant.family.view(plant.derived), dz, np.empty(1))
+    plant.family.hooks.derivative(z, np.array(actuators), u, plant.family.view(plant.derived), dz, np.empty(1))
     return dz
 
 

@@ -59,9 +59,9 @@ def rates(plant: Plant, x: np.ndarray, actuators=None) -> np.ndarray:
         np.empty(plant.family.integrated),
         np.empty(plant.family.scratch),
     )
-    plant.family.hooks["enter"](np.ascontiguousarray(x[:13]), z)
+    plant.family.hooks.enter(np.ascontiguousarray(x[:13]), z)
     commands = moved(plant) if actuators is None else actuators
-    plant.family.hooks["derivative"](z, commands, commands, plant.family.view(plant.derived), dz, scratch)
+    plant.family.hooks.derivative(z, commands, commands, plant.family.view(plant.derived), dz, scratch)
     return dz
 
 

@@ -70,9 +70,9 @@ def state(plant: Plant, motion=MOTION, attitude=ATTITUDE, position=(1.0, 2.0, 12
 
 def rates(plant: Plant, motion=MOTION, actuators=ACTUATORS) -> np.ndarray:
     z, dz, scratch = np.empty(14), np.empty(14), np.empty(plant.family.scratch)
-    plant.family.hooks["enter"](np.ascontiguousarray(state(plant, motion)[:13]), z)
+    plant.family.hooks.enter(np.ascontiguousarray(state(plant, motion)[:13]), z)
     commands = np.array(actuators)
-    plant.family.hooks["derivative"](z, commands, commands, plant.family.view(plant.derived), dz, scratch)
+    plant.family.hooks.derivative(z, commands, commands, plant.family.view(plant.derived), dz, scratch)
     return dz
 
 

@@ -89,9 +89,7 @@ def rates(plant: Plant, state: np.ndarray, commands: Sequence[float]) -> np.ndar
     z, dz = np.zeros(14), np.zeros(14)
     enter(np.append(state, 0.0), z)
     view = plant.family.view(plant.derived)
-    plant.family.hooks["derivative"](
-        z, np.array(commands), np.array(commands), view, dz, np.zeros(plant.family.scratch)
-    )
+    plant.family.hooks.derivative(z, np.array(commands), np.array(commands), view, dz, np.zeros(plant.family.scratch))
     return dz
 
 

@@ -23,7 +23,7 @@ from auv_gym.vehicles.body import blocks, derived as derived_numbers, dynamics, 
 from auv_gym.vehicles.body.hull import Hull
 from auv_gym.vehicles.body.kinds import Command, PartKind, part_kind
 from auv_gym.vehicles.body.sensors import SENSORS, output, sense, settle_sensors
-from auv_gym.vehicles.family import Family
+from auv_gym.vehicles.family import Family, RightHandSide, no_kick
 
 RESERVED = ("hull", "parts", *(field.name for field in dataclass_fields(BodyEffects)))  # names that a part cannot have
 STATES = (
@@ -165,7 +165,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
     hooks = _hooks(program, slots, record, n_parameters, n_derived)
 
     def problem(parameters: Any) -> str:
-        return part_problem(parts, parameters) or mass_problem(parameters, hooks["derive"], record)
+        return part_problem(parts, parameters) or mass_problem(parameters, hooks.derive, record)
 
     first_of_kind = [slot.parts[0] for slot in slots]
     return Family(
@@ -284,9 +284,7 @@ def _record_of(fields: Sequence[tuple]) -> np.dtype:
     return np.dtype((np.record, [*fields]))
 
 
-def _hooks(
-    program: str, slots: Sequence[_Slot], record: np.dtype, n_parameters: int, n_derived: int
-) -> Mapping[str, Callable[..., Any]]:
+def _hooks(program: str, slots: Sequence[_Slot], record: np.dtype, n_parameters: int, n_derived: int) -> RightHandSide:
     """The compiled functions of the family."""
 
     def chain(
@@ -337,23 +335,23 @@ def _hooks(
         derive_parts=chain(sums.nothing_derived, sums.derive_kind, sums.derive_then, "derive", slots),
         damp_by_parts=chain(sums.nothing_derived, sums.damping_of_kind, sums.derive_then, "damping", slots),
     )
-    hooks = {}
+    kick = no_kick
     if moves:
         exchanged = chain(blocks.no_exchange, blocks.exchange_of_kind, blocks.exchange_then, "block", slots, carried)
-        hooks["kick"] = bind(blocks.kick, program, exchange_blocks=exchanged, **carried)
-    return {
-        **hooks,
-        "derivative": derivative,
-        "stable_step": dynamics.stable_step,
-        "shape": chain(sums.no_shapes, sums.shape_of_kind, sums.shape_then, "shape", moved),
-        "actuator_times": chain(sums.no_actuator, sums.times_of_kind, sums.times_then, "times", moved),
-        "sense": sense,
-        "settle_sensors": settle_sensors,
-        "output": output,
-        "enter": dynamics.enter,
-        "leave": dynamics.leave,
-        "derive": derive,
-    }
+        kick = bind(blocks.kick, program, exchange_blocks=exchanged, **carried)
+    return RightHandSide(
+        derivative=derivative,
+        stable_step=dynamics.stable_step,
+        shape=chain(sums.no_shapes, sums.shape_of_kind, sums.shape_then, "shape", moved),
+        actuator_times=chain(sums.no_actuator, sums.times_of_kind, sums.times_then, "times", moved),
+        sense=sense,
+        settle_sensors=settle_sensors,
+        output=output,
+        enter=dynamics.enter,
+        leave=dynamics.leave,
+        derive=derive,
+        kick=kick,
+    )
 
 
 def mass_problem(parameters: Any, derive: Callable[..., Any], record: np.dtype) -> str:

@@ -176,7 +176,7 @@ derivative: Any
 @lru_cache
 def known_rates(family: Family) -> Any:
     """The compiled rates of u v w p q r roll pitch, (n, 8), of a family at states (n, 8)."""
-    return bind(_known_rates, family.program, view=family.view, derivative=family.hooks["derivative"])
+    return bind(_known_rates, family.program, view=family.view, derivative=family.hooks.derivative)
 
 
 def _known_rates(states, actuators, inputs, heading, depth, derived, scratch, rates):

@@ -25,7 +25,6 @@ from controllers.piloting import pilot_for
 from scripts.studies.harness import Option, Study
 from scripts.studies.rl.models import model_of
 from scripts.studies.rl.pictures import pictures
-from scripts.studies.rl.randomised import NAME as RANDOM_GLIDER
 from scripts.studies.rl.scenarios import (
     BELIEVED,
     CONTROLLERS,
@@ -69,7 +68,6 @@ def training_of(name: str, row: str, seed: int, out: Path, steps: int) -> Traini
         on = scenario.truth
     elif row == RANDOMISED:
         options["randomise"] = {path: list(limits) for path, limits in scenario.ranges.items()}
-        env = RANDOM_GLIDER if scenario.env.endswith("GliderHeading-v0") else env
     elif row != BELIEVED:
         on = model_of(scenario, row, seed, out / name / "models")
     return Training(

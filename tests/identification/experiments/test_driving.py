@@ -119,7 +119,7 @@ def test_what_does_not_fit_is_said():
     for wrong in ([(1.0, 2.0)], [], [(0.0, 1.0), (0.0, 2.0)], [(0.0, float("nan"))], 5.0, [(0.0,)]):
         with pytest.raises(ValueError, match="target of depth_m needs"):
             checked_steps("depth_m", wrong)
-    with pytest.raises(ValueError, match="starts from a heading_rad"):
+    with pytest.raises(ValueError, match="'start' has heading_rad, r_radps, north_m, east_m, got 'depth_m'"):
         drive(made("GliderHeading"), Fixed({"rudder_rad": 0.0}, []), seed=1, start={"depth_m": 3.0})
     run = drive(
         made("GliderHeading", duration=20.0), Fixed({"rudder_rad": 0.0}, []), seed=1, start={"heading_rad": pi / 3}

@@ -5,13 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from auv_gym.param import replace_at, value_at
+from auv_gym.param import value_at
 from auv_gym.plant import Plant
-from auv_gym.rl.settings import make_env
 from scripts.studies.harness import Found
 from scripts.studies.rl import statistics, study
 from scripts.studies.rl.models import model_of
-from scripts.studies.rl.randomised import NAME
 from scripts.studies.rl.scenarios import SCENARIOS
 from scripts.studies.rl.statistics import compared, interquartile_mean, iqm, share_closed
 from scripts.studies.rl.study import STUDY, seeds_of
@@ -87,20 +85,6 @@ def test_the_diagnosis_is_told_the_log_and_the_believed_vehicle_alone(tmp_path):
     path, size = scenario.effect
     assert value_at(scenario.believed, path) == 0.0
     assert value_at(found, path) == pytest.approx(size, rel=0.05)  # its interval is 1 % wide
-
-
-def test_each_episode_of_the_randomised_glider_has_a_vehicle_of_its_own():
-    scenario = SCENARIOS["glider"]
-    env = make_env(NAME, vehicle="slocum", randomise={"effects.yaw.moment": [-0.03, 0.03]})
-    drawn = []
-    for seed in (1, 2, 1):
-        _, info = env.reset(seed=seed)
-        drawn.append(info["randomised"]["effects.yaw.moment"])
-        run = [env.step([0.5])[0] for _ in range(5)]
-        true = make_env(scenario.env, replace_at(scenario.believed, info["randomised"]), vehicle="slocum")
-        true.reset(seed=seed)
-        assert np.array_equal(run, [true.step([0.5])[0] for _ in range(5)])
-    assert drawn[0] == drawn[2] != drawn[1]
 
 
 def test_a_tiny_study_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys):

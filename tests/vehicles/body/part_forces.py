@@ -136,7 +136,7 @@ def part_forces(
     }
     tree = replace_at(family().parameters(), {**numbers, "hull.density": DENSITY, "hull.gravity": GRAVITY})
     derived = np.zeros(family().derived)
-    family().hooks["derive"](pack(tree), derived)
+    family().hooks.derive(pack(tree), derived)
     found = np.empty((len(rows), 6))
     given = np.repeat(np.asarray(inputs, dtype=float)[:, None], len(family().inputs), axis=1)
     program(kind, choice)(derived, rows, np.ascontiguousarray(actuators), given, found)

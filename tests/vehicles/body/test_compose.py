@@ -29,7 +29,7 @@ def test_an_effect_that_is_reported_as_a_coefficient_does_what_the_coefficient_d
 
     def rates(changed) -> np.ndarray:
         family, dz = changed.family, np.zeros(14)
-        family.hooks["derivative"](
+        family.hooks.derivative(
             z, actuators, actuators[: len(plant.inputs)], family.view(changed.derived), dz, np.zeros(family.scratch)
         )
         return dz

@@ -146,7 +146,11 @@ def test_what_cannot_be_is_found_before_anything_runs(campaign, tmp_path, monkey
         ('kind = "pid"', 'kind = "pid"\nfoo = 1', "controller: kind 'pid' does not take"),
         ('preset = "slocum"', 'preset = "slocom"', "Did you mean 'slocum'"),
         ('id = "GliderHeading"', 'id = "Glider"', "experiment.id"),
-        ("duration_s = 80.0", "duration_s = 80.0\nnear = [1.0, 2.0]", "does not take all of"),
+        (
+            "duration_s = 80.0",
+            "duration_s = 80.0\nnear = [1.0, 2.0]",
+            "and speed and compass_noise, got 'near'",
+        ),
         ("rudder.offset", "ruder.offset", "No parameter 'effects.ruder.offset'"),
         ("[0.0, 0.05]", "[0.0, 5.0]", "with vehicle.effects.rudder.offset = 5.0: effects.rudder.offset needs a value"),
         ("duration_s = 80.0", "duration_s = 80.0\ntargets = { heading_rad = [[5, 0.0]] }", "the first at 0 s"),

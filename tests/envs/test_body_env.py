@@ -1,28 +1,20 @@
-import copy
-import pickle
 from dataclasses import dataclass, field, replace
 from math import cos, hypot, pi, radians, sin
 
 import gymnasium
 import numpy as np
 import pytest
-from env_runs import InPython, check_goes_on, check_plain_python_agrees, go, memory_growth
 
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.tasks import TASKS
 from auv_gym.models.spliced import splice
-from auv_gym.param import list_paths, replace_at, value_at
-from auv_gym.plant import load_vehicle, save_vehicle
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
 from auv_gym.plant.cruise import find_cruise, find_helm
+from tests.envs.env_runs import run
 
-TORPEDO = [name for name, task in TASKS.items() if task.kind == "body"]
 PRESETS = ("npsauv", "heu_torpedo", "remus100", "vt690")
 CURRENT = {"effects.current.north": (-0.3, 0.3), "effects.current.east": (-0.3, 0.3)}
-
-
-def run(env, actions, seed=0, **options):
-    env.reset(seed=seed, options=options)
-    return [env.step(np.atleast_1d(np.array(action, np.float32))) for action in actions]
 
 
 # ---------------------------------------------------------------------------- cruise
@@ -322,22 +314,6 @@ def test_a_path_has_a_drawn_current_unless_told_otherwise():
 # ---------------------------------------------------------------------------- truth against the plant
 
 
-@pytest.mark.parametrize("task", TORPEDO)
-def test_the_state_is_that_of_the_plant_under_the_same_commands(task):
-    effects = {"effects.current.north": 0.2, "effects.rudder.dead_time": 0.25, "effects.compass.bias": 0.05}
-    env = TaskEnv(task, "remus100", effects=effects, randomise={})
-    plant = env.model
-    _, info = env.reset(seed=8)
-    x = np.array(list(info["state"].values()))
-    draws = np.random.default_rng(1)
-    for _ in range(50):
-        _, _, _, _, info = env.step(draws.uniform(-0.5, 0.5, env.action_space.shape).astype(np.float32))
-        x = plant.step(x, np.array(list(info["command"].values())))
-        assert list(info["state"].values()) == x.tolist()
-        assert list(info["reading"].values()) == plant.output(x).tolist()
-    assert info["state"].keys() == set(plant.states)
-
-
 def test_randomised_parameters_act():
     ranges = {"hull.surge.u_u": (-3.0, -1.0), "effects.load.net_buoyancy": (-3.0, 3.0)}
     env = TaskEnv("Speed", "remus100", randomise=ranges)
@@ -352,14 +328,6 @@ def test_randomised_parameters_act():
     assert list(info["state"].values()) == x.tolist()
     values = [env.reset()[1]["randomised"]["hull.surge.u_u"] for _ in range(200)]
     assert np.mean(values) == pytest.approx(-2.0, abs=4 * 2.0 / np.sqrt(12 * 200))
-
-
-def test_effects_at_neutral_change_no_bit():
-    plant = load_vehicle("remus100")
-    neutral = {p: value_at(plant, p) for p in list_paths(plant) if p.startswith("effects.")}
-    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (20, 1))
-    plain, told = (run(TaskEnv("Depth", effects=e), actions) for e in (None, neutral))
-    assert [p[-1] for p in plain] == [t[-1] for t in told]
 
 
 # ---------------------------------------------------------------------------- sensing
@@ -436,66 +404,6 @@ def test_leaving_the_envelope_ends_the_episode_with_the_reason(start, reason):
         env.step(np.zeros(1, np.float32))
 
 
-def test_it_is_truncated_after_its_duration():
-    steps = run(TaskEnv("Depth", duration=1.0), [0.0] * 10)
-    assert [truncated for _, _, _, truncated, _ in steps] == [False] * 9 + [True]
-    assert steps[-1][-1]["time_s"] == pytest.approx(1.0)
-
-
-def check_random_steps(task, vehicle, steps):
-    """Observations stay in their space and everything is finite, whatever the actions."""
-    env = TaskEnv(task, vehicle)
-    draws = np.random.default_rng(5)
-    env.reset(seed=5)
-    worst = 0.0
-    while steps > 0:
-        hold = int(draws.integers(1, 40))
-        action = draws.uniform(-1.2, 1.2, env.action_space.shape).astype(np.float32)
-        for _ in range(hold):
-            observation, reward, terminated, truncated, info = env.step(action)
-            steps -= 1
-            worst = max(worst, float(np.abs(observation).max()))
-            assert np.isfinite(reward)
-            if terminated or truncated:
-                assert terminated == bool(info["reason"])
-                assert "diverged" not in info["reason"]
-                assert np.isfinite(list(info["state"].values())).all()
-                env.reset()
-    assert worst <= 1.0
-
-
-@pytest.mark.parametrize("task", TORPEDO)
-@pytest.mark.parametrize("vehicle", PRESETS)
-def test_a_hundred_thousand_random_steps_of_a_preset_stay_finite(task, vehicle):
-    check_random_steps(task, vehicle, 100_000 // len(TORPEDO))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("task", TORPEDO)
-@pytest.mark.parametrize("vehicle", PRESETS)
-def test_a_million_random_steps_of_a_preset_stay_finite(task, vehicle):
-    check_random_steps(task, vehicle, 1_000_000 // len(TORPEDO))
-
-
-def test_memory_does_not_grow():
-    env = gymnasium.make("auv_gym/Path-v0", duration=5.0, effects={"effects.sampling.depth.noise": 0.1})
-    action = np.array([0.1, -0.4, 0.9], np.float32)
-    assert memory_growth(env, action, 20_000) < 20_000  # bytes: less than one for each step
-
-
-@pytest.mark.slow
-def test_memory_does_not_grow_over_ten_million_steps():
-    resource = pytest.importorskip("resource")
-    env = TaskEnv("Depth", duration=20.0)
-    action = np.array([-0.45], np.float32)
-    env.reset(seed=0)
-    go(env, action, 100_000)
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    go(env, action, 10_000_000)
-    # kB: a leak of a byte a step would be 10 000
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 5_000
-
-
 # ---------------------------------------------------------------------------- models in place of the vehicle
 
 
@@ -559,19 +467,6 @@ def test_a_model_that_diverges_ends_the_episode():
     assert reward < -50.0
 
 
-@pytest.mark.parametrize("task", TORPEDO)
-def test_a_plant_stepped_in_python_gives_the_compiled_run(task):
-    plant = replace_at(load_vehicle("vt690"), {"effects.rudder.dead_time": 0.25, "effects.compass.lag": 0.5})
-    draws = np.random.default_rng(2).uniform(-0.4, 0.4, (40, len(TaskEnv(task, "vt690").episodes.actions)))
-    compiled = run(TaskEnv(task, "vt690", model=plant), draws)
-    python = run(TaskEnv(task, "vt690", model=InPython(plant)), draws)
-    for one, other in zip(compiled, python, strict=True):
-        # a start from readings finds the states to rounding, and the run carries that on
-        np.testing.assert_allclose(one[0], other[0], atol=1e-6)
-        assert one[1] == pytest.approx(other[1], abs=1e-7)
-        assert other[-1]["state"] == pytest.approx(dict(one[-1]["state"]), abs=1e-7)
-
-
 def test_a_spliced_model_drives_the_environment():
     @dataclass(frozen=True)
     class YawRate:
@@ -607,15 +502,6 @@ def test_a_spliced_model_drives_the_environment():
     assert abs(info["state"]["depth_m"] - first["state"]["depth_m"]) < 2.0
 
 
-def test_a_vehicle_file_as_model_runs_compiled(tmp_path):
-    other = replace_at(load_vehicle("remus100"), "effects.current.east", 0.2)
-    save_vehicle(other, tmp_path / "other.toml")
-    actions = np.random.default_rng(2).uniform(-0.4, 0.4, (20, 1))
-    by_file = run(TaskEnv("Depth", model=tmp_path / "other.toml"), actions)
-    by_effect = run(TaskEnv("Depth", effects={"effects.current.east": 0.2}), actions)
-    assert [step[-1]["state"] for step in by_file] == [step[-1]["state"] for step in by_effect]
-
-
 def test_an_agent_may_have_other_actuators_than_the_tasks():
     env = TaskEnv("Depth", "npsauv", actions=["rudder_rad", "propeller_rpm"], duration=20.0, target=30.0)
     env.reset(seed=1, options={"start": {"depth_m": 30.0}})
@@ -641,15 +527,8 @@ def lacking(**changes):
     [
         ({"task": "Dept"}, "Did you mean 'Depth'"),
         ({"vehicle": "slocum"}, "six degrees of freedom"),
-        ({"vehicle": "remus"}, "No vehicle 'remus'"),
-        ({"effects": {"effects.rudder.ofset": 1.0}}, "No parameter"),
         ({"effects": {"effects.rudder.offset": 9.0}}, "needs a value from"),
-        ({"randomise": {"effects.rudder.ofset": (0.0, 1.0)}}, "No parameter"),
-        ({"randomise": {"effects.rudder.offset": 0.1}}, r"needs a pair \(low, high\)"),
-        ({"randomise": {"effects.rudder.offset": (0.1, -0.1)}}, "needs low <= high"),
-        ({"randomise": {"effects.rudder.offset": (0.0, 9.0)}}, "needs a value from"),
         ({"randomise": {"hull.x_g": (0.0, 5.0)}}, "impossible vehicle"),
-        ({"duration": 0.0}, "duration needs a number above 0"),
         ({"target": "deep"}, "target needs a number"),
         ({"waypoints": [(0.0, 0.0, 10.0)]}, "has a target, not waypoints"),
         ({"task": "Path", "target": 1.0}, "has waypoints, not a target"),
@@ -660,111 +539,17 @@ def lacking(**changes):
         ({"actions": []}, "actions= needs one or more names"),
         ({"actions": "rudder_rad"}, "actions= needs one or more names"),
         ({"actions": ["rudder_rad", "rudder_rad"]}, "each once"),
-        ({"task": "FloatDepth", "actions": ["piston_m"]}, "actions= is for torpedoes"),
-        ({"render_mode": "ansi"}, "render_mode"),
+        (
+            {"near": (0.8, 0.36)},
+            "takes the options of all environments and actions and waypoints, got 'near'",
+        ),
         ({"model": lacking(dt=0.2)}, "dt=0.2"),
         ({"model": lacking(outputs=("depth_m",))}, "needs pitch_rad among its outputs"),
         ({"model": lacking(inputs=("rudder_rad",))}, "needs v_mps among its outputs"),  # which the held rudder needs
         ({"model": lacking(inputs=("propeller_rpm",))}, "needs stern_plane_rad among its inputs"),
         ({"model": lacking(inputs=("stern_plane_rad", "piston_m"))}, "piston_m that the environment does not have"),
-        ({"model": Glide(), "effects": {"effects.rudder.offset": 0.1}}, "which model= replaces"),
-        ({"model": Glide(), "randomise": CURRENT}, "which model= replaces"),
     ],
 )
 def test_what_does_not_fit_is_refused(options, message):
     with pytest.raises(ValueError, match=message):
         TaskEnv(**{"task": "Depth", **options})
-
-
-@pytest.mark.parametrize("action", [np.nan, [np.inf], [0.1, 0.2], [[0.1]], "up", None, [None]])
-def test_a_bad_action_is_refused_and_does_no_harm(action):
-    env = TaskEnv("Depth")
-    env.reset(seed=0)
-    with pytest.raises(ValueError, match="1 finite number"):
-        env.step(action)
-    assert env.step([0.0])[-1]["time_s"] == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize(
-    "options, message",
-    [
-        ({"start": {"depth": 1.0}}, "north_m, east_m"),
-        ({"start": {"depth_m": "deep"}}, "needs a number"),
-        ({"start": 3.0}, "start as a mapping"),
-        ({"target": np.inf}, "needs a number"),
-        ({"heading": 1.0}, "reset has the options"),
-    ],
-)
-def test_bad_options_of_reset_are_refused(options, message):
-    with pytest.raises(ValueError, match=message):
-        TaskEnv("Depth").reset(options=options)
-
-
-# ---------------------------------------------------------------------------- copies, pictures, plain Python
-
-
-@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-@pytest.mark.parametrize("model", [None, Glide()])
-def test_a_copy_goes_on_from_where_it_is(again, model):
-    env = TaskEnv("Depth", model=model, effects={"effects.sampling.depth.noise": 0.1}, duration=20.0)
-    run(env, [0.1] * 40, seed=3)
-    check_goes_on(env, again(env))
-
-
-def test_infos_survive_the_next_steps():
-    env = TaskEnv("Depth")
-    steps = run(env, [0.2] * 3)
-    depths = [info["state"]["depth_m"] for *_, info in steps]
-    assert len(set(depths)) == 3
-    info = steps[0][-1]
-    assert pickle.loads(pickle.dumps(info)) == info == copy.deepcopy(info)
-    assert repr(info["target"]) == repr(dict(info["target"]))
-    assert "depth_m" in info["state"]
-    assert info["state"].get("nothing") is None
-
-
-@pytest.mark.parametrize("task", TORPEDO)
-def test_pictures(task):
-    pytest.importorskip("matplotlib")
-    env = TaskEnv(task, render_mode="rgb_array", randomise=CURRENT)
-    env.reset(seed=0)
-    first = env.render()
-    for _ in range(60):
-        env.step(np.full(env.action_space.shape, 0.4, np.float32))
-    later = env.render()
-    assert first.dtype == np.uint8
-    assert first.shape == later.shape
-    assert (first != later).any()
-    env.close()
-    assert TaskEnv(task).render() is None
-
-
-PLAIN = """
-import sys
-import numpy as np
-from auv_gym.envs.task_env import TaskEnv
-from auv_gym.envs.vector_env import TaskVectorEnv
-
-found = []
-for task in ("Depth", "Heading", "Speed", "Path"):
-    env = TaskEnv(
-        task,
-        effects={"effects.sampling.gyros.noise": 0.01, "effects.rudder.dead_time": 0.15},
-        randomise={"effects.current.north": (-0.3, 0.3)},
-    )
-    observation, info = env.reset(seed=3)
-    actions = np.random.default_rng(1).uniform(-0.5, 0.5, (4, *env.action_space.shape)).astype(np.float32)
-    for action in actions:
-        observation, reward, _, _, info = env.step(action)
-        found.append([*observation, *np.zeros(32 - observation.size), reward, *list(info["state"].values())[:13]])
-many = TaskVectorEnv("Path", 2)
-many.reset(seed=3)
-observations, rewards, *_ = many.step(np.full((2, 3), 0.3))
-found += [[*observation, *np.zeros(46 - observation.size)] for observation in observations]
-np.save(sys.argv[1], np.array(found))
-print("numba" in sys.modules)
-"""
-
-
-def test_plain_python_agrees_with_compiled_code(tmp_path):
-    check_plain_python_agrees(PLAIN, tmp_path)

@@ -10,7 +10,7 @@ An array handed from Python to compiled code costs a tenth of a microsecond, so 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
@@ -23,13 +23,16 @@ TERMS = ("tracking", "command_travel", "progress")
 MOST_OBSERVATIONS = 32
 NOISE_ROWS = 64  # samples for which noise is drawn at a time
 
+START_DRAWS = 3  # uniform numbers of the first state
+CHANGE_DRAWS = 3  # of a new target or leg
+
 # What a step returns.
 RUNNING, TRUNCATED, TERMINATED, REFUSED, OVER = range(5)
-# Why an episode was terminated.
-NO_REASON, DIVERGED, BROACHED, TOO_DEEP, PITCHED, ROLLED, TOO_FAST, SPINNING, ARRIVED, FLEW = range(10)
+# Why an episode was terminated: nothing, a state that is no number or too large, and a kind's own reasons from OWN on.
+NO_REASON, DIVERGED, OWN = range(3)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Layout:
     """What a kind of vehicle has in its plans and rows besides what all have.
 
@@ -40,58 +43,13 @@ class Layout:
 
     geometry: tuple[str, ...]
     sensors: Mapping[str, tuple[str, ...]]
-    plan: Mapping[str, int | str]
-    row: Mapping[str, int | str]
-    shown: Mapping[str, int | str]
-
-
-LAYOUTS = {
-    "body": Layout(
-        geometry=(
-            "error", "error_sin", "error_cos", "target",
-            "across", "below", "remaining", "course_sin", "course_cos", "sink", "next_course_sin", "next_course_cos",
-            "next_sink",
-        ),
-        sensors={
-            "depth": ("depth_m",),
-            "compass": ("heading_rad",),
-            "inclinometer": ("roll_rad", "pitch_rad"),
-            "gyros": ("p_radps", "q_radps", "r_radps"),
-            "dvl_ground": ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"),
-            "dvl_water": ("u_mps", "v_mps", "w_mps"),
-            "position": ("north_m", "east_m"),
-        },
-        plan={
-            "steps": 1, "cruise_state": "states", "cruise_command": "inputs",
-            "limit": "actuators", "middle": "actuators", "action_of": "actuators",
-            "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1,
-            "follows_path": 1, "leg": 2, "turn": 1, "slope": 1, "path_speed": 1, "radius": 1,
-            "waypoints_at": 1, "waypoints": 1,
-            "pitch_limit": 1, "roll_limit": 1, "rate_limit": 1,
-        },
-        row={
-            "held": 2,
-            # the leg of a path: where it starts, the waypoint after its end, and directions
-            "origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1,
-        },
-        shown={"reached": 1, "support_distance": 1},
-    ),
-    "float": Layout(
-        geometry=("error", "position"),
-        # a float has no sensor of its rate but the one of its depth
-        sensors={"depth": ("depth_m", "depth_rate_mps")},
-        plan={
-            "duration": 1, "near": 1, "near_dt": 1, "constants_at": 1, "constants": 1,
-            "engine": 1, "engine_middle": 1, "engine_half": 1, "engine_rate": 1, "holds_back": 1,
-        },
-        row={"position": 1, "last_depth": 1},
-        shown={"coming_dt": 1},
-    ),
-}  # fmt: skip
+    plan: Mapping[str, int | str] = field(default_factory=dict)
+    row: Mapping[str, int | str] = field(default_factory=dict)
+    shown: Mapping[str, int | str] = field(default_factory=dict)
 
 
 @lru_cache
-def plan_type(family: Family) -> np.dtype:
+def plan_type(family: Family, own: Layout) -> np.dtype:
     """The record at the start of a plan; names ending in `_at` are offsets of what has no fixed place."""
     return _record(
         family,
@@ -100,35 +58,33 @@ def plan_type(family: Family) -> np.dtype:
             "dt": 1, "longest_step": 1, "by_model": 1, "sampled": 1,
             # tables of the plan
             "ages_at": 1, "history": 1, "observed_at": 1, "randomised_at": 1, "randomised": 1, "sampling_from": 1,
+            "constants_at": 1, "constants": 1,
             # parts of the row
             "state_at": 1, "full_state": 1, "previous_at": 1, "delayed_at": 1, "delayed": 1, "noise_at": 1,
             "noise_rows": 1, "draws_at": 1, "changes": 1,
             # task
-            "start_depth": 2, "true_index": 1, "read_index": 1, "is_angle": 1, "error_scale": 1,
+            "steps": 1, "true_index": 1, "read_index": 1, "is_angle": 1, "error_scale": 1,
             "weight": len(TERMS), "target_step": 2, "target_hold": 2, "target_band": 2, "fixed_target": 1,
-            # envelope
-            "depth_limit": 1, "speed_limit": 1,
-            # of the readings
+            # the sensor of each reading; -1 where the reading is what the vehicle makes of it
             "sensor_of": "outputs",
-            **LAYOUTS[family.kind].plan,
+            **own.plan,
         },
     )  # fmt: skip
 
 
 @lru_cache
-def row_type(family: Family) -> np.dtype:
+def row_type(family: Family, own: Layout) -> np.dtype:
     """The record at the start of a row; `features` are what observations are made of."""
-    kind = LAYOUTS[family.kind]
-    features = len(family.outputs) + len(kind.geometry) + len(family.inputs)
+    features = len(family.outputs) + len(own.geometry) + len(family.inputs)
     return _record(
         family,
         {
             "step": 1, "over": 1, "action": "inputs", "reward": 1, "reason": 1, "reason_value": 1,
-            "change": 1, "change_at": 1, "noise_used": 1, **kind.row,
-            "sampling": len(kind.sensors) * len(SAMPLING), "start": "states", "first_target": 1, "raw": "outputs",
+            "change": 1, "change_at": 1, "noise_used": 1, **own.row,
+            "sampling": len(own.sensors) * len(SAMPLING), "start": "states", "first_target": 1, "raw": "outputs",
             "observation": MOST_OBSERVATIONS // 2,  # float32
             # what info shows, together with the state that follows
-            "features": features, "command": "inputs", "time": 1, "target": 3, "term": len(TERMS), **kind.shown,
+            "features": features, "command": "inputs", "time": 1, "target": 3, "term": len(TERMS), **own.shown,
         },
     )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The track of a torpedo's run, as a scene to draw."""
+"""The track of a body's run, as a scene to draw."""
 
 from __future__ import annotations
 
@@ -9,15 +9,13 @@ import numpy as np
 from auv_gym.envs.episodes import Episodes
 from auv_gym.param import value_at
 from auv_gym.plant import Plant
+from auv_gym.rendering import Scene, Target
 
 
-class TorpedoView:
+class BodyView:
     """Follows one environment, whose row it reads."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray):
-        from auv_gym.rendering import Scene, Target  # with matplotlib, so not before it is wanted
-
-        self._scene, self._target = Scene, Target
         family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
         self._episodes, self._row, self._record = episodes, row, episodes.record(row)
         self._at = {name: state_at + i for i, name in enumerate(family.states)}
@@ -38,12 +36,12 @@ class TorpedoView:
             for point in (record["target"], record["next"])[len(self._waypoints) - int(record["reached"]) :]:
                 self._waypoints.append(tuple(point.tolist()))
 
-    def scene(self) -> Any:
+    def scene(self) -> Scene:
         """The present moment and how it came there, a `Scene`."""
         track = np.array(self._track)
         told = dict(zip(self._episodes.plant.inputs, self._record["command"].tolist(), strict=True))
         velocity = self._states("u_mps", "v_mps", "w_mps")
-        return self._scene(
+        return Scene(
             trail=track[:, 1:],
             time=track[:, 0],
             attitude=self._states("roll_rad", "pitch_rad", "heading_rad"),
@@ -62,14 +60,14 @@ class TorpedoView:
     def _states(self, *names: str) -> tuple[Any, ...]:
         return tuple(float(self._row[self._at[name]]) for name in names)
 
-    def _goal(self) -> Any:
+    def _goal(self) -> Target:
         record, settings, channel = self._record, self._episodes.settings, self._episodes.task.channel
         if not channel:
-            return self._target(
+            return Target(
                 waypoints=np.array(self._waypoints), active=int(record["reached"]), radius=float(settings["radius"])
             )
         target = float(record["target"][0])
-        return self._target(
+        return Target(
             depth=target if channel == "depth_m" else None,
             heading=target if channel == "heading_rad" else None,
             speed=target if channel == "u_mps" else None,

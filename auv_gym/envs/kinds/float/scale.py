@@ -7,18 +7,20 @@ from typing import Any
 import numpy as np
 
 from auv_gym.envs import tasks
+from auv_gym.envs.kind import ScaledTask
 from auv_gym.envs.options import check_number
-from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import ENGINE, Task
-from auv_gym.param import list_paths
 from auv_gym.plant import Plant
 from auv_gym.plant.float_engine import find_engine
 
 
-def float_setting(
-    task: Task, plant: Plant, duration: float | None, target: float | None, near: Any, depths: Any
-) -> Setting:
-    """The setting of a float task; raises on options that are no pairs, and if the float cannot dive both ways."""
+def scale(
+    task: Task, plant: Plant, *, duration: float | None, target: float | None, near: Any = None, depths: Any = None
+) -> ScaledTask:
+    """The task of a float; raises on options that are no pairs, and if the float cannot dive both ways.
+
+    near: (m, s), a step lasts so long where the error is smaller.  depths: m, where starts and drawn targets lie.
+    """
     engine, family = find_engine(plant), plant.family
     speed, length, rate = engine.speed, engine.speed * engine.time, 1.0 / engine.time
     duration = task.duration / rate if duration is None else duration
@@ -36,8 +38,7 @@ def float_setting(
     check_number("depths[0]", depths[0], "m", at_least=0.0)
     check_number("depths[1]", depths[1], "m", above=depths[0])
     trim = tasks.DIVE_TRIM * engine.half * engine.volume
-    index = {path: i for i, path in enumerate(list_paths(plant))}
-    return Setting(
+    return ScaledTask(
         units={"length": length, "speed": speed, "rate": rate, "deepest": depths[1]},
         duration=duration,
         stands_for={ENGINE: engine.channel},
@@ -64,7 +65,6 @@ def float_setting(
             "depth_limit": tasks.DIVE_LIMIT * max(depths[1], target or 0.0),
             "speed_limit": tasks.SPEED_LIMIT * speed,
         },
-        tables={"constants": [(family.inputs.index(name), index[path]) for name, path in family.constants.items()]},
         own_ages=True,
     )
 

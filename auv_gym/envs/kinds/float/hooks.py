@@ -1,22 +1,22 @@
-"""What is the profiling float's own in a compiled step: buoyancy engine, envelope, two sampling rates; see `kernel`."""
+"""What is the profiling float's own in a step: buoyancy engine, envelope, two sampling rates; see `kernel.hooks`."""
 
 from __future__ import annotations
 
-from typing import Any
+from auv_gym.envs.kernel.hooks import Hooks
+from auv_gym.envs.kernel.layout import NO_REASON, OWN
+from auv_gym.envs.kernel.targets import draw_target, first_target, put_constants, target_error, tracking_term
 
-from auv_gym.envs.layout import FLEW, NO_REASON, TOO_DEEP, TOO_FAST
+# Why an episode was terminated.
+FLEW, TOO_DEEP, TOO_FAST = range(OWN, OWN + 3)
 
-# Open names of the templates, bound by `kernel`.
-STATES = ACTUATORS = INPUTS = SHARES = ERROR = POSITION = DEPTH = DEPTH_RATE = READ_DEPTH = READ_DEPTH_RATE = 0
+# Open in the templates, which are compiled.
+STATES = ACTUATORS = SHARES = ERROR = POSITION = DEPTH = DEPTH_RATE = READ_DEPTH = READ_DEPTH_RATE = 0
 IN_ELAPSED = IN_PUMPED_VOLUME = IN_VALVED_VOLUME = IN_VALVED_DEPTH = 0
-draw_target: Any
-first_target: Any
-target_error: Any
 
 _AIR = -1.0  # m; a float that is under control bobs at the surface, and does not leave it
 
 
-def _command(t, e):
+def command(t, e):
     """The commands of an action into e.command, and what its change costs into e.term.
 
     e.position: where the engine is by its rate, as a share of its range. A piston is told where to go and goes there
@@ -38,7 +38,7 @@ def _command(t, e):
     e.command[IN_ELAPSED] = e.time
 
 
-def _beyond(x, t):
+def beyond(x, t):
     """Why a finite state ends the episode, and the number that does."""
     if x[DEPTH] < _AIR:
         return FLEW, x[DEPTH]
@@ -49,18 +49,17 @@ def _beyond(x, t):
     return NO_REASON, 0.0
 
 
-def _score(x, before, t, e):
+def score(x, before, t, e):
     """The reward term of the true state x, for the target that the action was chosen for, by the length of the step."""
-    error = min(abs(target_error(x[int(t.true_index)], t, e)) / t.error_scale, 1.0)
-    e.term[0] = -t.weight[0] * error * (e.coming_dt / t.dt)
+    e.term[0] = tracking_term(x, t, e) * (e.coming_dt / t.dt)
 
 
-def _aim(plan, x, t, e, row):
+def aim(plan, x, t, e, row):
     """A new target where the present one has had its time."""
     draw_target(t, e, row)
 
 
-def _look(t, e, row):
+def look(t, e, row):
     """Error, rate and position into the features, and how long the coming step is.
 
     The rate is what the depth sensor's readings give: their change over the step.
@@ -73,7 +72,7 @@ def _look(t, e, row):
     row[int(t.ages_at) + int(t.history)] = e.coming_dt
 
 
-def _pass_time(t, e, row):
+def pass_time(t, e, row):
     """The time after one more step into e.time, and the ages of the kept commands."""
     e.time = e.step * t.dt if t.near == 0.0 else e.time + e.coming_dt
     at = int(t.ages_at)
@@ -81,28 +80,23 @@ def _pass_time(t, e, row):
         row[k] = row[k + 1] - e.coming_dt
 
 
-def _steps_left(t, e):
+def steps_left(t, e):
     """How many steps of the longer kind are left of the episode."""
     left = (t.duration - e.time) / t.dt
     return left if left > 1e-6 else 0.0
 
 
-def _ages(plan, t, row):
+def ages(plan, t, row):
     """The times, s, of the commands that the vehicle's state keeps, ending at 0, then the end of the step."""
     at = int(t.ages_at)
     return row[at : at + int(t.history) + 1]
 
 
-def _place(plan, drawn, t, e, row):
+def place(plan, drawn, t, e, row):
     """The first state, at rest at a drawn depth, and the inputs at neutral trim; drawn: this episode's parameters."""
     x_at = int(t.state_at)
     row[x_at + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[int(t.draws_at)]
-    for j in range(INPUTS):
-        e.command[j] = 0.0
-    at = int(t.constants_at)
-    for _ in range(int(t.constants)):
-        e.command[int(plan[at])] = drawn[int(plan[at + 1])]
-        at += 2
+    put_constants(plan, drawn, t, e)
     for j in range(ACTUATORS):  # a play starts in its middle
         row[x_at + STATES + ACTUATORS + j] = e.command[j]
     j = int(t.engine)
@@ -113,13 +107,25 @@ def _place(plan, drawn, t, e, row):
         row[int(t.ages_at) + k] = (k + 1 - count) * t.dt
 
 
-def _set_out(plan, x, t, e, row):
+def set_out(plan, x, t, e, row):
     """The first target of an episode."""
     first_target(x, t, e, row)
 
 
-def _doubt(x, derived, e, work):
+def doubt(x, derived, e, work):
     """Nothing: a float's forces are not learned."""
 
 
-TEMPLATES = (_command, _beyond, _score, _aim, _look, _pass_time, _steps_left, _ages, _place, _set_out, _doubt)
+HOOKS = Hooks(
+    command=command,
+    beyond=beyond,
+    score=score,
+    aim=aim,
+    look=look,
+    pass_time=pass_time,
+    steps_left=steps_left,
+    ages=ages,
+    place=place,
+    set_out=set_out,
+    doubt=doubt,
+)

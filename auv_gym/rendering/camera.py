@@ -1,23 +1,22 @@
-"""Pictures of a run, made only by an environment with a render mode; drawing needs `render`."""
+"""Pictures of a run, one after the other, drawn or shown in a window."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-from auv_gym.envs.episodes import Episodes
-from auv_gym.envs.float_view import FloatView
-from auv_gym.envs.torpedo_view import TorpedoView
+from auv_gym.rendering.renderer import Renderer
+from auv_gym.rendering.window import Window
 
 
 class Camera:
-    """Follows one environment, whose row it reads, and draws it."""
+    """Follows a view, which has `follow(begin)` and `scene()`, and draws it; window: the title of one to show it in."""
 
-    def __init__(self, episodes: Episodes, row: np.ndarray, human: bool):
-        from auv_gym.rendering import Renderer, Window  # with matplotlib, so not before it is wanted
-
+    def __init__(self, view: Any, window: str = ""):
         self._renderer = Renderer()
-        self._window = Window(f"{episodes.task.name}, {episodes.plant.name}") if human else None
-        self._view = (FloatView if episodes.task.kind == "float" else TorpedoView)(episodes, row)
+        self._window = Window(window) if window else None
+        self._view = view
 
     def follow(self, begin: bool = False) -> None:
         """Take the present moment into the track, of a new episode if it begins; show it where there is a window."""

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from auv_gym.envs import tasks
+from auv_gym.envs.kind import ScaledTask
 from auv_gym.envs.options import check_number
-from auv_gym.envs.setting import Setting
 from auv_gym.envs.tasks import PROPULSION, Task
 from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant
@@ -27,14 +27,26 @@ _HELD = {  # what the regulators of held fins read
 }
 
 
-def torpedo_setting(
+def scale(
     task: Task,
     plant: Plant,
+    *,
     duration: float | None,
-    waypoints: Sequence[Sequence[float]] | None,
-    actions: Sequence[str] | None,
-) -> Setting:
-    """The setting of a task; raises on waypoints or actions the vehicle cannot have, and without level flight."""
+    target: float | None,
+    waypoints: Sequence[Sequence[float]] | None = None,
+    actions: Sequence[str] | None = None,
+) -> ScaledTask:
+    """The task of a body; raises on waypoints or actions the vehicle cannot have, and without level flight.
+
+    waypoints: rows of north, east, depth, m; by default they are drawn.  actions: the inputs that an action commands,
+    in place of the task's.
+    """
+    if task.channel and waypoints is not None:
+        raise ValueError(f"{task.name} has a target, not waypoints: give target= in the unit of {task.channel}.")
+    if not task.channel and target is not None:
+        raise ValueError(
+            f"{task.name} has waypoints, not a target: give waypoints= as rows of north, east and depth in m."
+        )
     duration = task.duration if duration is None else duration
     check_number("duration", duration, "s", above=0.0)
     cruise, family = find_cruise(plant), plant.family
@@ -48,7 +60,7 @@ def torpedo_setting(
     held = {role: name for role, name in first.items() if name not in moved}
     where = (task.channel,) if task.channel else ("north_m", "east_m", "depth_m", "heading_rad")
     points = np.zeros((0, 3)) if waypoints is None else _checked(waypoints)
-    return Setting(
+    return ScaledTask(
         units={"length": length, "speed": speed, "rate": rate},
         duration=duration,
         stands_for=stands_for,
@@ -65,7 +77,6 @@ def torpedo_setting(
         shortest=task.hold[0] / rate if task.channel else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
         plan={
-            "steps": max(round(duration / plant.dt), 1),
             "start_depth": [k * length for k in tasks.START_DEPTH],
             "cruise_state": cruise.state,
             "cruise_command": cruise.commands,

@@ -1,19 +1,17 @@
-import copy
-import pickle
 from dataclasses import dataclass, field
 
 import gymnasium
 import numpy as np
 import pytest
-from env_runs import InPython, check_goes_on, check_plain_python_agrees, memory_growth
 
 import auv_gym.envs  # noqa: F401  (registers)
 from auv_gym.envs.task_env import TaskEnv
-from auv_gym.param import list_paths, replace_at, value_at
-from auv_gym.plant import load_vehicle, save_vehicle
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
 from auv_gym.plant.float_engine import OIL, PUMP, find_engine
 from auv_gym.records.record import Record
 from controllers.pid import float_depth_pid
+from tests.envs.env_runs import run
 
 PRESETS = ("qiandao_float", "mermaid")
 NEAR = (0.8, 0.36)  # the two sampling rates of Zhong et al. 2024
@@ -21,11 +19,6 @@ NEAR = (0.8, 0.36)  # the two sampling rates of Zhong et al. 2024
 
 def make(**options):
     return gymnasium.make("auv_gym/FloatDepth-v0", **options).unwrapped
-
-
-def run(env, actions, seed=0, **options):
-    env.reset(seed=seed, options=options)
-    return [env.step(np.atleast_1d(np.array(action, np.float32))) for action in actions]
 
 
 def wander(count, seed=1):
@@ -100,23 +93,6 @@ def test_an_action_for_a_command():
 
 
 # ---------------------------------------------------------------------------- truth against the plant
-
-
-@pytest.mark.parametrize("vehicle", PRESETS)
-def test_the_state_is_that_of_the_plant_under_the_same_commands(vehicle):
-    effects = {"effects.volume.compressibility": 1e-7, "effects.water.heave_sin": 0.02, "effects.depth.lag": 2.0}
-    effects |= {"effects.piston.dead_time": 1.5, "effects.depth.bias": 0.3} if vehicle == PRESETS[0] else {}
-    env = make(vehicle=vehicle, effects=effects, randomise={})
-    plant = env.model
-    _, info = env.reset(seed=8)
-    x = np.array(list(info["state"].values()))
-    for action in wander(100):
-        _, _, _, _, info = env.step([action])
-        x = plant.step(x, np.array(list(info["command"].values())))
-        assert list(info["state"].values()) == x.tolist()
-        assert info["reading"]["depth_m"] == plant.output(x)[0]
-        assert info["command"]["elapsed_s"] == pytest.approx(info["time_s"] - plant.dt)
-    assert info["state"].keys() == set(plant.states)
 
 
 @pytest.mark.parametrize("near", [None, NEAR])
@@ -202,13 +178,6 @@ def test_the_trim_is_drawn_unless_told_otherwise():
     assert make(randomise={}).reset(seed=0)[1]["randomised"] == {}
     assert make(effects={"effects.volume.offset": 1e-6}).reset(seed=0)[1]["randomised"] == {}
     assert make(vehicle="mermaid").reset(seed=0)[1]["randomised"].keys() == {"effects.volume.offset"}
-
-
-def test_effects_at_neutral_change_no_bit():
-    plant = load_vehicle("qiandao_float")
-    neutral = {p: value_at(plant, p) for p in list_paths(plant) if p.startswith("effects.")}
-    plain, told = (run(make(effects=e, randomise={}), wander(60)) for e in (None, neutral))
-    assert [p[-1] for p in plain] == [t[-1] for t in told]
 
 
 # ---------------------------------------------------------------------------- targets, sampling rates, control
@@ -361,29 +330,6 @@ def test_a_float_afloat_stays_afloat():
     assert -0.1 < info["state"]["depth_m"] < 0.1
 
 
-@pytest.mark.parametrize("near", [None, NEAR])
-@pytest.mark.parametrize("vehicle", PRESETS)
-def test_random_steps_of_a_preset_stay_finite(vehicle, near):
-    env = make(vehicle=vehicle, near=near, effects={"effects.sampling.depth.noise": 0.1})
-    draws = np.random.default_rng(5)
-    env.reset(seed=5)
-    for _ in range(1000):
-        action = draws.uniform(-1.2, 1.2, 1).astype(np.float32)
-        for _ in range(int(draws.integers(1, 60))):
-            observation, reward, terminated, truncated, info = env.step(action)
-            assert env.observation_space.contains(observation)
-            assert np.isfinite(reward)
-            assert "diverged" not in info["reason"]
-            if terminated or truncated:
-                env.reset()
-    assert np.isfinite(list(info["state"].values())).all()
-
-
-def test_memory_does_not_grow():
-    env = make(duration=50.0, near=NEAR, effects={"effects.sampling.depth.noise": 0.1})
-    assert memory_growth(env, np.array([0.1], np.float32), 20_000) < 20_000  # bytes: less than one for each step
-
-
 # ---------------------------------------------------------------------------- models in place of the vehicle
 
 
@@ -438,38 +384,17 @@ def test_a_model_that_diverges_ends_the_episode():
     assert reward < -50.0
 
 
-@pytest.mark.parametrize("vehicle", PRESETS)
-def test_a_plant_stepped_in_python_gives_the_compiled_run(vehicle):
-    effects = {"effects.volume.compressibility": 2e-7, "effects.water.heave_sin": 0.02, "effects.depth.lag": 1.0}
-    plant = replace_at(load_vehicle(vehicle), effects)
-    compiled = run(make(vehicle=vehicle, model=plant), wander(60))
-    python = run(make(vehicle=vehicle, model=InPython(plant)), wander(60))
-    for one, other in zip(compiled, python, strict=True):
-        # a start from readings finds the states to rounding, and the run carries that on
-        np.testing.assert_allclose(one[0], other[0], atol=1e-6)
-        assert one[1] == pytest.approx(other[1], abs=1e-7)
-        assert other[-1]["state"] == pytest.approx(dict(one[-1]["state"]), abs=1e-7)
-
-
-def test_a_vehicle_file_as_model_runs_compiled(tmp_path):
-    effect = {"effects.water.current": 0.02}
-    save_vehicle(replace_at(load_vehicle("qiandao_float"), effect), tmp_path / "other.toml")
-    by_file = run(make(model=tmp_path / "other.toml", near=NEAR), wander(20))
-    by_effect = run(make(effects=effect, randomise={}, near=NEAR), wander(20))
-    assert [step[-1]["state"] for step in by_file] == [step[-1]["state"] for step in by_effect]
-
-
 @pytest.mark.parametrize(
     "options, message",
     [
-        ({"vehicle": "remus100"}, r"needs a profiling float \(families float_piston, float_oil\), got 'remus100'"),
+        ({"vehicle": "remus100"}, "needs a profiling float, such as 'qiandao_float', got 'remus100' of family 'body'"),
         ({"vehicle": "qiandao"}, "Did you mean 'qiandao_float'"),
-        ({"effects": {"effects.volume.ofset": 1.0}}, "No parameter"),
-        ({"randomise": {"effects.volume.offset": 1e-6}}, r"needs a pair \(low, high\)"),
         ({"randomise": {"hull.piston_low": (0.4, 0.7)}}, "impossible vehicle"),
-        ({"duration": 0.0}, "duration needs a number above 0"),
         ({"target": -3.0}, "target needs a number of at least 0"),
-        ({"waypoints": [(0.0, 0.0, 10.0)]}, "has a target, not waypoints"),
+        (
+            {"waypoints": [(0.0, 0.0, 10.0)]},
+            "takes the options of all environments and near and depths, got 'waypoints'",
+        ),
         ({"near": 0.8}, r"near= needs a pair \(m, s\)"),
         ({"near": (0.0, 0.36)}, "near.0. needs a number above 0 in m"),
         ({"near": (0.8, 0.0)}, "near.1. needs a number above 0 in s"),
@@ -483,17 +408,11 @@ def test_a_vehicle_file_as_model_runs_compiled(tmp_path):
         ({"model": Drift(inputs=("oil_volume_m3",))}, "needs piston_m among its inputs"),
         ({"model": Drift(inputs=("piston_m", "rudder_rad"))}, "rudder_rad that the environment does not have"),
         ({"model": Drift(), "effects": {"effects.volume.offset": 1e-6}}, "which model= replaces"),
-        ({"render_mode": "ansi"}, "render_mode"),
     ],
 )
 def test_what_does_not_fit_is_refused(options, message):
     with pytest.raises(ValueError, match=message):
         TaskEnv("FloatDepth", **options)
-
-
-def test_options_of_floats_are_not_for_torpedoes():
-    with pytest.raises(ValueError, match="near= and depths= are for floats, got them for Heading"):
-        gymnasium.make("auv_gym/Heading-v0", near=NEAR)
 
 
 @pytest.mark.parametrize(
@@ -522,57 +441,3 @@ def test_depths_and_a_deep_target_move_the_limits():
 def test_an_unknown_volume_can_be_given():
     heavy, light = (run(make(randomise={}), [0.0] * 60, start={"volume_m3": v})[-1][-1] for v in (-2e-5, 2e-5))
     assert heavy["state"]["depth_m"] > light["state"]["depth_m"] + 0.5
-
-
-# ---------------------------------------------------------------------------- copies, pictures, plain Python
-
-
-@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-@pytest.mark.parametrize("options", [{"near": NEAR}, {"model": Drift()}])
-def test_a_copy_goes_on_from_where_it_is(again, options):
-    env = make(effects={"effects.sampling.depth.noise": 0.1}, duration=140.0, **options)
-    run(env, [0.1] * 40, seed=3)
-    check_goes_on(env, again(env))
-
-
-@pytest.mark.parametrize("options", [{"near": NEAR}, {"vehicle": "mermaid"}, {"model": Drift()}])
-def test_pictures(options):
-    pytest.importorskip("matplotlib")
-    env = make(render_mode="rgb_array", **options)
-    env.reset(seed=0)
-    first = env.render()
-    for _ in range(30):
-        env.step([0.4])
-    later = env.render()
-    assert first.dtype == np.uint8
-    assert first.shape == later.shape == (600, 960, 3)
-    assert (first != later).any()
-    env.close()
-    assert make().render() is None
-
-
-PLAIN = """
-import sys
-import numpy as np
-from auv_gym.envs.task_env import TaskEnv
-from auv_gym.envs.vector_env import TaskVectorEnv
-
-found = []
-for options in ({"near": (3.0, 0.36), "effects": {"effects.piston.dead_time": 1.2}}, {"vehicle": "mermaid"}):
-    options.setdefault("effects", {})["effects.sampling.depth.noise"] = 0.02
-    env = TaskEnv("FloatDepth", **options)
-    env.reset(seed=3)
-    for action in np.random.default_rng(1).uniform(-1.0, 1.0, (8, 1)):
-        observation, reward, _, _, info = env.step(action)
-        found.append([*observation, reward, *list(info["state"].values())[:5], info["dt_s"]])
-many = TaskVectorEnv("FloatDepth", 2)
-many.reset(seed=3)
-observations, rewards, *_ = many.step(np.full((2, 1), 0.3))
-found += [[*observation, *np.zeros(7)] for observation in observations]
-np.save(sys.argv[1], np.array(found))
-print("numba" in sys.modules)
-"""
-
-
-def test_plain_python_agrees_with_compiled_code(tmp_path):
-    check_plain_python_agrees(PLAIN, tmp_path)

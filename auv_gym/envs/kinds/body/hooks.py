@@ -1,36 +1,35 @@
-"""What is a body's own in a compiled step: its commands, envelope, targets and paths; see `kernel`."""
+"""What is a body's own in a compiled step: its commands, envelope, targets and paths; see `kernel.hooks`."""
 
 from __future__ import annotations
 
 from math import cos, pi, sin, sqrt
-from typing import Any
 
-from auv_gym.envs.layout import (
-    ARRIVED,
-    BROACHED,
-    NO_REASON,
-    PITCHED,
-    ROLLED,
-    SPINNING,
-    TOO_DEEP,
-    TOO_FAST,
+from auv_gym.compiled import OPEN, outlined
+from auv_gym.envs.kernel.hooks import Hooks, Vehicle
+from auv_gym.envs.kernel.layout import CHANGE_DRAWS, NO_REASON, OWN, START_DRAWS
+from auv_gym.envs.kernel.targets import (
+    ages,
+    draw_target,
+    first_target,
+    pass_time,
+    steps_left,
+    target_error,
+    tracking_term,
 )
-from auv_gym.envs.path import leg_axes, leg_between, point_ahead
+from auv_gym.envs.kinds.body.path import leg_axes, leg_between, point_ahead
 from auv_gym.physics.frames import wrapped
 from auv_gym.vehicles.body.learned_hull import ROOM, support_distance
 
-# Open names of the templates, bound by `kernel`.
-STATES = INPUTS = ACTUATORS = OUTPUTS = SHARES = START_DRAWS = CHANGE_DRAWS = YAW_INPUT = PITCH_INPUT = 0
+# Why an episode was terminated.
+BROACHED, TOO_DEEP, PITCHED, ROLLED, TOO_FAST, SPINNING, ARRIVED = range(OWN, OWN + 7)
+
+vehicle: Vehicle = OPEN
+STATES = INPUTS = ACTUATORS = OUTPUTS = SHARES = YAW_INPUT = PITCH_INPUT = 0
 U = V = W = P = Q = R = NORTH = EAST = DEPTH = ROLL = PITCH = HEADING = WAVE_PHASE = 0
 READ_W = READ_Q = READ_R = READ_V = READ_NORTH = READ_EAST = READ_DEPTH = READ_PITCH = READ_HEADING = 0
-view: Any
-draw_target: Any
-first_target: Any
-target_error: Any
-lead_on: Any
 
 
-def _command(t, e):
+def command(t, e):
     """The commands of an action, and what the regulators hold, into e.command, and what their change costs into e.term.
 
     Fins outside the action keep the cruise, by linear feedback of the readings: the rudder the heading and the stern
@@ -61,7 +60,7 @@ def _command(t, e):
     e.term[1] = -t.weight[1] * 0.5 * travel / t.actions
 
 
-def _beyond(x, t):
+def beyond(x, t):
     """Why a finite state ends the episode, and the number that does."""
     if x[DEPTH] < 0.0:
         return BROACHED, x[DEPTH]
@@ -80,10 +79,10 @@ def _beyond(x, t):
     return NO_REASON, 0.0
 
 
-def _score(x, before, t, e):
+def score(x, before, t, e):
     """The reward terms of the true state x, for the target that the action was chosen for."""
     if t.follows_path == 0.0:
-        e.term[0] = -t.weight[0] * min(abs(target_error(x[int(t.true_index)], t, e)) / t.error_scale, 1.0)
+        e.term[0] = tracking_term(x, t, e)
         return
     _, across, below = leg_axes(x[NORTH] - e.origin[0], x[EAST] - e.origin[1], x[DEPTH] - e.origin[2], e.course, e.sink)
     moved, _, _ = leg_axes(x[NORTH] - before[NORTH], x[EAST] - before[EAST], x[DEPTH] - before[DEPTH], e.course, e.sink)
@@ -91,7 +90,8 @@ def _score(x, before, t, e):
     e.term[2] = -t.weight[2] * min(abs(t.path_speed - moved / t.dt) / t.path_speed, 1.0)
 
 
-def _lead_on(plan, t, e, row):
+@outlined
+def lead_on(plan, t, e, row):
     """The waypoint after the present one into e.next, given or drawn, and the leg to it."""
     count = int(t.waypoints)
     k = int(e.reached) + 1
@@ -118,7 +118,7 @@ def _lead_on(plan, t, e, row):
     e.next_course, e.next_sink, _ = leg_between(e.target[0], e.target[1], e.target[2], e.next[0], e.next[1], e.next[2])
 
 
-def _aim(plan, x, t, e, row):
+def aim(plan, x, t, e, row):
     """A new target or leg where the present one has had its time or is reached; e.reason where it was the last."""
     if t.follows_path == 0.0:
         draw_target(t, e, row)
@@ -141,7 +141,7 @@ def _aim(plan, x, t, e, row):
         lead_on(plan, t, e, row)
 
 
-def _look(t, e, row):
+def look(t, e, row):
     """Errors and directions as the readings show them into the features."""
     f = e.features
     if t.follows_path == 0.0:
@@ -159,23 +159,7 @@ def _look(t, e, row):
         f[OUTPUTS + 10], f[OUTPUTS + 11], f[OUTPUTS + 12] = sin(next_turn), cos(next_turn), e.next_sink
 
 
-def _pass_time(t, e, row):
-    """The time after one more step into e.time."""
-    e.time = e.step * t.dt
-
-
-def _steps_left(t, e):
-    """How many steps are left of the episode."""
-    return t.steps - e.step
-
-
-def _ages(plan, t, row):
-    """The times, s, of the commands that the vehicle's state keeps, ending at 0, then the end of the step."""
-    at = int(t.ages_at)
-    return plan[at : at + int(t.history) + 1]
-
-
-def _place(plan, drawn, t, e, row):
+def place(plan, drawn, t, e, row):
     """The first state, in cruise, and the commands that keep it; drawn: the parameters of this episode."""
     at, draws = int(t.state_at), int(t.draws_at)
     for i in range(STATES):
@@ -190,7 +174,7 @@ def _place(plan, drawn, t, e, row):
         e.features[SHARES + j] = (e.command[j] - t.middle[j]) / t.limit[j] if t.limit[j] > 0.0 else 0.0
 
 
-def _set_out(plan, x, t, e, row):
+def set_out(plan, x, t, e, row):
     """The first target or leg of an episode, and what the held fins keep."""
     e.held[0], e.held[1] = x[DEPTH], x[HEADING]
     if t.follows_path == 0.0:
@@ -209,12 +193,22 @@ def _set_out(plan, x, t, e, row):
     lead_on(plan, t, e, row)
 
 
-def _doubt(x, derived, e, work):
+def doubt(x, derived, e, work):
     """How far the vehicle's velocity is from those that a learned hull was trained with, over their reach."""
-    p = view(derived)
+    p = vehicle.parameters(derived)
     e.support_distance = support_distance(p, x, work[:ROOM]) if p.computed.learned != 0.0 else 0.0
 
 
-TEMPLATES = (
-    _command, _beyond, _score, _lead_on, _aim, _look, _pass_time, _steps_left, _ages, _place, _set_out, _doubt,
-)  # fmt: skip
+HOOKS = Hooks(
+    command=command,
+    beyond=beyond,
+    score=score,
+    aim=aim,
+    look=look,
+    pass_time=pass_time,
+    steps_left=steps_left,
+    ages=ages,
+    place=place,
+    set_out=set_out,
+    doubt=doubt,
+)

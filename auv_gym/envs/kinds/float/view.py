@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from auv_gym.envs.episodes import Episodes
-from auv_gym.envs.layout import LAYOUTS
+from auv_gym.rendering import Dive
 
 
 class FloatView:
     """Follows one environment, whose row it reads."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray):
-        from auv_gym.rendering import Dive  # with matplotlib, so not before it is wanted
-
-        self._dive = Dive
         family, settings = episodes.plant.family, episodes.settings
         self._episodes, self._row, self._record = episodes, row, episodes.record(row)
         self._depth_at = int(settings["state_at"]) + family.states.index("depth_m")
-        self._share_at = len(family.outputs) + len(LAYOUTS[family.kind].geometry) + int(settings["engine"])
+        self._share_at = len(family.outputs) + len(episodes.kind.layout.geometry) + int(settings["engine"])
         self._middle, self._half = float(episodes.middles[0]), float(episodes.limits[0])
         self._track: list[tuple[float, ...]] = []
 
@@ -33,13 +28,13 @@ class FloatView:
         shares = (record["features"][self._share_at], record["position"])
         self._track.append((*map(float, moment), *(self._middle + self._half * float(share) for share in shares)))
 
-    def scene(self) -> Any:
+    def scene(self) -> Dive:
         """The present moment and how it came there, a `Dive`."""
         time, depth, target, command, position = np.array(self._track).T
         plant = self._episodes.plant
         # not the state's, which a model need not have
         rate = np.diff(depth, prepend=depth[0]) / np.maximum(np.diff(time, prepend=time[0] - 1.0), 1e-9)
-        return self._dive(
+        return Dive(
             time=time,
             depth=depth,
             rate=rate,

@@ -1,29 +1,30 @@
 """One step of an environment, and the start of an episode, as compiled code; for one environment and for many.
 
-The functions are templates: names in capitals and the vehicle's functions are open, and `bind_kernel` gives them their
-meaning for a kind of vehicle; what differs between kinds is in `torpedo_kernel` and `float_kernel`. `layout` says what
-the numbers of a plan and a row are. All randomness is in numbers that were drawn before and lie in the row, so that one
-environment and many do the same with the same generators.
+The functions are templates. What they call by a plain name is the template of this name, bound before them; `hooks`,
+`vehicle` and `records` are the kind's part of the step, the family's programs and the records of plan and row. Names in
+capitals are numbers, see `open_numbers`. `bind_kernel` puts it all together. `layout` says what the numbers of a plan
+and a row are. All randomness is in numbers that were drawn before and lie in the row, so that one environment and many
+do the same with the same generators.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import floor, isnan
 from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import bind, ready, view_as
-from auv_gym.envs import float_kernel, torpedo_kernel
-from auv_gym.envs.layout import (
+from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
+from auv_gym.envs.kernel.hooks import Hooks, Records, Vehicle
+from auv_gym.envs.kernel.layout import (
     DIVERGED,
-    LAYOUTS,
     NO_REASON,
     OVER,
     REFUSED,
     RUNNING,
     SAMPLING,
+    START_DRAWS,
     TERMINATED,
     TRUNCATED,
     offset,
@@ -31,89 +32,31 @@ from auv_gym.envs.layout import (
     row_type,
     size,
 )
-from auv_gym.physics.frames import wrapped
+from auv_gym.envs.kind import EnvKind
 from auv_gym.physics.sampling import sampled
 from auv_gym.plant.rollout import bind_family, scratch_for
 from auv_gym.vehicles.family import Family
 
-START_DRAWS = 3  # of the first state
-CHANGE_DRAWS = 3  # of a new target or leg
 _LARGEST = 1e9  # a state beyond it counts as diverged: positions and angles no longer resolve a step
 _EFFECTS = len(SAMPLING)
 
-# Open names of the templates, bound per kind of vehicle.
-STATES = ACTUATORS = INPUTS = OUTPUTS = WORK = SENSED = 0
+hooks: Hooks = OPEN
+vehicle: Vehicle = OPEN
+records: Records = OPEN
+prange: Any = OPEN
+STATES = ACTUATORS = INPUTS = OUTPUTS = SENSED = WORK = 0
 PLAN_FIXED = ROW_FIXED = OBSERVATION_AT = COMMAND_AT = RAW_AT = 0
-view: Any
-view_plan: Any
-view_row: Any
-vehicle_step: Any
-read: Any
-settle: Any
-shape: Any
-derive: Any
-command: Any
-beyond: Any
-fault: Any
-score: Any
-aim: Any
-sample: Any
-look: Any
-observe: Any
-pass_time: Any
-steps_left: Any
-ages: Any
-place: Any
-set_out: Any
-doubt: Any
-draw_target: Any
-outcome: Any
-advance: Any
-begin: Any
-prange: Any
 
 
-def _fault(x, t):
+def fault(x, t):
     """Why this state ends the episode, and the number that does (of a diverged state, its index)."""
     for i in range(x.shape[0]):
         if not abs(x[i]) < _LARGEST:
             return DIVERGED, float(i)
-    return beyond(x, t)
+    return hooks.beyond(x, t)
 
 
-def _target_error(value, t, e):
-    """The target minus a value of its channel."""
-    error = e.target[0] - value
-    return wrapped(error) if t.is_angle != 0.0 else error
-
-
-def _draw_target(t, e, row):
-    """A new target where the present one has had its time."""
-    if isnan(t.fixed_target) and e.time >= e.change_at - 1e-9:
-        at = int(t.draws_at) + START_DRAWS + int(t.randomised) + CHANGE_DRAWS * (int(e.change) % int(t.changes))
-        e.change += 1.0
-        step = t.target_step[0] + (t.target_step[1] - t.target_step[0]) * row[at]
-        if row[at + 1] < 0.5:
-            step = -step
-        if e.target[0] + step < t.target_band[0] or e.target[0] + step > t.target_band[1]:
-            step = -step
-        e.target[0] = min(max(e.target[0] + step, t.target_band[0]), t.target_band[1])
-        if t.is_angle != 0.0:
-            e.target[0] = wrapped(e.target[0])
-        e.change_at = e.time + t.target_hold[0] + (t.target_hold[1] - t.target_hold[0]) * row[at + 2]
-
-
-def _first_target(x, t, e, row):
-    """The first target of an episode: a step from where the vehicle is, or what was given."""
-    e.target[0] = x[int(t.true_index)]
-    draw_target(t, e, row)
-    if not isnan(t.fixed_target):
-        e.target[0] = t.fixed_target
-    if not isnan(e.first_target):
-        e.target[0] = e.first_target
-
-
-def _sample(t, e, row, fresh):
+def sample(t, e, row, fresh):
     """What the sensors read of e.raw now, into the features; fresh: there is nothing older to read."""
     if t.sampled == 0.0:
         for i in range(OUTPUTS):
@@ -127,6 +70,9 @@ def _sample(t, e, row, fresh):
     used, rows, noise_at = int(e.noise_used), int(t.noise_rows), int(t.noise_at)
     for i in range(OUTPUTS):
         s = int(t.sensor_of[i])
+        if s < 0:
+            e.features[i] = e.raw[i]
+            continue
         delay = floor(e.sampling[_EFFECTS * s] / t.dt + 0.5)
         normal, uniform = 0.0, 1.0
         if rows > 0:
@@ -144,9 +90,9 @@ def _sample(t, e, row, fresh):
     e.noise_used += 1.0
 
 
-def _observe(plan, t, e, row):
+def observe(plan, t, e, row):
     """The observation, from the features that the readings give."""
-    look(t, e, row)
+    hooks.look(t, e, row)
     f = e.features
     observation = row[OBSERVATION_AT : OBSERVATION_AT + 16].view(np.float32)
     at = int(t.observed_at)
@@ -156,7 +102,7 @@ def _observe(plan, t, e, row):
         at += 3
 
 
-def _outcome(plan, derived, row, t, e):
+def outcome(plan, derived, row, t, e):
     """What follows from the state that the vehicle or the model has reached: reward, reading, target, observation.
 
     Returns the status.  A diverged state is put back to the last finite one, and what was read then stays.
@@ -164,15 +110,15 @@ def _outcome(plan, derived, row, t, e):
     state_at, previous_at, count = int(t.state_at), int(t.previous_at), int(t.full_state)
     x, before = row[state_at : state_at + count], row[previous_at : previous_at + count]
     e.step += 1.0
-    pass_time(t, e, row)
-    left = steps_left(t, e)
+    hooks.pass_time(t, e, row)
+    left = hooks.steps_left(t, e)
     reason, e.reason_value = fault(x, t)
     e.reason = reason
     if reason != NO_REASON:
         for i in range(3):
             e.term[i] = -t.weight[i] * (left + 1.0)
     else:
-        score(x, before, t, e)
+        hooks.score(x, before, t, e)
     e.reward = e.term[0] + e.term[1] + e.term[2]
     if reason == DIVERGED:
         for i in range(count):
@@ -180,10 +126,10 @@ def _outcome(plan, derived, row, t, e):
         e.over = 1.0
         return TERMINATED
     if t.by_model == 0.0:
-        read(x, derived, row[RAW_AT : RAW_AT + OUTPUTS])
+        vehicle.read(x, derived, row[RAW_AT : RAW_AT + OUTPUTS])
     sample(t, e, row, False)
     if reason == NO_REASON:
-        aim(plan, x, t, e, row)
+        hooks.aim(plan, x, t, e, row)
     observe(plan, t, e, row)
     if e.reason == NO_REASON and left > 0.0:
         return RUNNING
@@ -191,27 +137,27 @@ def _outcome(plan, derived, row, t, e):
     return TERMINATED if e.reason != NO_REASON else TRUNCATED
 
 
-def _advance(plan, derived, row, t, e, work):
+def advance(plan, derived, row, t, e, work):
     """One step of an environment whose action is in the row; the status."""
-    command(t, e)
+    hooks.command(t, e)
     state_at, previous_at, count = int(t.state_at), int(t.previous_at), int(t.full_state)
     x = row[state_at : state_at + count]
     for i in range(count):
         row[previous_at + i] = x[i]
     # a slice, since a field of the row has a type of its own, for which the step would be compiled once more
     inputs = row[COMMAND_AT : COMMAND_AT + INPUTS]
-    vehicle_step(x, inputs, ages(plan, t, row), t.longest_step, derived, work)
-    doubt(x, derived, e, work)
+    vehicle.step(x, inputs, hooks.ages(plan, t, row), t.longest_step, derived, work)
+    hooks.doubt(x, derived, e, work)
     return outcome(plan, derived, row, t, e)
 
 
-def _begin(vector, plan, derived, row):
+def begin(vector, plan, derived, row):
     """The start of an episode in a row whose numbers are drawn: parameters, state, target and first observation.
 
     vector: the parameters before randomisation.  The vehicle starts with its actuators where its first commands have
     them, except for what row.start gives.
     """
-    t, e = view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
+    t, e = records.plan(plan[:PLAN_FIXED]), records.row(row[:ROW_FIXED])
     draws, randomised = int(t.draws_at), int(t.randomised)
     sampling_from = int(t.sampling_from)
     drawn = vector
@@ -222,7 +168,7 @@ def _begin(vector, plan, derived, row):
             low, high = plan[at + 1], plan[at + 2]
             drawn[int(plan[at])] = min(max(low + (high - low) * row[draws + START_DRAWS + k], low), high)
             at += 3
-        derive(drawn, derived)
+        vehicle.derive(drawn, derived)
     for i in range(SENSED * _EFFECTS):
         e.sampling[i] = drawn[sampling_from + i]
 
@@ -238,33 +184,33 @@ def _begin(vector, plan, derived, row):
     x = row[state_at : state_at + count]
     for i in range(count):
         x[i] = 0.0
-    place(plan, drawn, t, e, row)
+    hooks.place(plan, drawn, t, e, row)
     for i in range(STATES):
         if not isnan(e.start[i]):
             x[i] = e.start[i]
-    p = view(derived)
+    p = vehicle.parameters(derived)
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
     past = x[count - int(t.history) * ACTUATORS :].reshape((int(t.history), ACTUATORS))
     for _ in range(2):  # the first time for the play, which starts in its middle
-        shape(row[COMMAND_AT : COMMAND_AT + INPUTS], memory, p, past[0])
+        vehicle.shape(row[COMMAND_AT : COMMAND_AT + INPUTS], memory, p, past[0])
         for j in range(ACTUATORS):
             memory[j] = past[0, j]
     for j in range(ACTUATORS):
         x[STATES + j] = past[0, j]
         for k in range(int(t.history)):
             past[k, j] = past[0, j]
-    settle(x, derived)
-    doubt(x, derived, e, np.empty(WORK))
+    vehicle.settle(x, derived)
+    hooks.doubt(x, derived, e, np.empty(WORK))
     for i in range(count):
         row[previous_at + i] = x[i]
-    set_out(plan, x, t, e, row)
-    read(x, derived, row[RAW_AT : RAW_AT + OUTPUTS])
+    hooks.set_out(plan, x, t, e, row)
+    vehicle.read(x, derived, row[RAW_AT : RAW_AT + OUTPUTS])
     if t.by_model == 0.0:
         sample(t, e, row, True)
         observe(plan, t, e, row)
 
 
-def _begin_one(vector, buffer):
+def begin_one(vector, buffer):
     """The start of an episode in the buffer of a single environment."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
@@ -272,13 +218,13 @@ def _begin_one(vector, buffer):
     begin(vector, buffer[:plan_size], buffer[plan_size:row_at], row)
 
 
-def _step_one(buffer):
+def step_one(buffer):
     """One step of a single environment; the status: REFUSED where the action is not finite, OVER after the end."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     work_at = row_at + int(buffer[1])
     row = buffer[row_at:work_at]
-    t, e = view_plan(buffer[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
+    t, e = records.plan(buffer[:PLAN_FIXED]), records.row(row[:ROW_FIXED])
     if e.over != 0.0:
         return OVER
     for k in range(INPUTS):
@@ -287,43 +233,43 @@ def _step_one(buffer):
     return advance(buffer[:plan_size], buffer[plan_size:row_at], row, t, e, buffer[work_at:])
 
 
-def _command_one(buffer):
+def command_one(buffer):
     """The commands for a model that drives a single environment; its status as that of `step_one`."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     row = buffer[row_at : row_at + int(buffer[1])]
-    t, e = view_plan(buffer[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
+    t, e = records.plan(buffer[:PLAN_FIXED]), records.row(row[:ROW_FIXED])
     if e.over != 0.0:
         return OVER
     for k in range(INPUTS):
         if not abs(e.action[k]) < np.inf:
             return REFUSED
-    command(t, e)
+    hooks.command(t, e)
     for i in range(int(t.full_state)):
         row[int(t.previous_at) + i] = row[int(t.state_at) + i]
     return RUNNING
 
 
-def _look_one(buffer):
+def look_one(buffer):
     """The first observation of a single environment whose state and outputs are a model's."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     row = buffer[row_at : row_at + int(buffer[1])]
     plan = buffer[:plan_size]
-    t, e = view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED])
+    t, e = records.plan(plan[:PLAN_FIXED]), records.row(row[:ROW_FIXED])
     sample(t, e, row, True)
     observe(plan, t, e, row)
 
 
-def _outcome_one(buffer):
+def outcome_one(buffer):
     """What follows from a model's state and outputs in the buffer of a single environment; the status."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
     plan, row = buffer[:plan_size], buffer[row_at : row_at + int(buffer[1])]
-    return outcome(plan, buffer[plan_size:row_at], row, view_plan(plan[:PLAN_FIXED]), view_row(row[:ROW_FIXED]))
+    return outcome(plan, buffer[plan_size:row_at], row, records.plan(plan[:PLAN_FIXED]), records.row(row[:ROW_FIXED]))
 
 
-def _step_many(vector, plan, derived, rows, begins, observations, rewards, terminated, truncated):
+def step_many(vector, plan, derived, rows, begins, observations, rewards, terminated, truncated):
     """One step of every row, on all cores; rows in `begins` start an episode instead, with reward 0.
 
     derived: (n, ...), or (1, ...) for all rows.  observations: (n, ...) float32.  rewards: (n,).
@@ -336,8 +282,8 @@ def _step_many(vector, plan, derived, rows, begins, observations, rewards, termi
             begin(vector, plan, derived[own * i], row)
             status, rewards[i] = RUNNING, 0.0
         else:
-            e = view_row(row[:ROW_FIXED])
-            status = advance(plan, derived[own * i], row, view_plan(plan[:PLAN_FIXED]), e, np.empty(WORK))
+            e = records.row(row[:ROW_FIXED])
+            status = advance(plan, derived[own * i], row, records.plan(plan[:PLAN_FIXED]), e, np.empty(WORK))
             rewards[i] = e.reward
         terminated[i] = status == TERMINATED
         truncated[i] = status == TRUNCATED
@@ -346,7 +292,7 @@ def _step_many(vector, plan, derived, rows, begins, observations, rewards, termi
             observations[i, k] = found[k]
 
 
-def _begin_many(vector, plan, derived, rows, begins, observations):
+def begin_many(vector, plan, derived, rows, begins, observations):
     """The start of an episode in the rows in `begins`, on all cores; observations of the other rows stay."""
     own = 1 if derived.shape[0] > 1 else 0
     for i in prange(rows.shape[0]):
@@ -370,68 +316,73 @@ class Kernel:
     step_many: Any
 
 
-_TEMPLATES = {"body": torpedo_kernel.TEMPLATES, "float": float_kernel.TEMPLATES}
-_BEFORE, _AFTER = (_target_error, _draw_target, _first_target), (_fault, _sample, _observe, _outcome, _advance, _begin)
-_CALLED = ("aim", "lead_on", "begin")  # too long, or too rare, to be compiled into those that call them
 _BOUND: dict[str, Kernel] = {}
+_CALLED = ("aim", "begin")  # too long, or too rare, to be compiled into those that call them
 
 
-def bind_kernel(family: Family) -> Kernel:
-    """The programs for a family's kind."""
+def bind_kernel(family: Family, kind: EnvKind) -> Kernel:
+    """The programs of a family, whose kind fills the hooks."""
     program = family.program or family.kind
     if program in _BOUND:
         return _BOUND[program]
-    kind, programs = family.kind, bind_family(family)
-    plan, row, layout = plan_type(family), row_type(family), LAYOUTS[family.kind]
+    physics = bind_family(family)
+    own = Vehicle(
+        parameters=family.view,
+        derive=physics.derive,
+        shape=family.hooks.shape,
+        settle=physics.settle,
+        step=physics.step,
+        read=physics.read,
+    )
+    plan, row = plan_type(family, kind.layout), row_type(family, kind.layout)
+    views = Records(plan=view_as(plan, f"plan_{program}"), row=view_as(row, f"row_{program}", writable=True))
+    known: dict[str, Any] = {**open_numbers(family, kind), "vehicle": namespace(own)}
+    filled = {
+        hook.name: bind(getattr(kind.hooks, hook.name), program, inline=hook.name not in _CALLED, **known)
+        for hook in fields(Hooks)
+    }
+    known |= {"hooks": namespace(Hooks(**filled)), "records": namespace(views)}
+    for template in (fault, sample, observe, outcome, advance, begin):  # each after those that it calls
+        known[template.__name__] = bind(template, program, inline=template.__name__ not in _CALLED, **known)
+    _BOUND[program] = Kernel(
+        begin_one=ready(bind(begin_one, program, inline=False, **known)),
+        step_one=ready(bind(step_one, program, inline=False, **known)),
+        command_one=ready(bind(command_one, program, inline=False, **known)),
+        look_one=ready(bind(look_one, program, inline=False, **known)),
+        outcome_one=ready(bind(outcome_one, program, inline=False, **known)),
+        begin_many=ready(bind(begin_many, program, parallel=True, **known)),
+        step_many=ready(bind(step_many, program, parallel=True, **known)),
+    )
+    return _BOUND[program]
 
-    known: dict[str, Any] = {
+
+def open_numbers(family: Family, kind: EnvKind) -> dict[str, int]:
+    """The numbers by which templates know a family: sizes, and places of states, readings, inputs and features.
+
+    A channel's name is that without its unit: DEPTH for the place of depth_m among the states, READ_DEPTH among the
+    readings, IN_DEPTH among the inputs.  ERROR, or another name of `Layout.geometry`, is a place among the features;
+    SHARES is that of the first command's share of its limit.
+    """
+    plan, row, outputs = plan_type(family, kind.layout), row_type(family, kind.layout), len(family.outputs)
+    return {
         "STATES": len(family.states),
         "ACTUATORS": len(family.actuators),
         "INPUTS": len(family.inputs),
-        "OUTPUTS": len(family.outputs),
-        "SENSED": len(layout.sensors),
+        "OUTPUTS": outputs,
+        "SENSED": len(kind.layout.sensors),
         "WORK": scratch_for(family).size,
-        "START_DRAWS": START_DRAWS,
-        "CHANGE_DRAWS": CHANGE_DRAWS,
         "PLAN_FIXED": size(plan),
         "ROW_FIXED": size(row),
         "OBSERVATION_AT": offset(row, "observation"),
         "COMMAND_AT": offset(row, "command"),
         "RAW_AT": offset(row, "raw"),
-        "SHARES": len(family.outputs) + len(layout.geometry),
-        **{name.upper(): len(family.outputs) + index for index, name in enumerate(layout.geometry)},
+        "SHARES": outputs + len(kind.layout.geometry),
+        **{name.upper(): outputs + index for index, name in enumerate(kind.layout.geometry)},
         **{_symbol(name): index for index, name in enumerate(family.states)},
         **{f"READ_{_symbol(name)}": index for index, name in enumerate(family.outputs)},
         **{f"IN_{_symbol(name)}": index for index, name in enumerate(family.inputs)},
-        **{f"{role.upper()}_INPUT": at for role, at in _helm(family).items()},
-        "view": family.view,
-        "view_plan": view_as(plan, f"plan_{program}"),
-        "view_row": view_as(row, f"row_{program}", writable=True),
-        "vehicle_step": programs.step,
-        "read": programs.read,
-        "settle": programs.settle,
-        "shape": family.hooks["shape"],
-        "derive": programs.derive,
+        **kind.numbers(family),
     }
-    for template in (*_BEFORE, *_TEMPLATES[kind], *_AFTER):  # each after those that it calls
-        name = template.__name__[1:]
-        known[name] = bind(template, program, inline=name not in _CALLED, **known)
-    _BOUND[program] = Kernel(
-        begin_one=ready(bind(_begin_one, program, inline=False, **known)),
-        step_one=ready(bind(_step_one, program, inline=False, **known)),
-        command_one=ready(bind(_command_one, program, inline=False, **known)),
-        look_one=ready(bind(_look_one, program, inline=False, **known)),
-        outcome_one=ready(bind(_outcome_one, program, inline=False, **known)),
-        begin_many=ready(bind(_begin_many, program, parallel=True, **known)),
-        step_many=ready(bind(_step_many, program, parallel=True, **known)),
-    )
-    return _BOUND[program]
-
-
-def _helm(family: Family) -> dict[str, int]:
-    """The first input of each role; -1 where there is none."""
-    roles = family.body.by_role() if family.body else {}
-    return {role: family.inputs.index(roles[role][0]) if role in roles else -1 for role in ("yaw", "pitch", "surge")}
 
 
 def _symbol(channel: str) -> str:

@@ -1,0 +1,80 @@
+"""Targets that change in steps, and steps of one length: compiled parts that several kinds of vehicle share."""
+
+from __future__ import annotations
+
+from math import isnan
+
+from auv_gym.compiled import compiled
+from auv_gym.envs.kernel.layout import CHANGE_DRAWS, START_DRAWS
+from auv_gym.physics.frames import wrapped
+
+
+@compiled
+def target_error(value, t, e):
+    """The target minus a value of its channel."""
+    error = e.target[0] - value
+    return wrapped(error) if t.is_angle != 0.0 else error
+
+
+@compiled
+def tracking_term(x, t, e):
+    """The reward term of the true state x, for the target that the action was chosen for."""
+    return -t.weight[0] * min(abs(target_error(x[int(t.true_index)], t, e)) / t.error_scale, 1.0)
+
+
+@compiled
+def draw_target(t, e, row):
+    """Draw a new target where the present one has had its time."""
+    if isnan(t.fixed_target) and e.time >= e.change_at - 1e-9:
+        at = int(t.draws_at) + START_DRAWS + int(t.randomised) + CHANGE_DRAWS * (int(e.change) % int(t.changes))
+        e.change += 1.0
+        step = t.target_step[0] + (t.target_step[1] - t.target_step[0]) * row[at]
+        if row[at + 1] < 0.5:
+            step = -step
+        if e.target[0] + step < t.target_band[0] or e.target[0] + step > t.target_band[1]:
+            step = -step
+        e.target[0] = min(max(e.target[0] + step, t.target_band[0]), t.target_band[1])
+        if t.is_angle != 0.0:
+            e.target[0] = wrapped(e.target[0])
+        e.change_at = e.time + t.target_hold[0] + (t.target_hold[1] - t.target_hold[0]) * row[at + 2]
+
+
+@compiled
+def first_target(x, t, e, row):
+    """Set the first target of an episode: a step from where the vehicle is, or what was given."""
+    e.target[0] = x[int(t.true_index)]
+    draw_target(t, e, row)
+    if not isnan(t.fixed_target):
+        e.target[0] = t.fixed_target
+    if not isnan(e.first_target):
+        e.target[0] = e.first_target
+
+
+@compiled
+def put_constants(plan, drawn, t, e):
+    """Set all inputs to rest, and constant ones to this episode's parameters."""
+    for j in range(e.command.shape[0]):
+        e.command[j] = 0.0
+    at = int(t.constants_at)
+    for _ in range(int(t.constants)):
+        e.command[int(plan[at])] = drawn[int(plan[at + 1])]
+        at += 2
+
+
+# Hooks of kinds whose steps are all of one length.
+
+
+def pass_time(t, e, row):
+    """Put the time after one more step into e.time."""
+    e.time = e.step * t.dt
+
+
+def steps_left(t, e):
+    """How many steps are left of the episode."""
+    return t.steps - e.step
+
+
+def ages(plan, t, row):
+    """The times of kept commands, which all rows share."""
+    at = int(t.ages_at)
+    return plan[at : at + int(t.history) + 1]
