@@ -14,9 +14,28 @@ from math import pi
 from typing import Any
 
 from auv_gym.param import param, part
-from auv_gym.physics.discovered_terms import DiscoveredHeave, DiscoveredYaw
+from auv_gym.physics.discovered import DiscoveredHeave, DiscoveredYaw
 from auv_gym.physics.polynomials import DiscoveredForce, DiscoveredMoment
 
+# What in a log sets an effect apart from others that look alike.
+_SPEEDS = "a forward speed that varies"
+_TURNED = "a forward speed that varies: a rudder's moment changes with it, a constant one does not"
+_ROLLED = "a roll angle that varies, best moved on purpose"
+_TURNS = "slow and fast turns"
+_FIX = "a track, or a second source of heading"
+_GYRO = "a gyro, which does not share the compass's lag"
+_CIRCLE = "headings all around the circle, and a track or a gyro"
+_TRACK = "a track over headings all around the circle"
+_PROFILE = "a profile of the water's density, measured with the log"
+_TRIM = "a known trim, weighed in water of known density"
+_SHALLOW = "a slow dive through the uppermost twenty metres"
+_WARM = "the same depths in water of another temperature"
+_STAY = "a long stay at one depth"
+_PACE = "dives and rises at several speeds"
+_FREE = "a dive without the line"
+_LINE = "dives at several speeds, near the surface and deep"
+_OIL = "a measured oil volume"
+_VALVE = "valve actions at several depths, with a measured oil volume"
 _ANGLES = "small and large movements of the {} to both sides"
 _QUICK = "and sharp steps of the {}"
 # What can happen between a command and what it moves, whatever that is: neutral value, title, unit, bounds, and what
@@ -89,32 +108,15 @@ ActuatorEffects = effects_on_commands("ActuatorEffects", __name__, "rad", FIN_PR
 class YawEffects:
     """Yaw moments that a first model of heading leaves out; positive turns the bow to starboard."""
 
-    moment: float = param(
-        0.0,
-        "N m",
-        "constant yaw moment",
-        bounds=(-50.0, 50.0),
-        probe=0.004,
-        apart="a forward speed that varies: a rudder's moment changes with it, a constant one does not",
-    )
+    moment: float = param(0.0, "N m", "constant yaw moment", bounds=(-50.0, 50.0), probe=0.004, apart=_TURNED)
     roll_moment: float = param(
-        0.0,
-        "N m/rad",
-        "yaw moment from roll",
-        bounds=(-100.0, 100.0),
-        probe=0.10,
-        apart="a roll angle that varies, best moved on purpose",
+        0.0, "N m/rad", "yaw moment from roll", bounds=(-100.0, 100.0), probe=0.10, apart=_ROLLED
     )
     speed_squared: float = param(
-        0.0,
-        "1",
-        "rudder effectiveness with speed squared",
-        bounds=(-3.0, 3.0),
-        probe=0.15,
-        apart="a forward speed that varies",
+        0.0, "1", "rudder effectiveness with speed squared", bounds=(-3.0, 3.0), probe=0.15, apart=_SPEEDS
     )
     quadratic_damping: float = param(
-        0.0, "N m s^2/rad^2", "quadratic yaw damping", bounds=(0.0, 1e5), probe=16.0, apart="slow and fast turns"
+        0.0, "N m s^2/rad^2", "quadratic yaw damping", bounds=(0.0, 1e5), probe=16.0, apart=_TURNS
     )
 
 
@@ -122,32 +124,13 @@ class YawEffects:
 class CompassEffects:
     """Errors of the measured heading: lag of the needle's field, then constant bias."""
 
-    bias: float = param(
-        0.0, "rad", "compass bias", bounds=(-pi, pi), probe=0.02, apart="a track, or a second source of heading"
-    )
-    lag: float = param(
-        0.0,
-        "s",
-        "compass lag (time constant)",
-        bounds=(0.0, 60.0),
-        probe=0.5,
-        apart="a gyro, which does not share the compass's lag",
-    )
+    bias: float = param(0.0, "rad", "compass bias", bounds=(-pi, pi), probe=0.02, apart=_FIX)
+    lag: float = param(0.0, "s", "compass lag (time constant)", bounds=(0.0, 60.0), probe=0.5, apart=_GYRO)
     deviation_sin: float = param(
-        0.0,
-        "rad",
-        "compass deviation, sine of heading",
-        bounds=(-0.9, 0.9),
-        probe=0.035,
-        apart="headings all around the circle, and a track or a gyro",
+        0.0, "rad", "compass deviation, sine of heading", bounds=(-0.9, 0.9), probe=0.035, apart=_CIRCLE
     )
     deviation_cos: float = param(
-        0.0,
-        "rad",
-        "compass deviation, cosine of heading",
-        bounds=(-0.9, 0.9),
-        probe=0.035,
-        apart="headings all around the circle, and a track or a gyro",
+        0.0, "rad", "compass deviation, cosine of heading", bounds=(-0.9, 0.9), probe=0.035, apart=_CIRCLE
     )
 
 
@@ -155,22 +138,8 @@ class CompassEffects:
 class CurrentEffects:
     """Steady velocity of the water over ground."""
 
-    north: float = param(
-        0.0,
-        "m/s",
-        "steady current to the north",
-        bounds=(-3.0, 3.0),
-        probe=0.01,
-        apart="a track over headings all around the circle",
-    )
-    east: float = param(
-        0.0,
-        "m/s",
-        "steady current to the east",
-        bounds=(-3.0, 3.0),
-        probe=0.01,
-        apart="a track over headings all around the circle",
-    )
+    north: float = param(0.0, "m/s", "steady current to the north", bounds=(-3.0, 3.0), probe=0.01, apart=_TRACK)
+    east: float = param(0.0, "m/s", "steady current to the east", bounds=(-3.0, 3.0), probe=0.01, apart=_TRACK)
 
 
 @dataclass(frozen=True)
@@ -383,57 +352,24 @@ class PistonEffects:
 class VolumeEffects:
     """Displaced volume that a first model of a float leaves out; positive lifts."""
 
-    offset: float = param(
-        0.0,
-        "m^3",
-        "initial volume offset",
-        bounds=(-5e-3, 5e-3),
-        probe=2e-6,
-        apart="a known trim, weighed in water of known density",
-    )
+    offset: float = param(0.0, "m^3", "initial volume offset", bounds=(-5e-3, 5e-3), probe=2e-6, apart=_TRIM)
     compressibility: float = param(
-        0.0,
-        "m^3/m",
-        "lift with depth, by compressibility",
-        bounds=(-1e-5, 1e-5),
-        probe=5e-8,
-        apart="a profile of the water's density, measured with the log",
+        0.0, "m^3/m", "lift with depth, by compressibility", bounds=(-1e-5, 1e-5), probe=5e-8, apart=_PROFILE
     )
-    air: float = param(
-        0.0,
-        "m^3",
-        "trapped air, at the surface",
-        bounds=(0.0, 5e-3),
-        probe=5e-6,
-        apart="a slow dive through the uppermost twenty metres",
-    )
+    air: float = param(0.0, "m^3", "trapped air, at the surface", bounds=(0.0, 5e-3), probe=5e-6, apart=_SHALLOW)
     expansion: float = param(
-        0.0,
-        "m^3/K",
-        "thermal expansion against the water's",
-        bounds=(-1e-4, 1e-4),
-        probe=3e-7,
-        apart="the same depths in water of another temperature",
+        0.0, "m^3/K", "thermal expansion against the water's", bounds=(-1e-4, 1e-4), probe=3e-7, apart=_WARM
     )
     expansion_lag: float = param(0.0, "s", "lag of the hull's temperature", bounds=(0.0, 7200.0), probe=20.0)
-    leak: float = param(0.0, "m^3/s", "leak rate", bounds=(0.0, 1e-6), probe=3e-9, apart="a long stay at one depth")
+    leak: float = param(0.0, "m^3/s", "leak rate", bounds=(0.0, 1e-6), probe=3e-9, apart=_STAY)
 
 
 @dataclass(frozen=True)
 class ColumnEffects:
     """The water column: density that grows with depth, a vertical current (down positive), heave of internal waves."""
 
-    gradient: float = param(
-        0.0,
-        "kg/m^4",
-        "density stratification",
-        bounds=(0.0, 0.5),
-        probe=1e-3,
-        apart="a profile of the water's density, measured with the log",
-    )
-    current: float = param(
-        0.0, "m/s", "vertical current, down", bounds=(-0.5, 0.5), probe=2e-3, apart="dives and rises at several speeds"
-    )
+    gradient: float = param(0.0, "kg/m^4", "density stratification", bounds=(0.0, 0.5), probe=1e-3, apart=_PROFILE)
+    current: float = param(0.0, "m/s", "vertical current, down", bounds=(-0.5, 0.5), probe=2e-3, apart=_PACE)
     heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_period: float = param(300.0, "s", "period of the internal-wave heave", bounds=(20.0, 1e5), probe=10.0)
@@ -443,15 +379,8 @@ class ColumnEffects:
 class TetherEffects:
     """A line to the surface: its pull, up positive, and the drag of what has been paid out."""
 
-    pull: float = param(0.0, "N", "tether pull", bounds=(-50.0, 50.0), probe=0.02, apart="a dive without the line")
-    drag: float = param(
-        0.0,
-        "kg/m^2",
-        "tether drag per length paid out",
-        bounds=(0.0, 10.0),
-        probe=0.05,
-        apart="dives at several speeds, near the surface and deep",
-    )
+    pull: float = param(0.0, "N", "tether pull", bounds=(-50.0, 50.0), probe=0.02, apart=_FREE)
+    drag: float = param(0.0, "kg/m^2", "tether drag per length paid out", bounds=(0.0, 10.0), probe=0.05, apart=_LINE)
 
 
 @dataclass(frozen=True)
@@ -466,17 +395,10 @@ class FloatDragEffects:
 class OilEffects:
     """Errors of the logged oil volume: pump rate, valve rate, and a valve that lets more in under pressure."""
 
-    pump_gain: float = param(0.0, "1", "pump rate error", bounds=(-0.9, 5.0), probe=0.02, apart="a measured oil volume")
-    valve_gain: float = param(
-        0.0, "1", "valve rate error", bounds=(-0.9, 5.0), probe=0.05, apart="a measured oil volume"
-    )
+    pump_gain: float = param(0.0, "1", "pump rate error", bounds=(-0.9, 5.0), probe=0.02, apart=_OIL)
+    valve_gain: float = param(0.0, "1", "valve rate error", bounds=(-0.9, 5.0), probe=0.05, apart=_OIL)
     valve_with_depth: float = param(
-        0.0,
-        "1/m",
-        "valve flow with pressure, per depth",
-        bounds=(-0.01, 0.01),
-        probe=1e-4,
-        apart="valve actions at several depths, with a measured oil volume",
+        0.0, "1/m", "valve flow with pressure, per depth", bounds=(-0.01, 0.01), probe=1e-4, apart=_VALVE
     )
 
 

@@ -1,6 +1,6 @@
 """What a measured signal goes through before it is read."""
 
-from math import cos, exp, sin
+from math import cos, exp, floor, sin
 
 from auv_gym.compiled import compiled
 
@@ -30,3 +30,18 @@ def lag_error(error, change, lag, duration):
 def compass_reading(heading, error, compass):
     """The heading that a compass gives, rad, with the lag's present error."""
     return heading + deviation(heading, compass) + error + compass.bias
+
+
+@compiled
+def sampled(value, last, noise, resolution, dropout, normal, uniform):
+    """The reading of a value; where the sample is missing, the last reading stands.
+
+    noise: standard deviation.  resolution: step of the reading, 0 for none.  dropout: chance of a missing sample.
+    normal, uniform: drawn numbers, from N(0, 1) and from [0, 1).
+    """
+    if uniform < dropout:
+        return last
+    value += noise * normal
+    if resolution > 0.0:
+        value = resolution * floor(value / resolution + 0.5)
+    return value

@@ -13,8 +13,7 @@ from auv_gym.compiled import compiled, view_as
 from auv_gym.effects import GliderEffects
 from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shape_command
-from auv_gym.physics.discovered import any_term, yaw_moment
-from auv_gym.physics.discovered_terms import N_YAW
+from auv_gym.physics.discovered import N_YAW, any_term, yaw_moment
 from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered

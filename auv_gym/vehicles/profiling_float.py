@@ -14,8 +14,7 @@ from auv_gym.effects import FloatEffects
 from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shaped_command
 from auv_gym.physics.buoyancy import GRAVITY, air_volume, exposed_volume
-from auv_gym.physics.discovered import any_term, heave_damping, heave_force
-from auv_gym.physics.discovered_terms import N_HEAVE
+from auv_gym.physics.discovered import N_HEAVE, any_term, heave_damping, heave_force
 from auv_gym.physics.sensors import lag_error
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
 

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from auv_gym.physics.discovered import any_term, heave_damping, heave_force, yaw_moment
-from auv_gym.physics.discovered_terms import HEAVE_TERMS, YAW_TERMS
+from auv_gym.physics.discovered import HEAVE_TERMS, YAW_TERMS, any_term, heave_damping, heave_force, yaw_moment
 
 PSI, R, RUDDER, U, W, PITCH, ROLL = 0.7, -0.03, 0.2, 0.4, -0.1, 0.3, -0.2
 INPUTS = np.array([0.1, 0.0, 0.0, U, W, 0.0, PITCH, ROLL])

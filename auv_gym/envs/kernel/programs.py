@@ -33,7 +33,7 @@ from auv_gym.envs.kernel.layout import (
     size,
 )
 from auv_gym.envs.kind import EnvKind
-from auv_gym.physics.sampling import sampled
+from auv_gym.physics.sensors import sampled
 from auv_gym.plant.rollout import bind_family, scratch_for
 from auv_gym.vehicles.family import Family
 
