@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from bare_families import bare
 
-from auv_gym.effects import EFFECTS
+from auv_gym.effects import BodyEffects
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.plant.cruise import find_helm
 from auv_gym.records.record import Record
-from auv_gym.vehicles import FAMILIES
+from auv_gym.vehicles import FAMILIES, effects_by_kind
 
 # A heading sensor resolves about a thousandth of a degree, a velocity log some mm/s, a track a centimetre.
 RESOLUTION = {"rad": 1e-3, "radps": 1e-3, "mps": 5e-3, "m": 1e-2}
@@ -222,7 +222,7 @@ def test_every_discovered_term_acts_and_leaves_no_trace(name, count):
 
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=list(FAMILIES))
 def test_the_effects_of_a_kind_are_those_of_its_families(family):
-    assert type(family.parameters().effects) is EFFECTS[family.kind]
+    assert type(family.parameters().effects) is type(effects_by_kind()[family.kind])
 
 
 @pytest.mark.parametrize("name", [name for name in sorted(list_vehicles()) if load_vehicle(name).family.body])
@@ -230,6 +230,6 @@ def test_the_effects_of_a_body_are_those_of_its_parts_and_of_every_body(name):
     plant = load_vehicle(name)
     found = {field.name: type(getattr(plant.effects, field.name)) for field in fields(plant.effects)}
     parts = {part.name: part.found.effects for part in plant.family.body.parts}
-    shared = {field.name: type(getattr(EFFECTS["body"](), field.name)) for field in fields(EFFECTS["body"])}
+    shared = {field.name: type(getattr(BodyEffects(), field.name)) for field in fields(BodyEffects)}
     assert len(found) == len(parts) + len(shared)
     assert found == {**parts, **shared}

@@ -7,7 +7,7 @@ import pytest
 from controllers.composed.loops import Joint
 from controllers.pid import Pid
 from controllers.relay import Relay, zigzag
-from scripts import manoeuvres
+from scripts.studies.manoeuvres import trials as manoeuvres
 
 DEPTH = Pid(0.1, measured="depth_m", command="stern_plane_rad")
 
