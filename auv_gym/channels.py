@@ -203,6 +203,11 @@ def set_point_of(name: str) -> str:
     return _marked(name, "cmd")
 
 
+def excitation_of(name: str) -> str:
+    """The channel of the excitation added at an input or a set point."""
+    return f"excitation_{name}"
+
+
 def truth_of(name: str) -> str:
     """The channel of what a signal truly is, beside what was measured of it: `depth_true_m` of `depth_m`."""
     return _marked(name, "true")

@@ -12,10 +12,10 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.model import Diverged
 from auv_gym.records.record import Record, concat
-from identification.compare.causality import check_causality
 from identification.compare.comparison import OpenLoop, compare_open
 from identification.compare.model_tests import predicts, residual_tests, sweep_horizons
 from identification.estimator import Estimator, Fit
+from identification.linear.causality import check_causality
 from identification.linear.fit import has_errors, is_linear
 from identification.linear.polynomials.orders import OrderSearch
 from identification.linear.uncertainty import SimulatedBand, simulated_band

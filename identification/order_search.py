@@ -1,25 +1,21 @@
-"""The search of orders that comes before a fit: its ranges as text, its data apart from those that judge, its table."""
+"""The search of orders that comes before a fit: its ranges as text, its data apart from those that judge."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import sqrt
 from typing import Any
 
-from auv_gym.channels import channel
 from auv_gym.param import did_you_mean
 from auv_gym.records.record import Record
 from identification.identified import split
 from identification.linear.polynomials.orders import (
-    CRITERIA,
     TOLERANCE,
     Cell,
     OrderSearch,
     check_criterion,
     search_orders,
 )
-from identification.pages.page import Table, amount, percent
 
 KEYS = ("n_a", "n_b", "n_c", "delay")
 _LONGEST = 50  # of a range; more is a slip of the pen
@@ -114,33 +110,6 @@ def remarks(search: OrderSearch) -> tuple[str, ...]:
             if len(tried) > 1 and taken == max(tried):
                 found.append(f"{name} of {output} is the largest that was tried, {taken}: try larger ones.")
     return tuple(found)
-
-
-def order_table(search: OrderSearch) -> Table:
-    """What each criterion takes, by output; the one that was asked for first, as chosen.  Orders are left out where one
-    alone was tried.  The caption ends with `remarks`.
-    """
-    judged = "held_out" in search.criteria
-    keys = [key for key in KEYS if len({getattr(cell, key) for cell in search.cells}) > 1]
-    rows = []
-    for output in search.outputs:
-        for name in (search.criterion, *(name for name in search.criteria if name != search.criterion)):
-            cell = search.best(output, name)
-            row = [output, f"{CRITERIA[name]}, chosen" if name == search.criterion else CRITERIA[name]]
-            row += [_shown(getattr(cell, key)) for key in keys]
-            row += [str(cell.parameters), amount(sqrt(cell.loss), channel(output).unit)]
-            rows.append(row + [percent(cell.held_out)] * judged)
-    heads = ("output", "criterion", *keys, "n", "error, rms", *["held-out"] * judged)
-    return Table(heads, rows, words=2, caption=" ".join([_CAPTION, *remarks(search)]))
-
-
-_CAPTION = "n: coefficients; error: one sample ahead, over the rows that all orders share."
-
-
-def _shown(value: int | tuple[int, ...]) -> str:
-    """An order; of several inputs one number where it is the same for all."""
-    values = value if isinstance(value, tuple) else (value,)
-    return ", ".join(map(str, values[:1] if len(set(values)) == 1 else values))
 
 
 def _largest(cell: Cell, name: str) -> int:

@@ -75,9 +75,8 @@ def identify(
         from identification.identified import identify as identify_records
         from identification.linear.fit import is_linear
         from identification.linear.uncertainty import pole_intervals
-        from identification.order_search import order_table
         from identification.pages.drawing import require_render
-        from identification.pages.linear_tables import pole_table
+        from identification.pages.linear_tables import order_table, pole_table
         from identification.pages.model_page import (
             horizon_table,
             identified_page,

@@ -1,4 +1,3 @@
-from .causality import check_causality as check_causality
 from .comparison import (
     ClosedLoop as ClosedLoop,
     OpenLoop as OpenLoop,

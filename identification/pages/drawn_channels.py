@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from auv_gym.channels import channel, set_point_of
+from auv_gym.channels import channel, excitation_of, set_point_of
 from auv_gym.records.record import Record
 
 _FEW = 4  # in one figure, unless more are followed or modelled
@@ -25,11 +25,6 @@ def outputs_of(record: Record, wanted: Sequence[str] = ()) -> list[str]:
 def inputs_of(record: Record) -> list[str]:
     """The inputs that move."""
     return [n for n in record.names if channel(n).kind == "input" and _moves(record, n)]
-
-
-def excitation_of(name: str) -> str:
-    """The channel of the excitation added at an input or a set point."""
-    return f"excitation_{name}"
 
 
 def asked_of(record: Record, name: str) -> np.ndarray:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import isfinite
+from math import isfinite, sqrt
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.models.linear import Polynomial, StateSpace
 from identification.estimate import Estimate
+from identification.linear.polynomials.orders import CRITERIA, OrderSearch
 from identification.linear.uncertainty import PoleInterval, zeros
-from identification.pages.page import Table, number
+from identification.order_search import KEYS, remarks
+from identification.pages.page import Table, amount, number, percent
 
+_ORDERS = "n: coefficients; error: one sample ahead, over the rows that all orders share."
 _POLES = (
     "In square brackets: 95 % intervals, of a pair those of real and imaginary part. The time constant of a pair "
     "is that of its envelope."
@@ -110,3 +113,27 @@ def _limits(estimate: Estimate, pole: PoleInterval) -> str:
     if not isfinite(low):
         return "any"
     return f"[{number(low)}, {number(high)}]" if isfinite(high) else f"[{number(low)}, ∞]"
+
+
+def order_table(search: OrderSearch) -> Table:
+    """What each criterion takes, by output; the one that was asked for first, as chosen.  Orders are left out where one
+    alone was tried.  The caption ends with `remarks`.
+    """
+    judged = "held_out" in search.criteria
+    keys = [key for key in KEYS if len({getattr(cell, key) for cell in search.cells}) > 1]
+    rows = []
+    for output in search.outputs:
+        for name in (search.criterion, *(name for name in search.criteria if name != search.criterion)):
+            cell = search.best(output, name)
+            row = [output, f"{CRITERIA[name]}, chosen" if name == search.criterion else CRITERIA[name]]
+            row += [_order(getattr(cell, key)) for key in keys]
+            row += [str(cell.parameters), amount(sqrt(cell.loss), channel(output).unit)]
+            rows.append(row + [percent(cell.held_out)] * judged)
+    heads = ("output", "criterion", *keys, "n", "error, rms", *["held-out"] * judged)
+    return Table(heads, rows, words=2, caption=" ".join([_ORDERS, *remarks(search)]))
+
+
+def _order(value: int | tuple[int, ...]) -> str:
+    """An order; of several inputs one number where it is the same for all."""
+    values = value if isinstance(value, tuple) else (value,)
+    return ", ".join(map(str, values[:1] if len(set(values)) == 1 else values))

@@ -21,11 +21,10 @@ from identification.identified import Identified
 from identification.linear.fit import LinearFit, has_errors, is_linear
 from identification.linear.polynomials.orders import OrderSearch
 from identification.linear.uncertainty import SimulatedBand, pole_intervals
-from identification.order_search import order_table
 from identification.pages.drawing import shown_values, unit_label
 from identification.pages.drawn_channels import outputs_of
 from identification.pages.linear_figures import bode_figure, pole_zero_figure
-from identification.pages.linear_tables import full_pole_table, zero_table
+from identification.pages.linear_tables import full_pole_table, order_table, zero_table
 from identification.pages.model_figures import horizon_figure, residual_drawings, rollout_figure
 from identification.pages.order_figures import order_figure, singular_value_figure
 from identification.pages.page import Drawing, Table, amount, chance, drawn, listed, number, page, span

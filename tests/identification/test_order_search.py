@@ -6,7 +6,8 @@ import pytest
 from auv_gym.records.record import Record
 from identification.identified import split
 from identification.linear.polynomials.orders import search_orders
-from identification.order_search import order_table, parse_ranges, remarks, search_apart
+from identification.order_search import parse_ranges, remarks, search_apart
+from identification.pages.linear_tables import order_table
 
 INPUTS, OUTPUTS = ["stern_plane_rad"], ["q_radps", "w_mps"]
 

@@ -11,7 +11,7 @@ from auv_gym.cli.options.console import output, table
 
 if TYPE_CHECKING:
     from identification.diagnosis import Diagnosis
-    from identification.diagnosis.planning.next_experiment import Proposal
+    from identification.planning.next_experiment import Proposal
 
 _FILES = ("next_experiment.toml", "next_experiment_of_tie_{}.toml")
 
@@ -27,7 +27,7 @@ class Planned:
 
 def propose(diagnosis: Diagnosis, out: Path, progress: Callable[[float, str], None]) -> list[Planned]:
     """What would tell the effects of each tie apart; the best of each tie is written into the folder."""
-    from identification.diagnosis.planning.next_experiment import next_experiment, rivals_of, write_experiment
+    from identification.planning.next_experiment import next_experiment, rivals_of, write_experiment
 
     planned = []
     for number, rivals in enumerate(rivals_of(diagnosis)):
@@ -41,7 +41,7 @@ def propose(diagnosis: Diagnosis, out: Path, progress: Callable[[float, str], No
 
 def tell(planned: Sequence[Planned]) -> None:
     """Print a table of the designs for each tie, and what to do."""
-    from identification.diagnosis.planning.next_experiment import words
+    from identification.planning.next_experiment import words
 
     if not planned:
         output.print("No effects are tied, so no experiment is needed to tell them apart.")

@@ -6,13 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from auv_gym.channels import channel, set_point_of
+from auv_gym.channels import channel, excitation_of, set_point_of
 from auv_gym.records.record import Record
 from identification.campaign.index import Row
 from identification.campaign.report import figures
 from identification.campaign.report.focus import DETAILED, featured
 from identification.campaign.report.wording import cell_of, counted, percents, ranged, run_of, spread
-from identification.pages.drawn_channels import asked_of, excitation_of, inputs_of, outputs_of
+from identification.pages.drawn_channels import asked_of, inputs_of, outputs_of
 from identification.pages.page import Drawing, Table, drawn
 
 SPECTRAL = 60  # runs in the spectra

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auv_gym.channels import channel, set_point_of
+from auv_gym.channels import channel, excitation_of, set_point_of
 from auv_gym.records.record import Record
 from identification.pages.drawing import (
     COMMAND,
@@ -29,7 +29,7 @@ from identification.pages.drawing import (
     shown_values,
     unit_label,
 )
-from identification.pages.drawn_channels import asked_of, excitation_of, inputs_of, outputs_of
+from identification.pages.drawn_channels import asked_of, inputs_of, outputs_of
 from identification.pages.model_figures import LOOKS, legend, looks
 
 if TYPE_CHECKING:

@@ -22,12 +22,12 @@ from identification.campaign.file.settings import EnvExperiment, RunSettings
 from identification.campaign.running.perform import status_of
 from identification.campaign.running.staging import make_controller, make_env
 from identification.diagnosis.judge.verdict import Diagnosis
-from identification.diagnosis.planning.separation import Knowledge, Noise, knowledge_of, noise_of, separation
 from identification.experiments.designs import Design, campaign_text
 from identification.experiments.driving import drive
 from identification.experiments.kinds import KINDS
 from identification.experiments.missions import run_mission
 from identification.fit.windows import free_run_windows
+from identification.planning.separation import Knowledge, Noise, knowledge_of, noise_of, separation
 
 ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
 FILE = "next_experiment.toml"

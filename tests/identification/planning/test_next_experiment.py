@@ -11,7 +11,11 @@ from identification.campaign.file.plan import plan
 from identification.campaign.file.reading import read_campaign
 from identification.campaign.running.staging import check_run
 from identification.diagnosis import diagnose
-from identification.diagnosis.planning.next_experiment import (
+from identification.experiments.heading_control import closed_loop
+from identification.experiments.kinds import KINDS
+from identification.fit.shooting import Shooting
+from identification.fit.windows import free_run_windows
+from identification.planning.next_experiment import (
     ENOUGH,
     Proposal,
     Rival,
@@ -20,11 +24,7 @@ from identification.diagnosis.planning.next_experiment import (
     words,
     write_experiment,
 )
-from identification.diagnosis.planning.separation import Noise, separation
-from identification.experiments.heading_control import closed_loop
-from identification.experiments.kinds import KINDS
-from identification.fit.shooting import Shooting
-from identification.fit.windows import free_run_windows
+from identification.planning.separation import Noise, separation
 
 OFFSET, MOMENT = "effects.rudder.offset", "effects.yaw.moment"
 

@@ -7,9 +7,9 @@ from scipy.signal import lfilter
 from auv_gym.channels import channel
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record, concat
-from identification.compare.causality import check_causality, leads
 from identification.experiments.excitation import prbs
 from identification.experiments.missions import run_mission
+from identification.linear.causality import check_causality, leads
 
 INPUT, OUTPUT, ADDED = "rudder_rad", "heading_rad", "excitation_rudder_rad"
 PD, STRONG = (0.3, 0.5), (2.0, 3.0)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.linalg import norm
 from scipy import stats
 
+from auv_gym.channels import excitation_of
 from auv_gym.records.record import Record
 from identification.linear.regressors import Series
-from identification.pages.drawn_channels import excitation_of
 
 LONGEST = 20  # samples looked ahead
 CHANCE = 1e-6  # of a finding at one shift where nothing is shifted; tens of shifts and pairs are tried
