@@ -8,11 +8,9 @@
 import gymnasium
 import numpy as np
 
-from auv_gym.plant import load_vehicle
-from controllers.autopilots import autopilot
-from identification.compare.comparison import compare_closed, compare_open, horizon_sweep
-from identification.estimator import make_estimator, summary
-from identification.experiments.heading_control import closed_loop
+from auv_gym import load_vehicle
+from controllers import autopilot
+from identification import closed_loop, compare_closed, compare_open, horizon_sweep, make_estimator, summary
 from identification.pages.model_figures import rollout_figure
 
 glider = load_vehicle("slocum")

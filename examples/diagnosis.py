@@ -8,10 +8,8 @@
 import gymnasium
 import numpy as np
 
-from auv_gym.param import replace_at
-from auv_gym.plant import load_vehicle
-from identification.diagnosis import diagnose, write_diagnosis
-from identification.experiments.heading_control import closed_loop
+from auv_gym import load_vehicle, replace_at
+from identification import closed_loop, diagnose, write_diagnosis
 from identification.pages.diagnosis_figures import zoom_figure
 
 plant = load_vehicle("slocum")

@@ -10,7 +10,7 @@ import gymnasium
 import matplotlib.pyplot as plt
 import numpy as np
 
-from controllers.autopilots import autopilot
+from controllers import autopilot
 
 env = gymnasium.make("auv_gym/Depth-v0", vehicle="remus100")
 inner = env.unwrapped

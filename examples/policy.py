@@ -9,12 +9,10 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from auv_gym.param import replace_at
-from auv_gym.plant import load_vehicle
+from auv_gym import load_vehicle, replace_at
 from auv_gym.rl import Training, evaluate, fresh_seeds, train
-from controllers.piloting import pilot_for
-from identification.experiments.heading_control import closed_loop
-from identification.fit.greybox import GreyBox
+from controllers import pilot_for
+from identification import GreyBox, closed_loop
 
 MOMENT = "effects.yaw.moment"
 designed = load_vehicle("slocum")

@@ -93,6 +93,15 @@ def test_every_block_of_code_has_a_language_that_is_checked():
     assert [(name, b.line, b.kind) for name, blocks in BLOCKS.items() for b in blocks if b.kind not in known] == []
 
 
+def test_the_architecture_names_files_that_there_are():
+    kept = ("auv_gym", "controllers", "identification", "scripts", "docs", "examples", "tests")
+    files = [path for folder in kept for path in (ROOT / folder).rglob("*")] + list(ROOT.glob("*"))
+    paths = [path.relative_to(ROOT).as_posix() + "/" * path.is_dir() for path in files]
+    named = set(re.findall(r"`([\w./-]+(?:\.(?:pyi?|toml|md)|/))`", (ROOT / "docs/architecture.md").read_text()))
+    assert len(named) > 100
+    assert sorted(name for name in named if not any(f"/{path}".endswith(f"/{name}") for path in paths)) == []
+
+
 def run_page(page: str, blocks: list[Block]) -> None:
     """Run blocks in order in one namespace; compare what they print."""
     if any(block.kind == "diff" for block in blocks):

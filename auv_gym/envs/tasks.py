@@ -1,9 +1,9 @@
 """What the environments ask for: targets, observations, reward, envelope, as data.
 
 Sizes are in units of the vehicle, so that they fit one of any size: a length, a speed, and their quotient, a rate 1/s.
-Those of a torpedo are its own length and its cruise speed (see `cruise`); those of a float are its speed at full travel
-and how far that takes it in a time of its own (see `engine`). A glider has its nominal speed and its steady turn at
-full rudder, and its times are in s.
+Those of a torpedo are its own length and its cruise speed (see `plant.cruise`); those of a float are its speed at full
+travel and how far that takes it in a time of its own (see `plant.float_engine`). A glider has its nominal speed and its
+steady turn at full rudder, and its times are in s.
 """
 
 from __future__ import annotations

@@ -6,4 +6,8 @@ from .polynomials.orders import OrderSearch as OrderSearch, search_orders as sea
 from .polynomials.output_error import OutputError as OutputError
 from .subspaces.n4sid import N4sid as N4sid
 from .subspaces.pbsid import Pbsid as Pbsid
-from .uncertainty import pole_intervals as pole_intervals, response_band as response_band
+from .uncertainty import (
+    pole_intervals as pole_intervals,
+    response_band as response_band,
+    simulated_band as simulated_band,
+)
