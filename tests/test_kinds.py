@@ -2,16 +2,17 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from auv_gym import load_vehicle
+from auv_gym import load_vehicle, replace_at
 from auv_gym.envs.kinds import KINDS as ENVIRONMENTS
 from auv_gym.models.linear.kinds import KINDS as STEADY
 from auv_gym.vehicles import FAMILIES, compose
 from controllers.autopilots import autopilot
 from controllers.kinds import KINDS as CONTROL
 from identification.experiments.kinds import KINDS as EXPERIMENTS
-from identification.experiments.missions import mission_of
+from identification.experiments.missions import mission_of, run_mission
 
 LAYERS = (ENVIRONMENTS, STEADY, CONTROL, EXPERIMENTS)
 FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]))
@@ -40,3 +41,9 @@ def test_the_refusal_reaches_those_who_ask_for_a_controller_or_a_mission():
         autopilot(walker)
     with pytest.raises(ValueError, match="There are experiments with vehicles of kind"):
         mission_of(walker)
+
+
+def test_a_mission_that_samples_by_its_own_settings_refuses_effects_that_it_would_ignore():
+    glider = replace_at(load_vehicle("slocum"), "effects.sampling.compass.noise", 0.1)
+    with pytest.raises(ValueError, match=r"no effects\.sampling\.compass\.noise: set compass_noise, track_noise, or"):
+        run_mission(glider, np.random.default_rng(0))

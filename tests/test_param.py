@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from auv_gym.param import (
+    Spec,
     did_you_mean,
     list_paths,
     pack,
@@ -51,7 +52,7 @@ def test_the_packed_vector():
 
 def test_a_parameter_is_known_by_its_declaration():
     spec = spec_at(Tail(), "upper.area")
-    assert spec == ("m^2", "fin area", 0.02, (0.0, 1.0), 1e-3)
+    assert spec == Spec("m^2", "fin area", neutral=0.02, bounds=(0.0, 1.0), probe=1e-3)
     assert spec_at(Tail(), "lower.angle").bounds == (-math.inf, math.inf)
 
 

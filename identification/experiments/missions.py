@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.param import did_you_mean
+from auv_gym.param import did_you_mean, list_paths, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.experiments.kinds import KINDS, Mission
@@ -21,6 +21,15 @@ def run_mission(plant: Plant, rng: np.random.Generator, **settings: Any) -> Reco
                 f"The experiment of {plant.name} ({mission.title}) has no setting {name!r}. "
                 f"{did_you_mean(name, mission.settings)}It has {', '.join(mission.settings)}."
             )
+    given = [
+        path for path in list_paths(plant) if path.startswith("effects.sampling.") and value_at(plant, path) != 0.0
+    ]
+    if given and not mission.sampled:
+        noises = ", ".join(name for name in mission.settings if name.endswith("noise"))
+        raise ValueError(
+            f"The experiment of {plant.name} ({mission.title}) has no {given[0]}: set {noises}, or drive an "
+            "environment, which has it."
+        )
     return mission.make(plant, rng, **settings)
 
 

@@ -1,5 +1,1 @@
 """Least-squares support vector machines: regression, hulls, nonlinear difference equations, diving models."""
-
-import lazy_loader
-
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

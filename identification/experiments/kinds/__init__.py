@@ -13,11 +13,15 @@ from identification.experiments.designs import Design
 
 @dataclass(frozen=True)
 class Mission:
-    """An experiment; settings: the names that it takes, in SI, beside the plant and the generator."""
+    """An experiment; settings: the names that it takes, in SI, beside the plant and the generator.
+
+    sampled: whether its sensors have `effects.sampling`; else its own settings say how noisy they are.
+    """
 
     title: str
     settings: tuple[str, ...]
     make: Callable[..., Record]
+    sampled: bool = False
 
 
 @dataclass(frozen=True)

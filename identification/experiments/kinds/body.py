@@ -40,7 +40,7 @@ def _manoeuvres(plant: Plant, rng: np.random.Generator, **settings: Any) -> Reco
 
 def _mission(plant: Plant) -> Mission:
     title = "heading, depth and speed in steps, with excitation at rudder and stern plane"
-    return Mission(title, ("duration", "compass_noise", "depth_noise"), _manoeuvres)
+    return Mission(title, ("duration", "compass_noise", "depth_noise"), _manoeuvres, sampled=True)
 
 
 def _designs(plant: Plant) -> tuple[Design, ...]:
