@@ -12,7 +12,7 @@ from auv_gym.plant import Plant
 from controllers.composed.loops import Joint
 from controllers.controller import Controller
 from controllers.gains import Gains, NoGains, gains_for
-from controllers.kinds import KINDS
+from controllers.kinds import KINDS, ControlKind
 
 LAWS = ("pid", "s_plane", "gpc")
 
@@ -55,6 +55,7 @@ def pid_autopilot(
     gains themselves.  Raises where there are none for this vehicle and time.
     """
     kind = KINDS.of(plant.family)
+    _check_pitch_limit(plant, kind, pitch_limit)
     chosen = _targets(plant, targets, also=tuple(name for name in kind.plans if name not in kind.targets))
     return kind.pid(plant, chosen, _gains(plant, dt, gains), pitch_limit)
 
@@ -106,11 +107,9 @@ def gpc_autopilot(
             f"gpc_autopilot of {plant.name!r} needs targets among {', '.join(makers)}, got "
             f"{', '.join(unknown) or 'none'}."
         )
-    if pitch_limit is not None:
-        if "pitch_rad" not in makers or not 0.0 < pitch_limit < radians(85.0):
-            raise ValueError(f"gpc_autopilot needs a pitch_limit of a torpedo, 0 to 1.48 rad, got {pitch_limit!r}.")
-        if "depth_m" in names:
-            settings = {**settings, "pitch_limit": pitch_limit}
+    _check_pitch_limit(plant, kind, pitch_limit)
+    if pitch_limit is not None and "depth_m" in names:
+        settings = {**settings, "pitch_limit": pitch_limit}
     settings = {"every": _samples(plant, kind.every, dt), **settings}
     made = [makers[name](plant, settings) for name in names]
     return made[0] if len(made) == 1 else Joint(tuple(made))
@@ -122,6 +121,14 @@ def _samples(plant: Plant, every: Callable[[Plant], float], dt: float | None) ->
     if dt is not None and abs(samples * plant.dt - dt) > 1e-6 * dt:
         raise ValueError(f"gpc_autopilot needs dt a multiple of the {plant.dt:g} s of {plant.name!r}, got {dt!r}.")
     return samples
+
+
+def _check_pitch_limit(plant: Plant, kind: ControlKind, limit: float | None) -> None:
+    if limit is not None and ("pitch_rad" not in kind.plans or not 0.0 < limit < radians(85.0)):
+        raise ValueError(
+            f"pitch_limit= is for vehicles that dive by pitch, 0 to 1.48 rad, got {limit!r} for {plant.name!r}: leave "
+            "it out, or give an angle in between."
+        )
 
 
 def _gains(plant: Plant, dt: float | None, gains: str | os.PathLike | Gains | None) -> Gains:

@@ -266,3 +266,9 @@ def test_a_vehicle_without_gains_is_flown_by_predictive_control():
         autopilot(own)
     assert all(isinstance(loop, Scheduled | Gpc) for loop in usual_autopilot(own).controllers)
     assert usual_autopilot(load_vehicle("remus100")) == autopilot(load_vehicle("remus100"))
+
+
+@pytest.mark.parametrize("vehicle", ["slocum", "qiandao_float"])
+def test_a_limit_of_pitch_is_refused_where_nothing_pitches(vehicle):
+    with pytest.raises(ValueError, match="for vehicles that dive by pitch"):
+        autopilot(load_vehicle(vehicle), pitch_limit=0.1)

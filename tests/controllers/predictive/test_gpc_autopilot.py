@@ -150,8 +150,8 @@ def test_pitch_can_stand_in_the_place_of_depth():
     [
         ("npsauv", {"targets": ["roll_rad"]}, "targets among depth_m, heading_rad, u_mps, pitch_rad, got roll_rad"),
         ("npsauv", {"targets": []}, "got none"),
-        ("npsauv", {"pitch_limit": 2.0}, "pitch_limit of a torpedo"),
-        ("slocum", {"pitch_limit": 0.1}, "pitch_limit of a torpedo"),
+        ("npsauv", {"pitch_limit": 2.0}, "for vehicles that dive by pitch"),
+        ("slocum", {"pitch_limit": 0.1}, "for vehicles that dive by pitch"),
         ("npsauv", {"dt": 0.25}, "dt a multiple of the 0.1 s of 'npsauv', got 0.25"),
     ],
 )
