@@ -138,10 +138,6 @@ class Plant:
     def _work_size(self) -> int:
         return scratch_for(self.family).size
 
-    def new_work(self) -> np.ndarray:
-        """Room for what `programs.step` reckons with."""
-        return np.empty(self._work_size)
-
     @cached_property
     def programs(self) -> Programs:
         return bind_family(self.family)

@@ -187,8 +187,7 @@ def diagnose(
         source=source,
         versions=_versions(),
     )
-    stages = {"given": as_given.plant, "before": before.plant, "after": after.plant}
-    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, stages), ())
+    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, diagnosis.plants), ())
     return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
 
 

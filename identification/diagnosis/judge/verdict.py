@@ -164,6 +164,11 @@ class Diagnosis:
     versions: dict[str, str] = field(default_factory=dict)
 
     @property
+    def plants(self) -> dict[str, Plant]:
+        """The vehicle as given, before and after."""
+        return {"given": self.given.plant, "before": self.before.plant, "after": self.after.plant}
+
+    @property
     def changed(self) -> bool:
         """Whether anything was added to the vehicle: named effects, or a term found in the data."""
         return bool(self.effects) or (self.discovery is not None and self.discovery.holds)
