@@ -224,7 +224,8 @@ def _cache_folder(packages: frozenset[Path]) -> Path:
             text = path.read_bytes()
             if path.stat().st_mtime > _STARTED:  # what was loaded may be older
                 digest.update(f"{os.getpid()} {_STARTED}".encode())
-            if b"compiled" in text or b"param(" in text:  # a view has the layout of its parameter tree built in
+            # a view has the layout of its record built in: of a parameter tree, or of an environment's numbers
+            if any(word in text for word in (b"compiled", b"param(", b"Layout(")):
                 digest.update(str(path.relative_to(folder)).encode() + b"\0" + text)
     roots = [os.environ.get("AUV_GYM_CACHE"), os.environ.get("XDG_CACHE_HOME"), os.path.expanduser("~/.cache")]
     for root in [Path(root) / "auv-gym" for root in roots if root]:

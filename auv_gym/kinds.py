@@ -26,7 +26,7 @@ class Kinds(Generic[Known]):
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The kinds by name."""
-        return tuple(sorted(found.name for found in iter_modules(import_module(self._package).__path__)))
+        return tuple(sorted(m.name for m in iter_modules(import_module(self._package).__path__) if m.name[0] != "_"))
 
     def of(self, family: Family) -> Known:
         """What the layer knows of a family's kind; raises ValueError where it knows nothing."""

@@ -89,7 +89,7 @@ class Trained(Protocol):
         ...
 
 
-def constants_of(model: Model) -> Mapping[str, float]:
+def model_constant_inputs(model: Model) -> Mapping[str, float]:
     """Values of inputs that the model knows by itself, by channel."""
     return model.constants if isinstance(model, Supplied) else {}
 
@@ -111,7 +111,7 @@ def inputs_of(model: Model, record: Record) -> np.ndarray:
 
     `elapsed_s` is the time since each segment began, where the record does not say it.
     """
-    constants = {name: np.full(record.time.size, value) for name, value in constants_of(model).items()}
+    constants = {name: np.full(record.time.size, value) for name, value in model_constant_inputs(model).items()}
     if "elapsed_s" in constants:
         constants["elapsed_s"] = record.elapsed
     columns = [record[name] if record.has(name) or name not in constants else constants[name] for name in model.inputs]

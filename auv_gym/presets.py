@@ -21,7 +21,7 @@ class Heading:
     dt: float
 
 
-def list_headings() -> dict[str, Heading]:
+def list_preset_headings() -> dict[str, Heading]:
     """Those of the presets by name."""
     found = {}
     for name, path in _presets().items():

@@ -8,9 +8,9 @@ from math import inf, isfinite
 
 from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant
-from auv_gym.vehicles.glider import GliderHull, yaw_rates
+from auv_gym.vehicles.glider import GliderHull, linear_yaw_coefficients
 from auv_gym.vehicles.profiling_float import steady_speed
-from controllers.tracking import Points, check_loop, error_of, filtered_rate, held_by, limited
+from controllers.tracking import Points, check_loop, error_of, filtered_rate, holding_command, limited
 
 _INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
 _SLOW = 0.2  # the third pole over the other two
@@ -91,7 +91,7 @@ class Pid:
             return {self.command: last}, state
         error = error_of(self.measured, target[self.measured], measured)
         rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
-        steady = held_by(self.steady, target[self.measured], self.neutral)
+        steady = holding_command(self.steady, target[self.measured], self.neutral)
         wanted = steady + self.proportional * error + state.integral - self.derivative * rate
         command = limited(wanted, last, self.middle, self.limit, self.rate_limit * dt)
         growth = self.integral * error * dt
@@ -114,7 +114,7 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
             "give a Pid gains of your own."
         )
     hull = plant.hull
-    damping, rudder = yaw_rates(plant.family.view(plant.vector).hull)
+    damping, rudder = linear_yaw_coefficients(plant.family.view(plant.vector).hull)
     damping, rudder = hull.damping_factor * damping, hull.rudder_factor * rudder
     gain = hull.rudder_heading_rate - rudder / damping if damping < 0.0 else 0.0
     if abs(gain) < 1e-9:

@@ -8,7 +8,7 @@ from math import inf, isfinite
 from typing import Any, NamedTuple
 
 from auv_gym.channels import channel, wrap
-from controllers.composed.loops import commands_of, targets_of
+from controllers.composed.loops import commanded_inputs, targets_of
 from controllers.controller import Controller
 
 
@@ -57,7 +57,7 @@ class Relay:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys((*commands_of(self.controller), self.command)))
+        return tuple(dict.fromkeys((*commanded_inputs(self.controller), self.command)))
 
     def start(self) -> RelayState:
         return RelayState(self.controller.start(), None, 0)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isfinite, tanh
 
-from controllers.tracking import Points, check_loop, error_of, filtered_rate, held_by, limited
+from controllers.tracking import Points, check_loop, error_of, filtered_rate, holding_command, limited
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class SPlane:
         rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
         # the sigmoid of equation (21) is this hyperbolic tangent, which cannot overflow
         m = tanh(0.5 * (self.k1 * error - self.k2 * rate / self.rate_scale)) + state.integral
-        wanted = held_by(self.steady, target[self.measured], self.neutral) + self.span * m
+        wanted = holding_command(self.steady, target[self.measured], self.neutral) + self.span * m
         bounded = wanted + self.span * (min(max(m, -1.0), 1.0) - m)
         command = limited(bounded, last, self.middle, self.limit, self.rate_limit * dt)
         growth = self.k3 * error * dt

@@ -43,7 +43,7 @@ def filtered_rate(
     return (filter_time * rate + error_of(name, reading[name], last)) / (filter_time + dt)
 
 
-def held_by(steady: Points, target: float, neutral: float) -> float:
+def holding_command(steady: Points, target: float, neutral: float) -> float:
     """The command that holds a target: between (target, command) points a straight line; neutral without points."""
     if not steady:
         return neutral

@@ -284,7 +284,7 @@ def summary(fit: Fit) -> str:
 
 def notes_of(fit: Fit) -> tuple[str, ...]:
     """What a fit says in words of itself; most say nothing."""
-    return fit.notes if isinstance(fit, Noted) else ()
+    return tuple(fit.notes) if isinstance(fit, Noted) else ()
 
 
 def _worked_on(method: Method, given: Mapping[str, Any]) -> dict[str, Any]:

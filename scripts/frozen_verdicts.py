@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_gym.cli.options.console import errors, output, table
-from auv_gym.vehicles.former import path_now
+from auv_gym.vehicles.former import current_torpedo_path
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.scoring import score
 from scripts.studies.runs import Failure, read_json, results_of, write_json
@@ -61,10 +61,10 @@ def brief(said: Mapping[str, Any]) -> dict[str, Any]:
 def renamed(told: Any) -> Any:
     """What was stored, with the paths that parameters have now."""
     if isinstance(told, Mapping):
-        return {path_now(key): renamed(value) for key, value in told.items()}
+        return {current_torpedo_path(key): renamed(value) for key, value in told.items()}
     if isinstance(told, list):
         return [renamed(value) for value in told]
-    return path_now(told) if isinstance(told, str) else told
+    return current_torpedo_path(told) if isinstance(told, str) else told
 
 
 def changes_of(before: Mapping[str, Any], now: Mapping[str, Any]) -> tuple[str, ...]:

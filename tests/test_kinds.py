@@ -9,10 +9,12 @@ from auv_gym import load_vehicle, replace_at
 from auv_gym.envs.kinds import KINDS as ENVIRONMENTS
 from auv_gym.models.linear.kinds import KINDS as STEADY
 from auv_gym.vehicles import FAMILIES, compose
+from auv_gym.vehicles.family import registered
 from controllers.autopilots import autopilot
 from controllers.kinds import KINDS as CONTROL
 from identification.experiments.kinds import KINDS as EXPERIMENTS
-from identification.experiments.missions import mission_of, run_mission
+from identification.experiments.missions import check_mission, mission_of, run_mission
+from identification.planning import next_experiment
 
 LAYERS = (ENVIRONMENTS, STEADY, CONTROL, EXPERIMENTS)
 FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]))
@@ -45,5 +47,21 @@ def test_the_refusal_reaches_those_who_ask_for_a_controller_or_a_mission():
 
 def test_a_mission_that_samples_by_its_own_settings_refuses_effects_that_it_would_ignore():
     glider = replace_at(load_vehicle("slocum"), "effects.sampling.compass.noise", 0.1)
-    with pytest.raises(ValueError, match=r"no effects\.sampling\.compass\.noise: set compass_noise, track_noise, or"):
+    with pytest.raises(ValueError, match=r"has no effects\.sampling\.compass\.noise: leave it out"):
         run_mission(glider, np.random.default_rng(0))
+    with pytest.raises(ValueError, match="has no setting 'lenght'"):
+        check_mission(load_vehicle("slocum"), ["lenght"])
+    check_mission(replace_at(load_vehicle("remus100"), "effects.sampling.compass.noise", 0.1), ["duration"])
+
+
+def test_the_next_experiment_is_simulated_without_sampling(tmp_path):
+    float_ = replace_at(load_vehicle("qiandao_float"), "effects.sampling.depth.noise", 0.1)
+    design = EXPERIMENTS.of(float_.family).designs(float_)[0]
+    found = next_experiment._flown(design, float_, float_, 5.0, 0)
+    assert not isinstance(found, str), found
+
+
+def test_a_name_of_a_family_is_given_once():
+    with pytest.raises(ValueError, match="There is a family 'glider' already"):
+        registered(replace(FAMILIES["glider"], title="another"))
+    assert registered(FAMILIES["glider"]) is FAMILIES["glider"]

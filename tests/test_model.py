@@ -11,7 +11,7 @@ from auv_gym.model import Diverged, Model, check_interval, inputs_of, outputs_of
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
-from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.vehicles.glider import linear_yaw_coefficients
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def test_a_plant_is_simulated_at_the_records_own_times():
     plant = replace(load_vehicle("slocum"), longest_step=0.5)
     time = np.array([0.0, 1.0, 7.0, 7.5, 20.0])
     made = Record.from_arrays(time, {"rudder_rad": np.zeros(5), "heading_rad": np.ones(5), "r_radps": np.full(5, 0.1)})
-    k = -yaw_rates(plant.family.view(plant.vector).hull)[0]
+    k = -linear_yaw_coefficients(plant.family.view(plant.vector).hull)[0]
     found = simulate(plant, made)
     # fourth order: (0.5 s / 12 s)^4 of 0.1 rad/s
     assert found["r_radps"] == pytest.approx(0.1 * np.exp(-k * time), abs=1e-7)

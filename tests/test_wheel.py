@@ -13,7 +13,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("auv_gym", "controllers", "identification")
-DATA = (".toml", ".html", ".yaml", ".css", ".js")
+DATA = (".toml", ".html", ".pyi", ".yml")
 
 
 @pytest.fixture(scope="module")

@@ -46,7 +46,7 @@ def compare(
     """Compare models over records: free runs from fitted starts, and predictions over the horizon."""
     with progress_bar() as progress:
         progress(0.0, "starting")
-        logs.check_there(record)  # refused before what takes long to import
+        logs.check_log_files(record)  # refused before what takes long to import
 
         from auv_gym.model import Diverged
         from auv_gym.models.files import load_model

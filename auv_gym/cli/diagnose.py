@@ -12,7 +12,7 @@ from rich.table import Table
 from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import errors, output, progress_bar, table
-from auv_gym.cli.options.next_experiment import propose, tell
+from auv_gym.cli.options.next_experiment import propose_experiments, tell
 from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ def diagnose(
         # what can be refused at once comes before what takes long to import
         find_vehicle(vehicle)
         writable_folder(out)
-        logs.check_there([log])
+        logs.check_log_files([log])
 
         from auv_gym.plant import load_vehicle
         from auv_gym.records.density import read_profiles, with_density
@@ -124,7 +124,9 @@ def diagnose(
         written = write_diagnosis(diagnosis, out, extras)
         if next_experiment:
             planned = extras.attempt(
-                "The next experiment", lambda: propose(diagnosis, out, lambda fraction, text: progress(0.9, text)), None
+                "The next experiment",
+                lambda: propose_experiments(diagnosis, out, lambda fraction, text: progress(0.9, text)),
+                None,
             )
             if planned is None:  # the files say so, too
                 written = write_diagnosis(diagnosis, out, extras)

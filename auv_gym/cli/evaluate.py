@@ -42,16 +42,16 @@ def evaluate(
 
     Options of the environment that are not given are those of the training.
     """
-    options = environment.options_of(vehicle, effect, randomise, dt, duration)
+    options = environment.parse_environment_options(vehicle, effect, randomise, dt, duration)
     with progress_bar() as progress:
         progress(0.0, "starting")
         from auv_gym.rl import Policy, evaluate as judged, fresh_seeds
         from controllers.piloting import pilot_for
 
         if picture is not None:
-            from auv_gym.rl.pictures import check_name, draw_episode
+            from auv_gym.rl.pictures import check_picture_name, draw_episode
 
-            check_name(picture)
+            check_picture_name(picture)
         policy = Policy.load(folder)
         made = policy.env(on, env=env, **options)
         names = [name.strip() for name in (against or "").split(",") if name.strip()]

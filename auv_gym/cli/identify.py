@@ -67,7 +67,7 @@ def identify(
         # what can be refused at once comes before what takes long to import
         if vehicle is not None:
             find_vehicle(vehicle)
-        logs.check_there([*records, *(validate or [])])
+        logs.check_log_files([*records, *(validate or [])])
 
         from auv_gym.models.files import save_model
         from auv_gym.plant import load_vehicle

@@ -51,10 +51,10 @@ def list_things(
 
 
 def _vehicles() -> Table:
-    from auv_gym.presets import list_headings
+    from auv_gym.presets import list_preset_headings
 
     shown = table("Vehicles", "name!", "family", "dt, s>", "what")
-    for name, heading in list_headings().items():
+    for name, heading in list_preset_headings().items():
         shown.add_row(name, heading.family, f"{heading.dt:g}", heading.title)
     return shown
 

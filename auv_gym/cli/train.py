@@ -39,7 +39,7 @@ def train(
 
     Exit code: 130 where the training was stopped; the same command goes on.
     """
-    options = environment.options_of(vehicle, effect, randomise, dt, duration)
+    options = environment.parse_environment_options(vehicle, effect, randomise, dt, duration)
     with progress_bar() as progress:
         progress(0.0, "starting")
         from auv_gym.rl import Training, hyperparameters_for, train as learn

@@ -10,6 +10,7 @@ from auv_gym.compiled import for_vector
 from auv_gym.envs.episodes import Episodes
 from auv_gym.envs.infos import Named
 from auv_gym.envs.kernel.layout import RUNNING
+from auv_gym.model import model_constant_inputs
 
 
 class ModelDriver:
@@ -42,7 +43,7 @@ class ModelDriver:
                     unseen[name] = at + j
         self._unseen = [(i, unseen[name]) for i, name in enumerate(model.states) if name in unseen]
         self._inputs = [(i, family.inputs.index(n)) for i, n in enumerate(model.inputs) if n in family.inputs]
-        constants = getattr(model, "constants", {})
+        constants = model_constant_inputs(model)
         self._u = np.array([constants.get(name, 0.0) for name in model.inputs])
         self._names = {name: i for i, name in enumerate(model.states)}
         self.x = np.zeros(len(model.states))

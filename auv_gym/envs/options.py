@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.model import Model
+from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model
 from auv_gym.plant import Plant, load_vehicle
 
 
-def vehicle_of(vehicle: str | os.PathLike | Plant, dt: float | None) -> Plant:
+def resolve_plant(vehicle: str | os.PathLike | Plant, dt: float | None) -> Plant:
     """The plant of a preset, a vehicle file or a plant, at a sample time in s or at its own."""
     if isinstance(vehicle, Plant):
         return vehicle if dt is None else replace(vehicle, dt=dt)
@@ -37,7 +37,7 @@ def check_number(name: str, value: Any, unit: str, *, above: float = -inf, at_le
 def check_model_inputs(model: Model, plant: Plant) -> None:
     """Raises if a model asks for an input that an environment with this vehicle does not have."""
     for channel in model.inputs:
-        if channel not in plant.inputs and channel not in getattr(model, "constants", {}):
+        if channel not in plant.inputs and channel not in model_constant_inputs(model):
             raise ValueError(
                 f"model= needs an input {channel} that the environment does not have; it has "
                 f"{', '.join(plant.inputs)}: fit the model without it."

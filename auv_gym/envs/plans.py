@@ -25,7 +25,7 @@ from auv_gym.envs.kernel.layout import (
 from auv_gym.envs.kernel.programs import bind_kernel
 from auv_gym.envs.kind import EnvKind, ScaledTask
 from auv_gym.envs.kinds import KINDS
-from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, model_of, vehicle_of
+from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, model_of, resolve_plant
 from auv_gym.envs.tasks import Observed, Task
 from auv_gym.model import Model
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
@@ -54,7 +54,7 @@ def make_episodes(
         if task not in tasks.TASKS:
             raise ValueError(f"No task {task!r}. {did_you_mean(task, tasks.TASKS)}Tasks: {', '.join(tasks.TASKS)}.")
         task = tasks.TASKS[task]
-    plant = vehicle_of(task.vehicle if vehicle is None else vehicle, dt)
+    plant = resolve_plant(task.vehicle if vehicle is None else vehicle, dt)
     kind = _kind_for(task, plant)
     own = {name: value for name, value in own.items() if value is not None}
     for name in own:
@@ -66,11 +66,12 @@ def make_episodes(
     if target is not None:
         check_number("target", target, "the channel's unit", at_least=task.least)
     scaled = kind.scale(task, plant, duration=duration, target=target, **own)
-    for path in scaled.effects.keys() & (effects or {}).keys():
-        raise ValueError(
-            f"{task.name} needs one value of {path}, got one by effects= and one by "
-            f"{', '.join(f'{name}=' for name in own)}: leave one out."
-        )
+    for given, where in ((effects, "effects="), (randomise, "randomise=")):
+        for path in scaled.effects.keys() & (given or {}).keys():
+            raise ValueError(
+                f"{task.name} needs one value of {path}, got one by {where} and one by an option of its "
+                "own: leave one out."
+            )
     effects = {**scaled.effects, **(effects or {})}
     units = {"": 1.0, **scaled.units}
     driver, owner, ranges = _driven(plant, model, effects, randomise, scaled.randomise)
@@ -78,8 +79,8 @@ def make_episodes(
     if not compiled:
         if scaled.least_dt < plant.dt:
             raise ValueError(
-                f"near= changes the sample time, for which {type(driver).__name__} was not made: leave near= out, or "
-                "give a plant as model=."
+                f"Steps of two lengths (near=) are nothing that {type(driver).__name__} was made for: leave near= out, "
+                "or give a plant as model=."
             )
         _check_model(driver, plant, scaled)
 

@@ -246,7 +246,7 @@ def turned(roll, pitch, heading, turn):
 
 
 @compiled
-def turn_between(roll, pitch, heading, new_roll, new_pitch, new_heading, turn):
+def rotation_between(roll, pitch, heading, new_roll, new_pitch, new_heading, turn):
     """The rotation vector, rad, in body axes, from the first attitude to the second by the short way, into turn."""
     a0, a1, a2, a3 = quaternion_of(roll, pitch, heading)
     b0, b1, b2, b3 = quaternion_of(new_roll, new_pitch, new_heading)
@@ -311,7 +311,7 @@ def _carry(before, after, inputs, where, is_driven, speed, duration, derived):
             if where[9 + i] >= 0 and not is_driven[9 + i]:
                 end[9 + i] = after[where[9 + i]] = attitude[i]
     if turned_to or not turning:
-        turn_between(start[9], start[10], start[11], end[9], end[10], end[11], turn)
+        rotation_between(start[9], start[10], start[11], end[9], end[10], end[11], turn)
 
     z = np.empty((2, INTEGRATED))
     enter(before[:STATES], z[0])

@@ -58,7 +58,7 @@ def shape_command(command, memory, limit, actuator):
 
 
 @compiled
-def decay_of(lag, duration):
+def lag_progress(lag, duration):
     """The share of its way to the target that a first-order lag has gone after a time."""
     return -expm1(-duration / lag) if lag > 0.0 else 1.0
 
@@ -70,7 +70,7 @@ def travel(position, target, lag, slowness, duration, decay=-1.0):
     First-order lag with a rate limit, dx/dt = clip((target - x)/lag, +-1/slowness), solved in closed form: a straight
     run at full rate, then an exponential. `mean + slope (t - duration/2)` has the exact zeroth and first moment of the
     position, so forces taken from it keep a fourth-order integrator's order and are right however small the lag is.
-    lag: s.  slowness: s/rad, the inverse of the rate limit.  decay: `decay_of(lag, duration)`, where it is known.
+    lag: s.  slowness: s/rad, the inverse of the rate limit.  decay: `lag_progress(lag, duration)`, where it is known.
     Source: Fossen 2021, sec. 9.7 (lag, rate limit).
     """
     error = position - target
@@ -89,7 +89,7 @@ def travel(position, target, lag, slowness, duration, decay=-1.0):
         size -= run / slowness
     rest = duration - run
     if rest > 0.0 and lag > 0.0:
-        gone = decay if run == 0.0 and decay >= 0.0 else decay_of(lag, rest)
+        gone = decay if run == 0.0 and decay >= 0.0 else lag_progress(lag, rest)
         area += size * lag * gone
         moment += size * lag * (run * gone + lag * gone - rest * (1.0 - gone))
         size *= 1.0 - gone

@@ -75,7 +75,7 @@ def any_term(coefficients, count):
 
 
 @compiled
-def yaw_moment(c, psi, r, rudder, inputs):
+def discovered_yaw_moment(c, psi, r, rudder, inputs):
     """Moment, N m, of the terms with coefficients c over YAW_TERMS; inputs: as in the heading family."""
     u, w, pitch, roll = inputs[3], inputs[4], inputs[6], inputs[7]
     plain = c[0] * r + c[1] * u + c[2] * w + c[3] * pitch + c[4] * rudder
@@ -85,7 +85,7 @@ def yaw_moment(c, psi, r, rudder, inputs):
 
 
 @compiled
-def heave_force(c, depth, w, piston, temperature, time):
+def discovered_heave_force(c, depth, w, piston, temperature, time):
     """Force down, N, of the terms with coefficients c over HEAVE_TERMS.
 
     w: m/s, down through the water.  piston: m, and temperature: K, from where the float is neutral.  time: s, since the
@@ -99,6 +99,6 @@ def heave_force(c, depth, w, piston, temperature, time):
 
 
 @compiled
-def heave_damping(c, w):
+def discovered_heave_damping(c, w):
     """Slope of the terms that damp by themselves, w and w |w|, kg/s, for the longest stable step."""
     return abs(c[_W]) + 2.0 * abs(c[_W_W] * w)

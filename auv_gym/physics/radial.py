@@ -38,7 +38,7 @@ def radial_blocks(support: np.ndarray, rate: np.ndarray, coefficients: np.ndarra
 
 
 @compiled
-def fill_powers(x, block, power):
+def fill_gaussian_exponents(x, block, power):
     """-|(x - s) rate|^2 / ln 2 for the centres of a block into power (LANES,)."""
     d, n = x.shape[0], power.shape[0]
     own, square = block[d], 0.0
@@ -67,7 +67,7 @@ def radial_sums(x, blocks, room, out):
             total[j] = 0.0
     for b in range(blocks.shape[0]):
         block = blocks[b]
-        fill_powers(x, block, power)
+        fill_gaussian_exponents(x, block, power)
         for j in range(n):
             v = power[j] if power[j] > _LEAST else _LEAST
             rounded = v + _ROUNDS
@@ -103,7 +103,7 @@ def radial_distance(x, blocks, room):
     for j in range(most.shape[0]):
         most[j] = -np.inf
     for b in range(blocks.shape[0]):
-        fill_powers(x, blocks[b], power)
+        fill_gaussian_exponents(x, blocks[b], power)
         for j in range(most.shape[0]):
             most[j] = power[j] if power[j] > most[j] else most[j]
     half = most.shape[0] // 2

@@ -1,12 +1,12 @@
 """A vehicle that runs: parameters and effects, integrated in time, as a `Model`; and the files it is read from."""
 
-from auv_gym.plant.plant import Plant, Runs, check_deviation, without_effects
+from auv_gym.plant.plant import Plant, Runs, check_coefficient_deviation, without_effects
 from auv_gym.plant.vehicle_files import list_vehicles, load_vehicle, save_vehicle, vehicle_of_text, vehicle_text
 
 __all__ = [
     "Plant",
     "Runs",
-    "check_deviation",
+    "check_coefficient_deviation",
     "list_vehicles",
     "load_vehicle",
     "save_vehicle",

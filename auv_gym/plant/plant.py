@@ -49,7 +49,7 @@ class Plant:
 
     def __post_init__(self):
         for path, deviation in self.deviations.items():
-            check_deviation(self.parameters, path, deviation)
+            check_coefficient_deviation(self.parameters, path, deviation)
         if self.learned is not None and not self.family.learns:
             raise ValueError(
                 f"A learned hull belongs to a vehicle in six degrees of freedom, got {self.name!r} of family "
@@ -294,7 +294,7 @@ class Runs:
         return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, int((stop - begin).sum()))
 
 
-def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
+def check_coefficient_deviation(parameters: Any, path: str, deviation: Any) -> None:
     """Raises unless a standard deviation can be that of a coefficient at a path."""
     unit = spec_at(parameters, path).unit
     if not path.startswith(("hull.", "parts.")):

@@ -20,7 +20,7 @@ import numpy as np
 
 from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
 from auv_gym.param import list_paths
-from auv_gym.physics.actuators import decay_of, travel
+from auv_gym.physics.actuators import lag_progress, travel
 from auv_gym.vehicles.family import Family, RightHandSide
 
 _ARRIVED = 1e-9  # s before its target where an actuator counts as there
@@ -106,7 +106,7 @@ def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
             t_next = t + BLOCK * h
         for j in range(ACTUATORS):
             _, lags[j], slownesses[j] = physics.actuator_times(j, p)
-            decays[j] = decay_of(lags[j], h)
+            decays[j] = lag_progress(lags[j], h)
         for _ in range(pieces):
             for j in range(ACTUATORS):
                 mean, slope, last = travel(position[j], target[j], lags[j], slownesses[j], h, decays[j])

@@ -15,11 +15,11 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
-from auv_gym.plant.plant import Plant, check_deviation
-from auv_gym.presets import find_vehicle, list_headings
+from auv_gym.plant.plant import Plant, check_coefficient_deviation
+from auv_gym.presets import find_vehicle, list_preset_headings
 from auv_gym.vehicles import FAMILIES, FAMILY_NAMES
-from auv_gym.vehicles.body.files import parts_of, parts_text
-from auv_gym.vehicles.former import of_parts
+from auv_gym.vehicles.body.files import parse_part_tables, parts_text
+from auv_gym.vehicles.former import convert_former_vehicle
 from auv_gym.writing import replacing
 
 _FILE_KEYS = (
@@ -33,7 +33,7 @@ _ANY = (-np.inf, np.inf)
 
 def list_vehicles() -> dict[str, str]:
     """Names and titles of the presets."""
-    return {name: heading.title for name, heading in list_headings().items()}
+    return {name: heading.title for name, heading in list_preset_headings().items()}
 
 
 def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
@@ -99,7 +99,7 @@ def _parse(text: str, origin: str) -> Plant:
     except tomllib.TOMLDecodeError as error:
         raise ValueError(f"Vehicle file {origin} is not valid TOML: {error}.") from None
     try:
-        content = of_parts(content)
+        content = convert_former_vehicle(content)
     except ValueError as error:
         raise ValueError(f"Vehicle file {origin}: {error}.") from None
     named = content.get("family", "nothing")
@@ -119,7 +119,7 @@ def _parse(text: str, origin: str) -> Plant:
         if named in FAMILIES:
             family = FAMILIES[named]
         else:
-            family, content = parts_of(content)
+            family, content = parse_part_tables(content)
     except ValueError as error:
         raise ValueError(f"Vehicle file {origin}: {str(error).rstrip('.')}.") from None
     tables = {key: content[key] for key in _TABLES if key in content}
@@ -144,7 +144,7 @@ def _parse(text: str, origin: str) -> Plant:
         try:
             values[path] = check_value(path, value, spec._replace(bounds=_ANY) if path in primes else spec)
             if "deviation" in entry:
-                check_deviation(parameters, path, entry["deviation"])
+                check_coefficient_deviation(parameters, path, entry["deviation"])
                 deviations[path] = float(entry["deviation"])
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None

@@ -17,7 +17,7 @@ from auv_gym.channels import SEGMENT_COLUMNS, conversion, is_flag
 from auv_gym.param import did_you_mean
 from auv_gym.records.mermaid import COLUMNS as MERMAID_COLUMNS, is_mermaid, mermaid_dives
 from auv_gym.records.record import Record
-from auv_gym.records.slocum import read_slocum, shipped_log
+from auv_gym.records.slocum import bundled_slocum_log, read_slocum
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,7 +89,7 @@ def read_columns(path: str | Path) -> tuple[dict[str, np.ndarray], np.ndarray]:
 def find_log(name: str | Path) -> Path:
     """The file of a log, or of one that dbdreader ships (`slocum:ammonite`); raises ValueError if none can be read."""
     text = str(name)
-    path = shipped_log(text.removeprefix("slocum:")) if text.startswith("slocum:") else Path(text)
+    path = bundled_slocum_log(text.removeprefix("slocum:")) if text.startswith("slocum:") else Path(text)
     suffix = path.suffix.lower()
     if path.is_dir():
         raise ValueError(f"{path} is a folder: give the path of one log file in it.")

@@ -70,7 +70,7 @@ def read_slocum(path: str | Path, cache_dir: str | Path | None = None, *, max_ga
     return Record.from_arrays(time, values, attrs=attrs).split_gaps(max_gap_s)
 
 
-def shipped_log(name: str) -> Path:
+def bundled_slocum_log(name: str) -> Path:
     """The path of a log that dbdreader ships: ammonite, amadeus or sebastian; raises on another name."""
     if name not in LOGS:
         from auv_gym.param import did_you_mean

@@ -60,7 +60,7 @@ class Clock(VecEnvWrapper):
         return seconds
 
 
-def make_many(env: str, count: int, on: Any = TRUE, **options: Any) -> VecEnv:
+def make_vector_env(env: str, count: int, on: Any = TRUE, **options: Any) -> VecEnv:
     """Environments as stable-baselines3 takes them: the native vector environment, else single ones."""
     one = make_env(env, on, **options)  # also for its errors
     spec = one.spec
@@ -85,7 +85,7 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     numba.set_num_threads(1)  # and so do some tens of vehicles, where other work keeps a core busy
     chosen = training.chosen
     options = {**chosen.env_kwargs, **training.options}
-    clock = Clock(make_many(training.env, chosen.n_envs, training.on, **options))
+    clock = Clock(make_vector_env(training.env, chosen.n_envs, training.on, **options))
     if not isinstance(clock.action_space, gymnasium.spaces.Box) or len(clock.observation_space.shape or ()) != 1:
         raise ValueError(
             f"Training needs observations in one row and actions that are numbers, got {clock.observation_space} and "
@@ -110,7 +110,7 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     return agent, clock
 
 
-def network_of(agent: Any) -> Policy:
+def policy_network(agent: Any) -> Policy:
     """What the agent does without noise, as arrays; the scaling is that of this moment."""
     policy = agent.policy
     if isinstance(agent, PPO):

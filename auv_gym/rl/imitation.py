@@ -59,7 +59,7 @@ def imitate(agent: Any, training: Training, imitation: Imitation, progress: Call
     follow(agent, shown, imitation.passes, rng)
 
 
-def hold_actions(agent: Any, held: bool) -> None:
+def freeze_action_network(agent: Any, held: bool) -> None:
     """Let an agent of PPO learn values alone, or both again."""
     policy = agent.policy
     acting = [*policy.mlp_extractor.policy_net.parameters(), *policy.action_net.parameters(), policy.log_std]

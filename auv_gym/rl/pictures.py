@@ -24,7 +24,7 @@ def draw_episode(
 
     env: made with render_mode "rgb_array".
     """
-    check_name(path)
+    check_picture_name(path)
     import matplotlib  # noqa: F401  # its extra brings Pillow too
     from PIL import Image
 
@@ -57,7 +57,7 @@ def draw_episode(
     return times
 
 
-def check_name(path: Path) -> None:
+def check_picture_name(path: Path) -> None:
     """Raises unless pictures can be written to a file of this name."""
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"A picture needs a name that ends in {' or '.join(SUFFIXES)}, got {path.name!r}.")

@@ -45,7 +45,7 @@ class Training:
     episodes: int = 16
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "env", full_name(self.env))
+        object.__setattr__(self, "env", full_env_id(self.env))
         for name in ("evaluations", "episodes"):
             _check_count(name, getattr(self, name), 1)
         _check_count("seed", self.seed, 0)
@@ -75,7 +75,7 @@ class Training:
 _INSTEAD = {"model": "give it as `on`", "render_mode": "pictures are drawn of the trained policy"}
 
 
-def full_name(env: str) -> str:
+def full_env_id(env: str) -> str:
     """The name that Gymnasium knows: `auv_gym/Depth-v0` for `Depth-v0` or `Depth`; raises on others."""
     known = list(gymnasium.registry)
     for name in (env, f"auv_gym/{env}", f"auv_gym/{env}-v0"):
@@ -91,11 +91,13 @@ def make_env(env: str, on: str | os.PathLike | Model = TRUE, render_mode: str | 
         options = {**options, "model": on}
     given = {name: value for name, value in options.items() if value is not None}
     try:
-        return gymnasium.make(full_name(env), disable_env_checker=True, render_mode=render_mode, **given)
+        return gymnasium.make(full_env_id(env), disable_env_checker=True, render_mode=render_mode, **given)
     except TypeError as error:
         if "unexpected keyword" not in str(error):
             raise
-        raise ValueError(f"{full_name(env)} does not take these options: {error}. See docs/environments.md.") from None
+        raise ValueError(
+            f"{full_env_id(env)} does not take these options: {error}. See docs/environments.md."
+        ) from None
 
 
 def described(training: Training, folder: Path) -> dict[str, Any]:

@@ -68,7 +68,7 @@ def train(
 
 
 def _learn(training: Training, folder: Path, settings: dict[str, Any], progress: Progress, tensorboard: bool) -> None:
-    from auv_gym.rl.agents import make_agent, network_of
+    from auv_gym.rl.agents import make_agent, policy_network
 
     checkpoint = Checkpoint.read(folder / LATEST)
     steps = training.chosen.n_timesteps
@@ -81,7 +81,7 @@ def _learn(training: Training, folder: Path, settings: dict[str, Any], progress:
 
     def judge() -> None:
         began = perf_counter()
-        policy = network_of(agent)
+        policy = policy_network(agent)
         summary = evaluate(policy, env, seeds).summary
         kept, checkpoint.best_mean = summary.mean > checkpoint.best_mean, max(summary.mean, checkpoint.best_mean)
         checkpoint.curve.append(watch.row(summary))
@@ -95,12 +95,12 @@ def _learn(training: Training, folder: Path, settings: dict[str, Any], progress:
     watch.judge = judge
     imitation = _imitation(training)
     if imitation is not None:
-        from auv_gym.rl.imitation import hold_actions, imitate
+        from auv_gym.rl.imitation import freeze_action_network, imitate
 
         if not checkpoint.steps:
             words = f"{imitation.controller} drives"
             imitate(agent, training, imitation, lambda share: progress(0.0, f"{words}, {share:.0%} shown"))
-        watch.begun = lambda: hold_actions(agent, agent.num_timesteps < imitation.value_steps)
+        watch.begun = lambda: freeze_action_network(agent, agent.num_timesteps < imitation.value_steps)
     if agent.num_timesteps < steps:
         agent.learn(steps - agent.num_timesteps, callback=watch.callback(), reset_num_timesteps=not checkpoint.steps)
         watch.tick(force=True)

@@ -135,8 +135,9 @@ FAMILIES: dict[str, Family] = {}  # reduced families by name; that of a body is 
 
 
 def registered(family: Family) -> Family:
-    """The family, found by its name from now on."""
-    FAMILIES[family.name] = family
+    """The family, found by its name from now on; raises ValueError where there is another of this name."""
+    if FAMILIES.setdefault(family.name, family) is not family:
+        raise ValueError(f"There is a family {family.name!r} already: choose another name.")
     return family
 
 

@@ -17,7 +17,7 @@ _STERN_IN_WAKE = {
 }
 
 
-def of_parts(content: Mapping[str, Any]) -> dict[str, Any]:
+def convert_former_vehicle(content: Mapping[str, Any]) -> dict[str, Any]:
     """The content of a file of a former family as that of family "body"; other contents as they are.
 
     Raises ValueError where both forms are mixed.
@@ -46,7 +46,7 @@ def of_parts(content: Mapping[str, Any]) -> dict[str, Any]:
     return converted
 
 
-def path_now(path: str) -> str:
+def current_torpedo_path(path: str) -> str:
     """What a parameter of a former torpedo is called now; other paths as they are."""
     head, _, name = path.rpartition(".")
     if head == "hull.slipstream":

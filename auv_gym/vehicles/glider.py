@@ -13,7 +13,7 @@ from auv_gym.compiled import compiled, view_as
 from auv_gym.effects import GliderEffects
 from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shape_command
-from auv_gym.physics.discovered import N_YAW, any_term, yaw_moment
+from auv_gym.physics.discovered import N_YAW, any_term, discovered_yaw_moment
 from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned
 from auv_gym.physics.sensors import compass_reading, deviation, lag_error
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
@@ -67,7 +67,7 @@ def yaw_inertia(hull):
 
 
 @compiled
-def yaw_rates(hull):
+def linear_yaw_coefficients(hull):
     """The two coefficients of the linear form (14): damping of r, 1/s, and rudder, 1/s^2, at the nominal speed."""
     d3 = 0.5 * hull.density * hull.length**3
     d4 = d3 * hull.length
@@ -131,7 +131,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     )
     found = p.effects.discovered.yaw
     if any_term(found, N_YAW):
-        moment += yaw_moment(found, psi, r, rudder, inputs)
+        moment += discovered_yaw_moment(found, psi, r, rudder, inputs)
     turning = yaw_rate(r, rudder, hull)
     if inputs[6] == 0.0 and inputs[7] == 0.0:  # level, as where attitude was not measured: without the trigonometry
         north, east = u * cos(psi), u * sin(psi)

@@ -14,7 +14,7 @@ from auv_gym.effects import FloatEffects
 from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shaped_command
 from auv_gym.physics.buoyancy import GRAVITY, air_volume, exposed_volume
-from auv_gym.physics.discovered import N_HEAVE, any_term, heave_damping, heave_force
+from auv_gym.physics.discovered import N_HEAVE, any_term, discovered_heave_damping, discovered_heave_force
 from auv_gym.physics.sensors import lag_error
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
 
@@ -132,7 +132,7 @@ def stable_step(x, inputs, p):
     if hull.quasi_steady != 0.0:
         return min(max(x[0] / (_BLOCK * _FASTEST), _AT_SURFACE), 2.0 * _RATE_LAG)
     linear, quadratic = drag_coefficients(x[0], p)
-    linear += heave_damping(p.effects.discovered.heave, abs(x[1]) + _FASTER)
+    linear += discovered_heave_damping(p.effects.discovered.heave, abs(x[1]) + _FASTER)
     step = 1.4 * moving_mass(hull) / (linear + 2.0 * quadratic * (abs(x[1]) + _FASTER))
     if x[0] < _NEAR_SURFACE:
         step = min(step, 1.4 * sqrt(moving_mass(hull) / (hull.density * GRAVITY * hull.waterplane)))
@@ -157,7 +157,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     found = p.effects.discovered.heave
     if any_term(found, N_HEAVE):
         warmer = inputs[1] - hull.temperature
-        force += heave_force(found, x[0], x[1] - water, actuators[0] - hull.piston_neutral, warmer, time)
+        force += discovered_heave_force(found, x[0], x[1] - water, actuators[0] - hull.piston_neutral, warmer, time)
     linear, quadratic = drag_coefficients(x[0], p)
     if hull.quasi_steady != 0.0:
         rate = water + steady_speed(force, linear, quadratic)

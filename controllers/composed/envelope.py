@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_gym.channels import channel, wrap
-from controllers.composed.excited import unexcited
-from controllers.composed.loops import commands_of, targets_of
+from controllers.composed.excited import command_without_excitation
+from controllers.composed.loops import commanded_inputs, targets_of
 from controllers.controller import Controller
 
 
@@ -82,7 +82,7 @@ class Envelope:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys((*commands_of(self.controller), *commands_of(self.guard))))
+        return tuple(dict.fromkeys((*commanded_inputs(self.controller), *commanded_inputs(self.guard))))
 
     def start(self) -> EnvelopeState:
         return EnvelopeState(self.controller.start(), self.guard.start(), {}, False, frozenset(), 0.0)
@@ -109,7 +109,7 @@ class Envelope:
             else:
                 target = {name: value + added[name] for name, value in target.items()}
         guarded, guard = self.guard.act(state.guard, reading, target)
-        command = {**unexcited(excited), **guarded} if guarding else excited
+        command = {**command_without_excitation(excited), **guarded} if guarding else excited
         flags = {"envelope_flag": float(guarding)}
         flags |= {f"envelope_{name}_flag": float(name in causes) for name in self.limits}
         return {**command, **flags}, EnvelopeState(controller, guard, tracks, guarding, causes, calm)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from auv_gym.channels import channel
-from controllers.composed.loops import commands_of, targets_of
+from controllers.composed.loops import commanded_inputs, targets_of
 from controllers.controller import Controller
 
 
@@ -44,9 +44,9 @@ class Excited:
             values = np.asarray(values, dtype=float)
             if values.ndim != 1 or not np.isfinite(values).all():
                 raise ValueError(f"Excited needs a finite signal of shape (n,) at {name}, got shape {values.shape}.")
-        own = (*commands_of(self.controller), *targets_of(self.controller))
+        own = (*commanded_inputs(self.controller), *targets_of(self.controller))
         if own:  # a controller that does not say is asked when it acts
-            self._check_channels((*own, *self.at_rest), commands_of(self.controller), targets_of(self.controller))
+            self._check_channels((*own, *self.at_rest), commanded_inputs(self.controller), targets_of(self.controller))
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -54,7 +54,7 @@ class Excited:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        return tuple(dict.fromkeys((*commands_of(self.controller), *self.at_rest)))
+        return tuple(dict.fromkeys((*commanded_inputs(self.controller), *self.at_rest)))
 
     def start(self) -> ExcitedState:
         return ExcitedState(self.controller.start(), None)
@@ -83,7 +83,7 @@ class Excited:
                 )
 
 
-def unexcited(command: Mapping[str, float]) -> dict[str, float]:
+def command_without_excitation(command: Mapping[str, float]) -> dict[str, float]:
     """A command without what excitations have added to it, which are reported as zero."""
     plain = dict(command)
     for name, value in command.items():

@@ -34,7 +34,7 @@ class Cascade:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        return commands_of(self.inner)
+        return commanded_inputs(self.inner)
 
     def start(self) -> CascadeState:
         return CascadeState(self.outer.start(), self.inner.start())
@@ -57,7 +57,7 @@ class Joint:
     def __post_init__(self) -> None:
         if not self.controllers:
             raise ValueError("Joint needs at least one controller, got none.")
-        names = [name for controller in self.controllers for name in commands_of(controller)]
+        names = [name for controller in self.controllers for name in commanded_inputs(controller)]
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise ValueError(f"Joint needs controllers with commands of their own, got {', '.join(twice)} twice.")
@@ -68,7 +68,7 @@ class Joint:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        return tuple(name for controller in self.controllers for name in commands_of(controller))
+        return tuple(name for controller in self.controllers for name in commanded_inputs(controller))
 
     def start(self) -> tuple[Any, ...]:
         return tuple(controller.start() for controller in self.controllers)
@@ -111,7 +111,7 @@ class Mirrored:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        return (*commands_of(self.controller), self.command)
+        return (*commanded_inputs(self.controller), self.command)
 
     def start(self) -> Any:
         return self.controller.start()
@@ -128,6 +128,6 @@ def targets_of(controller: Controller) -> tuple[str, ...]:
     return tuple(getattr(controller, "targets", ()))
 
 
-def commands_of(controller: Controller) -> tuple[str, ...]:
+def commanded_inputs(controller: Controller) -> tuple[str, ...]:
     """The inputs that a controller commands, as far as it says so."""
     return tuple(getattr(controller, "commands", ()))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any, NamedTuple
 
-from controllers.composed.loops import commands_of, targets_of
+from controllers.composed.loops import commanded_inputs, targets_of
 from controllers.controller import Controller
 
 _SLOWEST, _FASTEST = 0.5, 1.5  # of the speed: beyond, a fin is not moved any further
@@ -43,7 +43,7 @@ class Scheduled:
 
     @property
     def commands(self) -> tuple[str, ...]:
-        return commands_of(self.controller)
+        return commanded_inputs(self.controller)
 
     def start(self) -> ScheduledState:
         return ScheduledState(self.controller.start(), {})

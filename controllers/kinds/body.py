@@ -12,7 +12,7 @@ import numpy as np
 from auv_gym.models.linear import linearise
 from auv_gym.plant import Plant, without_effects
 from auv_gym.plant.cruise import Cruise, command_limits, command_ranges, find_cruise, find_helm, resting_commands
-from controllers.composed.loops import Cascade, Joint, Mirrored, commands_of
+from controllers.composed.loops import Cascade, Joint, Mirrored, commanded_inputs
 from controllers.composed.scheduled import Scheduled
 from controllers.controller import Controller
 from controllers.gains import Gains
@@ -69,7 +69,7 @@ def _pid(plant: Plant, targets: tuple[str, ...], gains: Gains, pitch_limit: floa
             limit=0.5 * float(limits[helm.drive]),
             middle=0.5 * float(limits[helm.drive]),
             neutral=propulsion,
-            steady=steady_speeds(plant),
+            steady=steady_speed_commands(plant),
         ),
         "pitch_rad": pitch,
     }
@@ -115,13 +115,13 @@ def _s_plane(plant: Plant, targets: tuple[str, ...], gains: Gains) -> Controller
             limit=0.5 * float(limits[helm.drive]),
             middle=0.5 * float(limits[helm.drive]),
             neutral=propulsion,
-            steady=steady_speeds(plant),
+            steady=steady_speed_commands(plant),
         ),
     }
     return _joined(plant, [loops[name] for name in targets], gains)
 
 
-def steady_speeds(plant: Plant) -> Points:
+def steady_speed_commands(plant: Plant) -> Points:
     """Forward speeds, m/s, and the propulsion commands that hold them on a level straight course, without effects."""
     clean, helm = without_effects(plant), find_helm(plant)
     actuators, highest = len(clean.family.actuators), float(command_limits(clean)[helm.drive])
@@ -148,7 +148,9 @@ def _joined(plant: Plant, loops: Sequence[Controller], gains: Gains) -> Controll
     shared = list(loops)
     if mirrors and gains.bow_share != 0.0:
         shared = [
-            Mirrored(loop, gains.bow_share, source=source, command=mirrors[0]) if source in commands_of(loop) else loop
+            Mirrored(loop, gains.bow_share, source=source, command=mirrors[0])
+            if source in commanded_inputs(loop)
+            else loop
             for loop in loops
         ]
     return Joint(tuple(shared))

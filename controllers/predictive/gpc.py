@@ -13,7 +13,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.param import did_you_mean
-from controllers.predictive.increments import Increments, of_polynomial, of_state_space
+from controllers.predictive.increments import Increments, polynomial_increments, state_space_increments
 from controllers.predictive.program import Aims, Program, build, solver
 
 Limits = Mapping[str, tuple[float, float]]
@@ -51,7 +51,7 @@ class Gpc:
     errors; where not, broken the less the larger `soft` is.  reference_time: s, in which the reference nears the
     target.  nominal: targets that may not come.  neutral: inputs before the first plan.  A StateSpace gets a Kalman
     filter; noise: standard deviations of its outputs, drift: of a sample's change of each input's or output's
-    disturbance.  A Polynomial is taken as CARIMA, see `of_polynomial` for observer.
+    disturbance.  A Polynomial is taken as CARIMA, see `polynomial_increments` for observer.
     """
 
     model: StateSpace | Polynomial
@@ -218,13 +218,13 @@ class Gpc:
         move_weights = np.array([self.move_weights.get(name, 1.0 / h) for name, h in zip(model.inputs, half)])
         scales = np.array([self._scale(name) for name in model.outputs])
         if isinstance(model, Polynomial):
-            increments = of_polynomial(model, self.observer)
+            increments = polynomial_increments(model, self.observer)
         else:
             noise = np.array([self.noise.get(name, _SHARE * s) for name, s in zip(model.outputs, scales)])
             sizes = np.concatenate([half, scales])
             names = (*model.inputs, *model.outputs)
             drift = np.array([self.drift.get(name, _SHARE * size) for name, size in zip(names, sizes)])
-            increments = of_state_space(model, noise, drift, sizes)
+            increments = state_space_increments(model, noise, drift, sizes)
         ends = [self.output_limits.get(name, (-inf, inf)) for name in model.outputs]
         step = self.every * model.dt
         fading = exp(-step / self.reference_time) if self.reference_time > 0.0 else 0.0

@@ -46,7 +46,7 @@ class Increments:
         return replace(self, a=further @ self.a, b=further @ self.b)
 
 
-def of_state_space(model: StateSpace, noise: np.ndarray, drift: np.ndarray, scales: np.ndarray) -> Increments:
+def state_space_increments(model: StateSpace, noise: np.ndarray, drift: np.ndarray, scales: np.ndarray) -> Increments:
     """The increments of a model in state space with as many constant disturbances as outputs, and its Kalman filter.
 
     noise: standard deviation of each output's measurement.  drift: that of the change in a sample of each input's
@@ -86,7 +86,7 @@ def of_state_space(model: StateSpace, noise: np.ndarray, drift: np.ndarray, scal
     )
 
 
-def of_polynomial(model: Polynomial, observer: Sequence[float]) -> Increments:
+def polynomial_increments(model: Polynomial, observer: Sequence[float]) -> Increments:
     """The increments of A y = B u + C e / (1 - q) (CARIMA), whose filter follows from C alone.
 
     observer: coefficients of q, q^2, ... of a polynomial T that stands for C; none: the model's own C.

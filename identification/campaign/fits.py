@@ -14,7 +14,7 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from auv_gym.model import Model, constants_of
+from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model, save_model
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
@@ -23,7 +23,7 @@ from identification.campaign.file.plan import plan, selected
 from identification.campaign.file.settings import Campaign, Fit, RunSettings
 from identification.campaign.index import Row, read_index
 from identification.campaign.running.pool import in_parallel
-from identification.campaign.running.staging import make_env, make_vehicle
+from identification.campaign.running.staging import make_campaign_vehicle, make_env
 from identification.compare.comparison import OpenLoop
 from identification.compare.model_tests import open_loop, poles_of, residual_tests
 from identification.estimate import Estimate
@@ -132,7 +132,7 @@ def load_fitted(folder: str | Path, fit: Mapping[str, Any]) -> Model:
 def designed_vehicle(settings: RunSettings, origin: Path) -> Plant | None:
     """The vehicle of a run without the effects that the campaign gives it; None for a log without a vehicle."""
     if settings.vehicle is not None:
-        return make_vehicle(settings.vehicle, origin, effects=False)
+        return make_campaign_vehicle(settings.vehicle, origin, effects=False)
     if settings.experiment.kind != "env":
         return None
     env: Any = make_env(settings.model_copy(update={"sensors": {}}), origin)
@@ -210,7 +210,7 @@ def _fill(result: dict[str, Any], task: FitTask, folder: Path) -> None:
     suffix = ".toml" if isinstance(model, Plant) else ".npz"
     attrs = {"campaign_fit": fit.name, "method": fit.method, "runs": [row.id for row in task.train]}
     save_model(model, folder / FOLDER / f"{task.name}{suffix}", attrs)
-    driven = [name for name in model.inputs if name not in constants_of(model)]
+    driven = [name for name in model.inputs if name not in model_constant_inputs(model)]
     result |= {
         "file": f"{task.name}{suffix}",
         "inputs": driven or list(model.inputs),

@@ -76,7 +76,7 @@ def with_outcome(row: Row, outcome: Outcome) -> Row:
     )
 
 
-def found_rows(runs: Sequence[PlannedRun], folder: str | Path) -> list[Row]:
+def rows_from_run_files(runs: Sequence[PlannedRun], folder: str | Path) -> list[Row]:
     """The rows of all runs as their files have it; what the index says counts only for runs that left no file.
 
     Files that are damaged, or whose numbers are not those that were written, count as not there.

@@ -20,15 +20,15 @@ from identification.campaign.file.plan import plan, selected
 from identification.campaign.file.settings import Campaign, EnvExperiment, RunSettings
 from identification.campaign.fits import VEHICLE, Progress, designed_vehicle, load_fitted, read_fits, write_json
 from identification.campaign.index import Row, read_index
-from identification.campaign.running.perform import status_of
+from identification.campaign.running.perform import run_status
 from identification.campaign.running.pool import in_parallel
-from identification.campaign.running.staging import make_controller, make_env
+from identification.campaign.running.staging import make_campaign_controller, make_env
 from identification.compare.comparison import compare_closed, step_scales
 from identification.compare.model_tests import open_loop, over_time
 
 FOLDER, LIST = "rollouts", "rollouts.json"
 KINDS = ("open", "closed")
-FORMAT = 2  # goes up where the same settings come to give another result
+FORMAT = 3  # goes up where the same settings come to give another result
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def _closed(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Mode
     experiment = task.settings.experiment
     assert isinstance(experiment, EnvExperiment)  # planned_rollouts sees to it
     env = make_env(task.settings, task.origin)
-    controller = make_controller(task.settings, env, task.origin)
+    controller = make_campaign_controller(task.settings, env, task.origin)
     env.close()
     done = compare_closed(
         lambda model: make_env(task.settings, task.origin, model=model),
@@ -174,7 +174,7 @@ def _closed(result: dict[str, Any], task: RolloutTask, models: Mapping[str, Mode
             elapsed = time - vehicle.time[0]
         scored = np.ones(elapsed.size, dtype=bool)
         file = _saved(run.record, f"{task.name}-{name}.nc", folder)
-        early = run.reason if status_of(run.reason) != "done" else ""
+        early = run.reason if run_status(run.reason) != "done" else ""
         result["models"][name] = {**_scored(errors, scored, elapsed, scales, file), "reason": early}
 
 

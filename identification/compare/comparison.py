@@ -20,8 +20,8 @@ from auv_gym.model import (
     advanced,
     check_finite,
     check_interval,
-    constants_of,
     inputs_of,
+    model_constant_inputs,
     outputs_of,
     run_free,
 )
@@ -131,7 +131,7 @@ def compare_open(
     windows = _windows(models, record, window)
     shortest = _shortest(record, windows)
     if settle is None:
-        settle = settle_of(list(models.values()), record, windows)
+        settle = start_fit_seconds(list(models.values()), record, windows)
     if not 0.0 < settle < 0.5 * shortest:
         raise ValueError(
             f"Starts are fitted to the first {settle:g} s of windows, and the shortest window has {shortest:g} s: "
@@ -146,7 +146,7 @@ def compare_open(
     return OpenLoop(record, tuple(windows), float(settle), runs, failed)
 
 
-def settle_of(models: Sequence[Model], record: Record, windows: Sequence[slice]) -> float:
+def start_fit_seconds(models: Sequence[Model], record: Record, windows: Sequence[slice]) -> float:
     """The first seconds, of each window, to fit starts to: what the slowest model needs, and a share of a window."""
     return max(SETTLE_SHARE * _shortest(record, windows), *(_needed(model, record) for model in models))
 
@@ -325,7 +325,7 @@ def stand_in(plant: Plant, model: Model) -> Model:
 
 def check_usable(name: str, model: Model, record: Record) -> None:
     """Raises, by its name, if a model cannot run over a record: a channel lacks, or the sample time is another."""
-    constants = constants_of(model)
+    constants = model_constant_inputs(model)
     lacking = [c for c in model.inputs if not record.has(c) and c not in constants]
     if lacking:
         raise ValueError(

@@ -13,7 +13,13 @@ from auv_gym.models.linear import Polynomial, StateSpace, linearise
 from auv_gym.models.narx import Narx
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.compare.comparison import OpenLoop, compare_open, horizon_sweep, prediction_starts, settle_of
+from identification.compare.comparison import (
+    OpenLoop,
+    compare_open,
+    horizon_sweep,
+    prediction_starts,
+    start_fit_seconds,
+)
 from identification.fit.validation import input_correlation, whiteness
 
 BINS = 60  # of an error over time
@@ -46,7 +52,7 @@ def residuals(
     less the samples to which their starts are fitted.  run: the free runs, of the model alone, if they are there.
     """
     if predicts(model):
-        settle = settle_of([model], record, record.segments)
+        settle = start_fit_seconds([model], record, record.segments)
         ahead = predict(model, record, starts=prediction_starts(model, record, settle))
         skip = len(model.states)
         parts = [np.arange(s.start + skip, s.stop) for s in record.segments if s.stop - s.start > skip + 2]
@@ -122,7 +128,7 @@ def is_white(test: Mapping[str, Any]) -> bool:
     return test["p_value"] > WHITE
 
 
-def strongest_tie(test: Mapping[str, Any]) -> tuple[str, float]:
+def strongest_input_correlation(test: Mapping[str, Any]) -> tuple[str, float]:
     """The input that a residual goes with most, and how much, in 95 % bounds of noise; no input: "" and 0."""
     # lags above zero: the present input goes with the residual by feedback, not by what the model lacks
     ties = {driver: _largest(tie) / tie["bound"] for driver, tie in test["inputs"].items()}

@@ -17,25 +17,25 @@ from identification.diagnosis.judge.closing import closed_loop
 from identification.diagnosis.judge.findings import (
     as_coefficients,
     coefficient_of,
-    detectable_of,
+    coefficient_twins,
+    detectable_effects,
     effects_of,
     twin_effects,
-    twins_of,
 )
-from identification.diagnosis.judge.habitat import habitat_of
+from identification.diagnosis.judge.habitat import residual_habitat
 from identification.diagnosis.judge.judgement import EXPLAINED, disagrees, explained_share, verdict_of
 from identification.diagnosis.judge.verdict import Asked, Diagnosis, Stage
-from identification.diagnosis.log.kinematics import kinematics_of
-from identification.diagnosis.log.plausibility import doubts_of
+from identification.diagnosis.log.kinematics import kinematic_findings
+from identification.diagnosis.log.plausibility import log_doubts
 from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.attribution import attribute, confirmed, without_idle_parts
 from identification.diagnosis.search.candidates import candidates_of, screen
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import FEW_STATES, Progress
-from identification.diagnosis.search.workbench import State, Workbench, calm_length
+from identification.diagnosis.search.workbench import State, Workbench, noise_limited_length
 from identification.fit.innovations import Choice, InnovationsForm
-from identification.fit.residual import remains_of
+from identification.fit.residual import residual_summary
 from identification.fit.validation import fitted_runs, free_runs, whiteness
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out
 
@@ -73,12 +73,12 @@ def diagnose(
     if settle is None:
         settle = plant.settle if window >= plant.window else min(plant.settle, SETTLE_SHARE * window)
     windows = _checked_windows(record, plant, window, settle)
-    longest, calm = window, calm_length(plant, record, window)
+    longest, calm = window, noise_limited_length(plant, record, window)
     if calm < window:
         window, settle = calm, min(settle, SETTLE_SHARE * calm)
         windows = _checked_windows(record, plant, window, settle)
     progress(0.0, "looking for slips in the log")
-    doubts = () if trust else doubts_of(record, plant, windows, settle)
+    doubts = () if trust else log_doubts(record, plant, windows, settle)
     slipped = any(d.slip is not None for d in doubts)
     if slipped and not any(d.firm for d in doubts):
         anyway = _in_spite(record, plant, asked, source, progress)
@@ -91,7 +91,7 @@ def diagnose(
     progress(0.02, "refitting the coefficients")
     given = bench.fit(plant, ())
     nominal = bench.fit(plant, () if slipped else coefficients, given)
-    kinematics = kinematics_of(record, plant)
+    kinematics = kinematic_findings(record, plant)
     candidates = [] if slipped else candidates_of(plant, record)
     state, rounds = attribute(
         bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
@@ -132,7 +132,7 @@ def diagnose(
     if wrong:
         if refit_is_all:
             before, explained = as_given, from_given
-        groups = twins_of(plant, found)
+        groups = coefficient_twins(plant, found)
         effects += twin_effects(groups, effects, found, bench, state, count)
         tied += [group for group in groups if not any(group[0] in other for other in tied)]
     verdict = verdict_of(effects, tied, explained, left, refit_is_all, wrong)
@@ -152,7 +152,7 @@ def diagnose(
             still = disagrees(after, bench, state.paths, longest)
         if still:
             habitat = extras.attempt(
-                "The description of what remains", lambda: habitat_of(after.fitted, record, rng), None
+                "The description of what remains", lambda: residual_habitat(after.fitted, record, rng), None
             )
     form = None
     if left and effects and plant.family.body is None and bench.train.runs.rows <= FEW_ROWS:
@@ -168,12 +168,12 @@ def diagnose(
         effects=tuple(as_coefficients(given.plant, effects)),
         tied=tuple(tied),
         coefficients=found,
-        detectable=detectable_of(plant, screening, rounds, {e.path for e in effects}),
+        detectable=detectable_effects(plant, screening, rounds, {e.path for e in effects}),
         rounds=tuple(rounds),
         state=state,
         screening=screening,
         explained=explained,
-        remains=remains_of(after.fitted, record),
+        remains=residual_summary(after.fitted, record),
         windows=(tuple(train), tuple(held)),
         window=window,
         settle=settle,

@@ -83,7 +83,7 @@ def hold_levels(duration: float, hold: float, levels: Sequence[float]) -> list[l
     return [[round(float(time), 3), float(levels[k % len(levels)])] for k, time in enumerate(times)]
 
 
-def there_and_back(duration: float) -> list[list[float]]:
+def out_and_back_headings(duration: float) -> list[list[float]]:
     return hold_levels(duration, 0.5 * duration, (0.0, np.pi))
 
 

@@ -206,7 +206,7 @@ def make_signal(
     """
     if kind not in SIGNALS:
         raise ValueError(f"No signal {kind!r}. {did_you_mean(kind, SIGNALS)}Kinds: {', '.join(SIGNALS)}.")
-    allowed = settings_of(kind)
+    allowed = signal_settings(kind)
     listed = f"{kind} takes {', '.join(allowed)}, start_s and duration_s"
     for name in settings:
         if name not in allowed:
@@ -231,7 +231,7 @@ def make_signal(
     return signal
 
 
-def settings_of(kind: str) -> dict[str, bool]:
+def signal_settings(kind: str) -> dict[str, bool]:
     """The settings of a kind of signal, by name: whether each must be given."""
     given = inspect.signature(SIGNALS[kind]).parameters.values()
     return {p.name: p.default is p.empty for p in given if p.kind is p.KEYWORD_ONLY}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,13 @@ from identification.experiments.kinds import KINDS, Mission
 
 
 def run_mission(plant: Plant, rng: np.random.Generator, **settings: Any) -> Record:
-    """The record of the standard experiment with a vehicle; raises on a setting that it does not have, or Diverged."""
+    """The record of the standard experiment with a vehicle; raises as `check_mission` does, or Diverged."""
+    check_mission(plant, settings)
+    return mission_of(plant).make(plant, rng, **settings)
+
+
+def check_mission(plant: Plant, settings: Iterable[str]) -> None:
+    """Raises ValueError on a setting that the experiment does not have, or sampled readings where it makes its own."""
     mission = mission_of(plant)
     for name in settings:
         if name not in mission.settings:
@@ -21,16 +28,17 @@ def run_mission(plant: Plant, rng: np.random.Generator, **settings: Any) -> Reco
                 f"The experiment of {plant.name} ({mission.title}) has no setting {name!r}. "
                 f"{did_you_mean(name, mission.settings)}It has {', '.join(mission.settings)}."
             )
-    given = [
-        path for path in list_paths(plant) if path.startswith("effects.sampling.") and value_at(plant, path) != 0.0
-    ]
+    given = [path for path in sampling_of(plant) if value_at(plant, path) != 0.0]
     if given and not mission.sampled:
-        noises = ", ".join(name for name in mission.settings if name.endswith("noise"))
         raise ValueError(
-            f"The experiment of {plant.name} ({mission.title}) has no {given[0]}: set {noises}, or drive an "
-            "environment, which has it."
+            f"The experiment of {plant.name} ({mission.title}) makes the noise of its readings itself and has no "
+            f"{given[0]}: leave it out, or drive an environment, which has it."
         )
-    return mission.make(plant, rng, **settings)
+
+
+def sampling_of(plant: Plant) -> list[str]:
+    """The paths of what happens to readings when they are sampled."""
+    return [path for path in list_paths(plant) if path.startswith("effects.sampling.")]
 
 
 def mission_of(plant: Plant) -> Mission:

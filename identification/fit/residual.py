@@ -37,7 +37,7 @@ def resolution(values: np.ndarray) -> float:
     return step if np.abs(places - np.round(places)).max() < 0.05 else 0.0
 
 
-def remains_of(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
+def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
     """Per channel: size, noise floor, resolution, colour, and the channels that the residual's rate goes with."""
     result = {}
     for c, name in enumerate(runs.channels):

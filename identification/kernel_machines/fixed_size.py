@@ -13,7 +13,7 @@ from identification.kernel_machines.bordered import squared_distances
 from identification.kernel_machines.centres import farthest, of_largest_entropy
 from identification.kernel_machines.machine import KernelMachine
 from identification.kernel_machines.primal import Primal
-from identification.kernel_machines.regression import Distances, out_of_reach
+from identification.kernel_machines.regression import Distances, sigma_problem
 from identification.kernel_machines.samples import Samples
 
 
@@ -121,7 +121,7 @@ class Reduced:
         """The system at a sigma, of some of the samples around all centres; raises where sigma is out of reach."""
         least, most = self.between.reach
         if not least <= sigma <= most:
-            raise ValueError(out_of_reach("FixedSize", sigma, self.between.reach, self.between.median))
+            raise ValueError(sigma_problem("FixedSize", sigma, self.between.reach, self.between.median))
         samples = self.samples
         return Primal.of(samples.scaled[rows] / sigma, samples.y[rows], samples.weights[rows], self.scaled / sigma)
 

@@ -77,7 +77,7 @@ class Distances:
     def reach(self) -> tuple[float, float]:
         """The sigmas between which the kernel matrix is neither the unit matrix nor constant, to rounding."""
         apart = self.square[self.square > 0.0]
-        return reach_of(float(apart.min()), float(apart.max()))
+        return sigma_range(float(apart.min()), float(apart.max()))
 
     @cached_property
     def median(self) -> float:
@@ -85,12 +85,12 @@ class Distances:
         return float(np.sqrt(np.median(self.square[self.square > 0.0])))
 
 
-def reach_of(least: float, largest: float) -> tuple[float, float]:
+def sigma_range(least: float, largest: float) -> tuple[float, float]:
     """The narrowest and the widest sigma for samples whose squared distances are from `least` to `largest`."""
     return float(np.sqrt(least / -np.log(EPS))), float(np.sqrt(largest / FLATTEST))
 
 
-def out_of_reach(what: str, sigma: float, reach: tuple[float, float], median: float) -> str:
+def sigma_problem(what: str, sigma: float, reach: tuple[float, float], median: float) -> str:
     """Why a machine cannot have this sigma, and which it could have."""
     least, most = reach
     why = "the unit matrix: no sample tells of another" if sigma < least else "constant: all samples look alike"
@@ -121,7 +121,7 @@ class Training:
             return self.distances.square
         least, most = self.distances.reach
         if not least <= sigma <= most:
-            raise ValueError(out_of_reach("LsSvmRegression", sigma, self.distances.reach, self.distances.median))
+            raise ValueError(sigma_problem("LsSvmRegression", sigma, self.distances.reach, self.distances.median))
         return np.exp(self.distances.square / -(sigma * sigma))
 
     def part(self, most: int) -> Training:

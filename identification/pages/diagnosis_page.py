@@ -158,7 +158,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "ties": _ties(d, titles),
         "coefficients": [_coefficient(c) for c in d.coefficients],
         "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],
-        "environment": KINDS.of(plant.family).environment,
+        "environment": KINDS.of(plant.family).environment if plant.family.kind in KINDS.names else "",
         "glossary": GLOSSARY,
         "changed": d.changed,
         "rest": _rest(d),

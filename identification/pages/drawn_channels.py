@@ -27,7 +27,7 @@ def inputs_of(record: Record) -> list[str]:
     return [n for n in record.names if channel(n).kind == "input" and _moves(record, n)]
 
 
-def asked_of(record: Record, name: str) -> np.ndarray:
+def excited_set_point(record: Record, name: str) -> np.ndarray:
     """The set point of a channel as the controller had it, with what an excitation added to it, (n,)."""
     asked = record[set_point_of(name)]
     return asked + record[excitation_of(name)] if record.has(excitation_of(name)) else asked

@@ -27,7 +27,7 @@ from identification.pages.drawing import (
     shown_values,
     unit_label,
 )
-from identification.pages.drawn_channels import asked_of
+from identification.pages.drawn_channels import excited_set_point
 from identification.pages.page import Drawing, drawn
 
 if TYPE_CHECKING:
@@ -64,7 +64,14 @@ def rollout_figure(
     for top, bottom, name in zip(panels[::2], panels[1::2], names):
         if truth.has(set_point_of(name)):
             look = {"color": COMMAND, "linewidth": 1.2, "linestyle": ":", "drawstyle": "steps-post", "zorder": 1.5}
-            line(top, clock.times, shown_values(name, asked_of(truth, name)), clock.cuts, **look, label="set point")
+            line(
+                top,
+                clock.times,
+                shown_values(name, excited_set_point(truth, name)),
+                clock.cuts,
+                **look,
+                label="set point",
+            )
         line(top, clock.times, shown_values(name, truth[name]), clock.cuts, color=MEASURED, linewidth=1.9, label=words)
         for (label, record), look in zip(models.items(), looks(len(models))):
             if record.has(name):

@@ -14,7 +14,7 @@ from auv_gym.channels import channel
 from auv_gym.model import Trained
 from auv_gym.plant import Plant
 from identification.compare.comparison import OpenLoop
-from identification.compare.model_tests import is_white, strongest_tie
+from identification.compare.model_tests import is_white, strongest_input_correlation
 from identification.estimate import Estimate
 from identification.estimator import Fit, notes_of
 from identification.identified import Identified
@@ -66,7 +66,7 @@ def parameter_table(estimates: Sequence[Estimate]) -> Table:
 def score_table(open_loop: OpenLoop) -> Table:
     """Errors of free runs by output and model; of several models, for the outputs that more than one has."""
     rows = []
-    for name in shared_outputs(open_loop.scores):
+    for name in outputs_of_several_models(open_loop.scores):
         for model, of in open_loop.scores.items():
             if name in of:
                 s, unit = of[name], channel(name).unit
@@ -79,7 +79,7 @@ def horizon_table(sweeps: Sweeps) -> Table:
     """Root mean square errors of predictions, by output and model, one column a horizon in s."""
     horizons = sorted({k for of in sweeps.values() for errors in of.values() for k in errors})
     rows = []
-    for name in shared_outputs(sweeps):
+    for name in outputs_of_several_models(sweeps):
         for model, of in sweeps.items():
             if name in of:
                 found = [
@@ -90,7 +90,7 @@ def horizon_table(sweeps: Sweeps) -> Table:
     return Table(("output", "model", *(f"{k:g} s" for k in horizons)), tuple(rows), words=2)
 
 
-def shared_outputs(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
+def outputs_of_several_models(found: Mapping[str, Mapping[str, Any]]) -> list[str]:
     """The outputs that more than one model has, or all where there are none; found: model -> channel -> anything."""
     names = [name for of in found.values() for name in of]
     shared = [name for name in dict.fromkeys(names) if names.count(name) > 1]
@@ -101,7 +101,7 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
     """Whiteness of the residual of each output, and the input that it goes with most."""
     rows = []
     for name, test in tests.items():
-        driver, size = strongest_tie(test)
+        driver, size = strongest_input_correlation(test)
         tie = f"{driver} ({number(size, 2)})" if driver else "–"
         rms, first = amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2)
         rows.append((name, tie, rms, first, chance(test["p_value"]), "yes" if is_white(test) else "no"))
@@ -145,14 +145,14 @@ def outside_words(done: Identified) -> list[str]:
 def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -> str:
     """The page of several models over a record: free runs, and predictions over the horizon."""
     found = [words]
-    for name in shared_outputs(open_loop.scores):
+    for name in outputs_of_several_models(open_loop.scores):
         of = {model: scores[name] for model, scores in open_loop.scores.items() if name in scores}
         best = min(of, key=lambda model: of[model].rmse)
         found.append(f"{channel(name).label.capitalize()}: {best} is nearest, {of[best].fit_percent:.1f} % fit.")
     found += [f"{model} has no free run: {reason}" for model, reason in open_loop.failed.items()]
     sections = [_free_run_section(open_loop, "Free runs")] if open_loop.runs else []
     if sweeps:
-        names = shared_outputs(sweeps)
+        names = outputs_of_several_models(sweeps)
         shared = {model: {n: errors for n, errors in of.items() if n in names} for model, of in sweeps.items()}
         sections.append(_horizon_section(shared))
     return _page(title, "auv-gym compare", found, sections)
@@ -172,7 +172,7 @@ def _parameter_section(fit: Fit) -> Section:
 
 
 def _free_run_section(open_loop: OpenLoop, title: str, band: SimulatedBand | None = None) -> Section:
-    given = shared_outputs(open_loop.scores)
+    given = outputs_of_several_models(open_loop.scores)
     names = [name for name in outputs_of(open_loop.record, given) if name in given] or given[:1]
     records = {model: open_loop.shown(model) for model in open_loop.runs}
     bands = {} if band is None else {"model": dict(zip(band.channels, band.half.T, strict=True))}

@@ -19,15 +19,15 @@ from auv_gym.writing import replacing
 from identification.campaign.file.plan import plan
 from identification.campaign.file.reading import read_campaign
 from identification.campaign.file.settings import EnvExperiment, RunSettings
-from identification.campaign.running.perform import status_of
-from identification.campaign.running.staging import make_controller, make_env
+from identification.campaign.running.perform import run_status
+from identification.campaign.running.staging import make_campaign_controller, make_env
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.experiments.designs import Design, campaign_text
 from identification.experiments.driving import drive
 from identification.experiments.kinds import KINDS
-from identification.experiments.missions import run_mission
+from identification.experiments.missions import mission_of, run_mission, sampling_of
 from identification.fit.windows import free_run_windows
-from identification.planning.separation import Knowledge, Noise, knowledge_of, noise_of, separation
+from identification.planning.separation import Knowledge, Noise, record_knowledge, record_noise, separation
 
 ENOUGH = 25.0  # evidence that tells two effects apart: five standard errors
 FILE = "next_experiment.toml"
@@ -107,8 +107,8 @@ def next_experiment(
     known: list[Knowledge | None] = [None] * len(rivals)
     if record is not None:
         windows = free_run_windows(plant, record, plant.window)
-        noise = noise_of(rivals[0].plant, record, windows) if noise is None else noise
-        known = [knowledge_of(r.plant, r.paths, record, windows, noise) for r in rivals]
+        noise = record_noise(rivals[0].plant, record, windows) if noise is None else noise
+        known = [record_knowledge(r.plant, r.paths, record, windows, noise) for r in rivals]
     assert noise is not None
     rivals = [replace(r, paths=_free(r)) if k is None else replace(r, paths=k.paths) for r, k in zip(rivals, known)]
     chosen = KINDS.of(plant.family).designs(plant) if designs is None else tuple(designs)
@@ -206,11 +206,12 @@ def _run(settings: RunSettings, truth: Plant, folder: Path) -> Record:
     """The record of one run of a campaign, with the true states; raises where it was cut short."""
     experiment = settings.experiment
     if not isinstance(experiment, EnvExperiment):
-        return run_mission(truth, np.random.default_rng(settings.seed), **getattr(experiment, "settings", {}))
+        exact = truth if mission_of(truth).sampled else replace_at(truth, dict.fromkeys(sampling_of(truth), 0.0))
+        return run_mission(exact, np.random.default_rng(settings.seed), **getattr(experiment, "settings", {}))
     env = make_env(settings, folder)
-    controller = make_controller(settings, env, folder)
+    controller = make_campaign_controller(settings, env, folder)
     run = drive(env, controller, seed=settings.seed, targets=experiment.steps, start=experiment.start)
-    if status_of(run.reason) != "done":
+    if run_status(run.reason) != "done":
         raise ValueError(f"the run was cut short: {run.reason}")
     return run.record.with_channels({truth_of(name): run.truth[name] for name in run.truth.names})
 

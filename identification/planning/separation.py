@@ -44,7 +44,7 @@ class Knowledge:
     root: np.ndarray
 
 
-def noise_of(plant: Plant, record: Record, windows: Sequence[slice]) -> Noise:
+def record_noise(plant: Plant, record: Record, windows: Sequence[slice]) -> Noise:
     """The noise of a record's channels: what a plant that explains it leaves."""
     problem = Shooting(plant, record, windows)
     point = problem.solve(plant, ())
@@ -53,7 +53,7 @@ def noise_of(plant: Plant, record: Record, windows: Sequence[slice]) -> Noise:
     return Noise(dict(zip(names, sigma.tolist())), dict(zip(names, phi.tolist())), record.sample_interval)
 
 
-def knowledge_of(
+def record_knowledge(
     plant: Plant, paths: Sequence[str], record: Record, windows: Sequence[slice], noise: Noise
 ) -> Knowledge:
     """What a record says about the parameters at the paths, at a plant that was fitted to it."""

@@ -13,7 +13,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.candidates import TOGETHER, Candidate, candidates_of, screen
-from identification.diagnosis.search.workbench import calm_length
+from identification.diagnosis.search.workbench import noise_limited_length
 from identification.fit.likelihood import colour
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows, held_out
@@ -167,7 +167,7 @@ def detectable_sizes(plant: Plant, clean: Record, paths: list[str], window: floa
 
     Infinite where none would; in the parameter's unit.
     """
-    length = calm_length(plant, clean, window or plant.window)
+    length = noise_limited_length(plant, clean, window or plant.window)
     train, _ = held_out(plant, clean, free_run_windows(plant, clean, length))
     problem = Shooting(plant, clean, train)
     point = problem.solve(plant, plant.family.coefficients)

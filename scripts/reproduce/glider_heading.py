@@ -18,7 +18,7 @@ import numpy as np
 from auv_gym.model import simulate
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
-from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.vehicles.glider import linear_yaw_coefficients
 from scripts.studies.harness import Found, Option, Sheet, Study
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def attempt(case: str, seed: int, duration: float = 25.0) -> dict[str, Any]:
     Coefficients of (14), steady turn per rudder of both models, and the last headings by vehicle and rudder.
     """
     analytic, corrected = vehicles()
-    damping, rudder = yaw_rates(analytic.family.view(analytic.vector).hull)
+    damping, rudder = linear_yaw_coefficients(analytic.family.view(analytic.vector).hull)
     ends = {
         plant.name: [pool_run(plant, radians(angle), duration)["heading_rad"][-1] for angle in RUDDERS_DEG]
         for plant in (analytic, corrected)

@@ -170,7 +170,7 @@ def attempt(
 ) -> dict[str, dict[str, Any]]:
     """The errors of each method in the first so many samples of one record, by samples, then by method.
 
-    Values by `quantities` and responses by `response_grid`, or why a record was not fitted.  methods: by default all.
+    Values by `quantities` and responses by `bode_frequencies`, or why one was not fitted.  methods: by default all.
     """
     true = truth(vehicle)
     if loop == "open" and not true.state_space.is_stable():
@@ -183,14 +183,14 @@ def attempt(
                 continue
             try:
                 model: Any = method.fit(part).model
-                by_method[name] = {"values": _wrong(model, true), "responses": _off(model, true, response_grid())}
+                by_method[name] = {"values": _wrong(model, true), "responses": _off(model, true, bode_frequencies())}
             except (ValueError, Diverged) as error:
                 by_method[name] = {"refused": str(error)}
         found[str(length)] = by_method
     return found
 
 
-def gathered(found: Found) -> dict[tuple[str, int], dict[str, Errors]]:
+def errors_by_method(found: Found) -> dict[tuple[str, int], dict[str, Errors]]:
     """The errors of all seeds by loop and samples, then by method."""
     for loop, runs in found.runs.items():
         if len(runs) < 2:
@@ -212,7 +212,7 @@ def quantities(true: Polynomial) -> tuple[str, ...]:
     return (*named, *(f"response at {at:g} rad/s ({part})" for part in ("real", "imaginary") for at in OMEGA))
 
 
-def response_grid() -> np.ndarray:
+def bode_frequencies() -> np.ndarray:
     """Frequencies of the figure, rad/s."""
     return np.geomspace(OMEGA[0], 0.9 * np.pi / DT, 40)
 
@@ -221,7 +221,7 @@ def refusals(found: Found) -> list[str]:
     """Of each loop, length and method, how many records were not fitted, and why the first was not."""
     return [
         f"{loop} loop, {samples} samples, {method}: {len(errors.refused)} records refused ({errors.refused[0]})"
-        for (loop, samples), by_method in gathered(found).items()
+        for (loop, samples), by_method in errors_by_method(found).items()
         for method, errors in by_method.items()
         if errors.refused
     ]
@@ -232,7 +232,7 @@ def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
     vehicle, most = found.options["vehicle"], max(found.options["samples"])
     return {
         f"{loop}_loop_{vehicle}.png": partial(response_figure, by_method, truth(vehicle), f"{loop} loop, {n} samples")
-        for (loop, n), by_method in gathered(found).items()
+        for (loop, n), by_method in errors_by_method(found).items()
         if n == most
     }
 
@@ -241,7 +241,7 @@ def response_figure(by_method: Mapping[str, Errors], true: Polynomial, words: st
     """Gain and phase that each method finds, mean and the band that nine seeds of ten lie in, over the true ones."""
     from identification.pages.drawing import AFTER, BEFORE, INK, grid, new_figure
 
-    omega = response_grid()
+    omega = bode_frequencies()
     response = true.state_space.frequency_response(omega)[:, 0, 0]
     shown = {method: errors for method, errors in by_method.items() if errors.enough}
     rows = (len(shown) + _COLUMNS - 1) // _COLUMNS
@@ -319,7 +319,7 @@ def sheets(found: Found) -> list[Sheet]:
     """A table for each loop and length of the records; in a file, all quantities."""
     shown, every = [], []
     names = quantities(truth(found.options["vehicle"]))
-    for (loop, samples), by_method in gathered(found).items():
+    for (loop, samples), by_method in errors_by_method(found).items():
         rows = [_row(method, errors, names) for method, errors in by_method.items()]
         title = f"{loop.capitalize()} loop, {samples} samples, {_seeds(by_method)} seeds: mean errors and how sure"
         shown.append(Sheet(f"{loop}_{samples}", title, _HEADS, rows))

@@ -16,8 +16,8 @@ import numpy as np
 
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
-from identification.diagnosis.log.plausibility import Doubt, doubts_of
-from identification.diagnosis.log.slips import slipped, slips_of
+from identification.diagnosis.log.plausibility import Doubt, log_doubts
+from identification.diagnosis.log.slips import possible_slips, slipped
 from identification.experiments.missions import mission_of, run_mission
 from identification.fit.windows import free_run_windows
 from scripts.studies.harness import Found, Sheet, Study
@@ -32,7 +32,7 @@ def attempt(vehicle: str, seed: int) -> list[dict[str, Any]]:
     plant = load_vehicle(vehicle)
     record = log_of(plant, seed)
     found = []
-    for slip in (None, *slips_of(record, plant)):
+    for slip in (None, *possible_slips(record, plant)):
         raised = doubts(slipped(record, slip, plant) if slip else record, plant)
         said = [text for doubt in raised for text in (doubt.text, *doubt.instead)]
         found.append({"slip": slip.text if slip else "", "doubts": said})
@@ -57,7 +57,7 @@ def log_of(plant: Plant, seed: int = 1) -> Record:
 def doubts(record: Record, plant: Plant) -> Sequence[Doubt]:
     """The doubts about a log in windows of its vehicle's length, shorter ones for the short log of a hull and parts."""
     seconds = plant.window if plant.family.body is None else WINDOW
-    return doubts_of(record, plant, free_run_windows(plant, record, seconds))
+    return log_doubts(record, plant, free_run_windows(plant, record, seconds))
 
 
 def sheets(found: Found) -> list[Sheet]:

@@ -10,7 +10,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record
-from auv_gym.records.slocum import shipped_log
+from auv_gym.records.slocum import bundled_slocum_log
 from identification.diagnosis.result_files import digest_of
 from identification.experiments.heading_control import closed_loop
 
@@ -121,7 +121,7 @@ def test_an_unknown_vehicle_is_answered_with_the_nearest_names(tmp_path, capsys)
 @pytest.mark.parametrize("kept", [0, 200, 5000, 200_000])
 def test_a_truncated_binary_is_refused(kept, tmp_path, capsys):
     pytest.importorskip("dbdreader", reason="the extra `slocum` is not installed")
-    whole = shipped_log("ammonite").read_bytes()
+    whole = bundled_slocum_log("ammonite").read_bytes()
     path = tmp_path / "cut.mbd"
     path.write_bytes(whole[:kept])
     assert run(path, tmp_path / "out") == 1

@@ -16,7 +16,7 @@ from controllers.composed.scheduled import Scheduled
 from controllers.controller import Controller
 from controllers.gains import Gains, gains_for, read_gains, write_gains
 from controllers.kinds import KINDS
-from controllers.kinds.body import steady_speeds
+from controllers.kinds.body import steady_speed_commands
 from controllers.predictive.gpc import Gpc
 from controllers.trials.settling import step_response
 from controllers.trials.trial import NOISE, at_rest, level_flight, run_trial
@@ -174,7 +174,7 @@ def test_a_float_with_an_unknown_trim_comes_to_its_depth():
 @pytest.mark.parametrize("vehicle", ["remus100", "npsauv", "heu_torpedo", "vt690"])
 def test_the_speed_fed_forward_is_held(vehicle):
     plant = load_vehicle(vehicle)
-    points = steady_speeds(plant)
+    points = steady_speed_commands(plant)
     assert (np.diff(np.array(points), axis=0) > 0.0).all()
     speeds, commands = np.array(points).T
     design = plant.parts.propeller.design

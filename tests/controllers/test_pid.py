@@ -7,7 +7,7 @@ from hypothesis import given, strategies as st
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.vehicles.glider import linear_yaw_coefficients
 from controllers.controller import Controller
 from controllers.pid import Pid, float_depth_pid, heading_pid
 
@@ -142,7 +142,7 @@ def test_heading_pid_follows_a_step_and_leaves_no_error(vehicle):
 def test_the_poles_are_where_they_were_put(vehicle, settling):
     plant = load_vehicle(vehicle)
     pid = heading_pid(plant, settling=settling)
-    damping, rudder = yaw_rates(plant.family.view(plant.vector).hull)
+    damping, rudder = linear_yaw_coefficients(plant.family.view(plant.vector).hull)
     # s^3 - a s^2 + b (Kd s^2 + Kp s + Ki), from (14) with an unfiltered derivative
     polynomial = [1.0, rudder * pid.derivative - damping, rudder * pid.proportional, rudder * pid.integral]
     poles = np.sort(np.abs(np.roots(polynomial)))

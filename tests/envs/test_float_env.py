@@ -403,7 +403,7 @@ def test_a_model_that_diverges_ends_the_episode():
         ({"depths": (-1.0, 5.0)}, "depths.0. needs a number of at least 0"),
         ({"depths": (5.0, 5.0)}, "depths.1. needs a number above 5 in m"),
         ({"model": Drift(dt=0.36)}, "dt=0.36"),
-        ({"model": Drift(), "near": NEAR}, "near= changes the sample time, for which Drift was not made"),
+        ({"model": Drift(), "near": NEAR}, "Steps of two lengths \\(near=\\) are nothing that Drift was made for"),
         ({"model": Drift(outputs=("heading_rad",))}, "needs depth_m among its outputs"),
         ({"model": Drift(inputs=("oil_volume_m3",))}, "needs piston_m among its inputs"),
         ({"model": Drift(inputs=("piston_m", "rudder_rad"))}, "rudder_rad that the environment does not have"),

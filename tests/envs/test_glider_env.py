@@ -13,7 +13,7 @@ from auv_gym.models.files import save_model
 from auv_gym.models.linear import StateSpace
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.vehicles.glider import linear_yaw_coefficients
 from tests.envs.env_runs import run
 
 
@@ -26,7 +26,7 @@ def headings(steps):
 
 
 def coefficients(plant):
-    return yaw_rates(plant.family.view(plant.vector).hull)
+    return linear_yaw_coefficients(plant.family.view(plant.vector).hull)
 
 
 def steady_turn(plant):

@@ -21,10 +21,10 @@ from identification.pages.model_page import (
     compared_page,
     horizon_table,
     identified_page,
+    outputs_of_several_models,
     parameter_table,
     residual_table,
     score_table,
-    shared_outputs,
 )
 from tests.identification.linear.known_systems import INPUTS, OUTPUTS, TRUTH, record_of
 
@@ -110,8 +110,8 @@ def test_tables_hold_the_numbers_that_they_name(done):
     assert horizon_table(sweeps) == Table(
         ("output", "model", "4 s", "8 s"), (("pitch, deg", "a", "1.50", "5.73"), ("pitch, deg", "b", "11.5", "–")), 2
     )
-    assert shared_outputs({"a": {"x": 1, "y": 2}, "b": {"y": 3}}) == ["y"]
-    assert shared_outputs({"a": {"x": 1, "y": 2}}) == ["x", "y"]
+    assert outputs_of_several_models({"a": {"x": 1, "y": 2}, "b": {"y": 3}}) == ["y"]
+    assert outputs_of_several_models({"a": {"x": 1, "y": 2}}) == ["x", "y"]
 
 
 def test_pages_are_whole_and_tell_what_was_found(done):

@@ -11,7 +11,7 @@ from hypothesis import given, strategies as st
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle, save_vehicle
 from auv_gym.plant.cruise import find_helm
-from auv_gym.presets import Heading, list_headings
+from auv_gym.presets import Heading, list_preset_headings
 from auv_gym.records.record import Record
 from auv_gym.vehicles import FAMILY_NAMES
 
@@ -245,7 +245,7 @@ def test_a_preset_cites_every_number_it_sets(name):
     assert plant.description
     assert set(changed) <= set(plant.notes)
     assert list_vehicles()[name] == plant.title
-    assert list_headings()[name] == Heading(plant.family.name, plant.title, plant.dt)
+    assert list_preset_headings()[name] == Heading(plant.family.name, plant.title, plant.dt)
     assert plant.fitted_to
 
 

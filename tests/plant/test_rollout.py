@@ -10,10 +10,10 @@ from hypothesis import given, strategies as st
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, Runs, load_vehicle
 from auv_gym.records.record import Record
-from auv_gym.vehicles.glider import yaw_inertia, yaw_rates
+from auv_gym.vehicles.glider import linear_yaw_coefficients, yaw_inertia
 
 SLOCUM = load_vehicle("slocum")
-DAMPING, RUDDER = yaw_rates(SLOCUM.family.view(SLOCUM.vector).hull)  # 1/s, 1/s^2
+DAMPING, RUDDER = linear_yaw_coefficients(SLOCUM.family.view(SLOCUM.vector).hull)  # 1/s, 1/s^2
 
 
 def with_quadratic_damping(rate: float) -> Plant:

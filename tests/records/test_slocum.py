@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, strategies as st
 
 from auv_gym.records.reading import read_record
-from auv_gym.records.slocum import LOGS, glide_speed, read_slocum, shipped_log
+from auv_gym.records.slocum import LOGS, bundled_slocum_log, glide_speed, read_slocum
 
 needs_dbdreader = pytest.mark.skipif(
     importlib.util.find_spec("dbdreader") is None, reason="the extra `slocum` is absent"
@@ -17,7 +17,7 @@ needs_dbdreader = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def ammonite():
-    return read_slocum(shipped_log("ammonite"))
+    return read_slocum(bundled_slocum_log("ammonite"))
 
 
 @needs_dbdreader
@@ -85,11 +85,11 @@ def test_reading_by_name(ammonite):
 @pytest.mark.parametrize("name", ["amadeus", "sebastian"])
 def test_logs_that_need_a_sensor_list(name, tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    if not (shipped_log(name).parent / "cac" / "468fd1be.cac").is_file():
+    if not (bundled_slocum_log(name).parent / "cac" / "468fd1be.cac").is_file():
         with pytest.raises(ValueError, match=r"needs the sensor list 468fd1be\.cac.*cache_dir.*pip download"):
-            read_slocum(shipped_log(name))
+            read_slocum(bundled_slocum_log(name))
     else:
-        r = read_slocum(shipped_log(name))
+        r = read_slocum(bundled_slocum_log(name))
         assert r.duration_s == pytest.approx(70 * 60, rel=0.1)
         assert 30 < r["depth_m"].max() < 45
 
@@ -97,17 +97,17 @@ def test_logs_that_need_a_sensor_list(name, tmp_path, monkeypatch):
 @needs_dbdreader
 def test_nothing_is_written_outside_the_temporary_folder(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
-    before = sorted(shipped_log("ammonite").parent.rglob("*"))
-    read_slocum(shipped_log("ammonite"))
+    before = sorted(bundled_slocum_log("ammonite").parent.rglob("*"))
+    read_slocum(bundled_slocum_log("ammonite"))
     assert list(tmp_path.iterdir()) == []
-    assert sorted(shipped_log("ammonite").parent.rglob("*")) == before
+    assert sorted(bundled_slocum_log("ammonite").parent.rglob("*")) == before
 
 
 @needs_dbdreader
 @pytest.mark.parametrize("cut", [0, 5, 300, 5_000, 62_000, 84_500, 100_001, 200_000, 313_620])
 def test_a_log_that_is_cut_short_is_refused(tmp_path, cut):
     path = tmp_path / "cut.mbd"
-    path.write_bytes(shipped_log("ammonite").read_bytes()[:cut])
+    path.write_bytes(bundled_slocum_log("ammonite").read_bytes()[:cut])
     with pytest.raises(ValueError, match=r"cut short|no Slocum log|damaged") as caught:
         read_slocum(path)
     assert str(path) in str(caught.value)
@@ -116,7 +116,7 @@ def test_a_log_that_is_cut_short_is_refused(tmp_path, cut):
 @needs_dbdreader
 @pytest.mark.parametrize("where", [150_000, 250_000])
 def test_a_log_with_damage_inside_is_refused(tmp_path, where):
-    whole = bytearray(shipped_log("ammonite").read_bytes())
+    whole = bytearray(bundled_slocum_log("ammonite").read_bytes())
     whole[where : where + 400] = np.random.default_rng(3).bytes(400)
     path = tmp_path / "bad.mbd"
     path.write_bytes(whole)
@@ -127,7 +127,7 @@ def test_a_log_with_damage_inside_is_refused(tmp_path, where):
 @needs_dbdreader
 @pytest.mark.parametrize("shipped, message", [("02450137.tcd", "decompress"), ("01600000.ecd", "flight log")])
 def test_compressed_logs_are_opened(shipped, message):
-    path = shipped_log("ammonite").parent / shipped
+    path = bundled_slocum_log("ammonite").parent / shipped
     if not path.is_file():
         pytest.skip(f"this dbdreader lacks {shipped}")
     with pytest.raises(ValueError, match=rf"{message}|sensor list"):
@@ -139,7 +139,7 @@ def test_paths_that_do_not_fit(tmp_path):
     with pytest.raises(ValueError, match="There is no file"):
         read_slocum(tmp_path / "none.dbd")
     with pytest.raises(ValueError, match="There is no folder"):
-        read_slocum(shipped_log("ammonite"), cache_dir=tmp_path / "none")
+        read_slocum(bundled_slocum_log("ammonite"), cache_dir=tmp_path / "none")
     (tmp_path / "text.dbd").write_text("time_s,depth_m\n")
     with pytest.raises(ValueError, match="is no Slocum log"):
         read_record(tmp_path / "text.dbd")
@@ -148,7 +148,7 @@ def test_paths_that_do_not_fit(tmp_path):
 def test_without_dbdreader_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install auv-gym\[slocum\]"):
-        shipped_log("ammonite")
+        bundled_slocum_log("ammonite")
     (tmp_path / "x.dbd").write_bytes(b"dbd_label")
     with pytest.raises(ValueError, match=r"pip install auv-gym\[slocum\]"):
         read_slocum(tmp_path / "x.dbd")
@@ -157,9 +157,7 @@ def test_without_dbdreader_the_extra_is_named(monkeypatch, tmp_path):
 @needs_dbdreader
 def test_dbdreader_is_not_imported_here(ammonite):
     assert len(ammonite) > 0
-    read = (
-        "from auv_gym.records.slocum import read_slocum, shipped_log; import sys; read_slocum(shipped_log('ammonite'))"
-    )
+    read = "from auv_gym.records import slocum; import sys; slocum.read_slocum(slocum.bundled_slocum_log('ammonite'))"
     done = subprocess.run(
         [sys.executable, "-c", read + "; print('dbdreader' in sys.modules)"], capture_output=True, text=True
     )

@@ -15,7 +15,7 @@ from auv_gym.models.files import load_model, save_model
 from auv_gym.models.linear import StateSpace
 from auv_gym.plant import load_vehicle
 from auv_gym.rl import Policy, Training, evaluate, fresh_seeds, train
-from auv_gym.rl.agents import make_agent, make_many, network_of
+from auv_gym.rl.agents import make_agent, make_vector_env, policy_network
 
 SMALL = {
     "ppo": {"n_timesteps": 256, "n_envs": 4, "n_steps": 16, "batch_size": 32, "n_epochs": 2, "normalize": True},
@@ -152,7 +152,7 @@ def test_a_checkpoint_holds_all_that_learns(algorithm, tmp_path):
     checkpoint.put_into(other)
     assert other.num_timesteps == agent.num_timesteps
     observations = np.random.default_rng(0).uniform(-1.0, 1.0, (9, 5)).astype(np.float32)
-    np.testing.assert_array_equal(network_of(other).act(observations), network_of(agent).act(observations))
+    np.testing.assert_array_equal(policy_network(other).act(observations), policy_network(agent).act(observations))
     mine, other_state = (one.policy.optimizer if algorithm == "ppo" else one.critic.optimizer for one in (agent, other))
     for one, two in zip(mine.state_dict()["state"].values(), other_state.state_dict()["state"].values(), strict=True):
         np.testing.assert_array_equal(one["exp_avg"].numpy(), two["exp_avg"].numpy())
@@ -238,9 +238,9 @@ def test_single_environments_do_what_the_dummy_of_stable_baselines_does():
 def test_native_environments_are_taken_where_there_are_any():
     from auv_gym.envs.stable_baselines import SingleEnvs, StableBaselinesVecEnv
 
-    assert isinstance(make_many("Depth", 2), StableBaselinesVecEnv)
-    assert isinstance(make_many("GliderHeading", 2, LINEAR), StableBaselinesVecEnv)
-    assert isinstance(make_many("Pendulum-v1", 2), SingleEnvs)
+    assert isinstance(make_vector_env("Depth", 2), StableBaselinesVecEnv)
+    assert isinstance(make_vector_env("GliderHeading", 2, LINEAR), StableBaselinesVecEnv)
+    assert isinstance(make_vector_env("Pendulum-v1", 2), SingleEnvs)
 
 
 @pytest.mark.parametrize(

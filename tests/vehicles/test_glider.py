@@ -11,7 +11,7 @@ from auv_gym.model import simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
-from auv_gym.vehicles.glider import GRAVITY, derivative, yaw_inertia, yaw_rates
+from auv_gym.vehicles.glider import GRAVITY, derivative, linear_yaw_coefficients, yaw_inertia
 
 INPUTS = ("rudder_rad", "bow_thruster_N", "stern_thruster_N", "u_mps", "w_mps", "q_radps", "pitch_rad", "roll_rad")
 MIRRORED = np.array([-1.0, -1.0, -1.0, 1.0, 1.0, 1.0, 1.0, -1.0])
@@ -42,7 +42,7 @@ def final(plant: Plant, u: np.ndarray, samples: int, y0=(0.0, 0.0, 0.0, 0.0)) ->
 
 def test_linear_form_has_the_papers_coefficients():
     # equation (14), printed to three decimals
-    damping, rudder = yaw_rates(parameters(load_vehicle("ganeshblue")).hull)
+    damping, rudder = linear_yaw_coefficients(parameters(load_vehicle("ganeshblue")).hull)
     assert damping == pytest.approx(-2.732, abs=5e-4)
     assert rudder == pytest.approx(-0.381, abs=5e-4)
 
@@ -56,7 +56,7 @@ def test_inertia_keeps_the_sign_that_the_paper_prints():
 @pytest.mark.parametrize("rudder", [-0.2, 0.1, 0.5])
 def test_steady_turn_balances_rudder_and_damping(name, rudder):
     plant = load_vehicle(name)
-    damping, effect = yaw_rates(parameters(plant).hull)
+    damping, effect = linear_yaw_coefficients(parameters(plant).hull)
     # after 18 time constants, what is left of the start is below 1e-7
     turning = final(plant, inputs(plant, rudder_rad=rudder), math.ceil(-18.0 / damping / plant.dt))
     assert turning[1] == pytest.approx(-effect / damping * rudder, rel=1e-6)
@@ -65,7 +65,7 @@ def test_steady_turn_balances_rudder_and_damping(name, rudder):
 def test_the_measured_speed_acts_as_far_as_the_scaling_says():
     plant = load_vehicle("ganeshblue")
     fast = rates(plant, r=0.1, rudder=0.2, u_mps=0.6)
-    damping, effect = yaw_rates(parameters(plant).hull)
+    damping, effect = linear_yaw_coefficients(parameters(plant).hull)
     assert fast[1] == pytest.approx(2.0 * damping * 0.1 + 4.0 * effect * 0.2, rel=1e-14)
     fixed = replace_at(plant, "hull.speed_scaling", 0.0)
     assert rates(fixed, r=0.1, rudder=0.2, u_mps=0.6)[1] == rates(fixed, r=0.1, rudder=0.2, u_mps=0.3)[1]
@@ -143,7 +143,7 @@ def test_a_yaw_moment_divided_by_the_inertia_is_an_acceleration(path, size, give
 
 def test_equation_15_scales_the_analytic_model():
     analytic, corrected = load_vehicle("ganeshblue"), load_vehicle("ganeshblue_corrected")
-    damping, effect = yaw_rates(parameters(analytic).hull)
+    damping, effect = linear_yaw_coefficients(parameters(analytic).hull)
     change = rates(corrected, psi=0.5, r=0.1, rudder=0.2)
     expected = 1.866e-8 * 0.5 + 1.75704 * damping * 0.1 - 2.8594e-8 * effect * 0.2
     assert change[1] == pytest.approx(expected, rel=1e-12)
@@ -188,7 +188,7 @@ def test_a_pitched_and_rolled_glider_moves_and_turns_by_the_full_rotation():
 
 def test_compass_effects_in_a_steady_turn():
     plant = load_vehicle("slocum")
-    damping, effect = yaw_rates(parameters(plant).hull)
+    damping, effect = linear_yaw_coefficients(parameters(plant).hull)
     rate = -effect / damping * 0.2
     u, start = inputs(plant, rudder_rad=0.2), np.array([0.3, rate, 0.0, 0.0])
     true = final(plant, u, 50, start)[0]
@@ -213,6 +213,6 @@ def test_a_yaw_rate_too_quick_for_the_step_stays_stable():
     n = 200
     record = Record.from_arrays(np.arange(float(n)), {"rudder_rad": np.full(n, 0.2), "heading_rad": np.zeros(n)})
     rate = np.diff(simulate(plant, record)["heading_rad"])
-    damping, rudder = yaw_rates(plant.family.view(plant.vector).hull)
+    damping, rudder = linear_yaw_coefficients(plant.family.view(plant.vector).hull)
     # settled after the first seconds: the turn is the steady one, a fixed point that every stable step keeps
     np.testing.assert_allclose(rate[3:], -0.2 * rudder / damping, rtol=1e-9)

@@ -35,7 +35,7 @@ Dt = Annotated[float | None, number("Sample time, s; default: the vehicle's.", *
 Duration = Annotated[float | None, number("Length of an episode, s; default: the environment's.", *LENGTH)]
 
 
-def options_of(
+def parse_environment_options(
     vehicle: str | None,
     effect: Sequence[str] | None,
     randomise: Sequence[str] | None,

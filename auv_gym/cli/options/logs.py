@@ -26,7 +26,7 @@ CutGaps = Annotated[
 Resample = Annotated[float | None, number("Bring the records to even samples of so many s.", *TIME_STEP)]
 
 
-def check_there(logs: Sequence[str]) -> None:
+def check_log_files(logs: Sequence[str]) -> None:
     """Raises ValueError if one of them is no file that can be read."""
     from auv_gym.records.reading import find_log
 

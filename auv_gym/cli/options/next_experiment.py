@@ -25,7 +25,7 @@ class Planned:
     file: Path
 
 
-def propose(diagnosis: Diagnosis, out: Path, progress: Callable[[float, str], None]) -> list[Planned]:
+def propose_experiments(diagnosis: Diagnosis, out: Path, progress: Callable[[float, str], None]) -> list[Planned]:
     """What would tell the effects of each tie apart; the best of each tie is written into the folder."""
     from identification.planning.next_experiment import next_experiment, rivals_of, write_experiment
 

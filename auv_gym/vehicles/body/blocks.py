@@ -21,7 +21,7 @@ before: Any
 own: Any
 
 
-def by_elimination(push, water, actuators, motion, p, dz, scratch):
+def accelerate_by_elimination(push, water, actuators, motion, p, dz, scratch):
     """Accelerations of a body in which masses move, into dz.
 
     push: the six forces on all of it but what the moving masses' inertia takes; water: acceleration of the water, in

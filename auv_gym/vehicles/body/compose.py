@@ -321,7 +321,9 @@ def _hooks(program: str, slots: Sequence[_Slot], record: np.dtype, n_parameters:
         forces_of_drives=chain(*forces, others),
         # a call, so that the usual step is short
         forces_in_wakes=bind(sums.wake_forces, program, inline=False, wakes=wakes, in_wake=in_wake),
-        accelerate=bind(blocks.by_elimination, program, load_blocks=loads) if moves else dynamics.by_inverse,
+        accelerate=bind(blocks.accelerate_by_elimination, program, load_blocks=loads)
+        if moves
+        else dynamics.accelerate_by_inverse,
     )
     derive = bind(
         derived_numbers.derive,

@@ -268,7 +268,7 @@ def leave(z, x):
 
 
 @compiled
-def by_inverse(push, water, actuators, motion, p, dz, scratch):
+def accelerate_by_inverse(push, water, actuators, motion, p, dz, scratch):
     """Accelerations of a body whose masses do not move, into dz; push: the six forces."""
     x_force, y_force, z_force, k_moment, m_moment, n_moment = push
     i = p.computed.inverse_mass

@@ -12,7 +12,7 @@ from auv_gym.vehicles.body.kinds import part_kind, part_kinds
 from auv_gym.vehicles.family import Family
 
 
-def parts_of(content: Mapping[str, Any]) -> tuple[Family, dict[str, Any]]:
+def parse_part_tables(content: Mapping[str, Any]) -> tuple[Family, dict[str, Any]]:
     """The family of a file's parts, and the content with numbers only; raises ValueError on what does not fit."""
     tables = content.get("parts", {})
     found, numbers = [], {}

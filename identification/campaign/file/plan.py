@@ -15,7 +15,7 @@ from identification.campaign.file.complaints import checked
 from identification.campaign.file.reading import with_value
 from identification.campaign.file.settings import Campaign, Filter, RunSettings
 
-FORMAT = 1  # of the runs: goes up where the same settings come to mean another run
+FORMAT = 2  # of the runs: goes up where the same settings come to mean another run
 _ID_DIGITS = 12
 
 

@@ -22,13 +22,13 @@ from identification.campaign.report.experiment import (
     spectra_heading,
     tracking,
 )
-from identification.campaign.report.focus import narrowed, outputs_in_question
+from identification.campaign.report.focus import fit_limited_to_outputs, outputs_in_question
 from identification.campaign.report.loops import loop_content
 from identification.campaign.report.models import model_content, models_heading, score_table
 from identification.campaign.report.residuals import residual_content
 from identification.campaign.report.runs import runs_heading, runs_table
 from identification.campaign.report.setup import setup
-from identification.campaign.report.wording import cell_of, counted, duration, left_out, median
+from identification.campaign.report.wording import counted, duration, grid_cell_label, left_out, median
 from identification.campaign.rollouts import read_rollouts
 from identification.pages.drawing import require_render
 from identification.pages.page import page, percent
@@ -67,7 +67,7 @@ def _content(campaign: Campaign, folder: Path, rows: Sequence[Row]) -> dict[str,
     records = {row.id: Record.load(row.path(folder)) for row in usable}
     fits, rollouts = read_fits(folder), read_rollouts(folder)
     wanted = outputs_in_question(fits, list(records.values()))
-    fits = [narrowed(fit, wanted) for fit in fits]
+    fits = [fit_limited_to_outputs(fit, wanted) for fit in fits]
     made = [fit for fit in fits if fit["status"] == "done"]
     told = {kind: loop_content(kind, rollouts[kind], rows, folder, wanted) for kind in ("open", "closed")}
     residuals = residual_content(made)
@@ -129,7 +129,7 @@ def _cards(
     rollouts: Mapping[str, Sequence[Mapping[str, Any]]],
 ) -> list[tuple[str, str, str]]:
     """Words, a value and a remark each."""
-    cells = len({cell_of(row.cell) for row in rows})
+    cells = len({grid_cell_label(row.cell) for row in rows})
     where = f"in {cells} cells of the grid" if cells > 1 else "with one setting"
     seconds = sum(record.duration_s for record in records.values())
     cards = [

@@ -10,9 +10,9 @@ from auv_gym.channels import channel, excitation_of, set_point_of
 from auv_gym.records.record import Record
 from identification.campaign.index import Row
 from identification.campaign.report import figures
-from identification.campaign.report.focus import DETAILED, featured
-from identification.campaign.report.wording import cell_of, counted, percents, ranged, run_of, spread
-from identification.pages.drawn_channels import asked_of, inputs_of, outputs_of
+from identification.campaign.report.focus import DETAILED, representative_runs
+from identification.campaign.report.wording import counted, grid_cell_label, percents, run_of, spread, table_has_ranges
+from identification.pages.drawn_channels import excited_set_point, inputs_of, outputs_of
 from identification.pages.page import Drawing, Table, drawn
 
 SPECTRAL = 60  # runs in the spectra
@@ -45,17 +45,19 @@ def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None
     heads += [f"rms of {channel(n).label} about its mean" for n in driven]
     heads += ["guard acted, share of time"] if guarded else []
     lines = []
-    for cell in dict.fromkeys(cell_of(row.cell) for row in rows):
-        of = [records[row.id] for row in rows if cell_of(row.cell) == cell]
+    for cell in dict.fromkeys(grid_cell_label(row.cell) for row in rows):
+        of = [records[row.id] for row in rows if grid_cell_label(row.cell) == cell]
         line: list[str | tuple[str, str]] = [cell or "all runs", str(len(of))]
-        line += [_over(of, n, set_point_of(n), lambda r, n=n: _rms(r[n] - asked_of(r, n))) for n in aimed]
+        line += [_over(of, n, set_point_of(n), lambda r, n=n: _rms(r[n] - excited_set_point(r, n))) for n in aimed]
         line += [_over(of, n, n, lambda r, n=n: float(np.std(r[n]))) for n in driven]
         if guarded:
             line.append(percents([100.0 * float(np.mean(figures.guard_acted(r))) for r in of]))
         lines.append(line)
     excited = any(r.has(excitation_of(n)) for n in aimed for r in records.values())
     caption = f"Reading less set point{' with the excitation at it' * excited}, over whole runs, steps included"
-    return Table(heads, lines, 1, caption + (": median over the seeds, and below it the range." * ranged(lines) or "."))
+    return Table(
+        heads, lines, 1, caption + (": median over the seeds, and below it the range." * table_has_ranges(lines) or ".")
+    )
 
 
 def experiment_drawings(rows: Sequence[Row], records: Mapping[str, Record], wanted: Sequence[str]) -> list[Drawing]:
@@ -63,14 +65,14 @@ def experiment_drawings(rows: Sequence[Row], records: Mapping[str, Record], want
     if not rows:
         return []
     made = []
-    of, cells = [records[row.id] for row in rows], [cell_of(row.cell) for row in rows]
+    of, cells = [records[row.id] for row in rows], [grid_cell_label(row.cell) for row in rows]
     if len(rows) > DETAILED:
         shown = min(len(of), figures.MOST_LINES)
         which = f"all {len(of)} runs" if shown == len(of) else f"{shown} of the {len(of)} runs, evenly picked"
         caption = f"Outputs of {which}, over one another. Look for one that leaves its bundle."
         label = "Outputs of all runs over time."
         made.append(drawn(lambda: figures.overlay_figure(of, wanted, cells), "overlay", label, caption))
-    for count, row in enumerate(featured(rows)):
+    for count, row in enumerate(representative_runs(rows)):
         record = records[row.id]
         caption = _signals_caption(row, record)
         label = f"Outputs, set points and inputs over time, {run_of(row)}."

@@ -29,7 +29,7 @@ from identification.pages.drawing import (
     shown_values,
     unit_label,
 )
-from identification.pages.drawn_channels import asked_of, inputs_of, outputs_of
+from identification.pages.drawn_channels import excited_set_point, inputs_of, outputs_of
 from identification.pages.model_figures import LOOKS, legend, looks
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ def signals_figure(record: Record, wanted: Sequence[str] = ()) -> Figure:
         moved, look = name in outputs, dict[str, Any]()
         if moved and record.has(set_point_of(name)):
             look = {"color": COMMAND, "linewidth": 1.3, "linestyle": "--", "zorder": 1.8}
-            wish = shown_values(name, asked_of(record, name))
+            wish = shown_values(name, excited_set_point(record, name))
             line(axes, clock.times, wish, clock.cuts, **look, drawstyle="steps-post", label="set point")
         look = {"color": MEASURED if moved else INPUT, "linewidth": 1.1, "label": "output" if moved else "input"}
         look |= {} if moved else {"drawstyle": "steps-post"}

@@ -10,17 +10,17 @@ import numpy as np
 from auv_gym.channels import set_point_of
 from auv_gym.records.record import Record
 from identification.campaign.index import Row
-from identification.campaign.report.wording import cell_of
+from identification.campaign.report.wording import grid_cell_label
 from identification.pages.drawn_channels import outputs_of
 
 DETAILED = 3  # runs shown one by one
 
 
-def featured(rows: Sequence[Row], most: int = DETAILED) -> list[Row]:
+def representative_runs(rows: Sequence[Row], most: int = DETAILED) -> list[Row]:
     """A few runs that differ in their settings: the first of each cell of the grid, spread evenly over the cells."""
     firsts: dict[str, Row] = {}
     for row in rows:
-        firsts.setdefault(cell_of(row.cell), row)
+        firsts.setdefault(grid_cell_label(row.cell), row)
     cells = list(firsts.values())
     if len(cells) < most:
         cells += [row for row in rows if row not in cells][: most - len(cells)]
@@ -36,7 +36,7 @@ def outputs_in_question(fits: Sequence[Mapping[str, Any]], records: Sequence[Rec
     return list(dict.fromkeys([*aimed, *given])) or outputs_of(records[0])
 
 
-def narrowed(fit: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Any]:
+def fit_limited_to_outputs(fit: Mapping[str, Any], wanted: Sequence[str]) -> dict[str, Any]:
     """What is told of a fit, about these outputs alone."""
 
     def kept(of: Mapping[str, Any]) -> dict[str, Any]:

@@ -12,8 +12,16 @@ from auv_gym.channels import channel
 from identification.campaign.fits import VEHICLE
 from identification.campaign.index import Row
 from identification.campaign.report import figures
-from identification.campaign.report.focus import featured
-from identification.campaign.report.wording import cell_of, counted, median, percents, ranged, run_of, spread
+from identification.campaign.report.focus import representative_runs
+from identification.campaign.report.wording import (
+    counted,
+    grid_cell_label,
+    median,
+    percents,
+    run_of,
+    spread,
+    table_has_ranges,
+)
 from identification.campaign.rollouts import load_rollout
 from identification.pages.drawn_channels import outputs_of
 from identification.pages.model_figures import rollout_figure
@@ -76,14 +84,16 @@ def _heading(kind: str, told: Sequence[Mapping[str, Any]], models: Sequence[str]
 
 def _table(told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequence[str]) -> Table | None:
     """Errors by model, output and cell of the grid; cells are taken together where they are too many."""
-    cells: Sequence[str] = list(dict.fromkeys(cell_of(r["cell"]) for r in told))
+    cells: Sequence[str] = list(dict.fromkeys(grid_cell_label(r["cell"]) for r in told))
     apart = len(cells) > 1 and len(models) * len(names) * len(cells) <= MOST_LINES
     lines, marked = [], []
     for model in models:
         for cell in cells if apart else [""]:
             entries = [r["models"][model] for r in told if model in r["models"]]
             if apart:
-                entries = [r["models"][model] for r in told if model in r["models"] and cell_of(r["cell"]) == cell]
+                entries = [
+                    r["models"][model] for r in told if model in r["models"] and grid_cell_label(r["cell"]) == cell
+                ]
             short = sum(bool(entry["reason"]) for entry in entries)
             for name in names:
                 of = [entry["scores"][name] for entry in entries if name in entry["scores"]]
@@ -99,7 +109,7 @@ def _table(told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequ
     heads = ["model", *(["setting"] if apart else []), "output", "runs"]
     heads += ["rms error", "largest error", "rms error, of the step", "step"]
     caption = "Model less vehicle" + (", as far as the model went" if marked else "")
-    caption += ": median over the runs, and below it the range." if ranged(lines) else "."
+    caption += ": median over the runs, and below it the range." if table_has_ranges(lines) else "."
     return Table(heads, lines, 3 if apart else 2, caption, marked)
 
 
@@ -131,7 +141,7 @@ def _pictures(
     words = "measured" if kind == "open" else "vehicle"
     by_run = {r["run"]: r for r in told if r["status"] == "done"}
     made = []
-    for count, row in enumerate(featured([row for row in rows if row.id in by_run], 2)):
+    for count, row in enumerate(representative_runs([row for row in rows if row.id in by_run], 2)):
         entry = by_run[row.id]
         done = {n: m for n, m in entry["models"].items() if m["status"] == "done"}
         runs = {n: load_rollout(folder, m["file"]) for n, m in list(done.items())[:MOST_MODELS]}

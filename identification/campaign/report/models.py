@@ -10,7 +10,15 @@ import numpy as np
 
 from auv_gym.channels import channel
 from identification.campaign.fits import VEHICLE
-from identification.campaign.report.wording import counted, left_out, median, percents, ranged, spread, value_of
+from identification.campaign.report.wording import (
+    counted,
+    left_out,
+    median,
+    percents,
+    setting_text,
+    spread,
+    table_has_ranges,
+)
 from identification.pages.page import Table, amount, listed, number, percent, span
 
 MOST_PARAMETERS = 40  # in one table
@@ -19,7 +27,7 @@ MOST_PARAMETERS = 40  # in one table
 def models_heading(fits: Sequence[Mapping[str, Any]]) -> str:
     """Which model fits best, and how many could not be fitted."""
     made = [fit for fit in fits if fit["status"] == "done"]
-    scored = [(fit, fits_of(fit)) for fit in made if fit["scores"]]
+    scored = [(fit, median_fit_percents(fit)) for fit in made if fit["scores"]]
     missing = f"; {len(fits) - len(made)} of {counted(len(fits), 'fit')} failed" if len(made) < len(fits) else ""
     if not made:
         return f"Models: none, as {'the fit' if len(fits) == 1 else f'all {len(fits)} fits'} failed"
@@ -30,7 +38,7 @@ def models_heading(fits: Sequence[Mapping[str, Any]]) -> str:
     return f"Models: {fit['name']} fits {listed(parts, 'and')} in runs that it has not seen{missing}"
 
 
-def fits_of(fit: Mapping[str, Any]) -> dict[str, float]:
+def median_fit_percents(fit: Mapping[str, Any]) -> dict[str, float]:
     """The median of a model's fit in percent over its held-out runs, by output."""
     of = {name: [s[name]["fit_percent"] for s in fit["scores"].values() if name in s] for name in fit["outputs"]}
     return {name: median(values) for name, values in of.items() if values}
@@ -51,7 +59,7 @@ def score_table(fits: Sequence[Mapping[str, Any]]) -> Table | None:
         if of:
             lines.append([VEHICLE, "–", channel(name).label, "–", str(len(of)), *_errors(of, name)])
     heads = ["model", "method", "output", "runs fitted", "runs held out", "rms error", "fit"]
-    caption = "Median over the held-out runs, and below it the range." if ranged(lines) else ""
+    caption = "Median over the held-out runs, and below it the range." if table_has_ranges(lines) else ""
     return Table(heads, lines, 3, caption) if lines else None
 
 
@@ -59,7 +67,7 @@ def model_content(fit: Mapping[str, Any]) -> dict[str, Any]:
     """Title, text and tables of one model."""
     inputs, outputs = ([channel(name).label for name in fit[key]] for key in ("inputs", "outputs"))
     parts = [f"{fit['method']}, from {listed(inputs, 'and')} to {listed(outputs, 'and')}, {fit['dt']:g} s a sample"]
-    parts += [", ".join(f"{key} {value_of(value)}" for key, value in fit["settings"].items())]
+    parts += [", ".join(f"{key} {setting_text(value)}" for key, value in fit["settings"].items())]
     parts += [f"fitted in {number(fit['seconds'], 2)} s to {counted(len(fit['trained_on']), 'run')}"]
     shown = fit["parameters"][:MOST_PARAMETERS]
     more = left_out(len(fit["parameters"]) - len(shown), "further parameters: in the JSON file.")

@@ -7,7 +7,7 @@ from typing import Any
 
 from auv_gym.channels import channel
 from identification.campaign.report.wording import spread
-from identification.compare.model_tests import is_white, strongest_tie
+from identification.compare.model_tests import is_white, strongest_input_correlation
 from identification.pages.model_figures import residual_drawings
 from identification.pages.page import Table, chance, number
 
@@ -32,7 +32,7 @@ def residual_content(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None
     for model, of in tests.items():
         for name, test in of.items():
             white += is_white(test)
-            driver, size = strongest_tie(test)
+            driver, size = strongest_input_correlation(test)
             tie = f"{channel(driver).label}, {number(size, 2)}" if driver else "–"
             of_what = "one sample ahead" if test["ahead"] else "free run"
             rms, first = spread([test["rms"]], name), number(test["correlation"][0], 2, sign=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from auv_gym.records.record import Record
 from identification.campaign.index import Row
-from identification.campaign.report.wording import cell_of, duration, left_out
+from identification.campaign.report.wording import duration, grid_cell_label, left_out
 from identification.pages.page import Table
 
 MOST_ROWS = 300
@@ -24,7 +24,7 @@ def runs_table(rows: Sequence[Row], records: Mapping[str, Record]) -> Table:
         record = records.get(row.id)
         status = f"{row.status}: {row.reason}" if row.reason else row.status
         size = (f"{len(record):,}", duration(record.duration_s)) if record else ("–", "–")
-        lines.append((row.id, status, cell_of(row.cell) or "–", str(row.seed), *size))
+        lines.append((row.id, status, grid_cell_label(row.cell) or "–", str(row.seed), *size))
     marked = [count for count, row in enumerate(rows[:MOST_ROWS]) if not row.usable]
     caption = left_out(len(rows) - MOST_ROWS, "further runs: in index.csv.")
     return Table(("run", "status", "setting", "seed", "samples", "length"), lines, 3, caption, marked)

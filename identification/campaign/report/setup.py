@@ -13,8 +13,8 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.campaign.file.settings import EnvExperiment, RunSettings
 from identification.campaign.index import Row
-from identification.campaign.report.wording import counted, value_of
-from identification.campaign.running.staging import make_vehicle
+from identification.campaign.report.wording import counted, setting_text
+from identification.campaign.running.staging import make_campaign_vehicle
 from identification.pages.page import amount, span
 
 _STEPS = 8  # of a set point
@@ -32,13 +32,13 @@ def setup(
     plant = None
     if settings.vehicle is not None:
         with suppress(ValueError):  # its file may have gone since; the page goes without units then
-            plant = make_vehicle(settings.vehicle, folder, effects=False)
+            plant = make_campaign_vehicle(settings.vehicle, folder, effects=False)
     facts = [*_vehicle(settings, plant, grid), *_experiment(settings), *_steering(settings), *_sensors(settings, plant)]
     facts = [(word, text) for key, word, text in facts if text and key not in grid]
     seeds = sorted({row.seed for row in rows})
     facts.append(("seeds" if len(seeds) > 1 else "seed", _compact(seeds)))
     for key in grid:
-        values = dict.fromkeys(value_of(row.cell[key]) for row in rows if key in row.cell)
+        values = dict.fromkeys(setting_text(row.cell[key]) for row in rows if key in row.cell)
         facts.append(
             (f"grid, {key}", " ".join([", ".join(values), _unit(plant, key.removeprefix("vehicle."))]).strip())
         )
@@ -101,7 +101,7 @@ def _setting(key: str, value: Any, unit: str) -> str:
             return f"{key.removesuffix('_s')} {value:g} s"
         if key == "amplitude" and unit:
             return f"{key} {amount(value, unit)}"
-    return f"{key} {value_of(value)}"
+    return f"{key} {setting_text(value)}"
 
 
 def _of_parameter(plant: Plant | None, path: str, value: float) -> str:

@@ -12,21 +12,21 @@ from identification.pages.drawing import shown_values, unit_label
 from identification.pages.page import number, percent
 
 
-def cell_of(cell: Mapping[str, Any]) -> str:
+def grid_cell_label(cell: Mapping[str, Any]) -> str:
     """The values of the grid in a run, keys by their last two parts: `rudder.offset = 0.05`; empty without a grid."""
-    return ", ".join(f"{'.'.join(key.split('.')[-2:])} = {value_of(value)}" for key, value in cell.items())
+    return ", ".join(f"{'.'.join(key.split('.')[-2:])} = {setting_text(value)}" for key, value in cell.items())
 
 
-def value_of(value: Any) -> str:
+def setting_text(value: Any) -> str:
     """A value of a setting; a list in brackets."""
     if isinstance(value, list | tuple):
-        return f"({', '.join(map(value_of, value))})"
+        return f"({', '.join(map(setting_text, value))})"
     return f"{value:g}".replace("-", "−") if isinstance(value, float) else str(value)
 
 
 def run_of(row: Row) -> str:
     """Words for a run: its id, cell and seed."""
-    return ", ".join(part for part in (f"Run {row.id}", cell_of(row.cell), f"seed {row.seed}") if part)
+    return ", ".join(part for part in (f"Run {row.id}", grid_cell_label(row.cell), f"seed {row.seed}") if part)
 
 
 def counted(count: int, word: str) -> str:
@@ -58,7 +58,7 @@ def percents(given: Sequence[float | None]) -> tuple[str, str]:
     return _summed([value for value in given if value is not None], percent)
 
 
-def ranged(rows: Sequence[Sequence[str | tuple[str, str]]]) -> bool:
+def table_has_ranges(rows: Sequence[Sequence[str | tuple[str, str]]]) -> bool:
     """Whether any cell of a table's rows has a range below its median."""
     return any(isinstance(cell, tuple) and bool(cell[1]) for row in rows for cell in row)
 

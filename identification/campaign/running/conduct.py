@@ -17,15 +17,15 @@ from identification.campaign.file.settings import Campaign
 from identification.campaign.index import (
     RUNS,
     Row,
-    found_rows,
+    rows_from_run_files,
     run_file,
     strangers,
     with_outcome,
     write_index,
 )
 from identification.campaign.running.perform import Outcome
-from identification.campaign.running.staging import check_run
-from identification.campaign.running.workers import outcomes_here, outcomes_on
+from identification.campaign.running.staging import check_campaign_run
+from identification.campaign.running.workers import dask_run_outcomes, local_run_outcomes
 
 CAMPAIGN = "campaign.toml"
 _RESERVE = ".reserve"
@@ -77,7 +77,7 @@ def conduct(
     runs = plan(campaign)
     _open(out, campaign)
     with _alone(out):
-        rows = {row.id: row for row in found_rows(runs, out)}
+        rows = {row.id: row for row in rows_from_run_files(runs, out)}
         kept = sum(row.finished for row in rows.values())
         todo = [run for run in runs if not rows[run.id].finished]
         _check(todo, campaign, lambda k, n: progress(kept, len(runs), 0, f"checking {k} of {n}"))
@@ -105,7 +105,7 @@ def conduct(
 def _outcomes(todo: Sequence[PlannedRun], folder: Path, jobs: int, scheduler: str | None) -> Iterator[Outcome]:
     if not todo:
         return iter(())
-    return outcomes_here(todo, folder, jobs) if scheduler is None else outcomes_on(scheduler, todo, folder)
+    return local_run_outcomes(todo, folder, jobs) if scheduler is None else dask_run_outcomes(scheduler, todo, folder)
 
 
 def _open(out: Path, campaign: Campaign) -> None:
@@ -126,7 +126,7 @@ def _check(todo: Sequence[PlannedRun], campaign: Campaign, tell: Callable[[int, 
     for number, run in enumerate(firsts):
         tell(number + 1, len(firsts))
         try:
-            check_run(run.settings, campaign.folder)
+            check_campaign_run(run.settings, campaign.folder)
         except ValueError as error:
             cell = ", ".join(f"with {key} = {value!r}" for key, value in run.cell.items())
             raise ValueError(f"{campaign.path}{', ' * bool(cell)}{cell}: {error}") from None

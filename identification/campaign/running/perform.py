@@ -19,7 +19,7 @@ from auv_gym.model import Diverged
 from auv_gym.records.record import Record
 from identification.campaign.file.plan import PlannedRun
 from identification.campaign.file.settings import EnvExperiment, LogExperiment, RunSettings
-from identification.campaign.running.staging import make_controller, make_env, make_vehicle
+from identification.campaign.running.staging import make_campaign_controller, make_campaign_vehicle, make_env
 from identification.experiments.driving import drive, versions_used
 
 Status = Literal["done", "ended", "diverged", "failed", "pending"]
@@ -55,7 +55,7 @@ def perform(run: PlannedRun, folder: Path | None = None) -> Outcome:
     try:
         with tempfile.TemporaryDirectory(prefix="auv-gym-") as aside:
             record, reason = _record(_with_files(run, Path(aside)), folder or Path(aside), Path(aside))
-            status = status_of(reason)
+            status = run_status(reason)
             seconds = time.perf_counter() - begin
             digest = content_hash(record)
             attrs = {
@@ -112,7 +112,7 @@ def _record(settings: RunSettings, folder: Path, aside: Path) -> tuple[Record, s
         env = make_env(settings, aside)
         run = drive(
             env,
-            make_controller(settings, env, aside),
+            make_campaign_controller(settings, env, aside),
             seed=settings.seed,
             targets=experiment.steps,
             start=experiment.start,
@@ -129,10 +129,10 @@ def _record(settings: RunSettings, folder: Path, aside: Path) -> tuple[Record, s
 
     assert settings.vehicle is not None  # RunSettings sees to it
     rng = np.random.default_rng(settings.seed)
-    return run_mission(make_vehicle(settings.vehicle, aside), rng, **experiment.settings), ""
+    return run_mission(make_campaign_vehicle(settings.vehicle, aside), rng, **experiment.settings), ""
 
 
-def status_of(reason: str) -> Status:
+def run_status(reason: str) -> Status:
     """What the reason of an episode's end makes of a run."""
     if any(reason.startswith(begin) if begin else not reason for begin in _SUCCESSES):
         return "done"

@@ -47,7 +47,7 @@ _OPTIONS = {  # of the file, by those of the environments
 RELAYS: Mapping[str, Mapping[str, Any]] = {"relay": {}, "zigzag": {"measured": "heading_rad"}}
 
 
-def make_vehicle(vehicle: Vehicle, folder: Path, *, effects: bool = True) -> Plant:
+def make_campaign_vehicle(vehicle: Vehicle, folder: Path, *, effects: bool = True) -> Plant:
     """The plant of a campaign's vehicle, with its effects or without; files lie in `folder`."""
     plant = load_vehicle(vehicle.preset or folder / str(vehicle.file), dt=vehicle.dt_s)
     return replace_at(plant, vehicle.effects) if effects else plant
@@ -66,7 +66,7 @@ def make_env(settings: RunSettings, folder: Path, *, model: Model | None = None)
         options.pop("randomise", None)
     if settings.vehicle is not None:
         # without effects: scales, limits and gains are those of the vehicle as it was designed
-        options["vehicle"] = make_vehicle(settings.vehicle, folder, effects=False)
+        options["vehicle"] = make_campaign_vehicle(settings.vehicle, folder, effects=False)
         if model is None:
             sampling = {**settings.vehicle.effects, **sampling}
     if sampling:
@@ -79,7 +79,7 @@ def make_env(settings: RunSettings, folder: Path, *, model: Model | None = None)
         raise ValueError(f"{experiment.env_id} does not take all of {', '.join(options)}: {error}.") from None
 
 
-def make_controller(settings: RunSettings, env: gymnasium.Env, folder: Path = Path()) -> Controller:
+def make_campaign_controller(settings: RunSettings, env: gymnasium.Env, folder: Path = Path()) -> Controller:
     """The autopilot of a run, with the excitation that is added to it and the envelope around it; see `make_env`."""
     assert settings.controller is not None  # RunSettings sees to it
     inner: Any = env.unwrapped
@@ -105,13 +105,13 @@ def make_controller(settings: RunSettings, env: gymnasium.Env, folder: Path = Pa
     return controller
 
 
-def check_run(settings: RunSettings, folder: Path) -> None:
+def check_campaign_run(settings: RunSettings, folder: Path) -> None:
     """Raises ValueError if a run cannot be performed; compiles what it will need on the way, by two of its samples."""
     if isinstance(settings.experiment, EnvExperiment):
         for name, steps in settings.experiment.steps.items():
             checked_steps(name, steps)
         env = make_env(settings, folder)
-        controller = make_controller(settings, env, folder)
+        controller = make_campaign_controller(settings, env, folder)
         _, info = env.reset(seed=settings.seed)
         inner: Any = env.unwrapped
         target = dict(info["target"]) | {n: s[0][1] for n, s in settings.experiment.steps.items()}
@@ -126,17 +126,12 @@ def check_run(settings: RunSettings, folder: Path) -> None:
             )
         env.step(inner.action_for(command))
     elif isinstance(settings.experiment, MissionExperiment):
-        from identification.experiments.missions import mission_of
+        from identification.experiments.missions import check_mission
 
         assert settings.vehicle is not None  # RunSettings sees to it
-        mission = mission_of(make_vehicle(settings.vehicle, folder))
-        for name in settings.experiment.settings:
-            if name not in mission.settings:
-                raise ValueError(
-                    f"experiment.{name}: the mission ({mission.title}) has {', '.join(mission.settings)} only."
-                )
+        check_mission(make_campaign_vehicle(settings.vehicle, folder), settings.experiment.settings)
     elif settings.vehicle is not None:
-        make_vehicle(settings.vehicle, folder)
+        make_campaign_vehicle(settings.vehicle, folder)
 
 
 def _env_experiment(settings: RunSettings) -> EnvExperiment:

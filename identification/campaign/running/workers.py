@@ -15,13 +15,13 @@ _ANSWER = 10.0  # s, within which a scheduler answers
 _LOST = "its worker process died again and again: out of memory, or killed"
 
 
-def outcomes_here(runs: Sequence[PlannedRun], folder: Path, jobs: int) -> Iterator[Outcome]:
+def local_run_outcomes(runs: Sequence[PlannedRun], folder: Path, jobs: int) -> Iterator[Outcome]:
     """The outcomes of runs as they come, performed by `jobs` processes, by this one for a single job."""
     for number, outcome in in_parallel(partial(perform, folder=folder), runs, jobs):
         yield Outcome(runs[number].id, "failed", _LOST) if outcome is None else outcome
 
 
-def outcomes_on(scheduler: str, runs: Sequence[PlannedRun], folder: Path) -> Iterator[Outcome]:
+def dask_run_outcomes(scheduler: str, runs: Sequence[PlannedRun], folder: Path) -> Iterator[Outcome]:
     """The outcomes of runs as they come, performed by the workers of a Dask scheduler; logs are read here.
 
     Outcomes carry the content of their files, so workers need no access to the campaign's folder, only this package in

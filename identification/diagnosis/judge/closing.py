@@ -59,7 +59,7 @@ def closed_loop(record: Record, stages: Mapping[str, Plant]) -> tuple[ClosedLoop
             reason = f"The log never has all of its set points ({wanted}) at once."
     if not reason:
         try:
-            controller = controller_of(plant, targets)
+            controller = controller_for_channels(plant, targets)
         except ValueError as error:
             reason = f"No autopilot is known for {plant.name}: {error}"
     if controller is None:
@@ -67,7 +67,7 @@ def closed_loop(record: Record, stages: Mapping[str, Plant]) -> tuple[ClosedLoop
         nothing = dict.fromkeys(stages, np.nan)
         return (ClosedLoop(first, channel(first).unit, np.nan, np.nan, np.nan, np.nan, nothing, reason),)
     record = _beginning(record)
-    told, runs = told_at_log(plant, controller, record, targets), {}
+    told, runs = commands_at_log_samples(plant, controller, record, targets), {}
     for name, model in stages.items():
         same = next((runs[n] for n in runs if np.array_equal(stages[n].vector, model.vector)), None)
         runs[name] = steered(model, controller, record, targets, told) if same is None else same
@@ -83,7 +83,7 @@ def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
     )
 
 
-def controller_of(plant: Plant, targets: tuple[str, ...]) -> Controller:
+def controller_for_channels(plant: Plant, targets: tuple[str, ...]) -> Controller:
     """The vehicle's controller for these channels; raises ValueError where there is none."""
     on_board = KINDS.of(plant.family).on_board
     return autopilot(plant, targets=targets) if on_board is None else on_board(plant, targets)
@@ -98,7 +98,7 @@ def steered(
 ) -> dict[str, np.ndarray]:
     """A model's outputs in the targets' channels, (n,) each, under the log's set points; infinite once it diverged.
 
-    told: as `told_at_log`, where known; else the model's outputs stand in for readings that the log lacks.
+    told: as `commands_at_log_samples`, where known; else the model's outputs stand in for readings that the log lacks.
     """
     names = [name for name in model.outputs if record.has(name)]
     logged = {name: record[name] for name in names}
@@ -135,7 +135,7 @@ def steered(
     return {name: found[:, column] for column, name in enumerate(targets)}
 
 
-def told_at_log(
+def commands_at_log_samples(
     plant: Plant, controller: Controller, record: Record, targets: tuple[str, ...]
 ) -> list[Mapping[str, float]] | None:
     """What the controller commands at each of the log's readings; None where these lack any of the plant's outputs."""

@@ -83,7 +83,7 @@ def coefficient_of(
     return Coefficient(path, spec.title, spec.unit, given, value, _span(size), bool(wrong), bool(limited))
 
 
-def twins_of(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
+def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
     """Wrong coefficients as which an effect acts, each with that effect."""
     wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
     return [
@@ -117,7 +117,7 @@ def twin_effects(groups, effects, found, bench: Workbench, state: State, count: 
     return added
 
 
-def detectable_of(
+def detectable_effects(
     plant: Plant, screening: Sequence[Screening], rounds: Sequence[Round], named: set[str]
 ) -> tuple[Detectable, ...]:
     result = []

@@ -12,7 +12,7 @@ from scipy import stats
 
 from auv_gym.channels import channel
 from auv_gym.records.record import Record
-from identification.diagnosis.judge.spectrum import Rhythm, rhythm_of
+from identification.diagnosis.judge.spectrum import Rhythm, residual_period
 from identification.diagnosis.wording import quantity
 from identification.fit.residual import noise_floor
 from identification.fit.validation import FreeRuns
@@ -110,7 +110,7 @@ class Habitat:
         return f"{said[0].upper()}{said[1:]}. {size}"
 
 
-def habitat_of(runs: FreeRuns, record: Record, rng: np.random.Generator, name: str | None = None) -> Habitat:
+def residual_habitat(runs: FreeRuns, record: Record, rng: np.random.Generator, name: str | None = None) -> Habitat:
     """Where the residual of free runs lives: in the channel with the most of it, or the one named.
 
     Raises ValueError if the runs have no residual, or no such channel.
@@ -131,7 +131,7 @@ def habitat_of(runs: FreeRuns, record: Record, rng: np.random.Generator, name: s
     signals["time_s"] = record.time[rows] - record.time[0]
     signals = {n: s for n, s in signals.items() if np.isfinite(s).all()}
     spread = _shares(e**2, window, signals, rng)
-    rhythm = rhythm_of(e, window, record.time[rows])
+    rhythm = residual_period(e, window, record.time[rows])
     growth = _growth(e, window, record.time[rows])
     tests = len(spread) + (rhythm is not None) + (growth is not None) + (len(shares) > 1)
     ordered = tuple(sorted(spread, key=lambda s: (s.p_value, s.sample_share - s.error_share)))

@@ -29,7 +29,7 @@ class Rhythm:
     p_value: float
 
 
-def rhythm_of(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Rhythm | None:
+def residual_period(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Rhythm | None:
     """The period that stands out of a residual, (n,), in its windows; None where these are too short or uneven.
 
     The background is that of a first-order process, fitted robustly, so that a peak does not lift it; a drift across a

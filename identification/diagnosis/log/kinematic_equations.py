@@ -70,7 +70,7 @@ class Motion:
         return (values[after] - values[before]) / (time[after] - time[before])
 
 
-def equations_of(record: Record, held: Sequence[str]) -> list[Equation]:
+def segment_equations(record: Record, held: Sequence[str]) -> list[Equation]:
     """The equations that the channels of one segment allow."""
     m = Motion(record, tuple(held))
     found = []

@@ -11,7 +11,7 @@ from scipy import stats
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.diagnosis.log.kinematic_equations import Equation, equations_of
+from identification.diagnosis.log.kinematic_equations import Equation, segment_equations
 
 BLOCK = 20.0  # s, over which signals are integrated; each block has a constant of its own
 LEAST = 12  # samples of a block
@@ -78,7 +78,7 @@ class _System:
     group: np.ndarray
 
 
-def kinematics_of(record: Record, plant: Plant) -> Kinematics:
+def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
     """What kinematics supports and what it clears, of the sensor effects and currents that the plant knows.
 
     Effects are taken up one by one, the one with the most evidence first, while that is at least `SUPPORTED`, and sure.
@@ -150,7 +150,7 @@ def _system(record: Record, plant: Plant) -> _System | None:
     for block in _blocks(record):
         mask = np.zeros(len(record), dtype=bool)
         mask[block] = True
-        for equation in equations_of(record.select(mask), plant.inputs):
+        for equation in segment_equations(record.select(mask), plant.inputs):
             parts.setdefault(equation.title, []).append((equation, block))
     parts = {title: found for title, found in parts.items() if len(found) >= FEWEST}
     moved = {p for found in parts.values() for e, _ in found for p, c in e.columns.items() if np.ptp(c) > 0.0}

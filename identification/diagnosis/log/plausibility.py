@@ -15,7 +15,7 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import Plant, Runs
 from auv_gym.records.record import Record
-from identification.diagnosis.log.slips import Slip, slips_of, undone
+from identification.diagnosis.log.slips import Slip, possible_slips, undone
 from identification.fit.first_readings import RATES
 from identification.fit.residual import noise_floor
 from identification.fit.shooting import Shooting
@@ -94,7 +94,7 @@ class Match:
             (self.errors if moves else self.still)[name] = excess if np.isfinite(excess) else _WILD
 
 
-def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: float = 0.0) -> tuple[Doubt, ...]:
+def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: float = 0.0) -> tuple[Doubt, ...]:
     """What is wrong with the log itself, if anything; empty for a log that a vehicle of this kind can have made.
 
     Each slip is undone in turn, starts and coefficients are fitted, these within `FACTOR` and with their signs, and
@@ -113,7 +113,7 @@ def doubts_of(record: Record, plant: Plant, windows: Sequence[slice], settle: fl
         return ()
     before = _match(judged, declared.plant)
     off = declared.telling(stray)
-    suspects = [s for s in slips_of(record, plant) if _concerned(s, plant, off)]
+    suspects = [s for s in possible_slips(record, plant) if _concerned(s, plant, off)]
     found = []
     for slip, changed in _ranked(suspects, record, masks[0], plant, stray):
         here = _match(changed.select(masks[0]), plant, paths)

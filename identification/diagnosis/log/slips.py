@@ -71,7 +71,7 @@ class Slip:
         return not self.exchanged and all(f > 0.0 for f in self.factors)
 
 
-def slips_of(record: Record, plant: Plant) -> tuple[Slip, ...]:
+def possible_slips(record: Record, plant: Plant) -> tuple[Slip, ...]:
     """The slips that can have happened to a record of this plant, in the channels that the plant runs on."""
     used = {name for name in (*plant.inputs, *plant.outputs, "depth_m", "pitch_rad") if record.has(name)}
     return (*_signs(used, plant), *_units(used), *_exchanges(used), *_clocks())

@@ -125,7 +125,7 @@ def weighed(
     return Weighed(train, held, objection(claim))
 
 
-def size_of(plant: Plant, path: str) -> Size:
+def effect_size(plant: Plant, path: str) -> Size:
     """The size that a plant has at a path."""
     spec, value = spec_at(plant, path), value_at(plant, path)
     return Size(abs(value - spec.neutral), spec.probe, at_limit(value, spec.bounds, spec.neutral))

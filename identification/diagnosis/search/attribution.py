@@ -11,7 +11,7 @@ from auv_gym.param import replace_at, spec_at, value_at
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.acceptance import SMALL, Weighed
 from identification.diagnosis.search.candidates import SEEN, Candidate
-from identification.diagnosis.search.ties import ALIKE, Likeness, ahead_of, best_of, likenesses, tied
+from identification.diagnosis.search.ties import ALIKE, Likeness, cheaper_rival, least_cost_trial, likenesses, tied
 from identification.diagnosis.search.trials import Progress, Trial, gate, judged, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 
@@ -90,13 +90,13 @@ def selected(
     accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
     if not accepted or not more:
         return Round(tuple(trials), None, (), {})
-    best = best_of(bench, accepted)
+    best = least_cost_trial(bench, accepted)
     for _ in range(LEADERS):  # an effect like the chosen one may do better once it starts from there
         chosen = best
         others = [t for t in trials if t.candidate is not chosen.candidate]
         alike = likenesses(bench, chosen, others)
         others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
-        best = ahead_of(bench, chosen, [t for t in others if not t.objection and t not in accepted])
+        best = cheaper_rival(bench, chosen, [t for t in others if not t.objection and t not in accepted])
         trials = [chosen, *others]
         if best is chosen:
             break

@@ -11,7 +11,7 @@ from auv_gym.channels import channel
 from auv_gym.model import Diverged
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from identification.diagnosis.search.acceptance import TERM, Claim, objection, size_of, threshold
+from identification.diagnosis.search.acceptance import TERM, Claim, effect_size, objection, threshold
 from identification.diagnosis.search.terms import ITERATIONS, Found, gains, interval_of, search
 from identification.diagnosis.search.workbench import State
 from identification.diagnosis.wording import quantity
@@ -196,7 +196,7 @@ def _weighed(train: Shooting, held: Shooting, before: State, found: Found, count
         fell = _squares(held, before.plant, settle) - _squares(held, after.plant, settle)
         return (fell / held.sigma(after.held) ** 2).sum(axis=1)
 
-    sizes, windows = [size_of(after.plant, found.path)], len(held.windows)
+    sizes, windows = [effect_size(after.plant, found.path)], len(held.windows)
     claim = Claim(*evidence, threshold(count), sizes, windows, better, lambda: [limits[1] - value])
     names = (found.path, spec.title, spec.unit)
     return Term(*names, value, limits, found.frequency, *evidence, found.alike, objection(claim, TERM))

@@ -77,7 +77,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     return found
 
 
-def best_of(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
+def least_cost_trial(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
     """The accepted trial of least cost over all windows, all measured by one colour and variance of the residuals.
 
     Of trials that differ by no more than a fit leaves open, the first one in the order of the vehicle's parameters.
@@ -88,11 +88,11 @@ def best_of(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
     return min(near, key=lambda t: bench.train.index[t.candidate.paths[0]])
 
 
-def ahead_of(bench: Workbench, chosen: Trial, rivals: Sequence[Trial]) -> Trial:
+def cheaper_rival(bench: Workbench, chosen: Trial, rivals: Sequence[Trial]) -> Trial:
     """The rival that costs least, if by more than what a tie may differ; else the chosen one."""
     if not rivals:
         return chosen
-    best = best_of(bench, [chosen, *rivals])
+    best = least_cost_trial(bench, [chosen, *rivals])
     return best if _extra_cost(bench, best, chosen).sum() > TIE else chosen
 
 

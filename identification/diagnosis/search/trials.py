@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
-from identification.diagnosis.search.acceptance import Weighed, size_of, threshold, weighed
+from identification.diagnosis.search.acceptance import Weighed, effect_size, threshold, weighed
 from identification.diagnosis.search.candidates import SEEN, Candidate, Screening, screen
 from identification.diagnosis.search.workbench import State, Workbench, given_values
 from identification.fit.likelihood import colour, evidence
@@ -239,7 +239,7 @@ def gate(
         intervals = bench.intervals(after)
         return [intervals[path][2] for path in paths]
 
-    sizes = [size_of(after.plant, path) for path in paths]
+    sizes = [effect_size(after.plant, path) for path in paths]
     return weighed(bench, before, after, sizes, reach, threshold(count + tried, len(free)))
 
 

@@ -165,7 +165,7 @@ def given_values(given: Plant, state: State) -> dict[str, float]:
     return values if far else {}
 
 
-def calm_length(plant: Plant, record: Record, seconds: float) -> float:
+def noise_limited_length(plant: Plant, record: Record, seconds: float) -> float:
     """Seconds that free runs may last before the noise of their first reading decides them: at most those given.
 
     Doubled from the shortest while noise in a measured state grows by less than `MOST_GROWTH` on its way to any output.

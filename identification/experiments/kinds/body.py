@@ -21,7 +21,7 @@ from identification.experiments.designs import (
     circle,
     hold_levels,
     mission,
-    there_and_back,
+    out_and_back_headings,
 )
 from identification.experiments.kinds import ExperimentKind, Mission
 from identification.experiments.manoeuvres import NOISE, steer, steered
@@ -86,7 +86,7 @@ def _designs(plant: Plant) -> tuple[Design, ...]:
 
     return (
         Design("mission", "heading, depth and speed in steps, fins excited", lambda p, t: mission(duration=t)),
-        Design("straight", "a straight course there and back", trip(lambda t, lap: there_and_back(t))),
+        Design("straight", "a straight course there and back", trip(lambda t, lap: out_and_back_headings(t))),
         Design("turns", "heading steps", trip(turns)),
         Design("turns_slow", "heading steps, slow", trip(turns, speed=(0.7,))),
         Design("zigzag", "a zigzag", trip(excitation=zigzag)),

@@ -17,7 +17,7 @@ from identification.experiments.designs import (
     circle,
     hold_levels,
     mission,
-    there_and_back,
+    out_and_back_headings,
 )
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.kinds import ExperimentKind, Mission
@@ -72,10 +72,12 @@ def _designs(plant: Plant) -> tuple[Design, ...]:
         Design("turns", "heading steps", heading(turns)),
         Design("turns_fast", "heading steps, fast", heading(turns, 1.5)),
         Design("turns_three_speeds", "heading steps at three speeds, one run each", three_speeds),
-        Design("rudder_full", "full rudder to either side", heading(there_and_back, 1.0, full_rudder)),
-        Design("rudder_prbs", "small rudder movements on a held heading", heading(there_and_back, 1.0, small_rudder)),
+        Design("rudder_full", "full rudder to either side", heading(out_and_back_headings, 1.0, full_rudder)),
+        Design(
+            "rudder_prbs", "small rudder movements on a held heading", heading(out_and_back_headings, 1.0, small_rudder)
+        ),
         Design("circle", "all around and back", heading(lambda t: circle(t, 300.0))),
-        Design("straight", "a straight course there and back", heading(there_and_back)),
+        Design("straight", "a straight course there and back", heading(out_and_back_headings)),
     )
 
 

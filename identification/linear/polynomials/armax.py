@@ -11,7 +11,7 @@ import numpy as np
 from auv_gym.records.record import Record
 from identification.linear.polynomials.els import extended
 from identification.linear.polynomials.levenberg_marquardt import Stopping, minimise
-from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
 from identification.linear.polynomials.structure import Orders, Structure
 
@@ -53,7 +53,7 @@ class Armax:
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
-        return fit_blocks("Armax", records, self.orders, self.offset, self.skip, self._minimised)
+        return fit_coupled_outputs("Armax", records, self.orders, self.offset, self.skip, self._minimised)
 
     def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
         return least_errors(prediction, extended(prediction, arx, _START_PASSES), self.stopping)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from auv_gym.records.record import Record
-from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.structure import Orders, Structure
 
 
@@ -44,4 +44,6 @@ class Arx:
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records, each with its own lags; raises if the data cannot tell all of them."""
-        return fit_blocks("Arx", records, self.orders, self.offset, self.skip, lambda errors, arx: (arx, None, ""))
+        return fit_coupled_outputs(
+            "Arx", records, self.orders, self.offset, self.skip, lambda errors, arx: (arx, None, "")
+        )

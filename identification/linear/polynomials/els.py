@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_gym.records.record import Record
 from identification.linear.polynomials.filtering import is_stable, largest_root
-from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
 from identification.linear.polynomials.structure import Orders, Row, Structure
 
@@ -50,7 +50,7 @@ class Els:
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
-        return fit_blocks(
+        return fit_coupled_outputs(
             "Els", records, self.orders, self.offset, self.skip, lambda errors, arx: (extended(errors, arx), None, "")
         )
 

@@ -14,7 +14,7 @@ from identification.linear.polynomials.armax import least_errors
 from identification.linear.polynomials.els import extended
 from identification.linear.polynomials.filtering import half_squares, largest_root
 from identification.linear.polynomials.levenberg_marquardt import Stopping
-from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_blocks
+from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
 from identification.linear.polynomials.structure import Orders, Structure
 
@@ -55,7 +55,7 @@ class OutputError:
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""
-        return fit_blocks("OutputError", records, self.orders, self.offset, self.skip, self._minimised)
+        return fit_coupled_outputs("OutputError", records, self.orders, self.offset, self.skip, self._minimised)
 
     def _minimised(self, prediction: Prediction, arx: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
         begun = [filtered(prediction, arx) if len(prediction.rows) == 1 else arx, loosened(prediction, arx)]

@@ -63,7 +63,7 @@ class PolynomialFit:
         raise KeyError(f"There is no coefficient {name!r}; there are {', '.join(e.path for e in self.estimates)}")
 
 
-def fit_blocks(
+def fit_coupled_outputs(
     name: str, records: Sequence[Record], structure: Structure, offset: bool, skip: int, method: Method
 ) -> PolynomialFit:
     """The fit of a method to records, each group of coupled outputs by itself; raises on behalf of the method `name`.

@@ -17,7 +17,7 @@ _ROWS_PER_LAG = 6  # times the channels
 _NOISELESS = 1e-9  # error over the spread of an output below which it is rounding
 
 
-def longest_of(series: Series, channels: int) -> int:
+def most_predictor_lags(series: Series, channels: int) -> int:
     """The most lags that a predictor of this record is tried with."""
     rows = rows_of(series.y, SHORTEST + 1)
     return max(min(LONGEST, (rows - LONGEST) // (_ROWS_PER_LAG * channels)), SHORTEST)

@@ -13,7 +13,7 @@ from identification.linear.polynomials.structure import check_channels
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.subspaces.hankel import rows_of
-from identification.linear.subspaces.long_predictor import LongPredictor, longest_of
+from identification.linear.subspaces.long_predictor import LongPredictor, most_predictor_lags
 from identification.linear.subspaces.state_space_fit import StateSpaceFit
 from identification.linear.subspaces.subspace import (
     States,
@@ -62,7 +62,7 @@ class Pbsid:
     def _predictor(self, series: Series, scaled: Scaled) -> LongPredictor:
         """The predictor with as many lags as asked for or chosen; raises where the record cannot tell it."""
         q, p = scaled.inputs + scaled.outputs, scaled.outputs
-        longest = self.horizon or longest_of(series, q)
+        longest = self.horizon or most_predictor_lags(series, q)
         if rows_of(series.y, longest + 1) < _ROWS_NEEDED * (longest * q + 1):
             raise ValueError(
                 f"Pbsid needs at least {_ROWS_NEEDED * (longest * q + 1)} samples that have {longest} lags, got "

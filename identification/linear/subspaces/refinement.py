@@ -103,7 +103,11 @@ def covariance_of(here: Candidate, scaled: Scaled) -> tuple[np.ndarray, int]:
     """The covariance of the entries at the end of a descent, (P, P), and how many numbers were fitted, starts too."""
     samples, directions = here.errors.size, local_directions(here.found, scaled.offset)
     free = directions.shape[1] + here.starts.size
-    covariance = directions @ np.linalg.pinv(slopes_of(here, scaled, directions).matrix, hermitian=True) @ directions.T
+    covariance = (
+        directions
+        @ np.linalg.pinv(realisation_normal_equations(here, scaled, directions).matrix, hermitian=True)
+        @ directions.T
+    )
     # the spread was divided by rows, an unbiased one is divided by what the fitted numbers leave
     return covariance * samples / (samples - free), free
 
@@ -121,7 +125,7 @@ def descended(
         )
     here = started(found, scaled)
     damping, count, directions = _DAMPING, 0, local_directions(here.found, scaled.offset)
-    slopes = slopes_of(here, scaled, directions)
+    slopes = realisation_normal_equations(here, scaled, directions)
     noiseless = 2.0 * scaled.outputs * np.log(2.0 * _ROUNDING)
     while count < iterations and here.loss > noiseless:
         change, start_change = slopes.step(damping)
@@ -135,7 +139,7 @@ def descended(
             continue
         here, damping = tried, damping / 10.0
         directions = local_directions(here.found, scaled.offset)
-        slopes = slopes_of(here, scaled, directions)
+        slopes = realisation_normal_equations(here, scaled, directions)
     return here, count
 
 
@@ -176,7 +180,7 @@ def started(found: Realisation, scaled: Scaled) -> Candidate:
     """The realisation with the starts of least errors."""
     at_rest = candidate(found, np.zeros((len(scaled.y), len(found.a))), scaled)
     none = np.zeros((found.vector.size, 0))
-    slopes = slopes_of(at_rest, scaled, none, np.eye(scaled.outputs))
+    slopes = realisation_normal_equations(at_rest, scaled, none, np.eye(scaled.outputs))
     return candidate(found, slopes.step(0.0)[1], scaled)
 
 
@@ -192,7 +196,9 @@ def moved(
     return candidate(found, here.starts + start_change, scaled)
 
 
-def slopes_of(here: Candidate, scaled: Scaled, directions: np.ndarray, weight: np.ndarray | None = None) -> Slopes:
+def realisation_normal_equations(
+    here: Candidate, scaled: Scaled, directions: np.ndarray, weight: np.ndarray | None = None
+) -> Slopes:
     """The normal equations about a candidate; weight: of the errors, default the inverse of their mean square."""
     found, count = here.found, directions.shape[1]
     n, p = len(found.a), len(found.c)

@@ -20,7 +20,14 @@ import numpy as np
 
 from scripts.studies.harness import Found, Option, Sheet, Study
 from scripts.studies.manoeuvres.pictures import overview, sheet
-from scripts.studies.manoeuvres.trials import DEPTH_STEP, approach, manoeuvres, presets, turn_of, turning_circle
+from scripts.studies.manoeuvres.trials import (
+    DEPTH_STEP,
+    approach,
+    manoeuvres,
+    presets,
+    turning_circle,
+    turning_circle_quantities,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -130,7 +137,7 @@ def _published(results: list[Measured]) -> list[list[str]]:
             ["vt690", "speed in that turn over speed before", f"{kept:.2f}", "0.90 (1.36 over 1.51 m/s)", log],
         ]
     if "heu_torpedo" in known:
-        width = 2.0 * turn_of(turning_circle(approach("heu_torpedo"), radians(5.0))).radius
+        width = 2.0 * turning_circle_quantities(turning_circle(approach("heu_torpedo"), radians(5.0))).radius
         source = "Xu et al. 2013, ticks of the axes of figures 9 and 10; there it dives meanwhile"
         what = "width of the circle with 5 deg of rudder, m"
         table.append(["heu_torpedo", what, f"{width:.0f}", "more than 60, up to 70", source])

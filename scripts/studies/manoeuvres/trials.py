@@ -181,8 +181,8 @@ def manoeuvres(vehicle: str, speed: float | None) -> Result:
     runs["depth change"] = depth_change(trial)
     return Result(
         trial,
-        {side: turn_of(runs[f"turn to {side}"]) for side in SIDES},
-        {angle: zigzag_of(runs[f"zigzag {angle}/{angle}"], radians(angle)) for angle in ZIGZAGS},
+        {side: turning_circle_quantities(runs[f"turn to {side}"]) for side in SIDES},
+        {angle: zigzag_quantities(runs[f"zigzag {angle}/{angle}"], radians(angle)) for angle in ZIGZAGS},
         depth_change_of(runs["depth change"]),
         runs,
     )
@@ -250,7 +250,7 @@ def _longest(trial: Trial) -> float:
 # Quantities of a run
 
 
-def turn_of(run: Record) -> Turn:
+def turning_circle_quantities(run: Record) -> Turn:
     """The quantities of a turning circle, of 270 deg or more, whose rudder is put over at the first sample."""
     heading = run["heading_rad"] - run["heading_rad"][0]
     side = 1.0 if heading[-1] > 0.0 else -1.0
@@ -280,7 +280,7 @@ def turn_of(run: Record) -> Turn:
     )
 
 
-def zigzag_of(run: Record, angle: float) -> Zigzag:
+def zigzag_quantities(run: Record, angle: float) -> Zigzag:
     """The quantities of a zigzag with this much heading, rad, that goes to its fourth execute or beyond."""
     at = executes(run)
     if at.size < 4:

@@ -3,7 +3,7 @@ import copy
 import numpy as np
 import pytest
 
-from controllers.composed.excited import Excited, unexcited
+from controllers.composed.excited import Excited, command_without_excitation
 from controllers.pid import Pid
 
 
@@ -71,7 +71,9 @@ def test_it_is_pure():
 
 
 def test_a_command_without_its_excitation():
-    assert unexcited({"rudder_rad": 0.5, "excitation_rudder_rad": 0.125, "excitation_depth_m": 1.0}) == {
+    assert command_without_excitation(
+        {"rudder_rad": 0.5, "excitation_rudder_rad": 0.125, "excitation_depth_m": 1.0}
+    ) == {
         "rudder_rad": 0.375,
         "excitation_rudder_rad": 0.0,
         "excitation_depth_m": 0.0,

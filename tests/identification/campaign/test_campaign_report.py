@@ -12,9 +12,9 @@ import pytest
 from auv_gym.records.record import Record
 from identification.campaign.index import read_index, write_index
 from identification.campaign.report import figures, write_report
-from identification.campaign.report.focus import featured
+from identification.campaign.report.focus import representative_runs
 from identification.pages import page as pages
-from identification.pages.drawn_channels import asked_of
+from identification.pages.drawn_channels import excited_set_point
 from identification.pages.page import percent
 from tests.identification.outline import Outline
 
@@ -124,7 +124,7 @@ def test_a_model_that_leaves_its_envelope_is_marked_with_its_reason(study, tmp_p
 def test_excitation_of_a_set_point_is_part_of_what_was_asked():
     time = np.arange(0.0, 40.0, 4.0)
     signals = {"depth_m": np.sin(time), "depth_cmd_m": np.full(time.size, 50.0), "excitation_depth_m": np.cos(time)}
-    np.testing.assert_array_equal(asked_of(Record.from_arrays(time, signals), "depth_m"), 50.0 + np.cos(time))
+    np.testing.assert_array_equal(excited_set_point(Record.from_arrays(time, signals), "depth_m"), 50.0 + np.cos(time))
 
 
 def test_percentages_have_no_more_digits_than_they_are_worth():
@@ -146,10 +146,10 @@ def test_without_the_extra_the_error_names_it_and_the_old_page_stays(study, page
 
 def test_featured_runs_differ_in_their_settings(study):
     rows = read_index(study.folder)
-    picked = featured(rows, 2)
+    picked = representative_runs(rows, 2)
     assert {json.dumps(dict(row.cell)) for row in picked} == {json.dumps(dict(row.cell)) for row in rows}
-    assert len(featured(rows[:1])) == 1
-    assert len({row.id for row in featured(rows, 5)}) == 5
+    assert len(representative_runs(rows[:1])) == 1
+    assert len({row.id for row in representative_runs(rows, 5)}) == 5
 
 
 def test_spectra_have_the_power_of_the_signals():

@@ -36,7 +36,7 @@ def test_every_extra_may_fail_and_the_result_stays(log, monkeypatch):
     assert whole.verdict == "unexplained"
     assert whole.failures == ()
     assert whole.loops
-    for name in ("closed_loop", "habitat_of", "discover", "_form"):
+    for name in ("closed_loop", "residual_habitat", "discover", "_form"):
         monkeypatch.setattr(diagnosing, name, broken)
     found = diagnose(log, load_vehicle("slocum"))
     assert found.verdict == whole.verdict
@@ -98,7 +98,7 @@ def test_a_next_experiment_that_fails_leaves_the_files_and_says_so(tmp_path, cap
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     truth = replace_at(load_vehicle("slocum"), "effects.yaw.moment", 0.02)
     closed_loop(truth, rng=np.random.default_rng(1), duration=600.0, speed=0.35).save(tmp_path / "log.nc")
-    monkeypatch.setattr("auv_gym.cli.diagnose.propose", broken)
+    monkeypatch.setattr("auv_gym.cli.diagnose.propose_experiments", broken)
     told = ["diagnose", str(tmp_path / "log.nc"), "--vehicle", "slocum", "--out", str(tmp_path / "out")]
     assert main([*told, "--next-experiment"]) == 0
     said = capsys.readouterr()

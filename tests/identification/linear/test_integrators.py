@@ -11,7 +11,7 @@ from identification.linear.scaled import Scaled
 from identification.linear.subspaces import refinement
 from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
-from identification.linear.subspaces.refinement import candidate, local_directions, slopes_of
+from identification.linear.subspaces.refinement import candidate, local_directions, realisation_normal_equations
 from identification.linear.uncertainty import pole_intervals
 from tests.identification.linear.subspaces.test_long_predictor import (
     CHANNELS,
@@ -159,7 +159,7 @@ def test_slopes_beside_an_integrator_are_those_of_finite_differences():
     scaled = Scaled.of(Series.of([record], *CHANNELS, "test"), True, "test")
     found = scaled_of(N4sid(*CHANNELS, order=2, horizon=5, integrators=1).fit(record), scaled)
     directions, start, step = local_directions(found, True), np.ones((1, 2)), 1e-6
-    slopes = slopes_of(candidate(found, start, scaled), scaled, directions, np.eye(1))
+    slopes = realisation_normal_equations(candidate(found, start, scaled), scaled, directions, np.eye(1))
 
     def errors(change, start_change):
         return candidate(found.at(found.vector + directions @ change), start + start_change, scaled).errors

@@ -9,7 +9,7 @@ from auv_gym.plant import load_vehicle
 from controllers.pid import heading_pid
 from identification.campaign.file.plan import plan
 from identification.campaign.file.reading import read_campaign
-from identification.campaign.running.staging import check_run
+from identification.campaign.running.staging import check_campaign_run
 from identification.diagnosis import diagnose
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.kinds import KINDS
@@ -144,7 +144,7 @@ def test_every_design_is_a_campaign(vehicle, tmp_path):
         proposal = Proposal(given, 3.0, 0.0, 3.0, ("a", "b"))
         for run in plan(read_campaign(write_experiment(proposal, plant, same, tmp_path))):
             if given.name not in ("dives", "dives_slow", "turns_slow", "speeds", "circle", "straight"):  # for time
-                check_run(run.settings, tmp_path)
+                check_campaign_run(run.settings, tmp_path)
             assert run.settings.experiment.kind in ("env", "mission")
 
 

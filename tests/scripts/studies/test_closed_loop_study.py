@@ -11,7 +11,7 @@ from scripts.studies.closed_loop import (
     PLANE,
     STUDY,
     Errors,
-    gathered,
+    errors_by_method,
     quantities,
     simulated,
     truth,
@@ -34,7 +34,7 @@ def test_n4sid_is_biased_in_closed_loop_and_others_are_not(tmp_path):
     assert STUDY.main(given) == 0
     assert (tmp_path / "closed_loop_heu_torpedo.png").read_bytes()[:4] == b"\x89PNG"
     found = STUDY.find(range(8), ["closed"], out=tmp_path, samples=[2000], methods=methods)  # all of it is kept
-    of = gathered(found)["closed", 2000]
+    of = errors_by_method(found)["closed", 2000]
     assert [name for name in methods if of[name].biased] == ["n4sid"]
     assert np.abs(of["n4sid"].bias).max() > 5.0 * np.abs(of["armax"].bias).max()
     rows = {row[0]: row for row in STUDY.sheets(found)[0].rows}
@@ -72,7 +72,7 @@ def test_a_bias_is_told_from_scatter_and_from_what_does_not_matter():
 
 @pytest.mark.slow
 def test_feedback_biases_subspaces_and_fixed_noise_models_alone():
-    found = gathered(STUDY.find(range(50), jobs=2))
+    found = errors_by_method(STUDY.find(range(50), jobs=2))
     closed, opened = found["closed", 8000], found["open", 8000]
     assert {name for name, errors in closed.items() if errors.biased} == {"arx", "output_error", "n4sid"}
     assert not any(opened[name].biased for name in ("n4sid", "armax", "pbsid"))

@@ -17,9 +17,9 @@ from scripts.studies.manoeuvres.trials import (
     executes,
     manoeuvres,
     presets,
-    turn_of,
     turning_circle,
-    zigzag_of,
+    turning_circle_quantities,
+    zigzag_quantities,
 )
 
 
@@ -52,7 +52,7 @@ def circle(side, *, radius=8.0, speed=1.5, course=0.6, drift=0.1, turns=1.5, rol
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_a_circle_has_the_figures_of_a_circle(side):
-    turn = turn_of(circle(side, drift=0.0))
+    turn = turning_circle_quantities(circle(side, drift=0.0))
     # chords between samples 0.02 s apart are shorter than their arcs by 1e-6, readings between samples are linear
     assert turn.advance == pytest.approx(8.0, rel=1e-5)
     assert turn.transfer == pytest.approx(8.0, rel=1e-5)
@@ -66,7 +66,7 @@ def test_a_circle_has_the_figures_of_a_circle(side):
 
 @pytest.mark.parametrize("side", [1, -1])
 def test_drift_is_positive_where_the_bow_points_into_the_turn(side):
-    turn = turn_of(circle(side, drift=0.1))
+    turn = turning_circle_quantities(circle(side, drift=0.1))
     assert turn.drift == pytest.approx(0.1)
     # ahead is along the heading, from which the track begins 0.1 rad outward
     assert turn.advance == pytest.approx(8.0 * (cos(0.1) + sin(0.1)), rel=1e-5)
@@ -75,7 +75,7 @@ def test_drift_is_positive_where_the_bow_points_into_the_turn(side):
 
 def test_a_turn_that_is_too_short_is_refused():
     with pytest.raises(ValueError, match="270 deg of heading, got 180"):
-        turn_of(circle(1, turns=0.5))
+        turning_circle_quantities(circle(1, turns=0.5))
 
 
 def swinging(amplitude, angle, period=20.0, executed=5):
@@ -98,7 +98,7 @@ def swinging(amplitude, angle, period=20.0, executed=5):
 
 def test_a_zigzag_has_the_figures_of_a_sine():
     run, first = swinging(radians(13.0), radians(10.0))
-    zigzag = zigzag_of(run, radians(10.0))
+    zigzag = zigzag_quantities(run, radians(10.0))
     assert executes(run).size == 5
     assert zigzag.initial_time == pytest.approx(first, abs=0.011)  # to a sample
     assert zigzag.initial_way == pytest.approx(2.0 * first, abs=0.021)
@@ -110,7 +110,7 @@ def test_a_zigzag_has_the_figures_of_a_sine():
 def test_a_zigzag_without_a_fourth_execute_is_refused():
     run, _ = swinging(radians(13.0), radians(10.0), executed=3)
     with pytest.raises(ValueError, match="4 executes for its quantities, got 3"):
-        zigzag_of(run, radians(10.0))
+        zigzag_quantities(run, radians(10.0))
 
 
 def test_a_depth_change_has_the_figures_of_a_second_order_step():
@@ -139,7 +139,7 @@ def test_a_depth_change_that_does_not_arrive_is_refused():
 def test_a_slight_rudder_turns_the_torpedo_as_linear_theory_says():
     trial = approach("heu_torpedo")
     hull, order = trial.plant.hull, radians(3.0)
-    turn = turn_of(turning_circle(trial, order))
+    turn = turning_circle_quantities(turning_circle(trial, order))
     sway, yaw, rudder = hull.sway, hull.yaw, trial.plant.parts.rudder
     free = sway.uv * yaw.ur - yaw.uv * (sway.ur - hull.mass)
     rate = (yaw.uv * rudder.lift - sway.uv * rudder.moment) / free  # of turn, per rudder and speed, 1/m

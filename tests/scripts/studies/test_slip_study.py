@@ -1,6 +1,6 @@
 """The study of slips: one clean log of a glider with each slip in turn."""
 
-from identification.diagnosis.log.slips import slips_of
+from identification.diagnosis.log.slips import possible_slips
 from scripts.studies import slips
 from scripts.studies.harness import Found
 from scripts.studies.slips import STUDY, right
@@ -17,9 +17,9 @@ def test_slips_in_a_glider_s_log_are_noticed_and_counted(monkeypatch):
     few = {"the rudder acts with the opposite sign", "time runs at half"}
 
     def chosen(record, plant):
-        return [slip for slip in slips_of(record, plant) if any(slip.text.startswith(text) for text in few)]
+        return [slip for slip in possible_slips(record, plant) if any(slip.text.startswith(text) for text in few)]
 
-    monkeypatch.setattr(slips, "slips_of", chosen)
+    monkeypatch.setattr(slips, "possible_slips", chosen)
     found = STUDY.find([1], ["slocum"])
     clean, *made = found.of("slocum")[0]
     assert clean == {"slip": "", "doubts": []}

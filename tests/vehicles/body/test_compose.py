@@ -10,7 +10,7 @@ from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.vehicles import Part, compose
 from auv_gym.vehicles.body.kinds import part_kind, part_kinds, register_part
-from auv_gym.vehicles.former import of_parts
+from auv_gym.vehicles.former import convert_former_vehicle
 
 FILES = Path(__file__).parents[3] / "examples" / "vehicles"
 
@@ -83,4 +83,4 @@ def test_kinds_are_found_by_name_and_cannot_be_taken():
 
 def test_former_files_do_not_mix_with_parts():
     with pytest.raises(ValueError, match=r'family = "torpedo" has no parts'):
-        of_parts({"family": "torpedo", "parts": {}})
+        convert_former_vehicle({"family": "torpedo", "parts": {}})

@@ -13,7 +13,7 @@ from auv_gym.channels import channel
 from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import list_vehicles, load_vehicle, save_vehicle, vehicle_of_text, vehicle_text
 from auv_gym.vehicles import Part, compose
-from auv_gym.vehicles.former import of_parts, path_now
+from auv_gym.vehicles.former import convert_former_vehicle, current_torpedo_path
 
 FILES = sorted((Path(__file__).parents[3] / "examples" / "vehicles").glob("*.toml"))
 BODY = 'family = "body"\nname = "mine"\n'
@@ -204,7 +204,7 @@ def test_a_former_file_is_read_as_a_hull_and_its_parts():
 
 def test_every_number_of_a_former_file_has_its_path_now():
     content = tomllib.loads(FORMER)
-    assert of_parts({"family": "glider"}) == {"family": "glider"}
+    assert convert_former_vehicle({"family": "glider"}) == {"family": "glider"}
     now = set(list_paths(vehicle_of_text(FORMER, "old")))
 
     def leaves(table, prefix=""):
@@ -215,8 +215,8 @@ def test_every_number_of_a_former_file_has_its_path_now():
                 yield f"{prefix}{key}"
 
     former = [p for p in leaves({k: content[k] for k in ("hull", "effects")}) if "bow_plane" not in p]
-    assert {path_now(p) for p in former} <= now
-    assert path_now("hull.surge.u_u") == "hull.surge.u_u"
+    assert {current_torpedo_path(p) for p in former} <= now
+    assert current_torpedo_path("hull.surge.u_u") == "hull.surge.u_u"
 
 
 @pytest.mark.parametrize(

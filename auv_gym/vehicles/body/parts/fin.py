@@ -10,7 +10,7 @@ from typing import Any
 from auv_gym.compiled import compiled
 from auv_gym.param import param
 from auv_gym.vehicles.body.kinds import NONE, Command, PartKind, Role, Sketch, blades
-from auv_gym.vehicles.body.parts.surface import SurfaceEffects, limits_of, placed, shape, times
+from auv_gym.vehicles.body.parts.surface import SurfaceEffects, fin_angle_limits, placed, shape, times
 
 AT_REST = 1e-9  # m/s, below which there is no direction of the flow
 
@@ -116,7 +116,7 @@ def _form(axis: Role, force: Any, damping: Any) -> PartKind:
         order=12 if axis == "yaw" else 13,
         slot=f"fin_{axis}",
         choice="axis",
-        commands=(Command("rad", limits_of, role=axis),),
+        commands=(Command("rad", fin_angle_limits, role=axis),),
         force=force,
         shape=shape,
         times=times,

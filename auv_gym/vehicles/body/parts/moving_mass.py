@@ -188,7 +188,7 @@ def block_both(at, rates_at, actuators, part, effects):
 
 
 @compiled
-def weight_of(block, motion):
+def moving_mass_weight(block, motion):
     """The weight of a mass where it is, in body axes."""
     weight = block.mass * motion.gravity
     x, y, z = weight * motion.r31, weight * motion.r32, weight * motion.r33
@@ -198,20 +198,20 @@ def weight_of(block, motion):
 @compiled
 def force_slide(at, actuators, inputs, shared, motion, part, effects, derived):
     """The weight of a mass that slides."""
-    return weight_of(moved_block(placed(actuators[at], effects), 0.0, 0.0, 0.0, part), motion)
+    return moving_mass_weight(moved_block(placed(actuators[at], effects), 0.0, 0.0, 0.0, part), motion)
 
 
 @compiled
 def force_turn(at, actuators, inputs, shared, motion, part, effects, derived):
     """The weight of a mass that turns."""
-    return weight_of(moved_block(0.0, 0.0, placed(actuators[at], effects), 0.0, part), motion)
+    return moving_mass_weight(moved_block(0.0, 0.0, placed(actuators[at], effects), 0.0, part), motion)
 
 
 @compiled
 def force_both(at, actuators, inputs, shared, motion, part, effects, derived):
     """The weight of a mass that slides and turns."""
     way, angle = placed(actuators[at], effects.slide), placed(actuators[at + 1], effects.turn)
-    return weight_of(moved_block(way, 0.0, angle, 0.0, part), motion)
+    return moving_mass_weight(moved_block(way, 0.0, angle, 0.0, part), motion)
 
 
 def _problem(mass: MovingMass) -> str:

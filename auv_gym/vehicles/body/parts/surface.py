@@ -137,7 +137,7 @@ def pitch_in_wake(at, actuators, wake, motion, part, effects):
     return x, NONE, z, NONE, m, NONE
 
 
-def limits_of(fin: Any) -> tuple[float, float]:
+def fin_angle_limits(fin: Any) -> tuple[float, float]:
     """The smallest and the largest angle of a fin, rad."""
     return -fin.limit, fin.limit
 
@@ -160,7 +160,7 @@ def _form(axis: Role, force: Any, in_wake: Any) -> PartKind:
         order=10 if axis == "yaw" else 11,
         slot=f"surface_{axis}",
         choice="axis",
-        commands=(Command("rad", limits_of, role=axis),),
+        commands=(Command("rad", fin_angle_limits, role=axis),),
         force=force,
         in_wake=in_wake,
         shape=shape,

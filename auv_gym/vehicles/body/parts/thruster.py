@@ -92,13 +92,13 @@ def _shaped(share, memory, part, e):
 
 
 @compiled
-def shape_pulse(command, memory, part, effects, index):
+def thruster_pulse_command(command, memory, part, effects, index):
     """The command, of a pulse width in microseconds, after its effects, as a share, and the memory."""
     return _shaped(share_of_pulse(command), memory, part, effects)
 
 
 @compiled
-def shape_share(command, memory, part, effects, index):
+def thruster_share_command(command, memory, part, effects, index):
     """The command, a share of full thrust, after its effects, and the memory."""
     return _shaped(command, memory, part, effects)
 
@@ -235,7 +235,7 @@ KIND = PartKind(
     order=40,
     choice="command",
     variants={
-        "share": _form("share", shape_share, _limits_of_share),
-        "pulse": _form("us", shape_pulse, _limits_of_pulse),
+        "share": _form("share", thruster_share_command, _limits_of_share),
+        "pulse": _form("us", thruster_pulse_command, _limits_of_pulse),
     },
 )

@@ -14,7 +14,7 @@ from auv_gym.records.record import Record
 from identification.campaign.file.plan import plan
 from identification.campaign.file.reading import read_campaign
 from identification.campaign.file.settings import RunSettings
-from identification.campaign.index import found_rows, read_index, run_file
+from identification.campaign.index import read_index, rows_from_run_files, run_file
 from identification.campaign.running import conduct as conducting
 from identification.campaign.running.conduct import conduct
 from identification.campaign.running.perform import Outcome, content_hash, perform
@@ -300,5 +300,5 @@ def test_a_killed_campaign_goes_on_where_it_was(campaign, tmp_path, whole):
     assert conduct(campaign, out).kept == len(times)
     assert numbers(out) == whole
     assert all(path.stat().st_mtime_ns == then for path, then in times.items())
-    assert [row.status for row in found_rows(plan(campaign), out)] == ["done"] * 4
+    assert [row.status for row in rows_from_run_files(plan(campaign), out)] == ["done"] * 4
     assert isinstance(perform(plan(campaign)[0]), Outcome)

@@ -8,10 +8,10 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.judge.closing import (
     closed_loop,
-    controller_of,
+    commands_at_log_samples,
+    controller_for_channels,
     steered,
     targets_of,
-    told_at_log,
 )
 from identification.experiments.missions import run_mission
 
@@ -78,12 +78,12 @@ def test_the_commands_at_the_log_are_those_of_every_model():
     given = load_vehicle("remus100")
     record = run_mission(replace_at(given, "effects.rudder.offset", 0.05), np.random.default_rng(0), duration=20.0)
     targets = targets_of(given, record)
-    controller = controller_of(given, targets)
-    at_log = told_at_log(given, controller, record, targets)
+    controller = controller_for_channels(given, targets)
+    at_log = commands_at_log_samples(given, controller, record, targets)
     assert at_log is not None
     assert len(at_log) == len(record)
     alone, told_so = (steered(given, controller, record, targets, known) for known in (None, at_log))
     for name in targets:
         assert np.array_equal(alone[name], told_so[name])
     missing = record.without([given.outputs[0]])
-    assert told_at_log(given, controller, missing, targets) is None
+    assert commands_at_log_samples(given, controller, missing, targets) is None

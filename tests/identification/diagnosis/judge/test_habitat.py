@@ -5,8 +5,8 @@ import pytest
 from scipy.signal import lfilter
 
 from auv_gym.records.record import Record
-from identification.diagnosis.judge.habitat import habitat_of
-from identification.diagnosis.judge.spectrum import rhythm_of
+from identification.diagnosis.judge.habitat import residual_habitat
+from identification.diagnosis.judge.spectrum import residual_period
 from identification.fit.validation import FreeRuns
 
 WINDOWS, LENGTH = 12, 250
@@ -37,7 +37,7 @@ def lived(seed: int, where: str = "") -> tuple[FreeRuns, Record]:
 
 
 def home(seed: int, where: str = ""):
-    return habitat_of(*lived(seed, where), np.random.default_rng(seed))
+    return residual_habitat(*lived(seed, where), np.random.default_rng(seed))
 
 
 def test_errors_at_some_depths_are_found_there():
@@ -90,7 +90,7 @@ def test_slow_noise_has_no_period():
     p = []
     for seed in range(25):
         runs, record = lived(200 + seed)
-        found = rhythm_of(runs.residual[:, 0], runs.window, record.time)
+        found = residual_period(runs.residual[:, 0], runs.window, record.time)
         assert found is not None
         p.append(found.p_value)
     assert np.mean(np.array(p) < 0.01) <= 0.08
@@ -98,16 +98,16 @@ def test_slow_noise_has_no_period():
 
 def test_a_channel_can_be_chosen_and_must_exist():
     runs, record = lived(0)
-    found = habitat_of(runs, record, np.random.default_rng(0), "depth_m")
+    found = residual_habitat(runs, record, np.random.default_rng(0), "depth_m")
     assert found.channel == "depth_m"
     with pytest.raises(ValueError, match="choose one of these"):
-        habitat_of(runs, record, np.random.default_rng(0), "roll_rad")
+        residual_habitat(runs, record, np.random.default_rng(0), "roll_rad")
 
 
 def test_few_windows_give_no_p_value():
     runs, record = lived(0, "depth")
     few = runs.window < 3
     cut = FreeRuns(runs.channels, runs.rows[few], runs.window[few], runs.model[few], runs.residual[few], few[few])
-    found = habitat_of(cut, record, np.random.default_rng(0))
+    found = residual_habitat(cut, record, np.random.default_rng(0))
     assert found.found == ()
     assert found.growth is None

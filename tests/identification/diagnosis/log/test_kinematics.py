@@ -7,9 +7,9 @@ from scipy.spatial.transform import Rotation
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
-from auv_gym.vehicles.glider import yaw_rates
+from auv_gym.vehicles.glider import linear_yaw_coefficients
 from identification.diagnosis import diagnose
-from identification.diagnosis.log.kinematics import kinematics_of
+from identification.diagnosis.log.kinematics import kinematic_findings
 from identification.experiments.missions import run_mission
 
 PROBES = 4.0
@@ -48,7 +48,7 @@ def clean(torpedo):
 @pytest.mark.parametrize("name", EXACT)
 def test_a_sensor_effect_is_found_with_its_size(torpedo, name):
     path = f"effects.{name}"
-    found = kinematics_of(log_with(torpedo, path), torpedo).mismatches
+    found = kinematic_findings(log_with(torpedo, path), torpedo).mismatches
     truth = PROBES * spec_at(torpedo, path).probe
     assert found[0].path == path or path in found[0].tied
     if found[0].path == path:
@@ -62,14 +62,14 @@ def test_a_sensor_effect_is_found_with_its_size(torpedo, name):
 )
 def test_a_lag_is_found(torpedo, name):
     path = f"effects.{name}"
-    found = kinematics_of(log_with(torpedo, path), torpedo).mismatches
+    found = kinematic_findings(log_with(torpedo, path), torpedo).mismatches
     truth = PROBES * spec_at(torpedo, path).probe
     assert found[0].path == path
     assert 0.6 * truth < found[0].value < 1.2 * truth  # a lag as long as the motion is seen as a shorter one
 
 
 def test_clean_logs_are_silent_and_clear_the_sensors(torpedo, clean):
-    result = kinematics_of(clean, torpedo)
+    result = kinematic_findings(clean, torpedo)
     assert result.mismatches == ()
     cleared = {c.path for c in result.clears}
     assert {f"effects.{n}" for n in ("gyros.bias_r", "gyros.scale", "compass.lag", "dvl_ground.scale")} <= cleared
@@ -79,27 +79,27 @@ def test_clean_logs_are_silent_and_clear_the_sensors(torpedo, clean):
 
 def test_a_cleared_sensor_is_not_the_one_with_the_effect(torpedo):
     path = "effects.gyros.bias_r"
-    assert path not in {c.path for c in kinematics_of(log_with(torpedo, path), torpedo).clears}
+    assert path not in {c.path for c in kinematic_findings(log_with(torpedo, path), torpedo).clears}
 
 
 def test_forces_do_not_show(torpedo):
     strong = replace_at(torpedo, {"effects.rudder.gain": 1.6, "effects.load.moment_z": 0.6})
-    assert kinematics_of(log_with(strong), torpedo).mismatches == ()
+    assert kinematic_findings(log_with(strong), torpedo).mismatches == ()
 
 
 def test_sensors_that_are_not_there_are_left_out(torpedo, clean):
     bare = clean.without([n for n in clean.names if n.endswith("_mps") or n in ("north_m", "east_m")])
-    result = kinematics_of(bare, torpedo)
+    result = kinematic_findings(bare, torpedo)
     assert set(result.equations) == {"roll against gyros", "pitch against gyros", "heading against gyros"}
     alone = clean.without([n for n in clean.names if n.endswith(("_mps", "_radps")) or n in ("north_m", "east_m")])
-    assert kinematics_of(alone, torpedo).equations == ()
+    assert kinematic_findings(alone, torpedo).equations == ()
 
 
 def gliding(seed: int) -> Record:
     """A pitched and rolled `slocum` that follows its rudder, with the track that SciPy's rotations give it."""
     rng, dt, inner = np.random.default_rng(seed), 4.0, 40
     plant, count = load_vehicle("slocum"), 300
-    damping, effect = yaw_rates(plant.family.view(plant.vector).hull)
+    damping, effect = linear_yaw_coefficients(plant.family.view(plant.vector).hull)
     rudder = 0.3 * rng.choice([-1.0, 1.0], count // 10).repeat(10)
     pitch = 0.45 * np.where(np.arange(count) % 150 < 75, -1.0, 1.0)
     roll = np.full(count, 0.1)
@@ -131,5 +131,5 @@ def test_a_glider_without_a_fault_and_with_a_true_track_lacks_nothing():
 def test_a_gliders_current_shows_against_its_track():
     glider = load_vehicle("ganeshblue")
     drifted = run_mission(replace_at(glider, "effects.current.east", 0.08), np.random.default_rng(1))
-    found = {m.path: m for m in kinematics_of(drifted, glider).mismatches}
+    found = {m.path: m for m in kinematic_findings(drifted, glider).mismatches}
     assert any(path == "effects.current.east" or "effects.current.east" in m.tied for path, m in found.items())

@@ -7,12 +7,12 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.plausibility import BAD, FACTOR, GAIN, Match
-from identification.diagnosis.log.slips import Slip, slipped, slips_of, undone
+from identification.diagnosis.log.slips import Slip, possible_slips, slipped, undone
 from scripts.studies.slips import doubts, log_of
 
 
 def slip_called(record, plant, text) -> Slip:
-    return next(s for s in slips_of(record, plant) if s.text.startswith(text))
+    return next(s for s in possible_slips(record, plant) if s.text.startswith(text))
 
 
 @pytest.fixture(scope="module")

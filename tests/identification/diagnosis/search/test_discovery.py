@@ -8,7 +8,7 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
-from auv_gym.vehicles.glider import yaw_inertia, yaw_rates
+from auv_gym.vehicles.glider import linear_yaw_coefficients, yaw_inertia
 from identification.diagnosis.search import discovery
 from identification.diagnosis.search.discovery import Discovery, Term, discover, library_of
 from identification.diagnosis.search.terms import Found
@@ -41,7 +41,7 @@ def turned_by(moment, seed: int) -> Record:
     plant, rng = QUICK, np.random.default_rng(seed)
     record = run_mission(plant, rng, duration=1500.0)
     hull = plant.family.view(plant.vector).hull
-    (damping, effect), inertia = yaw_rates(hull), yaw_inertia(hull)
+    (damping, effect), inertia = linear_yaw_coefficients(hull), yaw_inertia(hull)
     rudder, u, roll = record["rudder_rad"], record["u_mps"], np.zeros(len(record))
     turning = np.cos(record["roll_rad"]) / np.cos(record["pitch_rad"])  # of the heading, by a body yaw rate
     step, headings = plant.dt / 50, []

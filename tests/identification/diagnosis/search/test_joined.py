@@ -11,7 +11,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.judge.judgement import disagrees
 from identification.diagnosis.search.joined import joined_errors, joined_windows
-from identification.diagnosis.search.workbench import calm_length
+from identification.diagnosis.search.workbench import noise_limited_length
 from identification.experiments.missions import run_mission
 from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows
@@ -23,7 +23,7 @@ DRAG = "hull.surge.u_u"
 def remus():
     plant = load_vehicle("remus100")
     record = run_mission(plant, np.random.default_rng(4), duration=75.0)
-    return plant, record, free_run_windows(plant, record, calm_length(plant, record, 25.0))
+    return plant, record, free_run_windows(plant, record, noise_limited_length(plant, record, 25.0))
 
 
 def test_neighbouring_windows_are_joined_up_to_a_length_and_not_over_gaps():

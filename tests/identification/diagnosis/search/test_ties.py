@@ -7,7 +7,7 @@ import pytest
 
 from identification.diagnosis.search import acceptance
 from identification.diagnosis.search.candidates import Candidate
-from identification.diagnosis.search.ties import Likeness, ahead_of, best_of, tied
+from identification.diagnosis.search.ties import Likeness, cheaper_rival, least_cost_trial, tied
 from tests.identification.diagnosis.stand_ins import PLANT, state_of, trial_of
 
 FIRST, SECOND = (Candidate(p, (p,)) for p in ("effects.rudder.offset", "effects.yaw.moment"))
@@ -89,15 +89,15 @@ def test_what_was_never_fitted_ties_with_nothing():
 def test_a_rival_takes_the_lead_only_by_more_than_a_tie():
     bench = Costs()
     chosen, rival = bench.trial(FIRST, [10.0] * 4), bench.trial(SECOND, [10.0 - 8.9 / 4] * 4)
-    assert ahead_of(bench, chosen, [rival]) is chosen
+    assert cheaper_rival(bench, chosen, [rival]) is chosen
     better = bench.trial(SECOND, [10.0 - 9.1 / 4] * 4)
-    assert ahead_of(bench, chosen, [rival, better]) is better
-    assert ahead_of(bench, chosen, []) is chosen
+    assert cheaper_rival(bench, chosen, [rival, better]) is better
+    assert cheaper_rival(bench, chosen, []) is chosen
 
 
 def test_of_equals_the_first_in_the_vehicles_order_is_the_best():
     bench = Costs()
     second, first = bench.trial(SECOND, [1.0] * 4), bench.trial(FIRST, [1.002] * 4)
-    assert best_of(bench, [second, first]) is first
+    assert least_cost_trial(bench, [second, first]) is first
     first = bench.trial(FIRST, [1.003] * 4)
-    assert best_of(bench, [second, first]) is second
+    assert least_cost_trial(bench, [second, first]) is second

@@ -6,7 +6,7 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis.search.acceptance import chance_of_none
-from identification.diagnosis.search.workbench import Workbench, calm_length
+from identification.diagnosis.search.workbench import Workbench, noise_limited_length
 from identification.experiments.missions import run_mission
 from identification.fit.likelihood import colour, covariance
 from identification.fit.shooting import Shooting
@@ -20,15 +20,15 @@ def torpedoes():
 
 
 def test_windows_are_as_long_as_the_vehicle_bears(torpedoes):
-    assert calm_length(load_vehicle("vt690"), torpedoes["vt690"], 25.0) == 25.0
-    assert calm_length(load_vehicle("remus100"), torpedoes["remus100"], 25.0) < 10.0  # its yaw is unstable
+    assert noise_limited_length(load_vehicle("vt690"), torpedoes["vt690"], 25.0) == 25.0
+    assert noise_limited_length(load_vehicle("remus100"), torpedoes["remus100"], 25.0) < 10.0  # its yaw is unstable
 
 
 def test_long_runs_that_settle_far_from_the_record_do_not_count_as_calm():
     plant = load_vehicle("remus100")
     pushed = replace_at(plant, "effects.load.moment_y", 0.1)
     record = run_mission(pushed, np.random.default_rng(4), duration=50.0)
-    assert calm_length(plant, record, 25.0) < 10.0
+    assert noise_limited_length(plant, record, 25.0) < 10.0
 
 
 def test_fits_of_a_steady_torpedo_come_down_to_the_noise_in_steps_of_a_sample(torpedoes):

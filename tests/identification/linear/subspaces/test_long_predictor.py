@@ -8,7 +8,7 @@ from auv_gym.records.record import Record
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.subspaces.hankel import triangle
-from identification.linear.subspaces.long_predictor import LONGEST, SHORTEST, LongPredictor, longest_of
+from identification.linear.subspaces.long_predictor import LONGEST, SHORTEST, LongPredictor, most_predictor_lags
 from tests.identification.linear.known_systems import TRUTH
 
 CHANNELS = (("rudder_rad",), ("heading_rad",))
@@ -149,5 +149,5 @@ def test_fewer_lags_are_the_same_regression():
 
 def test_short_records_are_tried_with_few_lags():
     series = Series.of([driven(SLOW, 150, 0, 0.1)], SLOW.inputs, SLOW.outputs, "test")
-    assert longest_of(series, 2) == (146 - LONGEST) // 12
-    assert longest_of(Series.of([driven(SLOW, 40, 0, 0.1)], *CHANNELS, "test"), 2) == SHORTEST
+    assert most_predictor_lags(series, 2) == (146 - LONGEST) // 12
+    assert most_predictor_lags(Series.of([driven(SLOW, 40, 0, 0.1)], *CHANNELS, "test"), 2) == SHORTEST

@@ -11,7 +11,13 @@ from identification.linear.scaled import Scaled
 from identification.linear.subspaces import refinement
 from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
-from identification.linear.subspaces.refinement import candidate, local_directions, refine, refined, slopes_of
+from identification.linear.subspaces.refinement import (
+    candidate,
+    local_directions,
+    realisation_normal_equations,
+    refine,
+    refined,
+)
 
 CHANNELS = (("rudder_rad", "stern_plane_rad"), ("r_radps", "q_radps"))
 TRUTH = StateSpace(
@@ -55,7 +61,7 @@ def test_slopes_are_those_of_finite_differences(offset):
     here, weight = candidate(found, starts, scaled), np.array([[2.0, 0.3], [0.3, 1.0]])
     directions = local_directions(found, offset)
     assert directions.shape[1] == 3 * (2 + 4) + (2 if offset else 0)
-    slopes = slopes_of(here, scaled, directions, weight)
+    slopes = realisation_normal_equations(here, scaled, directions, weight)
 
     def errors(change, start_change):
         moved = found.at(found.vector + directions @ change)
@@ -91,7 +97,7 @@ def test_compiled_and_plain_slopes_agree(monkeypatch):
     directions = local_directions(found, True)
 
     def slopes():
-        return slopes_of(candidate(found, np.ones((2, 3)), scaled), scaled, directions)
+        return realisation_normal_equations(candidate(found, np.ones((2, 3)), scaled), scaled, directions)
 
     as_is = slopes()
     for name in ("_states", "_slopes"):
