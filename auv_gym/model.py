@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -160,14 +160,14 @@ def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray |
     if horizon < 1:
         raise ValueError(f"predict needs a horizon of at least 1 sample, got {horizon}: 1 is one step ahead.")
     inputs, measured = inputs_of(model, record), outputs_of(model, record)
-    result = np.empty_like(measured)
+    result, stepped = np.empty_like(measured), stepper(model)
     for number, segment in enumerate(record.segments):
         times = record.time[segment]
         if not isinstance(model, Continuous):
             check_interval(model, times)
 
         def advance(x, k, times=times, start=segment.start):
-            return advanced(model, x, inputs[start + k], float(times[k + 1] - times[k]))
+            return stepped(x, inputs[start + k], float(times[k + 1] - times[k]))
 
         corrected = [model.initial(measured[segment.start]) if starts is None else starts[number]]
         for k in range(times.size - 1):
@@ -181,9 +181,9 @@ def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray |
     return _with_outputs(model, record, result)
 
 
-def advanced(model: Model, x: np.ndarray, u: np.ndarray, duration: float) -> np.ndarray:
-    """The state after a sample of `duration` s, which is the model's own where it knows no other."""
-    return model.step_over(x, u, duration) if isinstance(model, Continuous) else model.step(x, u)
+def stepper(model: Model) -> Callable[[np.ndarray, np.ndarray, float], np.ndarray]:
+    """The step of a model over a sample of some seconds, which is its own sample where it knows no other."""
+    return model.step_over if isinstance(model, Continuous) else lambda x, u, _: model.step(x, u)
 
 
 def check_interval(model: Model, times: np.ndarray) -> None:

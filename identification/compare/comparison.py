@@ -17,13 +17,13 @@ from auv_gym.model import (
     Diverged,
     Model,
     Spread,
-    advanced,
     check_finite,
     check_interval,
     inputs_of,
     model_constant_inputs,
     outputs_of,
     run_free,
+    stepper,
 )
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.models.spliced import Spliced, splice
@@ -246,11 +246,11 @@ def horizon_sweep(
         )
     picked = np.unique(np.linspace(0, len(possible) - 1, min(MOST_ORIGINS, len(possible))).astype(int))
     origins = [possible[k] for k in picked]
-    states, wanted = [], set(origins)
+    states, wanted, stepped = [], set(origins), stepper(model)
     for s, x in zip(record.segments, prediction_starts(model, record, settle)):
         for k in range(s.start, min(s.stop, origins[-1] + 1)):
             if k > s.start:
-                x = advanced(model, x, inputs[k - 1], time[k] - time[k - 1])
+                x = stepped(x, inputs[k - 1], time[k] - time[k - 1])
                 x = model.correct(x, measured[k])
             if k in wanted:
                 states.append(x)

@@ -78,3 +78,20 @@ def ages(plan, t, row):
     """The times of kept commands, which all rows share."""
     at = int(t.ages_at)
     return plan[at : at + int(t.history) + 1]
+
+
+# Hooks of kinds whose targets are values of a channel, and whose forces are not learned.
+
+
+def aim(plan, x, t, e, row):
+    """Draw a new target where the present one has had its time."""
+    draw_target(t, e, row)
+
+
+def set_out(plan, x, t, e, row):
+    """Set the first target of an episode."""
+    first_target(x, t, e, row)
+
+
+def doubt(x, derived, e, work):
+    """Nothing: no forces are learned."""

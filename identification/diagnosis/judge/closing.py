@@ -98,7 +98,8 @@ def steered(
 ) -> dict[str, np.ndarray]:
     """A model's outputs in the targets' channels, (n,) each, under the log's set points; infinite once it diverged.
 
-    told: as `commands_at_log_samples`, where known; else the model's outputs stand in for readings that the log lacks.
+    told: what `commands_at_log_samples` gives, if anything; otherwise the model's outputs replace readings that the log
+    lacks.
     """
     names = [name for name in model.outputs if record.has(name)]
     logged = {name: record[name] for name in names}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import NO_REASON, OWN
-from auv_gym.envs.kernel.targets import draw_target, first_target, put_constants, target_error, tracking_term
+from auv_gym.envs.kernel.targets import aim, doubt, put_constants, set_out, target_error, tracking_term
 
 # Why an episode was terminated.
 FLEW, TOO_DEEP, TOO_FAST = range(OWN, OWN + 3)
@@ -54,11 +54,6 @@ def score(x, before, t, e):
     e.term[0] = tracking_term(x, t, e) * (e.coming_dt / t.dt)
 
 
-def aim(plan, x, t, e, row):
-    """A new target where the present one has had its time."""
-    draw_target(t, e, row)
-
-
 def look(t, e, row):
     """Error, rate and position into the features, and how long the coming step is.
 
@@ -105,15 +100,6 @@ def place(plan, drawn, t, e, row):
     count = int(t.history)
     for k in range(count):
         row[int(t.ages_at) + k] = (k + 1 - count) * t.dt
-
-
-def set_out(plan, x, t, e, row):
-    """The first target of an episode."""
-    first_target(x, t, e, row)
-
-
-def doubt(x, derived, e, work):
-    """Nothing: a float's forces are not learned."""
 
 
 HOOKS = Hooks(

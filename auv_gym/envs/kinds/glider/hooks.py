@@ -8,10 +8,11 @@ from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import NO_REASON
 from auv_gym.envs.kernel.targets import (
     ages,
-    draw_target,
-    first_target,
+    aim,
+    doubt,
     pass_time,
     put_constants,
+    set_out,
     steps_left,
     target_error,
     tracking_term,
@@ -40,11 +41,6 @@ def score(x, before, t, e):
     e.term[0] = tracking_term(x, t, e)
 
 
-def aim(plan, x, t, e, row):
-    """Draw a new target where the present one has had its time."""
-    draw_target(t, e, row)
-
-
 def look(t, e, row):
     """Put the heading error, the change of the reading over the last step and the speed into the features."""
     f = e.features
@@ -62,15 +58,6 @@ def place(plan, drawn, t, e, row):
     put_constants(plan, drawn, t, e)
     if t.speed[0] > 0.0:
         e.command[IN_U] = t.speed[0] + (t.speed[1] - t.speed[0]) * row[draws + 1]
-
-
-def set_out(plan, x, t, e, row):
-    """Set the first target of an episode."""
-    first_target(x, t, e, row)
-
-
-def doubt(x, derived, e, work):
-    """Nothing: a glider's forces are not learned."""
 
 
 HOOKS = Hooks(
