@@ -1,0 +1,81 @@
+"""The formats of logs that can be read, found by entry points, and the format of a file."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from auv_gym.param import did_you_mean
+from auv_gym.records.log import Format
+
+GROUP = "auv_gym.readers"
+_HEAD = 4096  # bytes
+
+
+@cache
+def formats() -> tuple[Format, ...]:
+    """All formats, by name; other packages add theirs under the entry point group `auv_gym.readers`."""
+    return tuple(sorted((entry.load() for entry in entry_points(group=GROUP)), key=lambda found: found.name.lower()))
+
+
+def known_endings() -> str:
+    """The endings of all formats, in words."""
+    return ", ".join(f"{', '.join(found.endings) or 'a folder'} ({found.name})" for found in formats())
+
+
+def format_of(path: Path) -> Format:
+    """The format of a file or folder; raises ValueError where it can be of none, and where it cannot be opened."""
+    head = _head(path)
+    ending = path.suffix.lower()
+    of_ending = [found for found in formats() if ending in found.endings or _has_ending(path, found)]
+    for found in (*of_ending, *(found for found in formats() if found.by_content)):
+        if found.recognises(path, head):
+            return found
+    if path.is_dir():
+        raise ValueError(
+            f"{path} is a folder, and no log as a whole (a ROS 2 bag is one, with its metadata.yaml): give the path of "
+            "one log file in it, or of several."
+        )
+    if of_ending:
+        names = " or ".join(dict.fromkeys(found.name for found in of_ending))
+        raise ValueError(
+            f"{path} ends in {ending!r}, but is not {names} by its content: it begins with {_shown(head)}. Check its "
+            "ending, or copy or export it again."
+        )
+    raise ValueError(f"{path} ends in {ending!r}, which is no known format. Known are {known_endings()}.")
+
+
+def check_file(path: Path) -> None:
+    """Raises ValueError unless there is a file or folder that can be opened and is not empty."""
+    if not path.exists():
+        near = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        raise ValueError(f"There is no file {path}. {did_you_mean(path.name, near)}Give the path of a log.")
+    if path.is_dir():
+        return
+    try:
+        empty = path.stat().st_size == 0
+        path.open("rb").close()
+    except OSError as error:
+        raise ValueError(f"Cannot read {path}: {error.strerror}.") from error
+    if empty:
+        raise ValueError(f"{path} is empty (0 bytes): copy or download it again.")
+
+
+def _head(path: Path) -> bytes:
+    check_file(path)
+    if path.is_dir():
+        return b""
+    with path.open("rb") as file:
+        return file.read(_HEAD)
+
+
+def _has_ending(path: Path, found: Format) -> bool:
+    return any(path.name.lower().endswith(ending) for ending in found.endings)
+
+
+def _shown(head: bytes) -> str:
+    start = head[:16]
+    if start.isascii() and start.decode("ascii").isprintable():
+        return repr(start.decode("ascii"))
+    return "only zeros" if not any(head) else f"the bytes {start[:8].hex(' ')}"

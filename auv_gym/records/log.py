@@ -1,0 +1,137 @@
+"""What a reader brings from a file: named columns in groups that were sampled together, just as they were logged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+Column = np.ndarray | list[str]
+MOST_ELEMENTS = 64  # of an array in a message; longer ones are images, scans or plots, not signals
+
+
+def _silent(fraction: float, text: str) -> None:
+    pass
+
+
+@dataclass(frozen=True)
+class Scope:
+    """How much of a file is wanted.
+
+    groups: the names of those groups whose samples are wanted; None for all.  most: how many samples of each group are
+    enough, for a first look at a large file; None for all.  beside: a folder with files that the log needs, if they
+    are not beside it.  progress: called with a fraction from 0 to 1 and words.
+    """
+
+    groups: Collection[str] | None = None
+    most: int | None = None
+    beside: Path | None = None
+    progress: Callable[[float, str], None] = _silent
+
+    def wants(self, group: str) -> bool:
+        """Whether the samples of this group are wanted."""
+        return self.groups is None or group in self.groups
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Columns that were sampled together: a table, a topic, a kind of message, a dimension of a NetCDF file.
+
+    name: that of the topic or the kind of message, '' of a table.
+    columns: (n,) each, in the file's own units and frames, as numbers, or as text for labels and dates; by the name
+    that a mapping calls them by, whole in itself: `rovio/thrusters[5]`, `ATT.Roll`, `eng_head`.
+    time: s, (n,), as the rows stand in the file, since 1970 or since the clock began; None where one of the columns
+    of a table holds it.
+    units: of those columns whose unit the file or its format states.
+    type, frame: of a message, its type and frame_id where there are such.
+    rows: how many the file holds, which is more than n where a `Scope` asked for fewer.  span: first and last time of
+    all rows, s, where n is fewer.
+    near: the longest time between two samples, s, over which a measurement may be interpolated; None: as for any other.
+    """
+
+    name: str
+    columns: Mapping[str, Column]
+    time: np.ndarray | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    type: str = ""
+    frame: str = ""
+    rows: int = 0
+    span: tuple[float, float] | None = None
+    near: float | None = None
+
+    def __post_init__(self) -> None:
+        n = len(next(iter(self.columns.values()), ()))
+        if any(len(column) != n for column in self.columns.values()) or (self.time is not None and len(self.time) != n):
+            lengths = {name: len(column) for name, column in self.columns.items()}
+            raise ValueError(f"The columns of the group {self.name!r} need one length, got {lengths}.")
+        if not self.rows:
+            object.__setattr__(self, "rows", n)
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """The groups of a file, and what is known of it as a whole.
+
+    format: in words, "ROS 1 bag".  attrs: what a record of it shall keep; numbers, text, or lists of these.
+    notes: a line each on what the reader left out or mended, and why.
+    label: of a file that is one segment of several, such as a dive.
+    """
+
+    format: str
+    source: str
+    groups: tuple[Group, ...]
+    attrs: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    label: str = ""
+
+    def column(self, name: str) -> tuple[Group, Column] | None:
+        """A column and its group, or None where no group has one of this name."""
+        return next(((group, group.columns[name]) for group in self.groups if name in group.columns), None)
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all columns."""
+        return [name for group in self.groups for name in group.columns]
+
+
+@dataclass(frozen=True)
+class Format:
+    """A format of logs.
+
+    name: in words, "ROS 1 bag".  endings: of its files, in lower case, with the dot; none for folders.
+    recognises: whether a file is of this format, from its path and first 4096 bytes (b"" for a folder), at once.
+    read: the log in a file, as far as the scope asks; raises ValueError in a sentence, and imports what it needs itself.
+    slow: whether a first look at a large file should ask for a sample instead of all of it.
+    by_content: whether content alone tells the format, whatever the file is called.
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    recognises: Callable[[Path, bytes], bool]
+    read: Callable[[Path, Scope], Log]
+    slow: bool = False
+    by_content: bool = True
+
+
+def array_columns(name: str, rows: Sequence[Any]) -> dict[str, np.ndarray]:
+    """The elements of an array that each message holds, as columns `name[0]`, `name[1]`, ...; NaN where one is short.
+
+    Empty where the arrays have more than `MOST_ELEMENTS`.
+    """
+    longest = max((len(row) for row in rows), default=0)
+    if longest > MOST_ELEMENTS:
+        return {}
+    table = np.full((len(rows), longest), np.nan)
+    for k, row in enumerate(rows):
+        table[k, : len(row)] = row
+    return {f"{name}[{k}]": table[:, k].copy() for k in range(longest)}
+
+
+def missing_extra(what: str, package: str, extra: str) -> ValueError:
+    """The error for a format whose package is not installed."""
+    return ValueError(
+        f"{what} are read by the package {package}, which is not installed: `pip install auv-gym[{extra}]`."
+    )
