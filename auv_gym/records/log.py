@@ -103,7 +103,7 @@ class Format:
 
     name: in words, "ROS 1 bag".  endings: of its files, in lower case, with the dot; none for folders.
     recognises: whether a file is of this format, from its path and first 4096 bytes (b"" for a folder), at once.
-    read: the log in a file, as far as the scope asks; raises ValueError in a sentence, and imports what it needs itself.
+    read: the log in a file, as far as the scope asks; raises ValueError in a sentence, imports what it needs.
     slow: whether a first look at a large file should ask for a sample instead of all of it.
     by_content: whether content alone tells the format, whatever the file is called.
     """
