@@ -52,6 +52,18 @@ _LISTED: Final = (
     Channel("roll_rad", "rad", "roll", "motion", angle=True),
     Channel("pitch_rad", "rad", "pitch", "motion", angle=True),
     Channel("heading_rad", "rad", "heading", "motion", angle=True),
+    Channel("quaternion_w", "1", "attitude quaternion, w", "motion"),
+    Channel("quaternion_x", "1", "attitude quaternion, x", "motion"),
+    Channel("quaternion_y", "1", "attitude quaternion, y", "motion"),
+    Channel("quaternion_z", "1", "attitude quaternion, z", "motion"),
+    Channel("quaternion_enu_flu_w", "1", "attitude quaternion of ENU and FLU axes, w"),
+    Channel("quaternion_enu_flu_x", "1", "attitude quaternion of ENU and FLU axes, x"),
+    Channel("quaternion_enu_flu_y", "1", "attitude quaternion of ENU and FLU axes, y"),
+    Channel("quaternion_enu_flu_z", "1", "attitude quaternion of ENU and FLU axes, z"),
+    Channel("heading_magnetic_rad", "rad", "magnetic heading", angle=True),
+    Channel("magnetic_variation_rad", "rad", "magnetic variation, east positive"),
+    Channel("latitude_rad", "rad", "latitude"),
+    Channel("longitude_rad", "rad", "longitude"),
     Channel("u_mps", "m/s", "forward speed through the water", "motion"),
     Channel("v_mps", "m/s", "starboard speed through the water", "motion"),
     Channel("w_mps", "m/s", "downward body speed through the water", "motion"),
@@ -96,6 +108,8 @@ _LISTED: Final = (
 )
 CHANNELS: Final[dict[str, Channel]] = {channel.name: channel for channel in _LISTED}
 
+_PULSES: Final = ("us",)
+
 # Columns that divide a file into segments; their cells may be any text.
 SEGMENT_COLUMNS: Final = ("segment", "dive_id", "run")
 _FLAG_ENDINGS: Final = ("_good", "_valid", "_ok", "_flag", "_id")
@@ -105,8 +119,8 @@ _FLAGS: Final = ("stage",)
 _SI: Final[dict[str, str]] = {
     "s": "s", "m": "m", "rad": "rad", "mps": "m/s", "radps": "rad/s", "mps2": "m/s2", "radps2": "rad/s2", "m3": "m3",
     "m4": "m4", "m3ps": "m3/s", "kg": "kg", "kgpm3": "kg/m3", "kgpm4": "kg/m4", "N": "N", "Nm": "N m", "V": "V",
-    "us": "us", "share": "1", "A": "A", "W": "W", "J": "J", "Hz": "Hz", "rpm": "rpm", "dbar": "dbar", "C": "degC",
-    "psu": "psu", "pct": "%",
+    "us": "us", "share": "1", "norm": "1", "A": "A", "W": "W", "J": "J", "Hz": "Hz", "rpm": "rpm", "dbar": "dbar",
+    "C": "degC", "psu": "psu", "pct": "%", "Spm": "S/m", "T": "T",
 }  # fmt: skip
 # suffix -> (SI suffix, factor); knots and degrees by definition
 _SCALED: Final[dict[str, tuple[str, float]]] = {
@@ -126,6 +140,10 @@ _SCALED: Final[dict[str, tuple[str, float]]] = {
     "min": ("s", 60.0),
     "h": ("s", 3600.0),
     "bar": ("dbar", 10.0),
+    "hPa": ("dbar", 0.01),
+    "mbar": ("dbar", 0.01),
+    "mSpcm": ("Spm", 0.1),
+    "uT": ("T", 1e-6),
     "kPa": ("dbar", 0.1),
     "Pa": ("dbar", 1e-4),
     "mV": ("V", 1e-3),
@@ -146,6 +164,8 @@ _SPELLINGS: Final[dict[str, str]] = {
     "degrees_Celsius": "C", "deg_C": "C", "kg/m3": "kgpm3", "kg m-3": "kgpm3", "kg/m^3": "kgpm3", "volt": "V",
     "volts": "V", "newton": "N", "newtons": "N", "N m": "Nm", "N.m": "Nm", "m/s2": "mps2", "m s-2": "mps2",
     "rad/s2": "radps2", "rad s-2": "radps2", "m3/s": "m3ps", "m3 s-1": "m3ps", "PSU": "psu", "1/min": "rpm", "%": "pct",
+    "S/m": "Spm", "m/s/s": "mps2",
+    "rad/s/s": "radps2", "m^3/s": "m3ps",
 }  # fmt: skip
 
 
@@ -160,7 +180,8 @@ def channel(name: str) -> Channel:
     """The channel of a name in SI: a listed one, a flag, or an extra signal with a known unit.
 
     An extra name that begins with heading_ or course_ is an angle; one that begins with excitation_, or whose unit
-    follows _cmd, is held between samples as set points are.  Raises if the unit is unknown or not SI.
+    follows _cmd, is held between samples as set points are, and so is the length of a pulse to an actuator, `t1_us`.
+    Raises if the unit is unknown or not SI.
     """
     return _channel(name)
 
@@ -191,6 +212,17 @@ def conversion(name: str, unit: str | None = None) -> Conversion:
             )
         convert = stated_convert
     return Conversion(_fitting(name, stem, target), convert)
+
+
+def in_unit(name: str, unit: str | None) -> str:
+    """The name of a column under which a mapping takes it as this channel in this unit: `heading_deg`.
+
+    unit: as for `conversion`; None for the unit that the name says.
+    """
+    if unit is None:
+        return name
+    suffix, target = _suffix_of(unit, name), conversion(name, unit).channel.name
+    return f"{target.rpartition('_')[0]}_{suffix}"
 
 
 def is_flag(name: str) -> bool:
@@ -324,7 +356,7 @@ def _channel(name: str) -> Channel:
     stem, _, suffix = name.rpartition("_")
     if stem and suffix in _SI:
         angle = suffix == "rad" and stem.split("_")[0] in ("heading", "course")
-        held = stem.endswith("_cmd") or stem.startswith("excitation_")
+        held = stem.endswith("_cmd") or stem.startswith("excitation_") or suffix in _PULSES
         return Channel(name, _SI[suffix], stem.replace("_", " "), "command" if held else "auxiliary", angle)
     if stem and suffix in _SCALED:
         target, _ = _to_si(stem, suffix)

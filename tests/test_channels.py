@@ -113,7 +113,11 @@ def test_channels_are_in_si_and_say_which_are_angles():
     assert all(conversion(name).channel is known for name, known in CHANNELS.items())
     assert {name for name, known in CHANNELS.items() if known.angle} == {
         "roll_rad", "pitch_rad", "heading_rad", "heading_cmd_rad", "pitch_cmd_rad", "course_rad",
+        "heading_magnetic_rad",
     }  # fmt: skip
     assert channel("heading_true_rad").angle
+    assert channel("t1_us").held
+    assert channel("fin_cmd_rad").held
+    assert not channel("fin_rad").held
     with pytest.raises(ValueError, match="'heading_rad'"):
         channel("heading_deg")

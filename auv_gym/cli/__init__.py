@@ -6,15 +6,18 @@ What a command needs is imported when it runs, so that the help is there at once
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Sequence
 
-from auv_gym.cli import campaign, compare, diagnose, drawing, evaluate, identify, listing, simulate, train  # noqa: F401  # each puts its command into `app`
+from auv_gym.cli import campaign, compare, diagnose, drawing, evaluate, identify, listing, look, simulate, train  # noqa: F401  # each puts its command into `app`
 from auv_gym.cli.application import app
 from auv_gym.cli.options.console import errors
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code: 1 for an error in the data or settings, 2 for one in the usage."""
+    if arguments is None and sys.argv[1:2] == ["look"]:  # a process of its own, which simulates nothing
+        os.environ.setdefault("AUV_GYM_JIT", "0")  # so numba, half a second, is not imported
     try:
         app(args=None if arguments is None else list(arguments), prog_name="auv-gym")
     except SystemExit as ended:

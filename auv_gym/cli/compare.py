@@ -41,7 +41,7 @@ def compare(
         whole_number("Samples ahead of a prediction; may be repeated. Default: 1 to 100.", 1, 1_000_000),
     ] = None,
     mapping: logs.ColumnNames = None,
-    cut_gaps: logs.CutGaps = False,
+    cut_gaps: logs.CutGaps = True,
 ) -> None:
     """Compare models over records: free runs from fitted starts, and predictions over the horizon."""
     with progress_bar() as progress:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 @app.command()
 def diagnose(
-    log: Annotated[str, typer.Argument(help="A log: .csv, .nc, .mat, a Slocum file, or slocum:ammonite.")],
+    log: Annotated[list[str], typer.Argument(help=f"{logs.ANY_LOG} Several files are one record, in segments.")],
     vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
     min_depth: Annotated[float | None, number("Use the log below this depth only, m.", *DEPTH)] = None,
@@ -41,7 +42,7 @@ def diagnose(
             help="CSV of the water's density: density_kgpm3 over depth_m or pressure_dbar, by dive_id if many."
         ),
     ] = None,
-    cut_gaps: logs.CutGaps = False,
+    cut_gaps: logs.CutGaps = True,
     doubt: Annotated[
         float,
         number(
@@ -66,9 +67,7 @@ def diagnose(
             *SEED,
         ),
     ] = 0,
-    cache_dir: Annotated[
-        Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
-    ] = None,
+    cache_dir: logs.CacheFolder = None,
 ) -> None:
     """Find the physical effect that a vehicle's model lacks to explain a measured log."""
     from auv_gym.presets import find_vehicle
@@ -79,9 +78,10 @@ def diagnose(
         # what can be refused at once comes before what takes long to import
         find_vehicle(vehicle)
         writable_folder(out)
-        logs.check_log_files([log])
+        logs.check_log_files(log)
 
         from auv_gym.plant import load_vehicle
+        from auv_gym.plant.record_check import needs_of
         from auv_gym.records.density import read_profiles, with_density
         from identification.diagnosis import again as diagnose_again, diagnose as diagnose_record, write_diagnosis
         from identification.diagnosis.extras import Extras
@@ -91,7 +91,9 @@ def diagnose(
 
         plant = load_vehicle(vehicle)
         progress(0.0, "reading the log")
-        record = logs.read_log(log, mapping, cache_dir, (plant.family.leading, *plant.family.required), cut_gaps)
+        record = logs.read_log(
+            log, mapping, cache_dir, needs_of(plant), cut_gaps, lambda f, text: progress(0.05 * f, text)
+        )
         record = _between_depths(record, min_depth, max_depth)
         if resample is not None:
             record = record.resample(resample)
@@ -116,7 +118,7 @@ def diagnose(
                 most=most,
                 doubt=doubt,
                 trust=trust,
-                source=Path(log).name,
+                source=_source(log),
                 progress=told,
             )
         progress(0.9, "writing the report")
@@ -145,6 +147,12 @@ def diagnose(
         errors.print(f"[bold yellow]Note:[/] {escape(failure.text)}", soft_wrap=True)
     for path in (*written.values(), *(plan.file for plan in planned or [])):
         output.print(str(path), markup=False, soft_wrap=True)
+
+
+def _source(log: Sequence[str]) -> str:
+    """The log in words: its file's name, or the first and how many more."""
+    more = f" and {len(log) - 1} more" if len(log) > 1 else ""
+    return Path(log[0]).name + more
 
 
 def _between_depths(record: Record, shallowest: float | None, deepest: float | None) -> Record:

@@ -54,7 +54,7 @@ def identify(
         float | None, number("Length of the free runs, s; default: whole segments, for a vehicle its own.", *LENGTH)
     ] = None,
     mapping: logs.ColumnNames = None,
-    cut_gaps: logs.CutGaps = False,
+    cut_gaps: logs.CutGaps = True,
     report: Annotated[
         Path | None, typer.Option(help="Write a page with tables and figures: a name that ends in .html, or a folder.")
     ] = None,

@@ -1,17 +1,33 @@
-"""Whether a record can be of a vehicle: values within what the vehicle can do, and inputs that move."""
+"""What a vehicle takes from a log, and whether a record can be of it: values within its range, inputs that move."""
 
 from __future__ import annotations
+
+from functools import partial
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.param import value_at
 from auv_gym.plant import Plant
+from auv_gym.records.gliding import glide_attack
+from auv_gym.records.reading import Needs
 from auv_gym.records.record import Record
 
 _TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
 _STILL = 1e-3  # of an input's usual size, below which it does not move
 _USUAL = {"piston_m": 1e-2, "oil_volume_m3": 1e-5}  # sizes of inputs that are far from 1 in SI
+
+
+def needs_of(plant: Plant) -> Needs:
+    """The channels that a vehicle takes from a log, and the angle of attack of its glide where it has a polar."""
+    family, attack = plant.family, None
+    for part in family.body.parts if family.body else ():
+        polar = part.found.polar and part.found.polar(getattr(plant.parameters.parts, part.name))
+        if polar:
+            drag_0, drag_2, lift_1, lift_0 = polar
+            attack = partial(glide_attack, drag_0=drag_0, drag_2=drag_2, lift_1=lift_1, lift_0=lift_0)
+    wanted = tuple(dict.fromkeys((*plant.inputs, *plant.outputs)))
+    return Needs(tuple(dict.fromkeys((family.leading, *family.required))), wanted, attack)
 
 
 def check_ranges(plant: Plant, record: Record) -> None:

@@ -16,7 +16,19 @@ _HEAD = 4096  # bytes
 @cache
 def formats() -> tuple[Format, ...]:
     """All formats, by name; other packages add theirs under the entry point group `auv_gym.readers`."""
-    return tuple(sorted((entry.load() for entry in entry_points(group=GROUP)), key=lambda found: found.name.lower()))
+    return _loaded()[0]
+
+
+@cache
+def _loaded() -> tuple[tuple[Format, ...], str]:
+    """The formats, and words on readers of other packages that cannot be imported: they leave the others alone."""
+    found, broken = [], []
+    for entry in entry_points(group=GROUP):
+        try:
+            found.append(entry.load())
+        except Exception as error:  # whatever a foreign module raises when it is imported
+            broken.append(f"The reader {entry.name} ({entry.value}) cannot be imported: {error!r}.")
+    return tuple(sorted(found, key=lambda one: (one.general, one.name.lower()))), " ".join(broken)
 
 
 def known_endings() -> str:
@@ -29,7 +41,9 @@ def format_of(path: Path) -> Format:
     head = _head(path)
     ending = path.suffix.lower()
     of_ending = [found for found in formats() if ending in found.endings or _has_ending(path, found)]
-    for found in (*of_ending, *(found for found in formats() if found.by_content)):
+    own = [found for found in of_ending if not found.general]
+    general = [found for found in formats() if found.general and not own]
+    for found in (*own, *(found for found in formats() if not found.general), *general):
         if found.recognises(path, head):
             return found
     if path.is_dir():
@@ -43,7 +57,9 @@ def format_of(path: Path) -> Format:
             f"{path} ends in {ending!r}, but is not {names} by its content: it begins with {_shown(head)}. Check its "
             "ending, or copy or export it again."
         )
-    raise ValueError(f"{path} ends in {ending!r}, which is no known format. Known are {known_endings()}.")
+    raise ValueError(
+        f"{path} ends in {ending!r}, which is no known format. Known are {known_endings()}. {_loaded()[1]}".rstrip()
+    )
 
 
 def check_file(path: Path) -> None:
@@ -75,7 +91,7 @@ def _has_ending(path: Path, found: Format) -> bool:
 
 
 def _shown(head: bytes) -> str:
-    start = head[:16]
+    start = head[:16].splitlines()[0] if head[:16].strip() else head[:16]
     if start.isascii() and start.decode("ascii").isprintable():
         return repr(start.decode("ascii"))
     return "only zeros" if not any(head) else f"the bytes {start[:8].hex(' ')}"

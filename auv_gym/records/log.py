@@ -105,7 +105,8 @@ class Format:
     recognises: whether a file is of this format, from its path and first 4096 bytes (b"" for a folder), at once.
     read: the log in a file, as far as the scope asks; raises ValueError in a sentence, imports what it needs.
     slow: whether a first look at a large file should ask for a sample instead of all of it.
-    by_content: whether content alone tells the format, whatever the file is called.
+    general: whether it may recognise files of any kind, as tables in text do; it comes last, and not at all where a
+    file's ending is that of another format.
     """
 
     name: str
@@ -113,7 +114,7 @@ class Format:
     recognises: Callable[[Path, bytes], bool]
     read: Callable[[Path, Scope], Log]
     slow: bool = False
-    by_content: bool = True
+    general: bool = False
 
 
 def array_columns(name: str, rows: Sequence[Any]) -> dict[str, np.ndarray]:

@@ -51,8 +51,8 @@ def mermaid_dives(time: np.ndarray, columns: Mapping[str, np.ndarray], dives: np
     names = [name for name in parts[0][1] if name != "time_s"]
     joined = {name: np.concatenate([part[name] for _, part in parts]) for name in ("time_s", *names)}
     segment = np.concatenate([np.full(part["time_s"].size, label) for label, part in parts])
-    attrs = {"source": source, "left_out": "; ".join(f"{k}: {v}" for k, v in left_out.items())}
-    return Record.from_arrays(joined.pop("time_s"), joined, segment=segment, attrs=attrs)
+    notes = [f"dive {label}: left out, {problem}." for label, problem in left_out.items()]
+    return Record.from_arrays(joined.pop("time_s"), joined, segment=segment, attrs={"source": source}, notes=notes)
 
 
 def _dive(time: np.ndarray, log: Mapping[str, np.ndarray]) -> tuple[dict[str, np.ndarray], str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -13,6 +13,7 @@ import numpy as np
 
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, channel
 from auv_gym.param import did_you_mean
+from auv_gym.records.attitude import QUATERNION, interpolated
 from auv_gym.writing import replacing
 
 if TYPE_CHECKING:
@@ -20,7 +21,9 @@ if TYPE_CHECKING:
 
 MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
 MAX_FILL = 3  # samples; longer runs without a value are gaps
-_LABELS = "segment_labels"
+_SHORTEST_GAP = 0.25  # s
+_COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
+_LABELS, _NOTES = "segment_labels", "notes"
 
 
 @final
@@ -49,6 +52,8 @@ class Record:
         *,
         max_fill: int = MAX_FILL,
         long_runs: Literal["cut", "raise"] = "cut",
+        required: Collection[str] | None = None,
+        notes: Sequence[str] = (),
     ) -> Record:
         """A record of equally long arrays, with angles unwrapped and missing values (NaN, infinities) dealt with.
 
@@ -56,32 +61,40 @@ class Record:
         value; the variable's attribute `filled` counts them.  Where a motion or input channel lacks longer, or at the
         ends of a segment, those samples are dropped and the record is cut; its attribute `dropped` counts them
         (long_runs "raise": a run longer than `max_fill` is an error).  Longer runs in other channels stay NaN.
-        Segments of a single sample go.  segment: one label per sample, of any type.  Raises if nothing is left.
+        Segments of a single sample go.  segment: one label per sample, of any type.
+        required: where given, a motion or input channel that is not in it is left out if it would cost more than a
+        tenth of the samples.  notes: lines that the record keeps, to which those on what was dropped are added.
+        Raises if nothing is left.
         """
         time = _vector("time_s", time_s, None)
         columns = {name: _vector(name, column, time.size) for name, column in values.items()}
         ids, labels = _numbered(segment, time.size)
         _check_time(time, ids)
-        slices, missing = _slices(ids), np.zeros(time.size, dtype=bool)
+        slices = _slices(ids)
         variables: dict[str, Any] = {}
         for name, column in columns.items():
             known = channel(name)
             finite = np.isfinite(column)
-            if known.needed and time.size and not finite.any():
+            if known.needed and time.size and not finite.any() and (required is None or name in required):
                 raise ValueError(
                     f"Channel {name!r} has no value in any of its {time.size} samples: leave it out, or check the log."
                 )
             repaired = np.where(finite, column, np.nan)
             for part in slices:
                 repaired[part] = _repaired(time[part], repaired[part], known.angle, known.held, max_fill)
-            if known.needed and long_runs == "raise":
-                _check_runs(name, time, repaired, max_fill)
             filled = int(np.isfinite(repaired).sum() - finite.sum())
             variables[name] = ("time_s", repaired, {"filled": filled} if filled else {})
-            if known.needed:
-                missing |= ~np.isfinite(repaired)
+        missing, costly = _missing(variables, time.size, required)
+        for name in costly:
+            del variables[name]
+        for name, (_, repaired, _) in variables.items():
+            if long_runs == "raise" and channel(name).needed:
+                _check_runs(name, time, repaired, max_fill)
+        if required is not None:
+            notes = [*notes, *costly.values(), *_on_dropped(variables, missing)]
         variables["segment"] = ("time_s", ids)
-        dataset = _dataset(variables, time, {**(attrs or {}), _LABELS: labels})
+        kept = {_NOTES: list(notes)} if notes else {}
+        dataset = _dataset(variables, time, {**(attrs or {}), **kept, _LABELS: labels})
         return _selected(dataset, ~missing, None if missing.any() else "")
 
     @property
@@ -103,7 +116,12 @@ class Record:
     @property
     def attrs(self) -> dict[str, Any]:
         """What is known of the whole record: source, start_epoch_s, dropped, ..."""
-        return {str(k): v for k, v in self.dataset.attrs.items() if k != _LABELS}
+        return {str(k): v for k, v in self.dataset.attrs.items() if k not in (_LABELS, _NOTES)}
+
+    @property
+    def notes(self) -> list[str]:
+        """What was left out of its file, mended, or cut, and why: a line each."""
+        return [str(line) for line in np.atleast_1d(self.dataset.attrs.get(_NOTES, []))]
 
     @property
     def segments(self) -> list[slice]:
@@ -172,6 +190,23 @@ class Record:
             self[name]
         return Record(self.dataset.drop_vars(names))
 
+    def with_notes(self, notes: Sequence[str], **attrs: Any) -> Record:
+        """The record with these notes in place of its own, and with these attributes."""
+        others = {name: value for name, value in self.dataset.attrs.items() if name != _NOTES}
+        dataset = self.dataset.copy(deep=False)
+        dataset.attrs = {**others, **attrs, **({_NOTES: list(notes)} if notes else {})}
+        return Record(dataset)
+
+    def with_labels(self, labels: Sequence[str]) -> Record:
+        """The record with these labels of its segments, one each."""
+        if len(labels) != len(self.segments):
+            raise ValueError(f"with_labels needs a label for each of {len(self.segments)} segments, got {len(labels)}.")
+        return Record(self.dataset.assign_attrs({_LABELS: [str(label) for label in labels]}))
+
+    def later(self, seconds: float) -> Record:
+        """The record with all times later by so many s."""
+        return Record(self.dataset.assign_coords(time_s=("time_s", self.time + seconds)))
+
     def select(self, mask: Any) -> Record:
         """The samples where the mask, shape (n,), holds; segments are cut where it breaks, single samples dropped."""
         mask = np.asarray(mask)
@@ -192,8 +227,7 @@ class Record:
         Default: 5 times the median interval, or 3 times the longest of the shorter 90 % where sampling is uneven.
         """
         if max_gap_s is None:
-            intervals = self._intervals()
-            max_gap_s = max(5.0 * float(np.median(intervals)), 3.0 * float(np.quantile(intervals, 0.9, method="lower")))
+            max_gap_s = gap_limit(self._intervals())
         if not max_gap_s > 0.0:
             raise ValueError(f"split_gaps needs a positive gap in s, got {max_gap_s}.")
         time = self.time
@@ -231,6 +265,11 @@ class Record:
             held = channel(name).held
             parts = [_at(grid, time[o], self.dataset[name].values[o], held, dt) for grid, o in zip(grids, origins)]
             variables[name] = ("time_s", np.concatenate(parts), self.dataset[name].attrs)
+        if set(QUATERNION) <= set(variables):
+            attitude = np.column_stack([self[name] for name in QUATERNION])
+            turned = np.concatenate([interpolated(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)])
+            for name, values in zip(QUATERNION, turned.T, strict=True):
+                variables[name] = ("time_s", values, self.dataset[name].attrs)
         variables["segment"] = ("time_s", np.repeat(np.arange(len(grids)), [grid.size for grid in grids]))
         attrs = {**self.dataset.attrs, _LABELS: [self.labels[k] for k in kept]}
         return Record(_dataset(variables, np.concatenate(grids), attrs))
@@ -284,6 +323,16 @@ class Record:
         return np.concatenate([np.diff(time[part]) for part in self.segments])
 
 
+def gap_limit(intervals: np.ndarray) -> float:
+    """The time between two samples, s, above which a gap lies between them, of the intervals of a signal.
+
+    5 times the median interval, or 3 times the longest of the shorter 90 % where sampling is uneven; never less than
+    0.25 s, by which messages of fast sensors often arrive late.
+    """
+    uneven = 3.0 * float(np.quantile(intervals, 0.9, method="lower"))
+    return max(5.0 * float(np.median(intervals)), uneven, _SHORTEST_GAP)
+
+
 def concat(records: Sequence[Record]) -> Record:
     """One record of several with the same channels, their segments one after the other; each keeps its own time."""
     if not records:
@@ -307,6 +356,8 @@ def concat(records: Sequence[Record]) -> Record:
     attrs: dict[str, Any] = {
         key: v for key, v in first.items() if all(str(r.attrs.get(key)) == str(v) for r in records)
     }
+    notes = list(dict.fromkeys(line for record in records for line in record.notes))
+    attrs |= {_NOTES: notes} if notes else {}
     attrs[_LABELS] = [label for record in records for label in record.labels]
     return Record(_dataset(variables, np.concatenate([record.time for record in records]), attrs))
 
@@ -378,6 +429,8 @@ def _check_time(time: np.ndarray, ids: np.ndarray) -> None:
 def _repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max_fill: int) -> np.ndarray:
     """Values of one segment with angles unwrapped and short inner runs of NaN filled."""
     finite = np.isfinite(values)
+    if finite.all() and not angle:
+        return values
     known = np.flatnonzero(finite)
     if known.size == 0:
         return values
@@ -392,6 +445,44 @@ def _repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max
     return result
 
 
+def _missing(
+    variables: Mapping[str, Any], size: int, required: Collection[str] | None
+) -> tuple[np.ndarray, dict[str, str]]:
+    """Which samples have no value in a channel that needs one, and which channels cost too much, with a line each.
+
+    Channels that are not required come in the order of what each has lost.
+    """
+    lost = {name: ~np.isfinite(values) for name, (_, values, _) in variables.items() if channel(name).needed}
+    missing, costly = np.zeros(size, dtype=bool), {}
+    for name, here in lost.items():
+        if required is None or name in required:
+            missing |= here
+    if required is not None:
+        for name in sorted(set(lost) - set(required), key=lambda one: (int(lost[one].sum()), list(lost).index(one))):
+            cost, left = int((lost[name] & ~missing).sum()), int((~missing).sum())
+            if cost > _COSTS * left:
+                there = int((~lost[name] & ~missing).sum())
+                costly[name] = (
+                    f"{name}: left out, since it has values at {there:,} of {left:,} samples only; nothing requires it."
+                )
+            else:
+                missing |= lost[name]
+    return missing, costly
+
+
+def _on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
+    """A line on the samples that are dropped, and on the channels without a value there; none where all are kept."""
+    if not missing.any() or missing.all():
+        return []
+    lost = [n for n, (_, values, _) in variables.items() if channel(n).needed and not np.isfinite(values).all()]
+    share = 100.0 * missing.mean()
+    names = " or ".join(lost) if len(lost) < 3 else f"{', '.join(lost[:2])} or others"
+    return [
+        f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) were dropped, where {names} had no value; "
+        "the record is cut there."
+    ]
+
+
 def _check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) -> None:
     missing = np.flatnonzero(~np.isfinite(values))
     for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):
@@ -399,7 +490,7 @@ def _check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) 
             raise ValueError(
                 f"Channel {name!r} has no value in {run.size} rows, {run[0] + 1} to {run[-1] + 1} "
                 f"({time[run[0]]:.10g} to {time[run[-1]]:.10g} s); up to {max_fill} in a row are filled in. "
-                "Remove these rows, or cut the record there (long_runs='cut'; on the command line: --cut-gaps)."
+                "Remove these rows, or cut the record there (long_runs='cut', or no --refuse-gaps)."
             )
 
 

@@ -157,6 +157,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "asked": asdict(d.asked),
         "record_sha256": digest_of(d.record),
         "source": d.source,
+        "log_notes": d.record.notes,
         "seed": d.seed,
         "versions": d.versions,
     }

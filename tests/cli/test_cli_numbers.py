@@ -55,4 +55,5 @@ def test_there_are_numbers_in_every_command_but_those_that_show():
     assert found == {command.name or command.callback.__name__ for command in app.registered_commands} - {
         "list",
         "draw",
+        "look",
     }

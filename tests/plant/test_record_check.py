@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from auv_gym.plant import load_vehicle
-from auv_gym.plant.record_check import check_excitation, check_ranges
+from auv_gym.plant.record_check import check_excitation, check_ranges, needs_of
+from auv_gym.records.gliding import glide_attack
+from auv_gym.records.reading import Needs, read_record
 from auv_gym.records.record import Record
 from identification.diagnosis import diagnose
 from identification.fit.greybox import GreyBox
@@ -54,3 +56,26 @@ def test_a_vehicle_that_needs_no_input_is_excited_by_those_that_were_logged():
         check_excitation(glider, Record.from_arrays(time, {"depth_m": time, "battery_m": np.full(600, 0.01)}))
     with pytest.raises(ValueError, match=r"the log has none of ballast_m3, battery_m, battery_rad\. Use a log with"):
         check_excitation(glider, Record.from_arrays(time, {"depth_m": time}))
+
+
+def test_a_vehicle_says_what_it_takes_from_a_log():
+    needs = needs_of(load_vehicle("npsauv"))
+    assert needs.required == ("heading_rad", "rudder_rad", "stern_plane_rad", "propeller_rpm")
+    assert {"pitch_rad", "depth_m", "bow_plane_rad"} <= set(needs.wanted)
+    assert needs.attack is None
+
+
+def test_a_vehicle_with_a_polar_gives_the_speed_with_its_angle_of_attack(tmp_path):
+    glider = load_vehicle(Path(__file__).parents[2] / "examples" / "vehicles" / "seawing.toml")
+    needs, wings = needs_of(glider), glider.parts.wings
+    assert needs.attack is not None
+    time, pitch = np.arange(0.0, 600.0, 4.0), -0.4
+    alpha = float(needs.attack(np.array([pitch]))[0])
+    assert alpha == pytest.approx(float(glide_attack(pitch, wings.drag_0, wings.drag_2, wings.lift_1, wings.lift_0)))
+    assert 0.01 < alpha < 0.2
+    rows = "".join(f"{t:.1f},{pitch},{-0.5 * np.sin(pitch - alpha) * t:.9f},0.1\n" for t in time)
+    (tmp_path / "log.csv").write_text("time_s,pitch_rad,depth_m,heading_rad\n" + rows)
+    record = read_record(tmp_path / "log.csv", required=Needs(("heading_rad",), attack=needs.attack))
+    assert record["u_mps"] == pytest.approx(0.5, abs=1e-6)
+    assert "less the angle of attack" in record.attrs["derived"]
+    assert not read_record(tmp_path / "log.csv", required=["heading_rad"]).has("u_mps")

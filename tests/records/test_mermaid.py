@@ -51,7 +51,7 @@ def test_a_dive_begins_below_the_surface_and_ends_there():
     assert np.array_equal(record.time, 60.0 * np.arange(2, 13))
     assert np.array_equal(record["depth_m"], DEPTHS[2:13])
     assert record.labels == ["a"]
-    assert record.attrs == {"source": "log.csv", "left_out": ""}
+    assert record.attrs == {"source": "log.csv"}
 
 
 def test_oil_comes_as_what_pump_and_valve_have_moved_and_how_deep_the_valve_was():
@@ -127,7 +127,7 @@ UNUSABLE = {
 def test_a_dive_that_cannot_be_used_is_left_out_with_the_reason(changes, words):
     record = dives(log(), log(**changes), log())
     assert record.labels == ["a", "c"]
-    assert record.attrs["left_out"] == f"b: {words}"
+    assert record.notes == [f"dive b: left out, {words}."]
 
 
 @pytest.mark.parametrize("changes, words", UNUSABLE.values(), ids=UNUSABLE)
@@ -164,12 +164,13 @@ def test_a_file_without_buoyancy_actions_says_so_with_its_name(tmp_path):
         read_record(csv(tmp_path / "calm.csv", log(**NOTHING_MOVED)))
 
 
-def test_text_among_the_numbers_of_a_log_is_refused_by_its_row(tmp_path):
+def test_text_among_the_numbers_of_a_log_counts_as_missing(tmp_path):
     path = csv(tmp_path / "dives.csv", log())
     text = path.read_text(encoding="utf-8").replace("\ndive-0,240,50.0,", "\ndive-0,240,deep,")
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(ValueError, match=r"depth_m.*deep"):
-        read_record(path)
+    record = read_record(path)
+    assert any("cells are no numbers ('deep' in row" in line for line in record.notes)
+    assert np.isfinite(record["depth_m"]).all()
 
 
 @pytest.mark.parametrize(
@@ -178,7 +179,7 @@ def test_text_among_the_numbers_of_a_log_is_refused_by_its_row(tmp_path):
 def test_the_measured_dives(shared_data, name, count, deepest):
     record = read_record(shared_data / "mermaid" / f"{name}.csv")
     assert len(record.labels) == count
-    assert record.attrs["left_out"] == ""
+    assert record.notes == []
     assert record["depth_m"].min() > 2.0
     assert record["depth_m"].max() == pytest.approx(deepest, abs=0.1)
     for segment in record.segments:

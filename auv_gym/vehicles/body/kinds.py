@@ -170,6 +170,8 @@ class PartKind:
     problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
     problem_with_hull: the same about the part together with the hull.  sketch: lines to draw.
     place: the parameters that say where the part is.
+    polar: of a part, the drag_0, drag_2, lift_1 and lift_0 of the whole vehicle, from which its steady glide follows,
+    or None.
     """
 
     name: str
@@ -200,6 +202,7 @@ class PartKind:
     problem_with_hull: Callable[[Any, Any], str] = _no_problem_with_hull
     sketch: Callable[[Any], tuple[Sketch, ...]] = _no_sketch
     place: tuple[str, ...] = ()
+    polar: Callable[[Any], tuple[float, float, float, float] | None] | None = None
 
     def __post_init__(self):
         if not self.name.isidentifier():

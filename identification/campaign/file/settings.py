@@ -97,9 +97,9 @@ class LogExperiment(Table):
 
     kind: Literal["log"]
     file: str
-    mapping: dict[str, str] | None = None
+    mapping: dict[str, str | float | dict[str, str | float]] | None = None
     max_gap_s: float | None = Field(None, gt=0.0)
-    cut_gaps: bool = False
+    cut_gaps: bool = True
 
 
 Experiment = Annotated[EnvExperiment | MissionExperiment | LogExperiment, Field(discriminator="kind")]

@@ -111,6 +111,13 @@ def _sketch(wings: Wings) -> tuple[Sketch, ...]:
     return tuple(Sketch(tuple((a, y + side * b, wings.z) for a, b in corners)) for side in (-1.0, 1.0))
 
 
+def _polar(wings: Wings) -> tuple[float, float, float, float] | None:
+    """The polar of the vehicle, for `auv_gym.records.gliding.glide_attack`; None of wings alone."""
+    if wings.covers < 0.5 or not (wings.drag_0 > 0.0 and wings.drag_2 > 0.0 and wings.lift_1 > 0.0):
+        return None
+    return wings.drag_0, wings.drag_2, wings.lift_1, wings.lift_0
+
+
 KIND = PartKind(
     name="wings",
     title="lift, drag and side force by the angles of the flow",
@@ -124,4 +131,5 @@ KIND = PartKind(
     coefficients=("drag_0", "lift_1", "pitch"),
     sketch=_sketch,
     place=("x", "y", "z"),
+    polar=_polar,
 )

@@ -1,0 +1,204 @@
+"""`auv-gym look`: what is in a log, which vehicles it would serve, and what to type next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from shlex import quote
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+
+from auv_gym.cli.application import app
+from auv_gym.cli.options import logs
+from auv_gym.cli.options.console import output, progress_bar, table
+
+if TYPE_CHECKING:
+    from auv_gym.records.first_look import FirstLook, SignalLook
+    from auv_gym.records.reading import Needs
+
+_HINTED = 3  # vehicles for which columns are named that look like what is missing
+_MOST = 40  # rows of the table of signals, and lines of what was left out
+
+
+@app.command()
+def look(
+    log: Annotated[str, typer.Argument(help=logs.ANY_LOG)],
+    vehicle: Annotated[
+        str | None, typer.Option(help="A preset or a vehicle file (.toml); default: all presets are compared.")
+    ] = None,
+    mapping: logs.ColumnNames = None,
+    mapping_out: Annotated[
+        Path | None, typer.Option(help="Write a mapping of the log's columns, ready to edit (.toml).")
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the recognised signals over time (.png, .svg or .pdf).")
+    ] = None,
+    every: Annotated[bool, typer.Option("--all", help="Show all columns, also those that are left out.")] = False,
+    cache_dir: logs.CacheFolder = None,
+) -> None:
+    """Show what is in a log, what is recognised, what looks wrong, and which vehicles it would serve."""
+    from auv_gym.presets import find_vehicle
+
+    if vehicle is not None:
+        find_vehicle(vehicle)
+    with progress_bar() as progress:
+        progress(0.0, "reading the log")
+        from auv_gym.records.first_look import look_at, mapping_text
+        from auv_gym.writing import replacing, writable_folder
+
+        for path in (mapping_out, picture):
+            if path is not None:
+                writable_folder(path.parent)
+        found = look_at(log, mapping, cache_dir)
+        progress(0.6, "comparing with vehicles")
+        needs = logs.needs_of([vehicle] if vehicle else None)
+        if picture is not None:
+            from identification.pages.log_picture import draw_log
+
+            progress(0.8, "drawing")
+            draw_log(found, picture)
+        if mapping_out is not None:
+            with replacing(mapping_out) as new:
+                new.write_text(mapping_text(found, [needs[_ranked(found, needs)[0]]]), encoding="utf-8")
+        progress(1.0, "done")
+    _print_head(found)
+    _print_signals(found, every)
+    _print_list("Left out, mended or cut", found.notes, every)
+    _print_list("Looks wrong", found.doubts, True)
+    _print_vehicles(found, needs)
+    for path in (mapping_out, picture):
+        if path is not None:
+            output.print(f"Written: {path}", markup=False, soft_wrap=True)
+    output.print()
+    output.print(f"Next: {_next_command(found, needs, log, mapping, mapping_out)}", markup=False, soft_wrap=True)
+
+
+def _print_head(found: FirstLook) -> None:
+    from auv_gym.records.first_look import started
+
+    began = f", from {started(found)}" if started(found) else ""
+    output.print()
+    output.print(f"[bold]{escape(found.path.name)}[/]: {escape(found.format)}, {_duration(found.duration)}{began}")
+    if found.sampled is not None:
+        output.print(
+            f"The file is large: it was looked at by its index and the first {found.sampled:,} samples of each signal, "
+            "which ranges and gaps are taken from."
+        )
+    if found.record is not None:
+        record = found.record
+        parts = len(record.segments)
+        output.print(
+            f"As a record: {len(record):,} samples every {record.sample_interval:.3g} s in {parts} "
+            f"segment{'s' * (parts != 1)}, {_duration(record.duration_s)} without gaps."
+        )
+        if record.attrs.get("derived"):
+            output.print(f"Derived: {escape(str(record.attrs['derived']))}.", soft_wrap=True)
+    if found.problem:
+        output.print(f"[bold yellow]It cannot be read as a record yet:[/] {escape(found.problem)}", soft_wrap=True)
+
+
+def _print_signals(found: FirstLook, every: bool) -> None:
+    used = [signal for signal in found.signals if signal.channel]
+    rest = [signal for signal in found.signals if not signal.channel]
+    ways = list(dict.fromkeys(signal.by for signal in used))
+    shown = table("Signals", "column", "taken as", "by>", "samples>", "every>", "gaps>", "range")
+    rows = [*used, *(rest if every else rest[: max(0, _MOST - len(used))])]
+    for signal in rows:
+        by = str(ways.index(signal.by) + 1) if signal.channel else ""
+        shown.add_row(*(escape(cell) for cell in _cells(signal, by)))
+    output.print(shown)
+    if len(rows) < len(found.signals):
+        output.print(f"{len(found.signals) - len(rows)} more columns are not shown: use --all.")
+    for number, way in enumerate(ways, 1):
+        count = sum(signal.by == way for signal in used)
+        output.print(f"{number}: by {escape(way)}, {count} column{'s' * (count != 1)}")
+    output.print()
+
+
+def _cells(signal: SignalLook, by: str) -> Sequence[str]:
+    import numpy as np
+
+    from identification.pages.drawing import shown_values, unit_label
+
+    ends, unit = np.array([signal.low, signal.high]), signal.unit
+    if signal.channel:
+        ends, unit = shown_values(signal.channel, ends), unit_label(signal.channel)
+    every = f"{signal.interval:.3g} s" if np.isfinite(signal.interval) else ""
+    extent = f"{ends[0]:.4g} to {ends[1]:.4g} {unit}" if np.isfinite(ends).all() else unit
+    gaps = str(signal.gaps) if signal.gaps else ""
+    taken = "the same" if signal.channel == signal.column else signal.channel
+    return signal.column, taken, by, f"{signal.samples:,}", every, gaps, extent.rstrip()
+
+
+def _print_list(title: str, lines: Sequence[str], every: bool) -> None:
+    if not lines:
+        return
+    output.print(f"[bold]{title}[/]")
+    for line in lines if every else lines[:_MOST]:
+        output.print(f"- {escape(line)}", soft_wrap=True)
+    if not every and len(lines) > _MOST:
+        output.print(f"- and {len(lines) - _MOST} more: use --all.")
+    output.print()
+
+
+def _print_vehicles(found: FirstLook, needs: Mapping[str, Needs]) -> None:
+    from auv_gym.records.naming import looks_like
+
+    columns = [signal.column for signal in found.signals if not signal.channel]
+    shown = table("Vehicles, those that the log suits best first", "vehicle!", "what it would still need", "uses>")
+    for rank, name in enumerate(_ranked(found, needs)):
+        missing = found.missing(needs[name])
+        hints = "".join(looks_like(one, columns) for one in missing).strip() if rank < _HINTED else ""
+        words = f"{', '.join(missing)}. {hints}".rstrip() if missing else "nothing"
+        shown.add_row(
+            escape(name), escape(words), f"{(count := _used(found, needs[name]))} channel{'s' * (count != 1)}"
+        )
+    output.print(shown)
+
+
+def _used(found: FirstLook, need: Needs) -> int:
+    """How many channels of the log a vehicle uses."""
+    return len(found.channels & {*need.required, *need.wanted})
+
+
+def _ranked(found: FirstLook, needs: Mapping[str, Needs]) -> list[str]:
+    """The vehicles, those first that need the least, then that of the log's source, then those that use the most."""
+    from auv_gym.records.mapping import fitting_mappings
+
+    own = {fitting.vehicle for fitting in fitting_mappings(found.log)}
+    return sorted(
+        needs, key=lambda name: (len(found.missing(needs[name])), name not in own, -_used(found, needs[name]))
+    )
+
+
+def _next_command(
+    found: FirstLook, needs: Mapping[str, Needs], log: str, mapping: Path | None, written: Path | None
+) -> str:
+    """What to type next: a diagnosis where a vehicle is served, otherwise a mapping to edit."""
+    from auv_gym.records.naming import candidates
+
+    used, nearest = written or mapping, _ranked(found, needs)[0]
+    options = f" --mapping {quote(str(used))}" if used else ""
+    if found.record is not None and not found.missing(needs[nearest]):
+        return f"auv-gym diagnose {quote(log)} --vehicle {quote(nearest)}{options} --out diagnosis"
+    columns = [signal.column for signal in found.signals if not signal.channel]
+    if not any(candidates(name, columns) for name in found.missing(needs[nearest])) and found.record is not None:
+        return (
+            "auv-gym list parts (no preset has this log's inputs: write a vehicle file, see "
+            "docs/guides/add_a_vehicle.md, then look again with --vehicle FILE)"
+        )
+    if written is not None:
+        return (
+            f"edit {quote(str(written))}, then auv-gym look {quote(log)} --vehicle {quote(nearest)} --mapping "
+            f"{quote(str(written))}"
+        )
+    return f"auv-gym look {quote(log)} --vehicle {quote(nearest)}{options} --mapping-out names.toml"
+
+
+def _duration(seconds: float) -> str:
+    for size, unit in ((86400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"

@@ -1,0 +1,98 @@
+"""The time of the rows of a table: by the mapping, by a column's name, or by what a column holds."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+
+import numpy as np
+
+from auv_gym.channels import conversion
+from auv_gym.records.log import Column, Group, Log
+from auv_gym.records.mapping import DATED, TIMES, Names, fitting_mappings, list_of
+from auv_gym.records.naming import looks_like
+
+_CLOCKS = frozenset({"time", "timestamp", "t", "seconds", "secs", "sec", "elapsed", "epoch", "unix", "unixtime"})
+_EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
+
+
+def clocks_of(log: Log, names: Names, notes: list[str]) -> dict[str, tuple[str, np.ndarray]]:
+    """The column that holds time and the times, s, of each group that does not come with them.
+
+    A group without a time is left out with a note; raises where no group has one.
+    """
+    found, problems = {}, []
+    for group in log.groups:
+        if group.time is None:
+            try:
+                found[group.name] = _clock(group, names, log, notes)
+            except ValueError as error:
+                problems.append((group.name, error))
+    if problems and not found and all(group.time is None for group in log.groups):
+        raise problems[0][1]
+    notes += [f"{name}: left out, since nothing along it holds time." for name, _ in problems]
+    return found
+
+
+def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> tuple[str, np.ndarray]:
+    """The column of a table that holds time, and the times, s: by the mapping, by its name, or by what it holds."""
+    columns = group.columns
+    stated = [theirs for theirs, target in names.targets.items() if theirs in columns and target.name in TIMES]
+    if len(stated) > 1:
+        raise ValueError(f"Two columns come in as 'time_s', {list_of(stated)}: map one of them to ''.")
+    for mapping in (names, *fitting_mappings(log)):
+        for theirs, target in mapping.targets.items():
+            if theirs in columns and target.name in TIMES:
+                return theirs, _seconds(theirs, columns[theirs], target.name)
+    for name, column in columns.items():
+        field = name.rpartition(".")[2]  # of a structure
+        dated = field.lower() in DATED and (isinstance(column, list) or name in group.units)
+        if dated or field in TIMES:
+            return name, _seconds(name, column, field, group.units.get(name))
+    for name, column in columns.items():
+        bare = re.split(r"[\s\[(]", name.strip().lower())[0].rpartition(".")[2]
+        if bare in _CLOCKS and isinstance(column, np.ndarray) and _mostly_rises(column):
+            seconds, unit = _scaled_epoch(column, group.units.get(name))
+            notes.append(f"{name}: taken as the time, in {unit}.")
+            return name, seconds
+    raise ValueError(
+        "There is no column time_s (s; also time_ms, time_min, time_h, or dates in a column time); the columns are "
+        f"{list_of(columns)}. {looks_like('time_s', columns)}"
+        'Rename the one that holds time, or map it, as in "Time" = "time_s".'
+    )
+
+
+def _mostly_rises(column: np.ndarray) -> bool:
+    known = column[np.isfinite(column)]
+    return known.size > 1 and float(np.mean(np.diff(known) > 0.0)) > 0.5
+
+
+def _scaled_epoch(column: np.ndarray, unit: str | None) -> tuple[np.ndarray, str]:
+    """Times in s: in the unit that the file states, else by their size, for counts since 1970; else taken as s."""
+    if unit:
+        try:
+            return conversion("time", unit).convert(column), unit
+        except ValueError:
+            pass
+    largest = float(np.nanmax(np.abs(column)))
+    factor, words = next(((f, words) for least, f, words in _EPOCHS if largest > least), (1.0, "seconds"))
+    return factor * column, words
+
+
+def _seconds(name: str, column: Column, target: str, unit: str | None = None) -> np.ndarray:
+    """Time in s; dates count from 1970, and are UTC where they do not say."""
+    if isinstance(column, np.ndarray):
+        return conversion(target, unit).convert(column.astype(float))
+    seconds = np.full(len(column), np.nan)
+    for row, cell in enumerate(column):
+        if not cell.strip():
+            continue
+        try:
+            moment = datetime.fromisoformat(cell.strip())
+        except ValueError as error:
+            raise ValueError(
+                f"Column {name!r} needs numbers or dates such as 2024-05-31T12:00:00, got {cell!r} at row {row + 1} "
+                "below the header: correct the cell or leave it empty."
+            ) from error
+        seconds[row] = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return seconds

@@ -1,0 +1,260 @@
+"""First contact with a log: what is in it, what is recognised, what looks wrong, and a mapping ready to edit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from auv_gym.channels import SEGMENT_COLUMNS, channel, in_unit, set_point_of
+from auv_gym.records.formats import format_of
+from auv_gym.records.log import Column, Group, Log, Scope
+from auv_gym.records.mapping import Source, load_mapping
+from auv_gym.records.naming import candidates
+from auv_gym.records.reading import Needs, Understood, assembled, find_log, open_log, understood
+from auv_gym.records.record import Record, gap_limit
+from auv_gym.records.suspicions import suspicions
+
+WHOLE = 8e6  # bytes; a slow format's file is read whole below, above it by its index and a sample
+SAMPLE = 2000  # samples of each signal, where a file is too large to read it all
+
+
+@dataclass(frozen=True)
+class SignalLook:
+    """What one column holds.
+
+    channel: what it is taken as, '' where it is left out.  unit: of low and high.  samples: that have a value.
+    interval: median time between them, s.  gaps: how many intervals are gaps, see `auv_gym.records.record.gap_limit`.
+    by: how it was recognised.
+    """
+
+    column: str
+    channel: str
+    unit: str
+    samples: int
+    interval: float
+    gaps: int
+    low: float
+    high: float
+    by: str
+
+
+@dataclass(frozen=True, eq=False)
+class FirstLook:
+    """A log as it is met for the first time.
+
+    rows: of the group with the most.  start: s since 1970, where known.  sampled: samples of each signal that were
+    read, None for all.  notes: what was left out or mended.  doubts: what looks wrong, and what to do.
+    record: what a vehicle would get; None where nothing was recognised, and then `problem` says why.
+    """
+
+    path: Path
+    format: str
+    duration: float
+    rows: int
+    start: float | None
+    sampled: int | None
+    signals: tuple[SignalLook, ...]
+    notes: tuple[str, ...]
+    doubts: tuple[str, ...]
+    known: Understood | None
+    record: Record | None
+    log: Log
+    problem: str = ""
+
+    @property
+    def channels(self) -> set[str]:
+        """The channels that a record of the log has."""
+        return set() if self.record is None else set(self.record.names)
+
+    def missing(self, needs: Needs) -> list[str]:
+        """The channels that a vehicle would still need; a command serves where its input was not measured."""
+        have = self.channels
+        return [name for name in needs.required if name not in have and not _commanded(name) & have]
+
+
+def look_at(
+    log: str | Path, mapping: object = None, beside: Path | None = None, needs: Needs | None = None
+) -> FirstLook:
+    """What is in a log; raises ValueError where it cannot be read at all, or the mapping does not fit it.
+
+    A file of more than 8 MB in a format that is slow to read is looked at by its index and the first samples of each
+    signal.
+    """
+    path = find_log(log)
+    names = load_mapping(mapping)  # type: ignore[arg-type]
+    large = format_of(path).slow and _size(path) > WHOLE
+    content = open_log(path, Scope(most=SAMPLE if large else None, beside=beside))
+    known, record, problem = None, None, ""
+    try:
+        known = understood(content, names, needs)
+        record = assembled(known, Needs() if needs is None else Needs((), needs.wanted, needs.attack))
+    except ValueError as error:
+        problem = str(error)
+    times = [_span(group, known) for group in content.groups]
+    spans = [span for span in times if span is not None]
+    duration = max((b for _, b in spans), default=0.0) - min((a for a, _ in spans), default=0.0)
+    if known is not None and record is not None and any(stream.labels is not None for stream in known.streams):
+        duration = record.duration_s  # each segment has a clock of its own
+    notes = [*(known.notes if known else content.notes), *(record.notes if record else [])]
+    return FirstLook(
+        path=path,
+        format=content.format,
+        duration=duration,
+        rows=max((group.rows for group in content.groups), default=0),
+        start=None if known is None else known.epoch,
+        sampled=SAMPLE if large else None,
+        signals=tuple(_signals(content, known)),
+        notes=tuple(dict.fromkeys(notes)),
+        doubts=tuple(suspicions(known, record)) if known is not None else (),
+        known=known,
+        record=record,
+        problem=problem,
+        log=content,
+    )
+
+
+def started(look: FirstLook) -> str:
+    """When the log began, as text; '' where that is not known."""
+    if look.start is None:
+        return ""
+    try:
+        return datetime.fromtimestamp(look.start, UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+    except (OverflowError, ValueError, OSError):
+        return ""
+
+
+def mapping_text(look: FirstLook, needs: Sequence[Needs] = ()) -> str:
+    """A mapping in TOML, ready to edit: what was recognised, what was guessed, and what is left out."""
+    lines = [
+        f"# Mapping of {look.path.name} ({look.format}).",
+        "# Their column = our channel, ending in the unit of their numbers.",
+        '# A minus turns the sign, "" leaves a column out; { to = "depth_m", factor = 0.1, offset = -10.0 } scales and',
+        "# shifts; a number is the value of a channel that was constant and not logged.",
+        "",
+    ]
+    used: set[str] = set()
+    if look.known is not None:
+        for column in look.known.clocks.values():
+            lines.append(f'{_quoted(column)} = "time_s"')
+            used.add(column)
+        for sources in look.known.by_channel.values():
+            for number, source in enumerate(sources):
+                used.add(source.column)
+                lines.append(f"{_quoted(source.column)} = {_target(source) if number == 0 else _quoted('')}")
+        lines += [f"{name} = {value:.12g}" for name, value in look.known.constants.items()]
+    columns = [name for group in look.log.groups for name in group.columns]
+    guesses: dict[str, str] = {}
+    for wanted in dict.fromkeys(name for one in needs for name in look.missing(one)):
+        for column in candidates(wanted, [name for name in columns if name not in used and name not in guesses], 1):
+            guesses[column] = wanted
+    if guesses:
+        lines += ["", "# Guessed from their names: check unit and sign, then remove the # in front."]
+        lines += [f'# {_quoted(column)} = "{wanted}"' for column, wanted in guesses.items()]
+    rest = [name for name in columns if name not in used and name not in guesses and name not in SEGMENT_COLUMNS]
+    if rest:
+        lines += ["", "# Not recognised: write a channel, and remove the # in front."]
+        lines += [f'# {_quoted(name)} = ""' for name in rest]
+    return "\n".join([*lines, ""])
+
+
+def _target(source: Source) -> str:
+    target = source.target
+    name = in_unit(target.name, source.unit)
+    if target.offset == 0.0 and target.factor in (1.0, -1.0):
+        return _quoted(f"{'-' if target.factor < 0 else ''}{name}")
+    return f'{{ to = "{name}", factor = {target.factor!r}, offset = {target.offset!r} }}'
+
+
+def _quoted(text: str) -> str:
+    escaped = "".join(
+        c if c.isprintable() and c not in '"\\' else f"\\u{ord(c):04x}" if ord(c) < 65536 else "?" for c in text
+    )
+    return f'"{escaped}"'
+
+
+def _signals(log: Log, known: Understood | None) -> list[SignalLook]:
+    taken: dict[str, tuple[Source, bool]] = {}
+    for sources in known.by_channel.values() if known else ():
+        for number, source in enumerate(sources):
+            taken[source.column] = (source, number == 0)
+    found = []
+    for group in log.groups:
+        sampling = _sampling(_times(group, known))
+        for name, column in group.columns.items():
+            if known is not None and name in known.clocks.values():
+                continue
+            source, used = taken.get(name, (None, False))
+            found.append(_signal(group, name, column, sampling, source if used else None))
+    return found
+
+
+def _sampling(time: np.ndarray | None) -> Callable[[np.ndarray], tuple[float, int]]:
+    """A function from the rows that have a value to the median time between these, s, and the number of gaps."""
+
+    def of(there: np.ndarray) -> tuple[float, int]:
+        if time is None or there.sum() < 3:
+            return np.nan, 0
+        steps = np.diff(time[there & np.isfinite(time)])
+        steps = steps[steps > 0.0]  # a time that goes back is late, or begins another segment
+        return (float(np.median(steps)), int(np.sum(steps > gap_limit(steps)))) if steps.size else (np.nan, 0)
+
+    whole: list[tuple[float, int]] = []  # of columns with a value in every row, which most have
+
+    def remembered(there: np.ndarray) -> tuple[float, int]:
+        if not there.all():
+            return of(there)
+        if not whole:
+            whole.append(of(there))
+        return whole[0]
+
+    return remembered
+
+
+def _signal(
+    group: Group, name: str, column: Column, sampling: Callable[[np.ndarray], tuple[float, int]], source: Source | None
+) -> SignalLook:
+    if isinstance(column, list):
+        return SignalLook(name, "", "text", sum(bool(cell.strip()) for cell in column), np.nan, 0, np.nan, np.nan, "")
+    values, unit, of, by = column.astype(float), group.units.get(name, ""), "", ""
+    if source is not None:
+        target, values = source.target.channel_and_values(values, source.unit)
+        of, unit = target.name, target.unit
+        by = source.by or "its name and unit"
+    there = np.isfinite(values)
+    interval, gaps = sampling(there)
+    low, high = (float(np.min(values[there])), float(np.max(values[there]))) if there.any() else (np.nan, np.nan)
+    samples = int(there.sum()) if group.rows <= there.size else round(group.rows * float(there.mean()))
+    return SignalLook(name, of, unit, samples, interval, gaps, low, high, by)
+
+
+def _times(group: Group, known: Understood | None) -> np.ndarray | None:
+    if group.time is not None:
+        return np.asarray(group.time, dtype=float)
+    if known is not None:
+        return next((stream.time for stream in known.streams if stream.name == group.name), None)
+    return None
+
+
+def _span(group: Group, known: Understood | None) -> tuple[float, float] | None:
+    if group.span is not None:
+        return group.span
+    time = _times(group, known)
+    if time is None or not np.isfinite(time).any():
+        return None
+    return float(np.nanmin(time)), float(np.nanmax(time))
+
+
+def _commanded(name: str) -> set[str]:
+    return {set_point_of(name)} if channel(name).kind == "input" and "_cmd" not in name else set()
+
+
+def _size(path: Path) -> int:
+    return (
+        path.stat().st_size
+        if path.is_file()
+        else sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
+    )

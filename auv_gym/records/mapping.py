@@ -1,0 +1,329 @@
+"""Mappings: which channel a column of a file is, by the user's own table or by one of those shipped for common sources.
+
+A mapping renames, turns a sign, scales, shifts, or states a constant.  Nothing in it is evaluated.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, Channel, conversion, known_suffixes
+from auv_gym.param import did_you_mean
+from auv_gym.records.log import Group, Log
+
+MappingLike = Mapping[str, Any] | str | Path | None
+YOURS = "your mapping"
+TIMES = ("time_s", "time_ms", "time_min", "time_h")
+DATED = frozenset({"time", "timestamp", "datetime", "date_time", "time_utc", "time_iso"})  # in lower case
+_FEW, _MANY = 4, 25  # fields of a message that a note lists; topics that get a note each
+_TURNED_FRAMES = ("_ned", "_frd")  # endings of a frame_id whose axes are the field's own, forward or north first
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a column goes: a channel's name with the unit of the numbers; value = factor * number + offset."""
+
+    name: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def channel_and_values(self, values: np.ndarray, unit: str | None = None) -> tuple[Channel, np.ndarray]:
+        """The channel and the column's values in its unit.  unit: what the file states; wins over the name's suffix."""
+        found = conversion(self.name, unit)
+        if self.factor != 1.0 or self.offset != 0.0:
+            values = self.factor * values + self.offset
+        return found.channel, found.convert(values)
+
+
+@dataclass(frozen=True)
+class Names:
+    """A mapping: targets by column, and the values of channels that were constant.
+
+    title: of a shipped one, the source.  needs: it fits where each of these lists has a column that is there.
+    types: targets by message type and field.  only: columns without a target are left out.
+    glides: its vehicles glide, so that their speed follows from depth and pitch.  vehicle: the preset of its vehicle.
+    formats: the formats that it is for, all if there are none.
+    """
+
+    targets: Mapping[str, Target] = field(default_factory=dict)
+    left_out: frozenset[str] = frozenset()
+    constants: Mapping[str, float] = field(default_factory=dict)
+    only: bool = False
+    title: str = ""
+    needs: tuple[tuple[str, ...], ...] = ()
+    types: Mapping[str, Mapping[str, Target]] = field(default_factory=dict)
+    glides: bool = False
+    vehicle: str = ""
+    formats: tuple[str, ...] = ()
+
+
+def load_mapping(mapping: MappingLike) -> Names:
+    """The user's mapping, as a table or the path of a flat TOML file; raises ValueError on anything it cannot do."""
+    if isinstance(mapping, (str, Path)):
+        mapping = _toml(Path(mapping), f"The mapping {mapping}")
+    targets, left_out, constants = {}, set(), {}
+    for theirs, ours in (mapping or {}).items():
+        if isinstance(ours, (int, float)) and not isinstance(ours, bool):
+            constants[theirs] = float(ours)
+        elif ours == "":
+            left_out.add(theirs)
+        elif theirs == "*":
+            raise ValueError("In a mapping '*' can only be '' (leave out all columns not named).")
+        else:
+            targets[theirs] = _target(theirs, ours)
+    return Names(targets, frozenset(left_out - {"*"}), constants, "*" in left_out)
+
+
+@cache
+def shipped() -> tuple[Names, ...]:
+    """The mappings of common sources that come with the package, in the order of their file names."""
+    found = []
+    for file in sorted(files("auv_gym.records").joinpath("mappings").iterdir(), key=lambda entry: entry.name):
+        if file.name.endswith(".toml"):
+            content = tomllib.loads(file.read_text(encoding="utf-8"))
+            found.append(
+                Names(
+                    targets={theirs: _target(theirs, ours) for theirs, ours in content.get("names", {}).items()},
+                    constants={name: float(value) for name, value in content.get("constants", {}).items()},
+                    title=content["title"],
+                    needs=tuple(tuple(names) for names in content["needs"]),
+                    types={
+                        kind: {name: _target(name, ours) for name, ours in of_kind.items()}
+                        for kind, of_kind in content.get("types", {}).items()
+                    },
+                    glides=bool(content.get("glides", False)),
+                    vehicle=content.get("vehicle", ""),
+                    formats=tuple(content.get("formats", ())),
+                )
+            )
+    return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A column that is to become a channel: where it stands, its target, and the unit that the file states of it."""
+
+    group: Group
+    column: str
+    target: Target
+    unit: str | None = None
+    by: str = ""  # YOURS, the title of the shipped mapping that names it, or '' where its own name says it all
+
+    @property
+    def channel(self) -> Channel:
+        """The channel that it becomes; raises where the target's unit is none that we know."""
+        return conversion(self.target.name, self.unit).channel
+
+
+def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
+    """What becomes of the columns of a log: sources in order of preference, and a line for each column left out.
+
+    First come the columns that the user's mapping names, then those of the shipped mappings that fit, then those
+    whose own name and unit say which channel they are.  Raises where the mapping names a column that is not there.
+    """
+    found: list[Source] = []
+    given: set[str] = set()
+    for theirs, target in names.targets.items():
+        if target.name in TIMES and log.column(theirs) is None and any(group.time is not None for group in log.groups):
+            continue  # the reader knows the time by itself
+        group, column = _named(log, theirs)
+        found.append(Source(group, column, target, by=YOURS))
+        given.add(column)
+    for theirs in names.left_out:
+        given |= {column for _, column, _ in _matches(log, theirs)}
+    if names.only:
+        return found, []
+    for fitting in fitting_mappings(log):
+        for source in _shipped_sources(log, fitting):
+            if source.column not in given:
+                found.append(source)
+                given.add(source.column)
+    notes, unnamed = [], {}
+    for group in log.groups:
+        rest = [column for column in group.columns if column not in given and column not in SEGMENT_COLUMNS]
+        if group.name and all(column.startswith(group.name) for column in rest):  # a topic, or a kind of message
+            unnamed |= {group.name: rest} if rest else {}
+            continue
+        for column in rest:
+            try:
+                found.append(_by_itself(group, column))
+            except ValueError:
+                notes.append(f"{column}: left out, since {_why(group, column)}.")
+    return found, [*notes, *_on_unnamed(unnamed)]
+
+
+def _on_unnamed(unnamed: Mapping[str, list[str]]) -> list[str]:
+    """A line on each topic or message with fields that no mapping names; one on all of them where they are many."""
+    if len(unnamed) > _MANY:
+        first = ", ".join(list(unnamed)[:_FEW])
+        return [f"{len(unnamed):,} signals left out, since no mapping names them: {first}, ..."]
+    lines = []
+    for group, columns in unnamed.items():
+        if columns == [group]:
+            lines.append(f"{group}: left out, since no mapping names it.")
+            continue
+        few = ", ".join(name.removeprefix(group).lstrip(".") or name for name in columns[:_FEW])
+        few += ", ..." if len(columns) > _FEW else ""
+        counted = f"{len(columns)} column{'s' * (len(columns) != 1)} ({few})"
+        lines.append(f"{group}: {counted} left out, since no mapping names {'it' if len(columns) == 1 else 'them'}.")
+    return lines
+
+
+def fitting_mappings(log: Log) -> list[Names]:
+    """The shipped mappings that fit a log, those that name most of its columns first."""
+    fitting = [(len(list(_shipped_sources(log, names))), names) for names in shipped() if _fits(log, names)]
+    return [names for count, names in sorted(fitting, key=lambda pair: -pair[0]) if count]
+
+
+def _fits(log: Log, names: Names) -> bool:
+    if names.formats and log.format not in names.formats:
+        return False
+    if names.types and any(_of_type(log, kind) for kind in names.types):
+        return True
+    return bool(names.needs) and all(any(_matches(log, name) for name in choice) for choice in names.needs)
+
+
+def _shipped_sources(log: Log, names: Names) -> Iterator[Source]:
+    for theirs, target in names.targets.items():
+        matches = _matches(log, theirs)
+        if len(matches) == 1:  # below two namespaces it could be either
+            group, column, unit = matches[0]
+            yield _source(group, column, target, unit, names.title)
+    for kind, targets in names.types.items():
+        groups = _of_type(log, kind)
+        if groups:
+            group = max(groups, key=lambda one: one.rows)
+            for name, target in targets.items():
+                column = f"{group.name}.{name}"
+                if column in group.columns:
+                    yield Source(group, column, target, None, f"{names.title}, {kind}")
+
+
+def _of_type(log: Log, kind: str) -> list[Group]:
+    name, _, turned = kind.partition("@")
+    return [g for g in log.groups if g.type == name and g.frame.endswith(_TURNED_FRAMES) == bool(turned)]
+
+
+def _source(group: Group, column: str, target: Target, unit: str | None, title: str) -> Source:
+    """A source by a shipped mapping, in the unit that the file states if it measures what the target does."""
+    stated = unit or group.units.get(column)
+    if stated:
+        try:
+            if conversion(target.name, stated).channel == conversion(target.name).channel:
+                return Source(group, column, target, stated, title)
+        except ValueError:  # a unit of that format that says nothing here, as 'nodim'
+            pass
+    return Source(group, column, target, None, title)
+
+
+def _matches(log: Log, theirs: str) -> list[tuple[Group, str, str | None]]:
+    """The columns that a name can mean: that very one; one below a namespace; one with its unit behind it."""
+    exact = log.column(theirs)
+    if exact is not None:
+        return [(exact[0], theirs, None)]
+    plain = theirs.lstrip("/")
+    behind = [f"{plain}_{suffix}" for suffix in known_suffixes()]
+    found: list[tuple[Group, str, str | None]] = []
+    for group in log.groups:
+        found += [(group, name, None) for name in group.columns if name == plain or name.endswith("/" + plain)]
+        found += [
+            (group, name, name.rpartition("_")[2]) for name in behind if name in group.columns and not _is_ours(name)
+        ]
+        found += [(group, name, None) for name in group.columns if name.partition(" ")[0] == plain and name != plain]
+    return found
+
+
+def _named(log: Log, theirs: str) -> tuple[Group, str]:
+    """The column that a user's mapping names; raises where there is none, or more than one."""
+    found = [match for match in _matches(log, theirs) if match[2] is None]
+    if not found:
+        listed = list_of(log.names)
+        raise ValueError(
+            f"The mapping names the column {theirs!r}, which the file does not have. "
+            f"{did_you_mean(theirs, log.names)}It has {listed}."
+        )
+    if len(found) > 1:
+        raise ValueError(
+            f"The mapping names {theirs!r}, which may be {list_of(name for _, name, _ in found)}: write one of them."
+        )
+    group, column, _ = found[0]
+    return group, column
+
+
+def _by_itself(group: Group, column: str) -> Source:
+    """The source of a column whose own name says which channel it is, with the unit that the file states."""
+    unit = group.units.get(column)
+    if unit in ("", "1", "nodim", "-"):
+        unit = None
+    bare = column.partition("[")[0].partition("(")[0] if column.endswith(("]", ")")) else column
+    plain = "_".join(bare.lower().split())
+    known = [name for name in (column, plain) if _known(name, unit)]
+    name = next((name for name in known if conversion(name, unit).channel.name in CHANNELS), (known or [column])[0])
+    conversion(name, unit)
+    return Source(group, column, Target(name), unit)
+
+
+def _why(group: Group, column: str) -> str:
+    """Why a column does not say by itself which channel it is."""
+    unit = group.units.get(column)
+    if unit and _known(column, None):
+        return f"its unit by the file, {unit!r}, does not fit its name"
+    if unit:
+        return f"its unit {unit!r} is not known"
+    stem, _, suffix = column.rpartition("_")
+    if stem and suffix in known_suffixes():
+        return f"{stem!r} cannot be in {suffix!r}"
+    return "its unit is not known"
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a column is called just as one of our channels."""
+    return _known(name, None) and conversion(name).channel.name in CHANNELS
+
+
+def _known(name: str, unit: str | None) -> bool:
+    try:
+        conversion(name, unit)
+    except ValueError:
+        return False
+    return True
+
+
+def _toml(path: Path, what: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"Cannot read the mapping {path}: {error.strerror}.") from error
+    except ValueError as error:
+        raise ValueError(f'{what} is not TOML ({error}): write lines such as "Hdg" = "heading_deg".') from error
+
+
+def _target(theirs: str, ours: Any) -> Target:
+    """What a mapping says of a column: a text, or a table with `to`, `factor` and `offset`."""
+    if isinstance(ours, str) and ours.strip("-"):
+        return Target(ours.removeprefix("-"), -1.0 if ours.startswith("-") else 1.0)
+    if isinstance(ours, Mapping) and isinstance(ours.get("to"), str) and set(ours) <= {"to", "factor", "offset"}:
+        numbers = {key: value for key, value in ours.items() if key != "to"}
+        if all(isinstance(v, (int, float)) and not isinstance(v, bool) and np.isfinite(v) for v in numbers.values()):
+            target = _target(theirs, ours["to"])
+            factor = float(numbers.get("factor", 1.0))
+            return replace(target, factor=target.factor * factor, offset=float(numbers.get("offset", 0.0)))
+    raise ValueError(
+        f'A mapping has one text per column, got {ours!r} for {theirs!r}: write "{theirs}" = "depth_m", a table '
+        'such as { to = "depth_m", factor = 0.1, offset = -10.1 }, or a number for a channel of ours that was constant.'
+    )
+
+
+def list_of(names: Iterable[str], most: int = 40) -> str:
+    """Names in quotes with commas, the last of many as a count."""
+    names = list(names)
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return (", ".join(map(repr, names[:most])) or "none") + more

@@ -1,0 +1,311 @@
+"""Signals that were sampled apart, brought to one time base: commands are held, measurements interpolated when near."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from auv_gym.channels import Channel, channel
+from auv_gym.records.attitude import QUATERNION, interpolated
+from auv_gym.records.record import gap_limit
+
+_LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
+_SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
+_SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Channels that share their times: a group of a log after its mapping.
+
+    time: (n,), s, as the rows stand in the file.  values: (n,) each, by channel, NaN where missing.
+    labels: of segments, one a row, or None.  near: see `Group.near`.
+    part: (n,), counts up where the clock was set back; filled in by `in_order`.
+    """
+
+    time: np.ndarray
+    values: Mapping[str, np.ndarray]
+    name: str = ""
+    labels: np.ndarray | None = None
+    near: float | None = None
+    part: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+
+    def rows(self, kept: np.ndarray) -> Stream:
+        """These rows, by mask or index."""
+        return replace(
+            self,
+            time=self.time[kept],
+            values={name: column[kept] for name, column in self.values.items()},
+            labels=None if self.labels is None else self.labels[kept],
+            part=self.part[kept] if self.part.size else self.part,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """Channels on one time base, which rises within each segment.
+
+    leading: the channel whose samples the time base is.  notes: a line each on what was done.
+    """
+
+    time: np.ndarray
+    values: dict[str, np.ndarray]
+    segment: np.ndarray | None
+    leading: str
+    notes: list[str]
+
+
+def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
+    """The channels of streams on the times of one of them.
+
+    The time base is that of `leading`, or else of heading, of depth, or of the motion channel with the most samples.
+    Its rows are kept as they are if it has a value in most of them, else only those with one.  Inputs, commands and
+    flags keep their last value.  Measurements are interpolated linearly, attitudes along the shortest turn, where two
+    samples are no further apart than the signal's gaps and 10 intervals of the base, or 2 s; elsewhere they are
+    missing.
+    """
+    notes: list[str] = []
+    ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
+    ordered = _common_clock([stream for stream in ordered if stream.time.size], notes)
+    if not ordered:
+        return Merged(np.empty(0), {}, None, "", notes)
+    at, name = _base(ordered, leading)
+    base = ordered[at]
+    whole = not (channel(name).kind == "motion" and _is_sparse(base.values[name]))
+    if not whole:
+        base = base.rows(np.isfinite(base.values[name]))
+    values: dict[str, np.ndarray] = {}
+    spacing = typical_interval(base.time, base.part)
+    for number, stream in enumerate(ordered):
+        apart: list[str] = []
+        for known, column in stream.values.items():
+            if number == at and (not _is_sparse(column) or (whole and not channel(known).needed)):
+                values[known] = base.values[known]
+            else:
+                apart.append(known)
+        values |= _brought(stream, apart, base, spacing)
+    if len(ordered) > 1:
+        rate = f", {1.0 / spacing:.3g} Hz" if 0.0 < spacing < 1.0 else f", every {spacing:.3g} s"
+        notes.append(f"All signals are given at the times of {name or base.name}{rate}.")
+    return Merged(base.time, values, _segments(base), name, notes)
+
+
+def in_order(stream: Stream, notes: list[str]) -> Stream:
+    """The rows with rising times: late rows sorted in, rows of one time merged, a new part where the clock went back.
+
+    A line on each goes to the notes.
+    """
+    known = np.isfinite(stream.time)
+    where = f" of {stream.name}" if stream.name else ""
+    if not known.all():
+        notes.append(f"{_counted(np.sum(~known), 'row')}{where} without a time left out.")
+        stream = stream.rows(known)
+    n = stream.time.size
+    runs = np.zeros(n, dtype=int)
+    if stream.labels is not None:
+        runs[1:] = np.cumsum(stream.labels[1:] != stream.labels[:-1])
+    steps = np.diff(stream.time)
+    inside = np.diff(runs) == 0
+    if not ((steps <= 0.0) & inside).any():
+        return replace(stream, part=runs)
+    part = _parts(stream.time, runs)
+    order = np.lexsort((np.arange(n), stream.time, part))
+    late = int(np.sum((np.diff(stream.time) < 0.0) & (np.diff(part) == 0)))
+    back = int(part[-1] - runs[-1])
+    stream = replace(stream, part=part).rows(order)
+    if late:
+        notes.append(f"{_counted(late, 'row')}{where} came late or out of order and {_were(late)} sorted in.")
+    if back:
+        notes.append(f"The clock{where} went back {_times(back)}; the record is cut there.")
+    same = np.r_[False, (np.diff(stream.time) == 0.0) & (np.diff(stream.part) == 0)]
+    if same.any():
+        count = int(same.sum())
+        rounded = "; the times may be rounded" if count > n // 4 else ""
+        notes.append(
+            f"{_counted(count, 'row')}{where} {_had(count)} the time of the row before and {_were(count)} merged with "
+            f"it{rounded}."
+        )
+        stream = _merged_rows(stream, same)
+    return stream
+
+
+def typical_interval(time: np.ndarray, part: np.ndarray) -> float:
+    """Median time between rows of one part, s; 0 where there are none."""
+    steps = np.diff(time)[np.diff(part) == 0] if part.size == time.size else np.diff(time)
+    return float(np.median(steps)) if steps.size else 0.0
+
+
+def _parts(time: np.ndarray, runs: np.ndarray) -> np.ndarray:
+    """The number of the part of each row: it goes up with each run of labels, and where the clock was set back.
+
+    A row that is earlier than one before it is late where time then leaps on; where time goes on from it at its usual
+    pace until it has caught up, or never catches up, the clock was set back.
+    """
+    part = np.zeros(time.size, dtype=int)
+    forward = np.diff(time)
+    forward = forward[forward > 0.0]
+    usual = float(np.median(forward)) if forward.size else 0.0
+    count = 0
+    edges = [0, *(np.flatnonzero(np.diff(runs)) + 1), time.size]
+    for first, last in pairwise(edges):
+        start = first
+        while True:
+            part[start:last] = count
+            back = _set_back(time[start:last], usual)
+            if back is None:
+                break
+            start, count = start + back, count + 1
+        count += 1
+    return part
+
+
+def _set_back(time: np.ndarray, usual: float) -> int | None:
+    """The first row from which on the clock was set back, or None."""
+    highest = np.maximum.accumulate(time)
+    late = time < highest
+    if not late.any():
+        return None
+    edges = np.diff(np.r_[False, late, False].astype(int))
+    for first, stop in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)):
+        behind = highest[first] - time[first]
+        if behind <= 1.5 * usual:
+            continue
+        if stop == time.size:
+            # at the end of a file: a single row that came late, or a clock that has not caught up
+            if stop - first > 1:
+                return int(first)
+            continue
+        if time[stop] - time[stop - 1] < 1.5 * usual + 1e-9:
+            return int(first)
+    return None
+
+
+def _merged_rows(stream: Stream, same: np.ndarray) -> Stream:
+    """One row for rows of one time: of each channel the last value that is there."""
+    group = np.cumsum(~same) - 1
+    first = np.flatnonzero(~same)
+    values = {}
+    for name, column in stream.values.items():
+        result = np.full(first.size, np.nan)
+        there = np.isfinite(column)
+        result[group[there]] = column[there]  # of several, the last one stays
+        values[name] = result
+    return replace(stream.rows(first), values=values)
+
+
+def _common_clock(streams: list[Stream], notes: list[str]) -> list[Stream]:
+    """Streams whose parts correspond: where the clock of only some went back, rows until it has caught up go."""
+    counts = {int(stream.part.max()) for stream in streams}
+    if len(streams) < 2 or len(counts) == 1:
+        return streams
+    result = []
+    for stream in streams:
+        if stream.part.max() > 0:
+            highest = np.maximum.accumulate(stream.time)
+            rising = np.r_[True, stream.time[1:] > highest[:-1]]
+            if not rising.all():
+                lost = int(np.sum(~rising))
+                notes.append(f"{_counted(lost, 'row')} of {stream.name} left out until its clock had caught up.")
+            stream = stream.rows(rising)
+        result.append(replace(stream, part=np.zeros(stream.time.size, dtype=int)))
+    return result
+
+
+def _base(streams: Sequence[Stream], leading: str | None) -> tuple[int, str]:
+    """The stream and the channel whose times are taken."""
+    for name in (leading, *_LEADING):
+        for number, stream in enumerate(streams):
+            if name is not None and name in stream.values:
+                return number, name
+    counts = [
+        (channel(name).kind == "motion", int(np.isfinite(column).sum()), -number, name)
+        for number, stream in enumerate(streams)
+        for name, column in stream.values.items()
+    ]
+    *_, number, name = max(counts)
+    return -number, name
+
+
+def _is_sparse(column: np.ndarray) -> bool:
+    """Whether a column mostly skips rows between its values: it was sampled apart from the rows that it stands in."""
+    known = np.flatnonzero(np.isfinite(column))
+    return known.size < 2 or np.quantile(np.diff(known), 0.5, method="lower") > 1
+
+
+def _brought(stream: Stream, names: Iterable[str], base: Stream, spacing: float) -> dict[str, np.ndarray]:
+    """These channels of a stream at the times of the base."""
+    names = list(names)
+    brought: dict[str, np.ndarray] = {}
+    if set(QUATERNION) <= set(names):
+        table = np.column_stack([stream.values[name] for name in QUATERNION])
+        brought |= dict(zip(QUATERNION, _at(stream, table, None, base, spacing).T, strict=True))
+    for name in names:
+        if name not in brought:
+            brought[name] = _at(stream, stream.values[name], channel(name), base, spacing)
+    return brought
+
+
+def _at(stream: Stream, column: np.ndarray, of: Channel | None, base: Stream, spacing: float) -> np.ndarray:
+    """A column, (n,), or four of a quaternion, (n, 4), at the times of the base, part by part; NaN where unknown."""
+    result = np.full((base.time.size, *column.shape[1:]), np.nan)
+    known = np.isfinite(column) if column.ndim == 1 else np.isfinite(column).all(axis=1)
+    for part in np.unique(base.part):
+        rows = np.flatnonzero(known & (stream.part == part))
+        if rows.size:
+            wanted = base.part == part
+            result[wanted] = _in_part(stream, rows, column, of, base.time[wanted], spacing)
+    return result
+
+
+def _in_part(
+    stream: Stream, rows: np.ndarray, column: np.ndarray, of: Channel | None, at: np.ndarray, spacing: float
+) -> np.ndarray:
+    time, values = stream.time[rows], column[rows]
+    before = np.searchsorted(time, at, side="right") - 1
+    if of is not None and of.held:
+        return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
+    after = np.minimum(np.searchsorted(time, at), time.size - 1)
+    if of is None:
+        result = interpolated(at, time, values)
+    else:
+        result = np.interp(at, time, np.unwrap(values) if of.angle else values)
+    near = stream.near
+    if near is None:
+        near = min(gap_limit(np.diff(time)), max(_SLOWEST * spacing, _SOON)) if time.size > 1 else 0.0
+    unknown = (at < time[0]) | (at > time[-1]) | (time[after] - time[np.maximum(before, 0)] > near)
+    result[unknown] = np.nan
+    return result
+
+
+def _segments(base: Stream) -> np.ndarray | None:
+    """A label a row: that of the file, with a number where the clock cut a segment of one label in two."""
+    if base.labels is None:
+        return base.part if base.part.size and base.part.max() > 0 else None
+    labels = base.labels.copy()
+    begins = np.r_[True, base.part[1:] != base.part[:-1]]
+    again = begins & np.r_[False, base.labels[1:] == base.labels[:-1]]
+    if not again.any():
+        return labels
+    number = np.zeros(labels.size, dtype=int)
+    for row in np.flatnonzero(begins):
+        number[row:] = number[row - 1] + 1 if again[row] else 0
+    return np.array([f"{label} ({k + 1})" if k else str(label) for label, k in zip(labels, number)])
+
+
+def _counted(count: int | np.integer, noun: str) -> str:
+    return f"{int(count):,} {noun}{'s' * (int(count) != 1)}"
+
+
+def _were(count: int) -> str:
+    return "was" if count == 1 else "were"
+
+
+def _had(count: int) -> str:
+    return "has" if count == 1 else "have"
+
+
+def _times(count: int) -> str:
+    return {1: "once", 2: "twice"}.get(count, f"{count} times")

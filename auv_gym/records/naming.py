@@ -1,0 +1,84 @@
+"""Which columns look like a channel, by the words that people name them with."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from difflib import SequenceMatcher
+from itertools import pairwise
+from typing import Final
+
+# For each channel, words or symbols that stand in other people's names for it.
+WORDS: Final[dict[str, tuple[str, ...]]] = {
+    "time_s": ("time", "timestamp", "t", "epoch", "juld", "seconds", "secs", "sec", "date", "datetime", "clock"),
+    "heading_rad": ("heading", "hdg", "yaw", "psi", "head", "compass", "azimuth", "bearing"),
+    "pitch_rad": ("pitch", "theta", "pitchang", "tilt", "trim"),
+    "roll_rad": ("roll", "phi", "rollang", "heel", "bank"),
+    "depth_m": ("depth", "z", "deep", "dep", "pos_z"),
+    "pressure_dbar": ("pressure", "press", "pres", "dbar"),
+    "north_m": ("north", "x", "northing", "pos_n"),
+    "east_m": ("east", "y", "easting", "pos_e"),
+    "u_mps": ("u", "surge", "speed", "forward", "stw", "airspeed"),
+    "v_mps": ("v", "sway", "lateral"),
+    "w_mps": ("w", "heave"),
+    "p_radps": ("p", "rollrate", "rollspeed", "gyrx", "gyro_x", "omega_x"),
+    "q_radps": ("q", "pitchrate", "pitchspeed", "gyry", "gyro_y", "omega_y"),
+    "r_radps": ("r", "yawrate", "yawspeed", "gyrz", "gyro_z", "omega_z", "turnrate"),
+    "rudder_rad": ("rudder", "fin", "rud", "delta_r", "deltar", "dr", "steering"),
+    "stern_plane_rad": ("stern_plane", "elevator", "elev", "plane", "delta_s", "deltas", "ds", "stern", "sternplane"),
+    "bow_plane_rad": ("bow_plane", "bowplane", "delta_b", "bow"),
+    "propeller_rpm": ("propeller", "rpm", "prop", "shaft", "thruster", "rotor", "n"),
+    "propeller_V": ("propeller", "voltage", "prop", "motor", "thruster"),
+    "speed_cmd_mps": ("speed", "desired_speed", "throttle", "velocity"),
+    "piston_m": ("piston", "stroke", "ballast"),
+    "oil_volume_m3": ("oil", "bladder", "vbd", "ballast", "volume", "buoyancy"),
+    "temperature_C": ("temperature", "temp"),
+    "salinity_psu": ("salinity", "psal", "sal"),
+    "density_kgpm3": ("density", "rho", "sigma"),
+}
+_COMMANDED = frozenset({"cmd", "c", "command", "commanded", "desired", "des", "target", "setpoint", "sp", "ref", "d"})
+_ALIKE = 0.8  # share of letters that two words have in common, from which one may be a misspelling of the other
+
+
+def candidates(channel: str, columns: Iterable[str], most: int = 3) -> list[str]:
+    """The columns whose names look like a channel's, the likeliest first; empty where none does."""
+    wants_command = "_cmd" in channel
+    measured = channel.replace("_cmd", "")
+    words = WORDS.get(channel, WORDS.get(measured, (measured.rpartition("_")[0],)))
+    scored = []
+    for column in columns:
+        said = _words_of(column)
+        score = max((_score(word, said, column.lower()) for word in words), default=0.0)
+        if score and bool(_COMMANDED & said) != wants_command:
+            score -= 0.3
+        if score > 0.0:
+            scored.append((-score, len(scored), column))
+    return [column for _, _, column in sorted(scored)[:most]]
+
+
+def looks_like(channel: str, columns: Iterable[str]) -> str:
+    """A sentence on the columns that look like a channel, with a blank behind it; empty where none does."""
+    found = [f"`{column}`" for column in candidates(channel, columns)]
+    if not found:
+        return ""
+    verb = "looks" if len(found) == 1 else "look"
+    return f"{' and '.join(filter(None, [', '.join(found[:-1]), found[-1]]))} {verb} like `{channel}`. "
+
+
+def _score(word: str, said: set[str], column: str) -> float:
+    if len(word) == 1:  # a symbol says something only if it is all there is
+        return 0.8 if said == {word} else 0.0
+    if word in said:
+        return 1.0 if len(word) > 2 else 0.8
+    if len(word) > 3 and word.replace("_", "") in column.replace("_", ""):
+        return 0.7
+    if len(word) > 3 and any(SequenceMatcher(None, word, other).ratio() >= _ALIKE for other in said):
+        return 0.5
+    return 0.0
+
+
+def _words_of(name: str) -> set[str]:
+    parts = re.sub(r"([a-z0-9])([A-Z])", r"\1 \2", name)
+    words = [word for word in re.split(r"[^a-z0-9]+", parts.lower()) if word]
+    pairs = list(pairwise(words))
+    return {*words, *("_".join(pair) for pair in pairs), *("".join(pair) for pair in pairs)}

@@ -1,0 +1,278 @@
+"""Dives of Seagliders, one NetCDF file each, as the operators' basestation software writes them.
+
+Heading is magnetic; pitch is positive nose up.  The battery's position and roll, and the volume of the buoyancy device
+(VBD), count from the pilots' centres ($C_PITCH, $C_ROLL_DIVE and $C_ROLL_CLIMB, $C_VBD), in cm, deg and cm3.
+Sources: Seaglider Parameter Reference Manual, University of Washington, 2012 ($PITCH_CNV, $ROLL_CNV, $VBD_CNV);
+Seaglider Quality Control Manual, University of Washington (flags); basestation3 of APL-UW, which names the variables.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from auv_gym.records.log import Column, Format, Group, Log, Scope
+from auv_gym.records.readers.netcdf_variables import (
+    CLASSIC_MAGIC,
+    HDF5_MAGIC,
+    NetcdfFile,
+    Variable,
+    is_netcdf,
+    open_netcdf,
+    span_of,
+)
+
+_SAMPLES: Final = "sg_data_point"  # the dimension that every dive's file has
+_CLOCKS: Final = ("time", "ctd_time", "gc_st_secs", "log_gps_time")
+# Units by the format's definition.  They overrule the attribute `units`, which is wrong for densities (g/m^3, the
+# values are some 1027), glide_angle (cm/s in files of 2008), gc_vbd_ctl (cm) and the temperature of optical sensors
+# (degrees_Celsius, the values are counts); others have none.  The attribute of eng_depth, cm, is right in the files
+# seen.  None: no unit is certain.
+_UNITS: Final[dict[str, str | None]] = {
+    "eng_depth": "cm", "eng_head": "deg", "eng_pitchAng": "deg", "eng_rollAng": "deg", "eng_pitchCtl": "cm",
+    "eng_rollCtl": "deg", "eng_vbdCC": "cm3", "depth": "m", "ctd_depth": "m", "pressure": "dbar",
+    "ctd_pressure": "dbar", "salinity": "psu", "salinity_raw": "psu", "density": "kg/m3", "density_insitu": "kg/m3",
+    "sigma_t": "kg/m3", "sigma_theta": "kg/m3", "glide_angle": "deg", "glide_angle_gsm": "deg", "gc_pitch_ctl": "cm",
+    "gc_roll_ctl": None, "gc_vbd_ctl": "cm3", "eng_wlbb2f_VFtemp": None, "log_gps_magvar": "deg",
+    "log_gps_driftheading": "deg",
+}  # fmt: skip
+_SPELLINGS: Final = {"degrees_Celsius": "degC", "seconds": "s", "meters": "m", "kg/m^3": "kg/m3", "1": None}
+_BAD: Final = (3, 4, 6, 9)  # probably bad, bad, unsampled, missing
+# flags that judge more variables than the one that they are named after
+_JUDGED: Final = {
+    "salinity_qc": ("salinity", "density", "density_insitu", "sigma_t", "sigma_theta", "sound_velocity", "theta",
+                    "absolute_salinity", "conservative_temperature", "gsw_sigma0", "gsw_sigma3", "gsw_sigma4"),
+    "speed_qc": ("speed", "glide_angle", "horz_speed", "vert_speed"),
+    "log_gps_qc": ("log_gps_lat", "log_gps_lon"),
+}  # fmt: skip
+_NOT_KNOWN: Final = ("log_gps_driftspeed", "log_gps_driftheading", "log_gps_n_satellites", "log_gps_hpe")  # -1 then
+_MOTORS: Final = ("pitch", "vbd", "roll")  # they move one after the other, in this order
+_TURNING: Final = 1024  # the flag of an event during autonomous turning: then in the next one
+_WHEN_TURNING: Final = ("roll", "pitch", "vbd")
+_END_OF_DIVE: Final = 1  # among gc_state_state
+_OTHER_CONSTANTS: Final = re.compile(r"sg_cal_(optode|wl|sbe43|calibcomm|comm_|QC_|remap)")  # of other sensors
+_POSITION: Final = re.compile(r"\$GPS\d?,\d+,\d+,-?[\d.]+,-?[\d.]+,[\d.]+,[\d.]+,[\d.]+,(-?[\d.]+)")
+
+
+def is_seaglider(path: Path, head: bytes) -> bool:
+    """Whether a file is a dive of a Seaglider, by its dimensions and attributes."""
+    if not is_netcdf(head):
+        return False
+    if head.startswith(CLASSIC_MAGIC):  # the dimensions stand first in a classic file
+        return _SAMPLES.encode() in head
+    if head[:8] != HDF5_MAGIC:
+        return False
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            return _SAMPLES in file and "dive_number" in file.attrs
+    except Exception:  # damaged, for which h5py has no error of its own; NetCDF says so
+        return False
+
+
+def _read(path: Path, scope: Scope) -> Log:
+    """The log of a dive; samples whose flag says bad are NaN, and counted in the notes."""
+    with open_netcdf(path) as file:
+        along: dict[str, list[Variable]] = {}
+        for variable in file.variables.values():
+            if len(variable.shape) == 1 and variable.shape[0] > 0:
+                along.setdefault(variable.dims[0], []).append(variable)
+        clocks = {dim: clock for dim, found in along.items() if (clock := _clock(found)) is not None}
+        if _SAMPLES not in clocks:
+            raise ValueError(
+                "A dive of a Seaglider needs the variable 'time' along sg_data_point, which the file is missing: let "
+                "the basestation write it again."
+            )
+        clocks = {_SAMPLES: clocks[_SAMPLES], **clocks}
+        notes: list[str] = []
+        groups = []
+        for k, (dim, clock) in enumerate(clocks.items()):
+            if scope.wants(dim):
+                scope.progress(k / len(clocks), f"reading the variables along {dim}")
+                groups.append(_group(file, along[dim], clock, scope.most, notes))
+        return Log("Seaglider NetCDF", path.name, tuple(groups), _attrs(file, notes), tuple(notes), _label(file))
+
+
+def _clock(variables: list[Variable]) -> Variable | None:
+    found = {variable.name: variable for variable in variables if " since 1970" in variable.unit()}
+    return next((found[name] for name in _CLOCKS if name in found), next(iter(found.values()), None))
+
+
+def _group(file: NetcdfFile, variables: list[Variable], clock: Variable, most: int | None, notes: list[str]) -> Group:
+    dim, rows, time = clock.dims[0], clock.shape[0], clock.numbers()
+    columns: dict[str, Column] = {}
+    units: dict[str, str] = {}
+    for variable in variables:
+        if variable.is_text or " since " in variable.unit():
+            continue
+        values = np.asarray(variable.numbers(), dtype=float)
+        columns[variable.name] = np.where(values == -1.0, np.nan, values) if variable.name in _NOT_KNOWN else values
+        unit = _unit(variable)
+        if unit is not None:
+            units[variable.name] = unit
+    _drop_bad(file, dim, columns, notes)
+    if dim == _SAMPLES:
+        for name, (unit, values) in _rebuilt(file, time, notes).items():
+            columns[name], units[name] = values, unit
+    if most is None or rows <= most:
+        return Group(dim, columns, time, units)
+    few = {name: column[:most] for name, column in columns.items()}
+    return Group(dim, few, time[:most], units, rows=rows, span=span_of(time))
+
+
+def _unit(variable: Variable) -> str | None:
+    if variable.name in _UNITS:
+        return _UNITS[variable.name]
+    unit = variable.unit()
+    return _SPELLINGS.get(unit, unit) or None
+
+
+def _drop_bad(file: NetcdfFile, dim: str, columns: dict[str, Column], notes: list[str]) -> None:
+    """Makes samples that are flagged as bad NaN, and notes how many had a value."""
+    for flags in file.variables.values():
+        if not flags.name.endswith("_qc") or flags.dims[:1] != (dim,):
+            continue
+        codes = [int(code) if code.isdecimal() else 0 for code in flags.lines()] if flags.is_text else flags.numbers()
+        bad = np.isin(codes, _BAD)
+        for name in _JUDGED.get(flags.name, (flags.name.removesuffix("_qc"),)):
+            if name in columns:
+                column = np.asarray(columns[name])
+                lost = int(np.count_nonzero(bad & np.isfinite(column)))
+                if lost:
+                    notes.append(
+                        f"{lost} of {column.size} samples of {name} are left out: {flags.name} calls them bad."
+                    )
+                columns[name] = np.where(bad, np.nan, column)
+
+
+def _rebuilt(file: NetcdfFile, time: np.ndarray, notes: list[str]) -> dict[str, tuple[str, np.ndarray]]:
+    """What newer gliders do not log by sample, from the events in which the motors moved."""
+    sought = {
+        "battery_position_cm": ("eng_pitchCtl", "pitch", "cm"),
+        "battery_roll_deg": ("eng_rollCtl", "roll", "deg"),
+        "vbd_cm3": ("eng_vbdCC", "vbd", "cm3"),
+    }
+    found: dict[str, tuple[str, np.ndarray]] = {}
+    for name, (logged, motor, unit) in sought.items():
+        if logged in file.variables:
+            continue
+        moved = _moves(file, motor)
+        if moved is None:
+            notes.append(f"{name} cannot be known: {logged} is not logged, and the events of the motor are incomplete.")
+            continue
+        when, counts = moved
+        found[name] = (
+            unit,
+            (np.interp(time, when, counts) - _centre(file, motor, time)) * _log(file, f"{motor.upper()}_CNV"),
+        )
+        notes.append(f"{name} is rebuilt from the events gc_*, as {logged} is not logged.")
+    return found
+
+
+def _moves(file: NetcdfFile, motor: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times and counts at the beginning and end of each event of a motor; between events it stands still."""
+
+    def of(name: str) -> np.ndarray | None:
+        variable = file.variables.get(name)
+        return None if variable is None else np.asarray(variable.numbers(), dtype=float)
+
+    begin, stop = of("gc_st_secs"), of(f"gc_{motor}_ad")
+    seconds = {name: of(f"gc_{name}_secs") for name in _MOTORS}
+    if begin is None or stop is None:
+        return None
+    before = of(f"gc_{motor}_ad_start")
+    before = np.concatenate([stop[:1], stop[:-1]]) if before is None else before  # older logs have the ends alone
+    flags = of("gc_gcphase") if "gc_gcphase" in file.variables else of("gc_flags")
+    flags = np.zeros(begin.size) if flags is None else np.nan_to_num(flags)
+    if any(value is None or value.size != begin.size for value in (stop, before, flags, *seconds.values())):
+        return None
+    turning = (flags.astype(np.int64) & _TURNING) > 0
+    lasting = {name: np.abs(value) for name, value in seconds.items() if value is not None}  # < 0: bled
+    usual, other = (
+        sum((lasting[name] for name in order[: order.index(motor)]), np.zeros(begin.size))
+        for order in (_MOTORS, _WHEN_TURNING)
+    )
+    start = begin + np.where(turning, other, usual)
+    when = np.ravel(np.column_stack([start, start + lasting[motor]]))
+    counts = np.ravel(np.column_stack([before, stop]))
+    known = np.isfinite(when) & np.isfinite(counts)
+    order = np.argsort(when[known], kind="stable")
+    return (when[known][order], counts[known][order]) if known.any() else None
+
+
+def _centre(file: NetcdfFile, motor: str, when: np.ndarray) -> np.ndarray:
+    """The counts that positions count from; those of roll are others going down and going up."""
+    if motor != "roll":
+        return np.full(when.size, _log(file, f"C_{motor.upper()}"))
+    states, at = file.variables.get("gc_state_state"), file.variables.get("gc_state_secs")
+    ends = [] if states is None or at is None else at.numbers()[states.numbers() == _END_OF_DIVE]
+    if len(ends):
+        climb = float(ends[0])
+    else:
+        climb = float(file.attrs.get("start_time", np.nan)) + _number(file, "start_of_climb_time")
+    return np.where(when > climb, _log(file, "C_ROLL_CLIMB"), _log(file, "C_ROLL_DIVE"))
+
+
+def _log(file: NetcdfFile, name: str) -> float:
+    return _number(file, f"log_{name}")
+
+
+def _number(file: NetcdfFile, name: str) -> float:
+    variable = file.variables.get(name)
+    return np.nan if variable is None else variable.number()
+
+
+def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
+    """Position, magnetic variation (east positive), current, and the operators' constants, as far as they are known.
+
+    The constants stand in the units of the operators' flight model (volmax and vbdbias in cm3, mass in kg), whatever
+    the attribute `units` says: that of volmax is m^3.
+    """
+    attrs: dict[str, Any] = {
+        "latitude_deg": _number(file, "avg_latitude"),
+        "magnetic_variation_deg": _variation(file),
+        "start_of_climb_s": _number(file, "start_of_climb_time"),
+    }
+    flag = file.variables.get("depth_avg_curr_qc")
+    if flag is not None and flag.is_text and flag.text().isdecimal() and int(flag.text()) in _BAD:
+        notes.append("The depth-averaged current is left out: depth_avg_curr_qc calls it bad.")
+    else:
+        attrs["current_north_mps"] = _number(file, "depth_avg_curr_north")
+        attrs["current_east_mps"] = _number(file, "depth_avg_curr_east")
+    fixes = [file.variables.get(f"log_gps_{name}") for name in ("time", "lat", "lon")]
+    if all(fix is not None and fix.shape == (3,) for fix in fixes):
+        for row, name in ((1, "before"), (2, "after")):  # the last fix before the dive, the first after it
+            values = [float(fix.numbers()[row]) for fix in fixes if fix is not None]
+            named = (f"gps_{name}_epoch_s", f"gps_{name}_latitude_deg", f"gps_{name}_longitude_deg")
+            attrs.update(zip(named, values, strict=True))
+    for name, variable in file.variables.items():
+        if name.startswith("sg_cal_") and not variable.is_text and not _OTHER_CONSTANTS.match(name):
+            attrs[name] = variable.number()
+    known = {name: value for name, value in attrs.items() if np.isfinite(value)}
+    for name in ("platform_id", "project"):
+        if isinstance(file.attrs.get(name), str):
+            known[name] = file.attrs[name]
+    return known
+
+
+def _variation(file: NetcdfFile) -> float:
+    """Magnetic variation, deg, east positive: the file's own, or the last but empty field of a line of the GPS."""
+    variation = _number(file, "magnetic_variation")
+    if np.isfinite(variation):
+        return variation
+    line = file.variables.get("log_GPS2")
+    found = _POSITION.match(line.text()) if line is not None and line.is_text else None
+    return float(found[1]) if found else np.nan
+
+
+def _label(file: NetcdfFile) -> str:
+    dive = file.attrs.get("dive_number", _log(file, "DIVE"))
+    return f"dive {int(dive)}" if isinstance(dive, int | float) and np.isfinite(dive) else ""
+
+
+FORMAT: Final = Format("Seaglider NetCDF", (".nc",), is_seaglider, _read)

@@ -1,0 +1,213 @@
+"""Tables in text: a header, rows of numbers, columns divided by comma, semicolon or tab."""
+
+from __future__ import annotations
+
+import csv
+import re
+import warnings
+from collections.abc import Iterable
+from contextlib import closing
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+
+from auv_gym.records.log import Column, Format, Group, Log, Scope
+from auv_gym.records.readers.opening import mapped
+
+_MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
+_BRACKETED = re.compile(r".*\S\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")  # Heading [deg], Depth (m)
+_COMMA = re.compile(r"\s*-?\d+,\d+(?:[eE][-+]?\d+)?\s*")
+
+
+def _recognises(path: Path, head: bytes) -> bool:
+    return bool(head) and b"\0" not in head and not head.startswith((b"%PDF", b"PK\x03\x04", b"\x1f\x8b"))
+
+
+def _read(path: Path, scope: Scope) -> Log:
+    """The table in a text file.  Lines that begin with # are comments; a row of units may stand below the header."""
+    scope.progress(0.0, f"reading {path.name}")
+    with closing(mapped(path)) as file:
+        if file.find(b"\0") >= 0:
+            raise ValueError("The file is binary, or has binary parts, not text: copy it again, or export it as CSV.")
+        content = file[:].removeprefix(b"\xef\xbb\xbf")
+    if content.startswith(b"#") or b"\n#" in content:
+        content = b"\n".join(line for line in content.split(b"\n") if not line.startswith(b"#"))
+    lines, ends = _first_lines(content)
+    if len(lines) < 3:
+        raise ValueError(
+            f"A header and at least 2 rows are needed, got {len(lines)} lines in all: export the log again."
+        )
+    delimiter = max(",;\t", key=lines[0].count)
+    header = _header(lines[0], delimiter)
+    units = {name: bracketed[1] for name in header if (bracketed := _BRACKETED.fullmatch(name))}
+    below = next(csv.reader(lines[1:2], delimiter=delimiter, skipinitialspace=True))
+    with_units = _are_units(below, lines[2], delimiter)
+    if with_units:
+        units |= {name: unit.strip() for name, unit in zip(header, below) if unit.strip()}
+    columns, notes = _columns(content[ends[1 if with_units else 0] :], header, delimiter)
+    return Log("a table in text", path.name, (Group("", columns, units=units),), notes=tuple(notes))
+
+
+CSV = Format("CSV or another table in text", (".csv", ".txt", ".tsv", ".dat", ".asc"), _recognises, _read, general=True)
+
+
+def numbers_or_text(cells: Iterable[str]) -> Column:
+    """The numbers in some cells, NaN where a cell is empty; the cells themselves if one is neither."""
+    cells = list(cells)
+    try:
+        return np.array(list(map(float, cells)))
+    except ValueError:
+        pass
+    try:
+        return np.array([_number(cell) for cell in cells])
+    except ValueError:
+        return cells
+
+
+def _number(cell: str) -> float:
+    return float("nan" if cell.strip().lower() in _MISSING else cell)
+
+
+def _header(line: str, delimiter: str) -> list[str]:
+    header = [name.strip() for name in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True))]
+    if all(isinstance(numbers_or_text([name]), np.ndarray) for name in header):
+        raise ValueError(
+            f"The first line holds numbers ({line[:60]!r}): put a header above it that names the columns, such as "
+            "time_s,heading_deg,rudder_deg."
+        )
+    if header[-1] == "" and len(header) > 1:  # a delimiter at the end of each line
+        header[-1] = _END
+    repeated = {name for name in header if header.count(name) > 1}
+    if repeated or "" in header:
+        what = (
+            f"names {', '.join(map(repr, sorted(repeated)))} twice"
+            if repeated - {""}
+            else "has a column without a name"
+        )
+        raise ValueError(f"The header {what}: give each column a name of its own.")
+    return header
+
+
+_END = "\0"  # the column behind a delimiter that ends each line
+
+
+def _are_units(below: list[str], following: str, delimiter: str) -> bool:
+    """Whether the row under the header holds units: only text, where the next row has numbers in those columns."""
+    given = [k for k, cell in enumerate(below) if cell.strip()]
+    values = next(csv.reader([following], delimiter=delimiter, skipinitialspace=True))
+    if not given or len(values) != len(below):
+        return False
+    text = all(isinstance(numbers_or_text([below[k]]), list) and len(below[k]) < 24 for k in given)
+    points = [cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in values]
+    numeric = sum(isinstance(numbers_or_text([points[k]]), np.ndarray) for k in given)
+    return text and 2 * numeric > len(given)
+
+
+def _first_lines(content: bytes) -> tuple[list[str], list[int]]:
+    """The first three lines that are not blank, and where each ends, in bytes."""
+    lines, ends, at = [], [], 0
+    while at < len(content) and len(lines) < 3:
+        stop = content.find(b"\n", at)
+        stop = len(content) if stop < 0 else stop + 1
+        if content[at:stop].strip():
+            lines.append(_text(content[at:stop]).rstrip("\r\n"))
+            ends.append(stop)
+        at = stop
+    return lines, ends
+
+
+def _text(content: bytes) -> str:
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError:
+        return content.decode("latin-1")
+
+
+def _columns(rows: bytes, header: list[str], delimiter: str) -> tuple[dict[str, Column], list[str]]:
+    """The columns by name, and a line for each thing that was left out or taken otherwise than it stands."""
+    rows, notes = _whole_rows(rows, len(header), delimiter)
+    columns: dict[str, Column] = {}
+    for name, column in zip(header, _parsed(rows, len(header), delimiter), strict=True):
+        columns[name], note = (column, []) if isinstance(column, np.ndarray) else _column(name, column, delimiter)
+        notes += note
+    columns.pop(_END, None)
+    return columns, notes
+
+
+def _whole_rows(rows: bytes, cells: int, delimiter: str) -> tuple[bytes, list[str]]:
+    """The rows without a last one that is cut short; raises if another one has too few or too many cells."""
+    lines = rows.count(b"\n") + (not rows.endswith(b"\n"))
+    if b'"' not in rows and b"\n\n" not in rows and rows.count(delimiter.encode()) == lines * (cells - 1):
+        return rows, []
+    kept = [line for line in rows.splitlines() if line.strip()]
+    counts = [len(row) for row in csv.reader(map(_text, kept), delimiter=delimiter, skipinitialspace=True)]
+    notes = []
+    if len(counts) == len(kept) > 1 and counts[-1] < cells:
+        notes.append(f"The last row has {counts[-1]} of {cells} cells and is left out: the file is cut short.")
+        del counts[-1], kept[-1]
+    for number, count in enumerate(counts):
+        if count != cells:
+            raise ValueError(
+                f"Row {number + 1} below the header has {count} cells, the header has {cells}. Correct the line."
+            )
+    return b"\n".join(kept), notes
+
+
+def _parsed(rows: bytes, cells: int, delimiter: str) -> list[np.ndarray | list[str]]:
+    """The columns of rows that have one number of cells: numbers with NaN where a cell is empty, or text."""
+    import pandas as pd  # not above: it takes as long to import as all that an environment needs
+
+    missing = [form for word in _MISSING for form in {word, word.upper(), word.title()}]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # newer versions parse to the last digit always, and say so
+        frame = pd.read_csv(
+            BytesIO(rows),
+            sep=delimiter,
+            header=None,
+            names=range(cells),
+            index_col=False,
+            skipinitialspace=True,
+            keep_default_na=False,
+            na_values=missing,
+            float_precision="round_trip",
+            low_memory=False,
+            encoding="utf-8" if _is_utf8(rows) else "latin-1",
+        )
+    columns: list[np.ndarray | list[str]] = []
+    for _, series in frame.items():
+        if series.dtype.kind in "fiub":
+            columns.append(series.to_numpy(dtype=float, na_value=np.nan))
+        else:
+            cell_texts = ["" if cell is None or cell != cell else str(cell) for cell in series.tolist()]
+            columns.append(numbers_or_text(cell_texts))
+    return columns
+
+
+def _is_utf8(content: bytes) -> bool:
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
+def _column(name: str, cells: list[str], delimiter: str) -> tuple[Column, list[str]]:
+    """A column in which decimal commas are understood, and a few cells that are no numbers count as missing."""
+    column = numbers_or_text(cells)
+    if isinstance(column, np.ndarray):
+        return column, []
+    filled = [cell for cell in cells if cell.strip().lower() not in _MISSING]
+    if delimiter != "," and sum(bool(_COMMA.fullmatch(cell)) for cell in filled) > 0.5 * len(filled):
+        column = numbers_or_text(cell.replace(",", ".") for cell in cells)
+        return column, [f"{name}: its decimal commas are read as points."] * isinstance(column, np.ndarray)
+    values, odd = np.full(len(cells), np.nan), []
+    for row, cell in enumerate(cells):
+        try:
+            values[row] = _number(cell)
+        except ValueError:
+            odd.append(row)
+            if 2 * len(odd) >= len(filled):
+                return column, []
+    text = f"{len(odd)} of {len(cells)} cells are no numbers"
+    return values, [f"{name}: {text} ({cells[odd[0]]!r} in row {odd[0] + 1}) and count as missing."]

@@ -1,0 +1,208 @@
+"""What looks wrong with a log before any vehicle is known: units, signs, wraps and clocks."""
+
+from __future__ import annotations
+
+from math import pi, radians
+from typing import Final
+
+import numpy as np
+
+from auv_gym.channels import CHANNELS, channel
+from auv_gym.records.reading import Understood
+from auv_gym.records.record import Record
+
+_ANGLE = ((radians(1.0), "degrees", "deg"),)
+# For each channel, or each unit, the lowest and highest that can be, and units that would bring what is beyond within.
+_SPEED = ((0.5144, "knots", "kn"), (1e-2, "centimetres per second", "cmps"), (1e-3, "millimetres per second", "mmps"))
+_LENGTH = ((1e-2, "centimetres", "cm"), (1e-3, "millimetres", "mm"))
+_POSSIBLE: Final[dict[str, tuple[float, float, tuple[tuple[float, str, str], ...]]]] = {
+    "depth_m": (-10.0, 11_000.0, _LENGTH),
+    "pitch_rad": (-0.5 * pi - 0.1, 0.5 * pi + 0.1, _ANGLE),
+    "roll_rad": (-2.0 * pi - 0.1, 2.0 * pi + 0.1, _ANGLE),
+    "heading_rad": (-2.0 * pi - 0.1, 4.0 * pi + 0.1, _ANGLE),
+    "rudder_rad": (-0.5 * pi - 0.1, 0.5 * pi + 0.1, _ANGLE),
+    "stern_plane_rad": (-0.5 * pi - 0.1, 0.5 * pi + 0.1, _ANGLE),
+    "bow_plane_rad": (-0.5 * pi - 0.1, 0.5 * pi + 0.1, _ANGLE),
+    "m/s": (-15.0, 15.0, _SPEED),
+    "rad/s": (-20.0, 20.0, ((radians(1.0), "degrees per second", "degps"),)),
+    "temperature_C": (-3.0, 60.0, ((1e-2, "hundredths of a degree", ""),)),
+    "pressure_dbar": (
+        -20.0,
+        11_500.0,
+        ((1e-4, "pascals", "Pa"), (0.1, "kilopascals", "kPa"), (1e-2, "millibars", "mbar")),
+    ),
+    "salinity_psu": (0.0, 50.0, ()),
+    "density_kgpm3": (900.0, 1100.0, ()),
+}
+_ANYTHING: Final = (-np.inf, np.inf, ())
+_RATES: Final = (("heading_rad", "r_radps"), ("pitch_rad", "q_radps"), ("roll_rad", "p_radps"))
+_SURE = 0.6  # correlation from which an angle and its rate clearly belong together
+_NEARLY_ONE = 0.95  # correlation from which a factor of two can be told from a gain
+_UPRIGHT = 0.5  # cosine of pitch, below which roll and heading are hardly told apart
+_STEEP = 0.7  # the same of depth rate and pitch
+_FACTORS: Final = (  # slope of the change of an angle over the integral of its rate, and what that means
+    (180.0 / pi, "{rate} looks like radians per second that were taken for degrees, or {angle} like degrees"),
+    (pi / 180.0, "{rate} looks like degrees per second that were taken for radians per second"),
+    (1e3, "time_s looks 1000 times too short"),
+    (1e-3, "time_s looks like milliseconds that were taken for seconds"),
+    (2.0, "time runs at half the rate it should, or {rate} at half its size"),
+    (0.5, "time runs at twice the rate it should, or {rate} at twice its size"),
+)
+_CLOSE = 0.15  # relative distance from one of these factors
+_BLOCK = 1.0  # s, at least, over which rates are integrated
+_LEAST = 30  # blocks
+_MOST_OF_A_TURN = 5.5  # rad
+_FOLDED = 1.0  # rms step of an angle, rad; pi / sqrt(3) where it is folded at random
+
+
+def suspicions(known: Understood, record: Record | None) -> list[str]:
+    """Sentences on what looks wrong with the recognised signals of a log, each with what to do."""
+    with np.errstate(all="ignore"):  # a damaged file may hold any number
+        found = [*_impossible(known), *_wrapped(known)]
+        if record is not None:
+            found += [*_folded(record), *_against_rates(record), *_against_depth(record)]
+    return found
+
+
+def _impossible(known: Understood) -> list[str]:
+    found = []
+    for name, sources in known.by_channel.items():
+        of = channel(name)
+        by_unit = _POSSIBLE.get(of.unit, _ANYTHING) if name in CHANNELS else _ANYTHING
+        low, high, units = _POSSIBLE.get(name, by_unit)
+        source = sources[0]
+        values = next((s.values[name] for s in known.streams if name in s.values), np.empty(0))
+        values = values[np.isfinite(values)]
+        if not values.size:
+            continue
+        least, most = (float(v) for v in np.quantile(values, [0.01, 0.99]))
+        if name == "depth_m" and most < 0.5 and least < -2.0:
+            found.append(
+                f"{source.column}: depth goes from {least:.3g} to {most:.3g} m and so is positive upwards: map it to "
+                '"-depth_m".'
+            )
+        elif least < low or most > high:
+            unit = next((u for u in units if least * u[0] >= low and most * u[0] <= high), None)
+            looks = f"it looks like {unit[1]}" if unit else "check its unit"
+            stem = name.rpartition("_")[0]
+            mend = f': map it to "{stem}_{unit[2]}"' if unit and unit[2] else ""
+            found.append(f"{source.column}: {of.label} goes from {least:.4g} to {most:.4g} {of.unit}; {looks}{mend}.")
+        elif of.unit == "rad" and of.angle and name.startswith("heading"):
+            raw = source.group.columns[source.column]
+            bottom, top = (float(np.nanmin(raw)), float(np.nanmax(raw))) if isinstance(raw, np.ndarray) else (0.0, 0.0)
+            turn = -pi - 0.01 <= bottom and top <= 2.0 * pi + 0.01 and top - bottom > _MOST_OF_A_TURN
+            if turn and most < 0.2:
+                found.append(
+                    f"{source.column}: taken as degrees, but it fills 0 to 2 pi and looks like radians: map it to "
+                    f'"{name}".'
+                )
+    return found
+
+
+def _wrapped(known: Understood) -> list[str]:
+    """Angles that jump by a whole turn, in channels that are not known as angles on a circle."""
+    found: list[str] = []
+    if any("heading_rad" in stream.values for stream in known.streams):  # the heading is known already
+        return found
+    for stream in known.streams:
+        for name, values in stream.values.items():
+            of = channel(name)
+            if of.unit != "rad" or of.angle or name not in known.by_channel:
+                continue
+            steps = np.abs(np.diff(values[np.isfinite(values)]))
+            jumps = int(np.sum(np.abs(steps - 2.0 * pi) < 0.5))
+            if jumps:
+                column = known.by_channel[name][0].column
+                found.append(
+                    f"{column}: jumps by a whole turn {jumps} times, and {name} is no channel that records unwrap: map "
+                    'it to "heading_rad" if it is clockwise from north.'
+                )
+    return found
+
+
+def _folded(record: Record) -> list[str]:
+    found = []
+    for name in ("heading_rad", "roll_rad"):
+        if record.has(name):
+            steps = np.concatenate([np.diff(record[name][part]) for part in record.segments])
+            if steps.size > _LEAST and float(np.sqrt(np.mean(steps**2))) > _FOLDED:
+                found.append(
+                    f"{name}: its steps from sample to sample are as large as if it were folded at random; it looks "
+                    "like degrees that were taken for radians, or is sampled too slowly to follow the turns."
+                )
+    return found
+
+
+def _against_rates(record: Record) -> list[str]:
+    """Angles against the integrals of their rates: the sign, the unit of either, or the clock."""
+    found = []
+    for angle, rate in _RATES:
+        if not (record.has(angle) and record.has(rate)):
+            continue
+        turned, integral = _increments(record, record[angle], _angle_rate(record, angle, rate))
+        if turned.size < _LEAST or not (turned.std() > 0.0 and integral.std() > 0.0):
+            continue
+        correlation = abs(float(np.corrcoef(turned, integral)[0, 1]))
+        if correlation < _SURE:
+            continue
+        slope = float(np.sqrt(np.mean(turned**2) / np.mean(integral**2)) * np.sign(np.mean(turned * integral)))
+        if slope < 0.0:
+            found.append(f'{angle} and {rate} have opposite signs: turn one of them in a mapping, as in "-{rate}".')
+        for factor, words in _FACTORS:
+            near_one = 0.1 < factor < 10.0  # such a factor can be a gain or noise, too
+            if abs(abs(slope) / factor - 1.0) < _CLOSE and not (near_one and correlation < _NEARLY_ONE):
+                found.append(f"{words.format(angle=angle, rate=rate)}: {angle} turns {abs(slope):.3g} times as far.")
+    return found
+
+
+def _angle_rate(record: Record, angle: str, rate: str) -> np.ndarray:
+    """What an angle changes by per s, by the body rates; NaN near the vertical, and where that takes a missing rate.
+
+    Source: Fossen 2021, eq. (2.38).
+    """
+    own = record[rate]
+    if not (record.has("roll_rad") and record.has("pitch_rad")):
+        return own
+    roll, pitch = record["roll_rad"], record["pitch_rad"]
+    upright = np.cos(pitch) > _UPRIGHT
+    if not (record.has("q_radps") and record.has("r_radps")):
+        return np.where(upright & (np.abs(np.sin(roll)) < 0.3) & (np.abs(pitch) < 0.3), own, np.nan)
+    q, r = record["q_radps"], record["r_radps"]
+    about_vertical = (q * np.sin(roll) + r * np.cos(roll)) / np.where(upright, np.cos(pitch), 1.0)
+    rates = {
+        "roll_rad": own + about_vertical * np.sin(pitch),
+        "pitch_rad": q * np.cos(roll) - r * np.sin(roll),
+        "heading_rad": about_vertical,
+    }
+    return np.where(upright, rates[angle], np.nan)
+
+
+def _against_depth(record: Record) -> list[str]:
+    if not (record.has("depth_m") and record.has("pitch_rad")):
+        return []
+    sunk, pitch = _increments(record, record["depth_m"], record["pitch_rad"], block=10.0)
+    moves = sunk.size >= _LEAST and sunk.std() > 0.5 and pitch.std() > 0.0
+    if moves and float(np.corrcoef(sunk, pitch)[0, 1]) > _STEEP:
+        return [
+            "pitch_rad is positive where depth grows; bow up is positive here and depth grows downwards: turn one of "
+            'them in a mapping, as in "-pitch_rad", unless the vehicle moves backwards.'
+        ]
+    return []
+
+
+def _increments(
+    record: Record, moved: np.ndarray, rate: np.ndarray, block: float = _BLOCK
+) -> tuple[np.ndarray, np.ndarray]:
+    """Changes of a signal over blocks, and the integrals of another over the same blocks, where that is known."""
+    time = record.time
+    changes, integrals = [], []
+    for part in record.segments:
+        t, x, y = time[part], moved[part], rate[part]
+        whole = np.r_[0.0, np.cumsum(np.diff(t) * 0.5 * np.nan_to_num(y[1:] + y[:-1]))]
+        lost = np.r_[0, np.cumsum(~np.isfinite(y[1:] + y[:-1]))]
+        count = max(3, int(np.ceil(block / max(float(np.median(np.diff(t))), 1e-9))))
+        at = np.arange(0, t.size, count)
+        kept = np.diff(lost[at]) == 0
+        changes.append(np.diff(x[at])[kept])
+        integrals.append(np.diff(whole[at])[kept])
+    return np.concatenate(changes), np.concatenate(integrals)

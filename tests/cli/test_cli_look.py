@@ -1,0 +1,79 @@
+"""The command `auv-gym look`: first contact with a log, its mapping and its picture."""
+
+import numpy as np
+import pytest
+
+from auv_gym.cli import main
+
+
+def write(path, columns):
+    rows = zip(*columns.values())
+    path.write_text("\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+@pytest.fixture
+def log(tmp_path):
+    t = np.arange(0.0, 400.0, 4.0)
+    return write(
+        tmp_path / "log.csv",
+        {"time_s": t, "heading_deg": t % 360, "m_fin": np.round(0.2 * np.sin(t / 30), 4), "vacuum_inHg": t},
+    )
+
+
+def said(capsys):
+    return " ".join(capsys.readouterr().out.split())
+
+
+def test_it_ends_with_a_command_that_works(log, tmp_path, capsys):
+    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert "100 samples every 4 s" in text
+    assert "vacuum_inHg: left out, since its unit is not known" in text
+    assert "slocum rudder_rad. `m_fin` looks like `rudder_rad`." in text
+    names = tmp_path / "names.toml"
+    assert text.endswith(f"Next: auv-gym look {log} --vehicle slocum --mapping-out names.toml")
+    assert main(["look", str(log), "--vehicle", "slocum", "--mapping-out", str(names)]) == 0
+    assert said(capsys).endswith(f"edit {names}, then auv-gym look {log} --vehicle slocum --mapping {names}")
+    names.write_text(names.read_text().replace('# "m_fin"', '"m_fin"'))
+    assert main(["look", str(log), "--vehicle", "slocum", "--mapping", str(names)]) == 0
+    assert said(capsys).endswith(f"auv-gym diagnose {log} --vehicle slocum --mapping {names} --out diagnosis")
+
+
+def test_all_presets_are_compared_without_a_vehicle(log, capsys):
+    assert main(["look", str(log)]) == 0
+    text = said(capsys)
+    assert "npsauv" in text
+    assert "mermaid" in text
+
+
+@pytest.mark.parametrize("ending", ["png", "svg", "pdf"])
+def test_it_draws_a_picture(log, tmp_path, capsys, ending):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    picture = tmp_path / f"log.{ending}"
+    assert main(["look", str(log), "--vehicle", "slocum", "--picture", str(picture)]) == 0
+    assert picture.stat().st_size > 2000
+    assert f"Written: {picture}" in said(capsys)
+
+
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--vehicle", "sloccum"], "Did you mean 'slocum'"),
+        (["--picture", "log.gif"], "written as .png, .svg or .pdf"),
+        (["--mapping", "none.toml"], "Cannot read the mapping"),
+    ],
+)
+def test_bad_options_are_refused(log, tmp_path, monkeypatch, capsys, options, words):
+    monkeypatch.chdir(tmp_path)
+    before = sorted(tmp_path.iterdir())
+    assert main(["look", str(log), *options]) == 1
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_names_from_a_file_are_shown_as_they_are(tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    path.write_text("time_s,heading_deg,[bold]x[/bold]\n" + "".join(f"{k},{k},{k}\n" for k in range(9)))
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    assert "[bold]x[/bold]" in capsys.readouterr().out.replace("\n", "")

@@ -1,0 +1,126 @@
+import tomllib
+
+import numpy as np
+import pytest
+
+from auv_gym.records.first_look import look_at, mapping_text
+from auv_gym.records.reading import Needs, read_record
+
+NEEDS = Needs(("heading_rad", "rudder_rad"))
+
+
+def write(path, columns):
+    rows = zip(*columns.values())
+    path.write_text("\n".join([",".join(columns), *(",".join(map(str, row)) for row in rows)]) + "\n")
+    return path
+
+
+def columns(**others):
+    t = np.arange(0.0, 200.0, 2.0)
+    return {"time_s": t, "heading_deg": (350 + 0.5 * t) % 360, "depth_m": 5 + 0.1 * t, **others}
+
+
+@pytest.fixture
+def log(tmp_path):
+    t = columns()["time_s"]
+    rare = ["" if k != 7 else 3 for k in range(t.size)]
+    return write(tmp_path / "log.csv", columns(fin=np.round(0.2 * np.sin(t / 9), 4), vacuum_inHg=t, pitch_deg=rare))
+
+
+def test_what_is_there_and_what_it_is_taken_as(log):
+    look = look_at(log)
+    assert (look.format, look.duration, look.rows) == ("a table in text", 198.0, 100)
+    by_column = {signal.column: signal for signal in look.signals}
+    heading = by_column["heading_deg"]
+    assert (heading.channel, heading.unit, heading.samples, heading.interval) == ("heading_rad", "rad", 100, 2.0)
+    assert np.degrees([heading.low, heading.high]) == pytest.approx([0, 359], abs=1.0)
+    assert by_column["vacuum_inHg"].channel == by_column["fin"].channel == ""
+    assert any(line.startswith("vacuum_inHg: left out") for line in look.notes)
+    assert any(line.startswith("pitch_rad: left out, since it has values at 1 of 100") for line in look.notes)
+    assert look.missing(NEEDS) == ["rudder_rad"]
+
+
+def test_the_mapping_it_writes_is_read_and_changes_nothing(log, tmp_path):
+    look = look_at(log)
+    path = tmp_path / "names.toml"
+    path.write_text(mapping_text(look, [NEEDS]))
+    text = path.read_text()
+    assert tomllib.loads(text)["heading_deg"] == "heading_deg"
+    assert '# "fin" = "rudder_rad"' in text
+    assert '# "vacuum_inHg" = ""' in text
+    before, after = read_record(log), read_record(log, path)
+    assert before.names == after.names
+    assert all(np.array_equal(before[name], after[name]) for name in before.names)
+    path.write_text(text.replace('# "fin" =', '"fin" ='))
+    assert read_record(log, path, NEEDS).has("rudder_rad")
+
+
+def test_names_that_toml_would_trip_over_are_quoted(tmp_path):
+    odd = 'a "b"\\c [deg]'
+    path = tmp_path / "log.csv"
+    quoted = '"' + odd.replace('"', '""') + '"'
+    path.write_text(f"time_s,heading_deg,{quoted}\n" + "".join(f"{k},{k},{k}\n" for k in range(5)))
+    assert odd in tomllib.loads(mapping_text(look_at(path)).replace('# "a', '"a'))
+
+
+def test_a_log_in_which_nothing_is_known_is_looked_at_all_the_same(tmp_path):
+    path = write(tmp_path / "log.csv", {"time_s": range(10), "kurs": range(10)})
+    look = look_at(path)
+    assert look.record is None
+    assert "No column of the log could be read" in look.problem
+    assert [signal.column for signal in look.signals] == ["kurs"]
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"pitch_rad": 30.0 * np.sin(np.arange(100))}, 'it looks like degrees: map it to "pitch_deg"'),
+        ({"rudder_rad": 25.0 * np.sin(np.arange(100))}, 'map it to "rudder_deg"'),
+        ({"depth_m": -5 - 0.1 * np.arange(100)}, 'positive upwards: map it to "-depth_m"'),
+        ({"u_mps": 150.0 + np.sin(np.arange(100))}, "centimetres per second"),
+        ({"depth_m": 50_000 + np.arange(100.0)}, "centimetres"),
+        ({"heading_deg": np.linspace(0.0, 6.28, 100)}, "looks like radians"),
+    ],
+)
+def test_units_and_signs_that_cannot_be_are_doubted(tmp_path, changes, words):
+    look = look_at(write(tmp_path / "log.csv", {**columns(), **changes}))
+    assert any(words in line for line in look.doubts), look.doubts
+
+
+def turning(rate_factor=1.0, time_factor=1.0):
+    t = np.arange(0.0, 200.0, 0.2)
+    rate = 0.2 * np.sin(t / 7)
+    heading = np.cumsum(rate) * 0.2
+    return {"time_s": time_factor * t, "heading_rad": np.round(heading, 6), "r_radps": np.round(rate_factor * rate, 6)}
+
+
+@pytest.mark.parametrize(
+    "made, words",
+    [
+        (turning(rate_factor=-1.0), "opposite signs"),
+        (turning(rate_factor=180 / np.pi), "r_radps looks like degrees per second that were taken for radians"),
+        (turning(time_factor=1000.0), "milliseconds"),
+        (turning(time_factor=2.0), "time runs at twice the rate"),
+    ],
+)
+def test_angles_are_held_against_their_rates(tmp_path, made, words):
+    look = look_at(write(tmp_path / "log.csv", made))
+    assert any(words in line for line in look.doubts), look.doubts
+
+
+def test_a_clean_log_is_not_doubted(tmp_path):
+    t = np.arange(0.0, 2000.0, 2.0)
+    pitch = -0.4 * np.sign(np.sin(t / 200))
+    clean = {"time_s": t, "pitch_rad": pitch, "depth_m": 50 - np.cumsum(0.6 * np.sin(pitch)), "u_mps": 0.3 + 0 * t}
+    assert look_at(write(tmp_path / "a.csv", clean)).doubts == ()
+    assert look_at(write(tmp_path / "b.csv", turning())).doubts == ()
+    clean["pitch_rad"] = -pitch
+    assert any(
+        "pitch_rad is positive where depth grows" in line for line in look_at(write(tmp_path / "c.csv", clean)).doubts
+    )
+
+
+def test_an_angle_that_wraps_in_no_channel_of_angles_is_named(tmp_path):
+    yaw = (np.arange(100) * 10.0 + 180) % 360 - 180
+    look = look_at(write(tmp_path / "log.csv", {"time_s": range(100), "depth_m": range(100), "yaw_deg": yaw}))
+    assert any(line.startswith("yaw_deg: jumps by a whole turn 3 times") for line in look.doubts), look.doubts

@@ -1,0 +1,149 @@
+import numpy as np
+import pytest
+from hypothesis import given, strategies as st
+
+from auv_gym.records.attitude import QUATERNION, angles
+from auv_gym.records.merging import Stream, in_order, merged
+
+
+def stream(time, name="", **values):
+    time = np.asarray(time, dtype=float)
+    return Stream(time, {k: np.asarray(v, dtype=float) for k, v in values.items()}, name)
+
+
+def test_commands_are_held_and_measurements_interpolated():
+    fast = stream(np.arange(0, 10, 0.5), "imu", heading_rad=np.arange(20) * 0.1)
+    slow = stream([0.0, 1.0, 2.0, 3.0, 4.0], "depth", depth_m=[0, 2, 4, 6, 8])
+    command = stream([1.2, 3.1], "fins", rudder_rad=[0.1, -0.2])
+    r = merged([fast, slow, command], "heading_rad")
+    assert r.time.tolist() == fast.time.tolist()
+    assert r.values["depth_m"][:9] == pytest.approx(2 * fast.time[:9])
+    assert np.isnan(r.values["depth_m"][9:]).all()  # nothing is known after its last sample
+    assert np.isnan(r.values["rudder_rad"][:3]).all()  # nor of a command before its first
+    assert r.values["rudder_rad"][3:].tolist() == [0.1] * 4 + [-0.2] * 13
+    assert any("at the times of heading_rad" in line for line in r.notes)
+
+
+def test_measurements_are_not_interpolated_across_a_gap():
+    base = stream(np.arange(0, 60.0), "a", heading_rad=np.zeros(60))
+    t = np.r_[0:20, 40:60].astype(float) + 0.5
+    r = merged([base, stream(t, "b", pitch_rad=t)], "heading_rad")
+    inside = (base.time > 20) & (base.time < 40)
+    assert np.isnan(r.values["pitch_rad"][inside]).all()
+    assert r.values["pitch_rad"][1:20] == pytest.approx(base.time[1:20])
+
+
+def test_a_motion_sampled_too_slowly_is_not_made_up():
+    base = stream(np.arange(0, 100, 0.1), "a", heading_rad=np.zeros(1000))
+    slow = stream(np.arange(0, 100, 5.0), "b", depth_m=np.arange(20))  # regular, but 50 intervals of the base apart
+    assert np.isfinite(merged([base, slow], "heading_rad").values["depth_m"]).sum() == 20  # its own samples alone
+    near = Stream(slow.time, slow.values, "b", near=60.0)  # a reader may know better
+    assert np.isfinite(merged([base, near], "heading_rad").values["depth_m"]).sum() > 900
+
+
+def test_headings_are_interpolated_through_north():
+    base = stream([0.0, 0.5, 1.0], "a", depth_m=[0, 0, 0])
+    r = merged([base, stream([0.0, 1.0], "b", heading_rad=np.radians([350, 10]))], "depth_m")
+    assert np.mod(np.degrees(r.values["heading_rad"][1]) + 180, 360) - 180 == pytest.approx(0.0, abs=1e-9)
+
+
+def test_attitudes_are_interpolated_along_the_shortest_turn():
+    half = np.radians(80.0) / 2  # pitch from 80 to 100 degrees: through the vertical
+    q = np.array([[np.cos(a), 0, np.sin(a), 0] for a in (half, np.radians(100.0) / 2)])
+    q[1] *= -1  # the same attitude with the other sign
+    base = stream([0.0, 0.5, 1.0], "a", depth_m=[0, 0, 0])
+    r = merged([base, stream([0.0, 1.0], "b", **dict(zip(QUATERNION, q.T)))], "depth_m")
+    middle = np.array([[r.values[name][1] for name in QUATERNION]])
+    assert np.abs(middle[0]) == pytest.approx([np.cos(np.pi / 4), 0, np.sin(np.pi / 4), 0], abs=1e-12)
+    assert angles(middle)[1] == pytest.approx([np.pi / 2])
+
+
+def test_late_rows_are_sorted_in_and_reported():
+    time = np.array([0, 1, 2, 4, 3, 5, 6, 7.0])
+    notes = []
+    s = in_order(stream(time, depth_m=time), notes)
+    assert s.time.tolist() == sorted(time)
+    assert s.values["depth_m"].tolist() == sorted(time)
+    assert s.part.max() == 0
+    assert notes == ["1 row came late or out of order and was sorted in."]
+
+
+@given(seed=st.integers(0, 999), jitter=st.floats(0.0, 0.45))
+def test_jitter_of_less_than_an_interval_never_cuts(seed, jitter):
+    rng = np.random.default_rng(seed)
+    time = np.arange(60.0) + rng.uniform(-2 * jitter, 2 * jitter, 60)
+    notes = []
+    s = in_order(stream(time, depth_m=time), notes)
+    assert s.part.max() == 0
+    assert (np.diff(s.time) > 0).all()
+    assert s.values["depth_m"].tolist() == s.time.tolist()
+
+
+@pytest.mark.parametrize("back", [3.0, 20.0, 1e6])
+def test_a_clock_that_was_set_back_cuts_the_record(back):
+    time = np.r_[np.arange(50.0), np.arange(50.0, 100.0) - back]
+    notes = []
+    s = in_order(stream(time, depth_m=np.arange(100.0)), notes)
+    assert s.part.tolist() == [0] * 50 + [1] * 50
+    assert s.values["depth_m"].tolist() == list(range(100))
+    assert notes == ["The clock went back once; the record is cut there."]
+
+
+def test_rows_of_one_time_are_merged():
+    notes = []
+    s = in_order(stream([0, 1, 1, 2], depth_m=[0, 1, np.nan, 2], pitch_rad=[0, np.nan, 5, 6]), notes)
+    assert s.time.tolist() == [0, 1, 2]
+    assert s.values["depth_m"].tolist() == [0, 1, 2]
+    assert s.values["pitch_rad"].tolist() == [0, 5, 6]
+    assert notes == ["1 row has the time of the row before and was merged with it."]
+
+
+def test_rows_without_a_time_are_left_out():
+    notes = []
+    s = in_order(stream([0, np.nan, 2], "imu", depth_m=[0, 1, 2]), notes)
+    assert s.values["depth_m"].tolist() == [0, 2]
+    assert notes == ["1 row of imu without a time left out."]
+
+
+def test_where_all_clocks_went_back_the_parts_correspond():
+    time = np.r_[np.arange(0, 10, 0.5), np.arange(2, 12, 0.5)]
+    a = stream(time, "a", heading_rad=np.arange(40))
+    b = stream(time[::2] + 0.1, "b", depth_m=np.arange(20))
+    r = merged([a, b], "heading_rad")
+    assert r.segment.tolist() == [0] * 20 + [1] * 20
+    known = np.isfinite(r.values["depth_m"])
+    # in either part, depth follows the rows that were logged beside it: twice as many headings
+    assert r.values["depth_m"][known] == pytest.approx(r.values["heading_rad"][known] / 2 - 0.1, abs=1e-9)
+
+
+def test_where_only_one_clock_went_back_its_rows_wait_until_it_has_caught_up():
+    a = stream(np.arange(0, 30, 0.5), "a", heading_rad=np.arange(60))
+    t = np.r_[np.arange(0, 15.0), np.arange(10.0, 30.0)]
+    r = merged([a, stream(t, "b", depth_m=t)], "heading_rad")
+    known = np.isfinite(r.values["depth_m"])
+    assert r.values["depth_m"][known] == pytest.approx(r.time[known])
+    assert any("b left out until its clock had caught up" in line for line in r.notes)
+
+
+def test_columns_that_skip_rows_are_brought_to_those_of_the_leading_one():
+    t = np.arange(40.0)
+    heading = np.where(t % 4 == 0, t, np.nan)
+    pitch = np.where(t % 4 == 2, 0.01 * t, np.nan)
+    r = merged([stream(t, heading_rad=heading, pitch_rad=pitch)])
+    assert r.time.tolist() == t[::4].tolist()
+    assert r.values["pitch_rad"][1:] == pytest.approx(0.01 * r.time[1:])
+    assert np.isnan(r.values["pitch_rad"][0])
+
+
+def test_without_a_vehicle_heading_leads_then_depth():
+    a, b = stream([0, 1], "a", pitch_rad=[0, 0]), stream([0, 0.5, 1], "b", depth_m=[0, 1, 2])
+    assert merged([a, b]).leading == "depth_m"
+    c = stream([0, 1], "c", heading_rad=[0, 0])
+    assert merged([a, b, c]).leading == "heading_rad"
+    assert merged([a]).leading == "pitch_rad"
+
+
+def test_nothing_to_merge():
+    r = merged([stream([], depth_m=[])])
+    assert r.time.size == 0
+    assert r.values == {}
