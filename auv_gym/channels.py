@@ -274,6 +274,7 @@ def unknown_suffix(name: str) -> ValueError:
     )
 
 
+@lru_cache(maxsize=1)
 def known_suffixes() -> list[str]:
     """All unit suffixes that a column may end in, without the underscore."""
     return sorted([*_SI, *_SCALED], key=str.lower)

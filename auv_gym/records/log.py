@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +90,13 @@ class Log:
 
     def column(self, name: str) -> tuple[Group, Column] | None:
         """A column and its group, or None where no group has one of this name."""
-        return next(((group, group.columns[name]) for group in self.groups if name in group.columns), None)
+        group = self.by_name.get(name)
+        return None if group is None else (group, group.columns[name])
+
+    @cached_property
+    def by_name(self) -> dict[str, Group]:
+        """The group of each column; the first, where several have one of a name."""
+        return {name: group for group in reversed(self.groups) for name in group.columns}
 
     @property
     def names(self) -> list[str]:

@@ -12,6 +12,7 @@ from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -179,8 +180,13 @@ def _on_unnamed(unnamed: Mapping[str, list[str]]) -> list[str]:
 
 def fitting_mappings(log: Log) -> list[Names]:
     """The shipped mappings that fit a log, those that name most of its columns first."""
-    fitting = [(len(list(_shipped_sources(log, names))), names) for names in shipped() if _fits(log, names)]
-    return [names for count, names in sorted(fitting, key=lambda pair: -pair[0]) if count]
+    if log not in _FITTING:
+        fitting = [(len(list(_shipped_sources(log, names))), names) for names in shipped() if _fits(log, names)]
+        _FITTING[log] = [names for count, names in sorted(fitting, key=lambda pair: -pair[0]) if count]
+    return _FITTING[log]
+
+
+_FITTING: WeakKeyDictionary[Log, list[Names]] = WeakKeyDictionary()  # found once, though several ask
 
 
 def _fits(log: Log, names: Names) -> bool:
@@ -226,18 +232,16 @@ def _source(group: Group, column: str, target: Target, unit: str | None, title: 
 
 def _matches(log: Log, theirs: str) -> list[tuple[Group, str, str | None]]:
     """The columns that a name can mean: that very one; one below a namespace; one with its unit behind it."""
-    exact = log.column(theirs)
-    if exact is not None:
-        return [(exact[0], theirs, None)]
+    if theirs in log.by_name:
+        return [(log.by_name[theirs], theirs, None)]
     plain = theirs.lstrip("/")
-    behind = [f"{plain}_{suffix}" for suffix in known_suffixes()]
-    found: list[tuple[Group, str, str | None]] = []
-    for group in log.groups:
-        found += [(group, name, None) for name in group.columns if name == plain or name.endswith("/" + plain)]
-        found += [
-            (group, name, name.rpartition("_")[2]) for name in behind if name in group.columns and not _is_ours(name)
-        ]
-        found += [(group, name, None) for name in group.columns if name.partition(" ")[0] == plain and name != plain]
+    below, spaced = "/" + plain, plain + " "
+    names = [name for name in log.by_name if name == plain or name.endswith(below) or name.startswith(spaced)]
+    found: list[tuple[Group, str, str | None]] = [(log.by_name[name], name, None) for name in names]
+    for suffix in known_suffixes():
+        name = f"{plain}_{suffix}"
+        if name in log.by_name and not _is_ours(name):
+            found.append((log.by_name[name], name, suffix))
     return found
 
 
