@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from auv_gym.records.first_look import FirstLook, SignalLook
     from auv_gym.records.reading import Needs
 
+_MANY_SAMPLES = 6000
 _HINTED = 3  # vehicles for which columns are named that look like what is missing
 _MOST = 40  # rows of the table of signals, and lines of what was left out
 
@@ -182,7 +183,10 @@ def _next_command(
     used, nearest = written or mapping, _ranked(found, needs)[0]
     options = f" --mapping {quote(str(used))}" if used else ""
     if found.record is not None and not found.missing(needs[nearest]):
-        return f"auv-gym diagnose {quote(log)} --vehicle {quote(nearest)}{options} --out diagnosis"
+        thinned = _thinned(len(found.record), found.record.duration_s)
+        options += f" --resample {thinned:g}" if thinned else ""
+        why = f" (--resample thins its {len(found.record):,} samples, or it takes long)" if thinned else ""
+        return f"auv-gym diagnose {quote(log)} --vehicle {quote(nearest)}{options} --out diagnosis{why}"
     columns = [signal.column for signal in found.signals if not signal.channel]
     if not any(candidates(name, columns) for name in found.missing(needs[nearest])) and found.record is not None:
         return (
@@ -195,6 +199,14 @@ def _next_command(
             f"{quote(str(written))}"
         )
     return f"auv-gym look {quote(log)} --vehicle {quote(nearest)}{options} --mapping-out names.toml"
+
+
+def _thinned(samples: int, seconds: float) -> float | None:
+    """A round sample time, s, with which a log of many samples has no more than a diagnosis handles in minutes."""
+    if samples <= _MANY_SAMPLES:
+        return None
+    steps = (step * 10.0**power for power in range(-3, 6) for step in (1.0, 2.0, 5.0))
+    return next((step for step in steps if seconds / step <= _MANY_SAMPLES), None)
 
 
 def _duration(seconds: float) -> str:

@@ -96,7 +96,11 @@ class Log:
     @cached_property
     def by_name(self) -> dict[str, Group]:
         """The group of each column; the first, where several have one of a name."""
-        return {name: group for group in reversed(self.groups) for name in group.columns}
+        found: dict[str, Group] = {}
+        for group in self.groups:
+            for name in group.columns:
+                found.setdefault(name, group)
+        return found
 
     @property
     def names(self) -> list[str]:

@@ -39,7 +39,7 @@ _RATES: Final = (("heading_rad", "r_radps"), ("pitch_rad", "q_radps"), ("roll_ra
 _SURE = 0.6  # correlation from which an angle and its rate clearly belong together
 _NEARLY_ONE = 0.95  # correlation from which a factor of two can be told from a gain
 _UPRIGHT = 0.5  # cosine of pitch, below which roll and heading are hardly told apart
-_STEEP = 0.7  # the same of depth rate and pitch
+_STEEP = 0.7  # correlation of depth rate and pitch from which their signs are clear
 _FACTORS: Final = (  # slope of the change of an angle over the integral of its rate, and what that means
     (180.0 / pi, "{rate} looks like radians per second that were taken for degrees, or {angle} like degrees"),
     (pi / 180.0, "{rate} looks like degrees per second that were taken for radians per second"),
@@ -114,8 +114,8 @@ def _wrapped(known: Understood) -> list[str]:
             if jumps:
                 column = known.by_channel[name][0].column
                 found.append(
-                    f"{column}: jumps by a whole turn {jumps} times, and {name} is no channel that records unwrap: map "
-                    'it to "heading_rad" if it is clockwise from north.'
+                    f"{column}: jumps by a whole turn {jumps} time{'s' * (jumps != 1)}, and records do not unwrap "
+                    f'{name}: map it to "heading_rad" if it is clockwise from north.'
                 )
     return found
 

@@ -77,3 +77,12 @@ def test_names_from_a_file_are_shown_as_they_are(tmp_path, capsys):
     path.write_text("time_s,heading_deg,[bold]x[/bold]\n" + "".join(f"{k},{k},{k}\n" for k in range(9)))
     assert main(["look", str(path), "--vehicle", "slocum"]) == 0
     assert "[bold]x[/bold]" in capsys.readouterr().out.replace("\n", "")
+
+
+def test_a_log_of_very_many_samples_is_to_be_thinned(tmp_path, capsys):
+    t = np.arange(0.0, 1000.0, 0.1)
+    path = write(tmp_path / "log.csv", {"time_s": np.round(t, 1), "heading_deg": t % 360, "rudder_deg": 0.1 * t})
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert f"auv-gym diagnose {path} --vehicle slocum --resample 0.2 --out diagnosis" in text
+    assert text.endswith("(--resample thins its 10,000 samples, or it takes long)")
