@@ -82,7 +82,8 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     for number, stream in enumerate(ordered):
         apart: list[str] = []
         for known, column in stream.values.items():
-            if number == at and (not _is_sparse(column) or (whole and not channel(known).needed)):
+            as_logged = not _is_sparse(column) or (whole and channel(known).kind == "auxiliary")
+            if number == at and as_logged:
                 values[known] = base.values[known]
             else:
                 apart.append(known)

@@ -135,6 +135,15 @@ def test_columns_that_skip_rows_are_brought_to_those_of_the_leading_one():
     assert np.isnan(r.values["pitch_rad"][0])
 
 
+def test_a_command_that_is_logged_when_it_changes_holds_in_the_rows_between():
+    t = np.arange(10.0)
+    changed = np.where(np.isin(t, [1, 5]), t, np.nan)
+    r = merged([stream(t, heading_rad=0.1 * t, rudder_cmd_rad=0.01 * changed, temperature_C=changed)])
+    assert np.isnan(r.values["rudder_cmd_rad"][0])
+    assert r.values["rudder_cmd_rad"][1:] == pytest.approx([0.01] * 4 + [0.05] * 5)
+    assert np.isnan(r.values["temperature_C"]).sum() == 8  # a measurement stays as it was logged
+
+
 def test_without_a_vehicle_heading_leads_then_depth():
     a, b = stream([0, 1], "a", pitch_rad=[0, 0]), stream([0, 0.5, 1], "b", depth_m=[0, 1, 2])
     assert merged([a, b]).leading == "depth_m"
