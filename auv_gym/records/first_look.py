@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_gym.channels import SEGMENT_COLUMNS, channel, in_unit, set_point_of
+from auv_gym.channels import SEGMENT_COLUMNS, in_unit
 from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
 from auv_gym.records.mapping import Source, load_mapping
 from auv_gym.records.naming import candidates
-from auv_gym.records.reading import Needs, Understood, assembled, find_log, open_log, understood
+from auv_gym.records.reading import Needs, Understood, assembled, command_for, find_log, open_log, understood
 from auv_gym.records.record import Record, gap_limit
 from auv_gym.records.suspicions import suspicions
 
@@ -73,7 +73,7 @@ class FirstLook:
     def missing(self, needs: Needs) -> list[str]:
         """The channels that a vehicle would still need; a command serves where its input was not measured."""
         have = self.channels
-        return [name for name in needs.required if name not in have and not _commanded(name) & have]
+        return [name for name in needs.required if name not in have and command_for(name) not in have]
 
 
 def look_at(
@@ -246,10 +246,6 @@ def _span(group: Group, known: Understood | None) -> tuple[float, float] | None:
     if time is None or not np.isfinite(time).any():
         return None
     return float(np.nanmin(time)), float(np.nanmax(time))
-
-
-def _commanded(name: str) -> set[str]:
-    return {set_point_of(name)} if channel(name).kind == "input" and "_cmd" not in name else set()
 
 
 def _size(path: Path) -> int:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from auv_gym.channels import SEGMENT_COLUMNS, conversion, is_flag, set_point_of
+from auv_gym.channels import SEGMENT_COLUMNS, channel, conversion, is_flag, set_point_of
 from auv_gym.records.clocks import clocks_of
 from auv_gym.records.completing import completed, hydrography
 from auv_gym.records.formats import check_file, format_of
@@ -250,7 +250,7 @@ def assembled(
     for name, found in hydrography(values, known.streams, known.constants).items():
         values[name], derived[name] = found, "the CTD, by TEOS-10"
     for name in needs.required:
-        commanded = _command_for(name)
+        commanded = command_for(name)
         if name not in values and commanded in values:
             values[name], derived[name] = values[commanded], f"{commanded}, since it is not measured"
     glides = known.glides or needs.attack is not None
@@ -310,11 +310,9 @@ def _reasons(known: Understood) -> str:
     return " ".join(known.notes[:_FEW]) + (f" And {more} more: see `auv-gym look`. " if more > 0 else " ")
 
 
-def _command_for(name: str) -> str:
-    try:
-        return set_point_of(name)
-    except ValueError:
-        return ""
+def command_for(name: str) -> str:
+    """The channel of the command that serves where an input was not measured; '' for what is no input."""
+    return set_point_of(name) if channel(name).kind == "input" and "_cmd" not in name else ""
 
 
 def _chosen(

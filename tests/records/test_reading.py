@@ -303,6 +303,12 @@ def test_a_command_serves_where_the_input_was_not_measured(tmp_path):
     assert not read_record(path).has("rudder_rad")
 
 
+def test_a_set_point_never_serves_as_a_measurement(tmp_path):
+    path = write(tmp_path / "log.csv", "time_s,depth_m,heading_cmd_deg,rudder_deg\n0,1,2,3\n1,2,3,4\n2,3,4,5\n")
+    with pytest.raises(ValueError, match="no channel heading_rad"):
+        read_record(path, required=["heading_rad", "rudder_rad"])
+
+
 def test_several_files_are_one_record_on_one_clock(tmp_path):
     for day, more in ((1, "pitch_deg"), (2, "roll_deg")):
         rows = "".join(f"2024-05-0{day}T00:00:{k:02d},{k},{k}\n" for k in range(10))
