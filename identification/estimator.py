@@ -113,9 +113,9 @@ class Method:
 _BUILT_IN = (
     Method(
         "grey_box",
-        "Frees parameters of a vehicle: output error over windows with initial states of their own.",
+        "Frees parameters of a vehicle: prediction errors with noise of the sensors and of the motion.",
         "identification.fit.greybox:GreyBox",
-        listed="free*, window, max_iterations",
+        listed="free*, window, max_iterations, process",
     ),
     Method(
         "arx",

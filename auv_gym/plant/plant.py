@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from math import ceil
 from typing import Any
 
@@ -254,20 +255,74 @@ class Plant:
             )
         y = np.empty((vectors.shape[0], runs.rows, len(self.outputs)))
         vectors, starts = (np.ascontiguousarray(a, dtype=np.float64) for a in (vectors, starts))
-        times = (runs.begin, runs.stop, runs.times, runs.inputs, runs.first, self.longest_step)
-        shares = threads() if vectors.shape[0] * runs.rows >= SHARED_ROWS else 1
-        edges = np.linspace(0, len(vectors), shares + 1).astype(int)
-
-        def run(share: int) -> None:
-            part = slice(edges[share], edges[share + 1])
-            self.programs.rollout(vectors[part], starts[part], *times, y[part])
-
-        if shares == 1:
-            run(0)
-        else:
-            with ThreadPoolExecutor(shares) as pool:
-                list(pool.map(run, range(shares)))
+        free = Correction.none(self, runs)
+        _shared_out(len(vectors), runs.rows, lambda part: self._run(runs, vectors[part], starts[part], free, y[part]))
         return y
+
+    def _run(
+        self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, c: Correction, y: np.ndarray, after: Any = None
+    ) -> None:
+        after = np.empty((0, runs.rows, starts.shape[2])) if after is None else after
+        windows = (runs.begin, runs.stop, c.carried, c.constant)
+        times = (runs.times, runs.inputs, runs.first, self.longest_step)
+        self.programs.rollout(vectors, starts, *windows, *times, c.measured, c.gains, c.kicks, c.decays, y, after)
+
+    def follow_many(
+        self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, correction: Correction, keep: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Runs that are corrected at every row, for several parameter vectors (S, n), unchecked.
+
+        starts: (S or 1, W, F), F states, sensor states and accelerations.  Returns the outputs before each correction,
+        (S, rows, n_outputs), and with `keep` the states one row later, (S, rows, F).
+        """
+        rows = runs.rows
+        vectors, starts = (np.ascontiguousarray(a, dtype=np.float64) for a in (vectors, starts))
+        y = np.empty((len(vectors), rows, len(self.outputs)))
+        after = np.empty((len(vectors) if keep else 0, rows, starts.shape[2]))
+
+        def run(part: slice) -> None:
+            own = starts if len(starts) == 1 else starts[part]
+            self._run(runs, vectors[part], own, correction, y[part], after[part] if keep else after)
+
+        _shared_out(len(vectors), rows, run)
+        return y, after
+
+
+def _shared_out(count: int, rows: int, run: Callable[[slice], None]) -> None:
+    """Run all of `count` runs, by threads where there are many rows."""
+    shares = threads() if count * rows >= SHARED_ROWS else 1
+    edges = np.linspace(0, count, shares + 1).astype(int)
+    parts = [slice(a, b) for a, b in pairwise(edges.tolist())]
+    if shares == 1:
+        run(parts[0])
+    else:
+        with ThreadPoolExecutor(shares) as pool:
+            list(pool.map(run, parts))
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """What corrects a run at every row, see `auv_gym.plant.rollout.rollout`.
+
+    measured: (rows, n_outputs), NaN where nothing is.  gains: (rows, F, n_outputs), or (0, ...) for free runs.
+    kicks: (D, 3).  decays: (rows, D).  carried: (W,) bool.  constant: (n_states,) bool.
+    """
+
+    measured: np.ndarray
+    gains: np.ndarray
+    kicks: np.ndarray
+    decays: np.ndarray
+    carried: np.ndarray
+    constant: np.ndarray
+
+    @classmethod
+    def none(cls, plant: Plant, runs: Runs) -> Correction:
+        """Free runs."""
+        outputs, windows = len(plant.outputs), runs.begin.size
+        return cls(
+            np.empty((0, outputs)), np.empty((0, 0, outputs)), np.empty((0, 3)), np.empty((0, 0)),
+            np.zeros(windows, dtype=bool), np.zeros(len(plant.family.states), dtype=bool),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

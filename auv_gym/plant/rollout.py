@@ -185,20 +185,34 @@ def drive(times, inputs, first, shaped, positions, p, work):
             interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], 0.0, p, work)
 
 
-def rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y):
-    """Outputs of free runs over windows of a record, for several parameter vectors, into y.
+def rollout(
+    vectors, starts, begin, stop, carried, constant, times, inputs, first, longest_step,
+    measured, gains, kicks, decays, y, after,
+):  # fmt: skip
+    """Outputs of runs over windows of a record, for several parameter vectors, into y; free, or corrected at every row.
 
-    vectors: (S, n_parameters), or longer by a table.  starts: (S, W, STATES), the states at the windows' first rows.
+    The state is [states | sensors | accelerations]; the accelerations push the `kicks` states and decay between rows.
+    vectors: (S, n_parameters), or longer by a table.  starts: (S or 1, W, F), F = STATES + SENSORS + D; or with states
+    alone, (S or 1, W, STATES), where sensors start settled.
     begin, stop: (W,) rows.  times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
-    y: (S, sum of window lengths, OUTPUTS), the windows one after the other.
+    carried: (W,), whether the `constant` states (STATES,) go on from the window before.
+    measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
+    kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after the interval.
+    decays: (rows, D), of the accelerations to the next row.
+    y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.
     """
     n = times.shape[0]
+    pushed = kicks.shape[0]
+    size = STATES + SENSORS
     work = np.empty(WORK)
     derived = np.empty(DERIVED + vectors.shape[1] - PARAMETERS)
     shaped = np.empty((n, ACTUATORS))
     positions = np.empty((n, ACTUATORS))
     x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
     sensors = x[STATES + 2 * ACTUATORS :]
+    push = np.empty(pushed)
+    error = np.empty(OUTPUTS)
+    corrected = gains.shape[0] > 0
     for s in range(vectors.shape[0]):
         physics.derive(vectors[s], derived)
         p = records.parameters(derived)
@@ -206,18 +220,53 @@ def rollout(vectors, starts, begin, stop, times, inputs, first, longest_step, y)
         row = 0
         for w in range(begin.shape[0]):
             k = begin[w]
+            start = starts[min(s, starts.shape[0] - 1), w]
             for i in range(STATES):
-                x[i] = starts[s, w, i]
+                if not (carried[w] and constant[i]):
+                    x[i] = start[i]
             for j in range(ACTUATORS):
                 x[STATES + j] = positions[k, j]
-            for i in range(STATES + ACTUATORS, x.shape[0]):
-                x[i] = 0.0
-            physics.settle_sensors(x[:STATES], positions[k], sensors, p)
+                x[STATES + ACTUATORS + j] = 0.0
+            if starts.shape[2] == STATES:
+                for i in range(SENSORS):
+                    sensors[i] = 0.0
+                physics.settle_sensors(x[:STATES], positions[k], sensors, p)
+            else:
+                for i in range(SENSORS):
+                    sensors[i] = start[STATES + i]
+            for j in range(pushed):
+                push[j] = start[size + j]
             while k < stop[w]:
                 physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
-                row += 1
-                if k + 1 < stop[w]:
+                if corrected:
+                    for c in range(OUTPUTS):
+                        reading = measured[row, c]
+                        error[c] = reading - y[s, row, c] if np.isfinite(reading) else 0.0
+                    for c in range(OUTPUTS):
+                        if error[c] != 0.0:
+                            for i in range(STATES):
+                                x[i] += gains[row, i, c] * error[c]
+                            for i in range(SENSORS):
+                                sensors[i] += gains[row, STATES + i, c] * error[c]
+                            for j in range(pushed):
+                                push[j] += gains[row, size + j, c] * error[c]
+                # a free run ends with its last row
+                if k + 1 < n and first[k + 1] != k + 1 and (k + 1 < stop[w] or after.shape[0] > 0):
+                    duration = times[k + 1] - times[k]
+                    for j in range(pushed):
+                        x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
                     interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], longest_step, p, work)
+                    for j in range(pushed):
+                        x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                        push[j] *= decays[row, j]
+                if after.shape[0] > 0:
+                    for i in range(STATES):
+                        after[s, row, i] = x[i]
+                    for i in range(SENSORS):
+                        after[s, row, STATES + i] = sensors[i]
+                    for j in range(pushed):
+                        after[s, row, size + j] = push[j]
+                row += 1
                 k += 1
 
 

@@ -1,4 +1,4 @@
-"""Grey box: physical parameters of a plant fitted to records by output error over multiple shooting."""
+"""Grey box: physical parameters of a plant fitted to records by the likelihood of a filter's prediction errors."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_ranges
 from auv_gym.records.record import Record, concat
 from identification.estimate import Estimate, half_width
-from identification.fit.likelihood import colour, covariance
-from identification.fit.shooting import Shooting
+from identification.fit.intervals import information_of, profile_interval
+from identification.fit.prediction_errors import Noise, Point, PredictionErrors
+from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows
 
 SAMPLES_PER_UNKNOWN = 2
@@ -24,42 +25,40 @@ DEPENDENT = 1e-7  # smallest eigenvalue of the scaled normal matrix at which par
 class GreyBoxFit:
     """A plant with its free parameters fitted, and how sure they are.
 
-    covariance: (P, P) in the parameters' units.  residual_rms: per channel.  colour: first-order autocorrelation of the
-    residuals, per channel.  windows: slices of the fitted record, which holds all records given one after the other.
+    covariance: (P, P) in the parameters' units.  noise: of the sensors, and of what pushes the vehicle.
+    log_likelihood: of the prediction errors.  residual_rms: per channel, of free runs over the windows from states that
+    suit each best.  windows: slices of the fitted record, which holds all records given one after the other.
     """
 
     model: Plant
     estimates: tuple[Estimate, ...]
     covariance: np.ndarray
+    noise: Noise
+    log_likelihood: float
     residual_rms: dict[str, float]
-    colour: dict[str, float]
     record: Record
     windows: tuple[slice, ...]
-    starts: np.ndarray
 
     def __getitem__(self, path: str) -> Estimate:
         """The estimate of a path; raises KeyError on one that was not free."""
         return next((e for e in self.estimates if e.path == path), None) or _no_estimate(path, self.estimates)
 
-    def simulated(self) -> np.ndarray:
-        """Outputs over the fitted windows, from the fitted initial states, shape (rows, n_outputs)."""
-        return self.model.run(self.record, self.windows, self.starts)
-
 
 @dataclass(frozen=True)
 class GreyBox:
-    """Output error over multiple shooting, Levenberg-Marquardt; see `identification.fit.shooting`.
+    """Prediction-error fit with noise of sensors and of motion; see `identification.fit.prediction_errors`.
 
-    free: parameter paths of the plant.  window: s, the length of one shooting segment, by default the vehicle's; longer
-    ones weigh slow dynamics more, shorter ones bear more process noise.  Each segment has initial states of its own.
-    Effects start one probe off neutral, where their derivative is defined. Intervals allow for residuals with
-    first-order correlation (Ljung 1999, sec. 9.3).
+    free: parameter paths of the plant.  process: whether random accelerations may push the vehicle, their strength and
+    correlation times estimated; without, this is output error over windows, each begun from states of its own.
+    window: s, the length of a window, by default the vehicle's; with process noise, windows are joined.
+    Effects start one probe off neutral, where their derivative is defined.
     """
 
     plant: Plant
     free: Sequence[str]
     window: float | None = None
     max_iterations: int = 60
+    process: bool = True
 
     def __post_init__(self):
         if not self.free:
@@ -85,30 +84,30 @@ class GreyBox:
                 f"GreyBox needs a stretch of at least {window:g} s without a gap, got {longest:.1f} s: "
                 "record longer or choose a shorter window."
             )
-        problem = Shooting(self.plant, record, windows)
-        unknowns = len(self.free) + problem.nuisances
-        if problem.counts.sum() < SAMPLES_PER_UNKNOWN * unknowns:
+        problem = PredictionErrors(self.plant, record, windows, process=self.process)
+        unknowns = len(self.free) + len(problem.stretches) * len(problem.live) + len(problem.shared_values)
+        if problem.count < SAMPLES_PER_UNKNOWN * unknowns:
             raise ValueError(
                 f"GreyBox needs at least {SAMPLES_PER_UNKNOWN} samples per unknown ({unknowns} unknowns), got "
-                f"{problem.counts.sum()}: record longer, choose longer windows or free fewer parameters."
+                f"{problem.count}: record longer, choose longer windows or free fewer parameters."
             )
         # the coefficients first: from poor ones, an effect would be drawn to a far-fetched value
         paths = tuple(self.free)
         coefficients = [p for p in paths if not p.startswith("effects.")]
-        plant, starts = self.plant, None
+        plant, near = self.plant, None
         if coefficients and len(coefficients) < len(paths):
-            point = problem.solve(plant, coefficients)
-            plant, starts = problem.plant_at(point, coefficients), point.starts
-        point = min(
-            (problem.solve(first, paths, starts, self.max_iterations) for first in self._first_plants(plant)),
-            key=lambda p: p.cost,
+            near = problem.solve(plant, coefficients)
+            plant = problem.plant_at(near, coefficients)
+        point = max(
+            (problem.solve(first, paths, near, self.max_iterations) for first in self._first_plants(plant)),
+            key=lambda p: problem.objective(p, paths),
         )
-        if not np.isfinite(point.cost):
+        if not np.isfinite(point.scores).all():
             raise ValueError(
                 f"The runs of {self.plant.name!r} are not finite near its starting values: "
                 "give a plant with stable coefficients."
             )
-        return self._result(problem, point, paths)
+        return self._result(problem, point, paths, windows)
 
     def _first_plants(self, plant: Plant) -> list[Plant]:
         effects = [p for p in self.free if p.startswith("effects.")]
@@ -122,41 +121,44 @@ class GreyBox:
             plants.append(replace_at(plant, values))
         return plants
 
-    def _result(self, problem: Shooting, point, paths: tuple[str, ...]) -> GreyBoxFit:
-        sigma = problem.sigma(point)
-        linear = problem.linearise(point, paths, sigma)
-        tint = colour(problem, point)
-        matrix, freedom = covariance(problem, point, self.free, linear, tint)
-        scales = np.array([problem.scale(p) for p in paths])
-        problems = _problems(linear.information, linear.raw, paths)
-        width = half_width(freedom)
+    def _result(
+        self, problem: PredictionErrors, point: Point, paths: tuple[str, ...], windows: Sequence[slice]
+    ) -> GreyBoxFit:
+        told = information_of(problem, point, paths)
+        errors = np.sqrt(np.maximum(np.diag(told.covariance), 0.0)) * [problem.scale(p) for p in paths]
+        untold = _problems(told.alone, problem.free_sensitivity(point, paths), paths)
+        width = half_width(max(problem.count - len(paths) - point.logs.size, 3))
         fitted = problem.plant_at(point, paths)
         estimates = []
-        for i, path in enumerate(paths):
-            value, error = value_at(fitted, path), float(np.sqrt(max(matrix[i, i], 0.0)) * scales[i])
-            word = problems.get(path, "")
-            half = np.inf if word else width * error
-            spec = spec_at(fitted, path)
-            estimates.append(
-                Estimate(path, spec.unit, value, np.inf if word else error, (value - half, value + half), word)
-            )
+        for path, error in zip(paths, errors.tolist(), strict=True):
+            value, word, unit = value_at(fitted, path), untold.get(path, ""), spec_at(fitted, path).unit
+            half = width * error
+            limits, (low, high) = (value - half, value + half), problem.bounds(path)
+            if word:
+                error, limits = np.inf, (-np.inf, np.inf)
+            elif not (low < limits[0] and limits[1] < high):
+                limits = profile_interval(problem, point, paths, path, error)
+            estimates.append(Estimate(path, unit, value, error, limits, word))
+        scales = np.array([problem.scale(p) for p in paths])
+        runs = fitted_runs(fitted, problem.record, windows)
+        rms = np.sqrt(np.nanmean(runs.residual**2, axis=0))
         return GreyBoxFit(
             model=fitted,
             estimates=tuple(estimates),
-            covariance=matrix * np.outer(scales, scales),
-            residual_rms=dict(zip(problem.channels, map(float, sigma), strict=True)),
-            colour=dict(zip(problem.channels, map(float, tint), strict=True)),
+            covariance=told.covariance * np.outer(scales, scales),
+            noise=problem.noise_at(point),
+            log_likelihood=problem.total(point),
+            residual_rms=dict(zip(runs.channels, map(float, rms), strict=True)),
             record=problem.record,
-            windows=problem.windows,
-            starts=point.starts,
+            windows=tuple(windows),
         )
 
 
 def _problems(information: np.ndarray, raw: np.ndarray, paths: Sequence[str]) -> dict[str, str]:
     """Why parameters are not determined, by path; empty if all are.
 
-    A column without norm changes nothing that was measured. A null direction of the normal matrix, scaled by the raw
-    sensitivities, is a change that the initial states or other parameters undo; its larger components are named.
+    A column without norm changes nothing that was measured. A null direction of the normal matrix, scaled by the
+    sensitivities of free runs, is a change that initial states or other parameters undo; its larger parts are named.
     """
     found = {}
     alive = [i for i in range(len(paths)) if raw[i] > 1e-9]

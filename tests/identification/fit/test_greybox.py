@@ -86,7 +86,7 @@ def test_a_parameter_that_nothing_measured_depends_on_is_named():
 
 def test_parameters_that_act_alike_are_named_together():
     plant = load_vehicle("slocum")
-    fit = GreyBox(plant, ["hull.n_r", "hull.n_delta", "hull.inertia"]).fit(slocum_log(0))
+    fit = GreyBox(plant, ["hull.n_r", "hull.n_delta", "hull.inertia"]).fit(slocum_log(0, truth={}))
     assert "hull.inertia" in fit["hull.n_delta"].problem
     assert "fix one" in fit["hull.inertia"].problem
     fit = GreyBox(plant, ["hull.n_r", "effects.compass.bias"]).fit(slocum_log(0))
@@ -106,7 +106,7 @@ def test_what_cannot_be_fitted_is_refused_with_a_reason():
     with pytest.raises(ValueError, match="stretch of at least 120 s"):
         GreyBox(plant, ["hull.n_r"]).fit(slocum_log(0, duration=60.0))
     with pytest.raises(ValueError, match="samples per unknown"):
-        GreyBox(plant, ["hull.n_r"], window=8.0).fit(slocum_log(0, duration=60.0))
+        GreyBox(plant, ["hull.n_r"], window=8.0, process=False).fit(slocum_log(0, duration=60.0))
     with pytest.raises(ValueError, match="needs at least one of"):
         GreyBox(plant, ["hull.n_r"]).fit(slocum_log(0).without(["heading_rad"]))
     with pytest.raises(KeyError, match="was not free"):

@@ -1,0 +1,426 @@
+"""A square-root Kalman filter of a linear, time-varying system, and the gradient of its likelihood by the noises.
+
+The state is [x | d]: d are accelerations, each a first-order Gauss-Markov process, that push x.  Rows follow each
+other in stretches; a stretch begins from a start of its own.
+Sources: Potter's update and the triangular time update, Bierman 1977, sec. II.3 and V; adjoint of a filter, Koopman and
+Shephard 1992, Biometrika 79, whose result for all rows this gives for any weights of the rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_gym.compiled import outlined
+
+LEAST_VARIANCE = 1e-300
+NOTHING = 1e-100  # of a root, below which it is zero: its square would be too small for a number
+
+
+@dataclass(frozen=True, eq=False)
+class System:
+    """A linear system over rows.
+
+    a: (rows, N - D, N), from a row to the next one's x.  c: (rows, C, N).  forcing: (rows, N - D), what is taken from
+    x on the way.  error: (rows, C), measured less what a zero state gives; finite: (rows, C).
+    begin: (rows,), 0 in a stretch, 1 where one begins, 2 where it begins with the `constant` states (N,) going on.
+    durations: (rows,), s, to the next row.  start: (W, N - D, N - D), transposed square root of the covariance of x
+    where a stretch begins; where constant states go on, zero in their rows and columns.  origin: (W, N), the mean.
+    """
+
+    a: np.ndarray
+    c: np.ndarray
+    forcing: np.ndarray
+    error: np.ndarray
+    finite: np.ndarray
+    begin: np.ndarray
+    constant: np.ndarray
+    durations: np.ndarray
+    start: np.ndarray
+    origin: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """What a filter made of a system.
+
+    gains: (rows, N, C).  whiten: (rows, C, C), lower triangular, which takes an innovation to unit variance; zero where
+    nothing was measured.  innovations: (rows, C), so scaled.  scores: (rows,), log-likelihood.
+    roots: (rows, N, N), transposed square roots of the covariances before the readings.  means: (rows, N), after them.
+    """
+
+    gains: np.ndarray
+    whiten: np.ndarray
+    innovations: np.ndarray
+    scores: np.ndarray
+    roots: np.ndarray
+    means: np.ndarray
+
+
+def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, times: np.ndarray) -> Pass:
+    """The filter for variances of the channels (C,) and accelerations of deviations and correlation times (D,)."""
+    rows, count, size = system.c.shape
+    found = Pass(
+        np.zeros((rows, size, count)),
+        np.zeros((rows, count, count)),
+        np.zeros((rows, count)),
+        np.zeros(rows),
+        np.zeros((rows, size, size)),
+        np.zeros((rows, size)),
+    )
+    s = system
+    onward = np.ascontiguousarray(s.a.transpose(0, 2, 1))
+    numbers = (onward, s.c, s.forcing, s.error, s.finite, s.begin, s.constant, s.durations, s.start, s.origin)
+    made = (found.gains, found.whiten, found.innovations, found.scores, found.roots, found.means)
+    _forward(*numbers, variances, deviations, times, *made)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """The gradient of a weighted sum of scores.
+
+    noises: (C + 2 D,), by the logarithms of standard deviations of the channels and the accelerations, and of
+    correlation times.  means: (W, N), and covariances: (W, N, N), by those with which the stretches begin.
+    """
+
+    noises: np.ndarray
+    means: np.ndarray
+    covariances: np.ndarray
+
+
+def slopes_of(
+    system: System, found: Pass, weights: np.ndarray, variances: np.ndarray, deviations: np.ndarray, times: np.ndarray
+) -> Slopes:
+    """The gradient of the weighted sum of the scores of a pass, by its adjoint."""
+    s, size = system, found.means.shape[1]
+    slopes = np.zeros(variances.size + 2 * deviations.size)
+    means, covariances = np.zeros((len(s.origin), size)), np.zeros((len(s.origin), size, size))
+    numbers = (s.a, s.c, s.finite, s.begin, s.constant, s.durations)
+    _backward(
+        *numbers, weights, variances, deviations, times,
+        found.gains, found.whiten, found.innovations, found.roots, found.means, slopes, means, covariances,
+    )  # fmt: skip
+    return Slopes(slopes, means, covariances)
+
+
+# Loops over contiguous numbers are innermost and add to an array: compilers vectorise these without reordering sums.
+
+
+@outlined
+def _forward(
+    onward, c, forcing, error, finite, begin, constant, durations, start, origin, variances, deviations, times,
+    gains, whiten, innovations, scores, roots, means,
+):  # fmt: skip
+    """The filter; see `run_filter`.  onward: (rows, N, N - D), `a` transposed."""
+    rows, count, size = c.shape
+    pushed = deviations.shape[0]
+    solid = size - pushed
+    root, wide = np.zeros((size, size)), np.zeros((size + pushed, size))  # transposed
+    mean, moved, column, gain = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    reflector, share_of = np.zeros(size + pushed), np.zeros(size)
+    stretch = -1
+    for k in range(rows):
+        if begin[k] > 0:
+            stretch += 1
+            for i in range(size):
+                power = 0.0
+                for j in range(size):
+                    power += root[j, i] * root[j, i]
+                    root[j, i] = start[stretch, j, i] if i < solid and j < solid else 0.0
+                if begin[k] == 2 and constant[i]:
+                    root[i, i] = np.sqrt(power)
+                else:
+                    mean[i] = origin[stretch, i]
+                    if i >= solid:
+                        root[i, i] = deviations[i - solid]
+        for j in range(size):
+            for i in range(size):
+                roots[k, j, i] = root[j, i]
+        # readings, one by one (Potter)
+        score = 0.0
+        for m in range(count):
+            if not finite[k, m]:
+                continue
+            spread = variances[m]
+            ahead = error[k, m]
+            for j in range(size):
+                column[j] = 0.0
+                gain[j] = 0.0
+            for i in range(size):
+                factor = c[k, m, i]
+                if factor != 0.0:
+                    ahead -= factor * mean[i]
+                    for j in range(size):
+                        column[j] += factor * root[j, i]
+            for j in range(size):
+                spread += column[j] * column[j]
+            spread = max(spread, LEAST_VARIANCE)
+            share = 1.0 / (spread * (1.0 + np.sqrt(variances[m] / spread)))
+            for j in range(size):
+                factor = column[j]
+                for i in range(size):
+                    gain[i] += factor * root[j, i]
+            for j in range(size):
+                factor = share * column[j]
+                for i in range(size):
+                    root[j, i] -= factor * gain[i]
+            for i in range(size):
+                gain[i] /= spread
+                mean[i] += gain[i] * ahead
+            # this reading's innovation in terms of the row's: T, then the whole gain
+            whiten[k, m, m] = 1.0
+            for i in range(size):
+                factor = c[k, m, i]
+                if factor != 0.0:
+                    for n in range(m):
+                        whiten[k, m, n] -= factor * gains[k, i, n]
+            for i in range(size):
+                factor = gain[i]
+                for n in range(m + 1):
+                    gains[k, i, n] += factor * whiten[k, m, n]
+            scale = 1.0 / np.sqrt(spread)
+            for n in range(m + 1):
+                whiten[k, m, n] *= scale
+            innovations[k, m] = ahead * scale
+            score -= 0.5 * (np.log(2.0 * np.pi * spread) + ahead * ahead / spread)
+        scores[k] = score
+        for i in range(size):
+            means[k, i] = mean[i]
+        # to the next row: [A S | sqrt(Q)] made square by reflections
+        if k + 1 < rows and begin[k + 1] != 1:
+            for i in range(size):
+                moved[i] = -forcing[k, i] if i < solid else 0.0
+            for n in range(size):
+                factor = mean[n]
+                for i in range(solid):
+                    moved[i] += factor * onward[k, n, i]
+            for j in range(size):
+                for i in range(size):
+                    wide[j, i] = 0.0
+                for n in range(size):
+                    factor = root[j, n]
+                    if factor != 0.0:
+                        for i in range(solid):
+                            wide[j, i] += factor * onward[k, n, i]
+            for j in range(size, size + pushed):
+                for i in range(size):
+                    wide[j, i] = 0.0
+            for d in range(pushed):
+                i = solid + d
+                decay = np.exp(-durations[k] / times[d])
+                moved[i] = decay * mean[i]
+                for j in range(size):
+                    wide[j, i] = decay * root[j, i]
+                wide[size + d, i] = deviations[d] * np.sqrt(max(1.0 - decay * decay, 0.0))
+            for i in range(size):
+                mean[i] = moved[i]
+            _made_square(wide, root, reflector, share_of)
+
+
+@outlined
+def _made_square(wide, root, reflector, share_of):
+    """A lower-triangular root (n, n) of wide wide^T by Householder reflections; wide (m, n) and root are transposed."""
+    width, size = wide.shape
+    for i in range(size):
+        norm = 0.0
+        for j in range(i, width):
+            reflector[j] = wide[j, i]
+            norm += reflector[j] * reflector[j]
+        norm = np.sqrt(norm)
+        if norm > NOTHING:
+            sign = 1.0 if wide[i, i] >= 0.0 else -1.0
+            power = 2.0 / (2.0 * norm * (norm + abs(wide[i, i])))
+            reflector[i] += sign * norm
+            for n in range(i + 1, size):
+                share_of[n] = 0.0
+            for j in range(i, width):
+                factor = reflector[j]
+                if factor != 0.0:
+                    for n in range(i + 1, size):
+                        share_of[n] += factor * wide[j, n]
+            for j in range(i, width):
+                factor = power * reflector[j]
+                if factor != 0.0:
+                    for n in range(i + 1, size):
+                        wide[j, n] -= factor * share_of[n]
+            wide[i, i] = -sign * norm
+        for j in range(size):
+            root[j, i] = wide[j, i] if j <= i and abs(wide[j, i]) > NOTHING else 0.0
+
+
+@outlined
+def _backward(
+    a, c, finite, begin, constant, durations, weights, variances, deviations, times,
+    gains, whiten, innovations, roots, means, slopes, mean_slopes, covariance_slopes,
+):  # fmt: skip
+    """The adjoint of `_forward`; see `slopes_of`."""
+    rows, count, size = c.shape
+    pushed = deviations.shape[0]
+    solid = size - pushed
+    mean, covariance = np.zeros(size), np.zeros((size, size))  # slopes by what the next row begins with
+    before, product, known = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    inverse, inner, across = np.zeros((count, count)), np.zeros((count, count)), np.zeros((count, size))
+    weighted, outer, reach = np.zeros((size, count)), np.zeros((size, count)), np.zeros((count, size))
+    scaled, onto = np.zeros(count), np.zeros(count)
+    stretch = mean_slopes.shape[0]
+    for k in range(rows - 1, -1, -1):
+        # from the next row's beginning back to after this row's readings
+        ends = k + 1 == rows or begin[k + 1] == 1
+        if k + 1 < rows and begin[k + 1] > 0:
+            for d in range(pushed):
+                slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
+            for i in range(size):  # of what goes on, without its company
+                keeps = constant[i] and not ends
+                mean[i] = mean[i] if keeps else 0.0
+                for j in range(size):
+                    covariance[i, j] = covariance[i, j] if keeps and i == j else 0.0
+        if not ends:
+            _known(roots[k], known)
+            _updated(known, gains[k], c[k], reach)
+            for i in range(size):  # P A^T P_next A, by rows
+                for j in range(size):
+                    product[i, j] = 0.0
+                for n in range(solid):
+                    factor = covariance[i, n]
+                    if factor != 0.0:
+                        for j in range(size):
+                            product[i, j] += factor * a[k, n, j]
+                before[i] = 0.0
+            for d in range(pushed):
+                j = solid + d
+                decay = np.exp(-durations[k] / times[d])
+                for i in range(size):
+                    product[i, j] += covariance[i, j] * decay
+            for d in range(pushed):
+                i = solid + d
+                decay = np.exp(-durations[k] / times[d])
+                ratio = decay * durations[k] / times[d]  # of the decay, by the logarithm of the time
+                if begin[k + 1] == 0:
+                    slopes[count + d] += covariance[i, i] * 2.0 * deviations[d] ** 2 * (1.0 - decay * decay)
+                    total = mean[i] * means[k, i] - 2.0 * deviations[d] ** 2 * decay * covariance[i, i]
+                    for n in range(size):
+                        total += 2.0 * product[i, n] * known[n, i]
+                    slopes[count + pushed + d] += total * ratio
+                before[i] = decay * mean[i]
+            for n in range(solid):
+                factor = mean[n]
+                for j in range(size):
+                    before[j] += factor * a[k, n, j]
+            for i in range(size):
+                mean[i] = before[i]
+                for j in range(size):
+                    covariance[i, j] = 0.0
+            for n in range(solid):
+                for i in range(size):
+                    factor = a[k, n, i]
+                    if factor != 0.0:
+                        for j in range(size):
+                            covariance[i, j] += factor * product[n, j]
+            for d in range(pushed):
+                i = solid + d
+                decay = np.exp(-durations[k] / times[d])
+                for j in range(size):
+                    covariance[i, j] += decay * product[i, j]
+        # the readings
+        for m in range(count):
+            scaled[m] = 0.0
+            onto[m] = 0.0
+            for n in range(count):
+                inverse[m, n] = 0.0
+                inner[m, n] = 0.0
+        for j in range(count):
+            for m in range(j + 1):
+                factor = whiten[k, j, m]
+                scaled[m] += factor * innovations[k, j]
+                if factor != 0.0:
+                    for n in range(j + 1):
+                        inverse[m, n] += factor * whiten[k, j, n]
+        for i in range(size):
+            factor = mean[i]
+            for m in range(count):
+                onto[m] += factor * gains[k, i, m]
+                weighted[i, m] = 0.0
+            for j in range(size):
+                factor = covariance[i, j]
+                for m in range(count):
+                    weighted[i, m] += factor * gains[k, j, m]
+        for i in range(size):
+            for m in range(count):
+                factor = gains[k, i, m]
+                for n in range(count):
+                    inner[m, n] += factor * weighted[i, n]
+        for m in range(count):
+            for n in range(count):
+                inner[m, n] -= 0.5 * (onto[m] * scaled[n] + scaled[m] * onto[n])
+                inner[m, n] += 0.5 * weights[k] * (scaled[m] * scaled[n] - inverse[m, n])
+            if finite[k, m]:
+                slopes[m] += inner[m, m] * 2.0 * variances[m]
+        for i in range(size):
+            for m in range(count):
+                outer[i, m] = mean[i] * scaled[m] - 2.0 * weighted[i, m]
+        for m in range(count):
+            for j in range(size):
+                across[m, j] = 0.0
+            for n in range(count):
+                factor = inner[m, n]
+                for j in range(size):
+                    across[m, j] += factor * c[k, n, j]
+            factor = onto[m] - weights[k] * scaled[m]
+            for i in range(size):
+                mean[i] -= factor * c[k, m, i]
+        for i in range(size):
+            for j in range(size):
+                product[i, j] = 0.0
+        for m in range(count):
+            for j in range(size):
+                factor = c[k, m, j]
+                if factor != 0.0:
+                    for i in range(size):
+                        product[j, i] += factor * (outer[i, m] + across[m, i])
+        for i in range(size):
+            for j in range(size):
+                covariance[i, j] += 0.5 * (product[i, j] + product[j, i])
+        if begin[k] > 0:
+            stretch -= 1
+            for i in range(size):
+                mean_slopes[stretch, i] = mean[i]
+                for j in range(size):
+                    covariance_slopes[stretch, i, j] = covariance[i, j]
+    for d in range(pushed):
+        slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
+
+
+@outlined
+def _known(root, covariance):
+    """root^T root into covariance."""
+    size = root.shape[0]
+    for i in range(size):
+        for j in range(size):
+            covariance[i, j] = 0.0
+    for n in range(size):
+        for i in range(size):
+            factor = root[n, i]
+            if factor != 0.0:
+                for j in range(size):
+                    covariance[i, j] += factor * root[n, j]
+
+
+@outlined
+def _updated(covariance, gain, c, reach):
+    """The covariance after a row's readings, P - K C P, in place; reach: work, (C, N)."""
+    count, size = c.shape
+    for m in range(count):
+        for j in range(size):
+            reach[m, j] = 0.0
+        for n in range(size):
+            factor = c[m, n]
+            if factor != 0.0:
+                for j in range(size):
+                    reach[m, j] += factor * covariance[n, j]
+    for i in range(size):
+        for m in range(count):
+            factor = gain[i, m]
+            for j in range(size):
+                covariance[i, j] -= factor * reach[m, j]

@@ -1,0 +1,1 @@
+"""Fits and diagnoses of vehicles that something pushes about: `python -m scripts.studies.process_noise`."""

@@ -1,0 +1,160 @@
+"""The filter against statsmodels, its gradient against differences, its stretches against filters of their own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from statsmodels.tsa.statespace.mlemodel import MLEModel
+
+from identification.fit.kalman import System, run_filter, slopes_of
+
+SOLID, PUSHED, CHANNELS, ROWS = 3, 2, 3, 40
+SIZE = SOLID + PUSHED
+LOGS = np.log([0.3, 0.5, 0.7, 0.4, 0.2, 3.0, 8.0])  # of channels, accelerations, correlation times
+
+
+def system(
+    seed: int = 0, begins: tuple[int, ...] = (0,), carried: tuple[int, ...] = (), dt: float | None = None
+) -> System:
+    """A system that changes from row to row, with readings that are missing."""
+    rng = np.random.default_rng(seed)
+    a = np.concatenate([0.8 * np.eye(SOLID), rng.normal(size=(SOLID, PUSHED))], axis=1)
+    a = a + 0.1 * rng.normal(size=(ROWS, SOLID, SIZE))
+    constant = np.zeros(SIZE, dtype=bool)
+    if carried:
+        constant[1] = True
+        a[:, 1], a[:, 1, 1] = 0.0, 1.0
+    c = rng.normal(size=(ROWS, CHANNELS, SIZE))
+    c[:, :, SOLID:] = 0.0
+    begin = np.zeros(ROWS, dtype=np.int64)
+    begin[list(begins)] = 1
+    begin[list(carried)] = 2
+    finite = rng.random((ROWS, CHANNELS)) < 0.8
+    durations = rng.uniform(0.5, 1.5, ROWS) if dt is None else np.full(ROWS, dt)
+    count = len(begins) + len(carried)
+    start = np.tril(rng.uniform(0.2, 1.0, (count, SOLID, SOLID))).transpose(0, 2, 1)
+    for w, row in enumerate(sorted((*begins, *carried))):
+        if row in carried:
+            start[w, 1], start[w, :, 1] = 0.0, 0.0
+    error = np.where(finite, rng.normal(size=(ROWS, CHANNELS)), 0.0)
+    forcing, origin = rng.normal(size=(ROWS, SOLID)), 0.3 * rng.normal(size=(count, SIZE))
+    return System(a, c, forcing, error, finite, begin, constant, durations, start, origin)
+
+
+def numbers(logs: np.ndarray):
+    return np.exp(2.0 * logs[:CHANNELS]), np.exp(logs[CHANNELS : CHANNELS + PUSHED]), np.exp(logs[-PUSHED:])
+
+
+class Reference(MLEModel):
+    """The same system for statsmodels."""
+
+    def __init__(self, s: System, logs: np.ndarray):
+        readings = np.where(s.finite, s.error, np.nan)
+        super().__init__(readings, k_states=SIZE, k_posdef=PUSHED, initialization="known",
+                         initial_state=s.origin[0], initial_state_cov=self.start(s, logs))  # fmt: skip
+        variances, deviations, times = numbers(logs)
+        decay = np.exp(-s.durations[:, None] / times)
+        turn = np.zeros((SIZE, SIZE, ROWS))
+        turn[:SOLID] = s.a.transpose(1, 2, 0)
+        push = np.zeros((PUSHED, PUSHED, ROWS))
+        for d in range(PUSHED):
+            turn[SOLID + d, SOLID + d] = decay[:, d]
+            push[d, d] = deviations[d] ** 2 * (1.0 - decay[:, d] ** 2)
+        self["transition"], self["state_cov"] = turn, push
+        self["selection"] = np.eye(SIZE)[:, SOLID:]
+        self["design"], self["obs_cov"] = s.c.transpose(1, 2, 0), np.diag(variances)
+        self["state_intercept"] = np.concatenate([-s.forcing.T, np.zeros((PUSHED, ROWS))])
+
+    @staticmethod
+    def start(s: System, logs: np.ndarray) -> np.ndarray:
+        covariance = np.diag(np.r_[np.zeros(SOLID), numbers(logs)[1] ** 2])
+        covariance[:SOLID, :SOLID] = s.start[0].T @ s.start[0]
+        return covariance
+
+
+def test_the_likelihood_is_that_of_statsmodels():
+    for seed in range(5):
+        s = system(seed)
+        ours = run_filter(s, *numbers(LOGS))
+        theirs = Reference(s, LOGS).ssm.filter()
+        # rounding of two filters that order their sums differently
+        assert ours.scores.sum() == pytest.approx(theirs.llf, rel=1e-8)
+        assert ours.scores == pytest.approx(theirs.llf_obs, rel=1e-8, abs=1e-8)
+        assert ours.means == pytest.approx(theirs.filtered_state.T, abs=1e-8)
+
+
+def test_gains_and_whitened_errors_belong_to_the_rows_covariance():
+    s = system(1)
+    made, theirs = run_filter(s, *numbers(LOGS)), Reference(s, LOGS).ssm.filter()
+    k = 17
+    seen = s.finite[k]
+    covariance = theirs.forecasts_error_cov[:, :, k][np.ix_(seen, seen)]
+    whiten = made.whiten[k][np.ix_(seen, seen)]
+    assert whiten @ covariance @ whiten.T == pytest.approx(np.eye(seen.sum()), abs=1e-8)
+    root = made.roots[k]
+    assert root.T @ root == pytest.approx(theirs.predicted_state_cov[:, :, k], abs=1e-8)
+    assert np.all(made.gains[k][:, ~seen] == 0.0)
+
+
+@pytest.mark.parametrize("begins, carried", [((0,), ()), ((0, 15), ()), ((0,), (12, 25))])
+def test_the_gradient_is_that_of_central_differences(begins, carried):
+    s, weights = system(2, begins, carried), np.random.default_rng(3).random(ROWS)
+
+    def value(logs: np.ndarray) -> float:
+        return float(weights @ run_filter(s, *numbers(logs)).scores)
+
+    exact = slopes_of(s, run_filter(s, *numbers(LOGS)), weights, *numbers(LOGS)).noises
+    step = 1e-5
+    numeric = [(value(LOGS + step * e) - value(LOGS - step * e)) / (2.0 * step) for e in np.eye(LOGS.size)]
+    assert exact == pytest.approx(numeric, rel=1e-6, abs=1e-6)  # rounding of differences over 1e-5
+
+
+def test_a_stretch_begins_anew():
+    whole, cut = system(4, (0, 20)), slice(20, None)
+    names = ("a", "c", "forcing", "error", "finite", "begin", "durations")
+    own = {name: getattr(whole, name)[cut] for name in names}
+    rest = replace(whole, **own, start=whole.start[1:], origin=whole.origin[1:])
+    assert run_filter(whole, *numbers(LOGS)).scores[cut] == pytest.approx(run_filter(rest, *numbers(LOGS)).scores)
+
+
+def test_what_goes_on_from_one_stretch_to_the_next_is_known_there():
+    s = system(5, (0,), (20,))
+    roots = run_filter(s, *numbers(LOGS)).roots
+    first, last, after = (np.diag(roots[k].T @ roots[k]) for k in (0, 19, 20))
+    assert after[1] <= last[1] < 0.5 * first[1]
+    assert after[[0, 2]] == pytest.approx(np.diag(s.start[1].T @ s.start[1])[[0, 2]])
+
+
+def test_slopes_by_the_starts_are_those_of_central_differences():
+    s, weights = system(7, (0, 15)), np.random.default_rng(8).random(ROWS)
+    found = slopes_of(s, run_filter(s, *numbers(LOGS)), weights, *numbers(LOGS))
+
+    def value(origin: np.ndarray, start: np.ndarray) -> float:
+        return float(weights @ run_filter(replace(s, origin=origin, start=start), *numbers(LOGS)).scores)
+
+    step = 1e-5
+    for w in range(2):
+        for i in range(SOLID):
+            moved = np.zeros_like(s.origin)
+            moved[w, i] = step
+            numeric = (value(s.origin + moved, s.start) - value(s.origin - moved, s.start)) / (2.0 * step)
+            assert found.means[w, i] == pytest.approx(numeric, rel=1e-6, abs=1e-6)
+        covariance, turned = s.start[w].T @ s.start[w], np.zeros((SOLID, SOLID))
+        turned[0, 1] = turned[1, 0] = step
+        values = []
+        for side in (1.0, -1.0):
+            start = s.start.copy()
+            start[w] = np.linalg.cholesky(covariance + side * turned).T
+            values.append(value(s.origin, start))
+        numeric = (values[0] - values[1]) / (2.0 * step)
+        both = found.covariances[w, 0, 1] + found.covariances[w, 1, 0]
+        assert both == pytest.approx(numeric, rel=1e-5, abs=1e-6)
+
+
+def test_without_noise_of_motion_what_is_forgotten_stays_a_number():
+    s = system(6)
+    s.a[:, :, :SOLID] *= 1e-5  # in 40 rows its variance would fall below the least number
+    quiet = np.r_[LOGS[:CHANNELS], -40.0, -40.0, LOGS[-PUSHED:]]
+    made = run_filter(s, *numbers(quiet))
+    assert np.isfinite(made.scores).all()
+    assert np.isfinite(slopes_of(s, made, np.ones(ROWS), *numbers(quiet)).noises).all()

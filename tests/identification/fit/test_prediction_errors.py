@@ -1,0 +1,216 @@
+"""The filter's likelihood: free runs where nothing pushes, noises recovered where something does, slopes, starts."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from auv_gym.param import replace_at, value_at
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.records.record import Record
+from identification.fit.greybox import GreyBox
+from identification.fit.intervals import information_of, profile_interval
+from identification.fit.prediction_errors import STEP, Noise, PredictionErrors
+from identification.fit.shooting import Shooting
+
+GLIDER = load_vehicle("ganeshblue")
+SENSORS = {"heading_rad": 0.01, "r_radps": 0.003}
+OFFSET, COEFFICIENTS = "effects.rudder.offset", ("hull.n_r", "hull.n_delta")
+PATHS = (*COEFFICIENTS, OFFSET)
+PIECES = 16  # of a sample, in which the truth is pushed: its yaw rate decays to an eighth within one
+
+
+def glider_log(seed: int, push: float = 0.006, tau: float = 15.0, rows: int = 500, **changes: float) -> Record:
+    """A glider that a random yaw acceleration pushes, rad/s^2 and s, steered by a random telegraph."""
+    plant: Plant = replace(replace_at(GLIDER, {OFFSET: 0.03} | changes), dt=GLIDER.dt / PIECES)
+    rng, hold = np.random.default_rng(seed), 25
+    inputs = np.zeros((rows, len(plant.inputs)))
+    inputs[:, 0] = np.repeat(rng.choice([-1.0, 1.0], rows // hold) * rng.uniform(0.05, 0.3, rows // hold), hold)
+    inputs[:, plant.inputs.index("u_mps")] = 0.5 + 0.05 * np.sin(np.arange(rows) / 50.0)
+    at, x, pushed = plant.family.states.index("r_radps"), plant.initial(np.full(len(plant.outputs), np.nan)), 0.0
+    decay, readings = np.exp(-GLIDER.dt / tau), []
+    pushed = push * rng.standard_normal()
+    for u in inputs:
+        readings.append(plant.output(x))
+        for _ in range(PIECES):
+            x[at] += 0.5 * plant.dt * pushed
+            x = plant.step(x, u)
+            x[at] += 0.5 * plant.dt * pushed
+        pushed = decay * pushed + push * np.sqrt(1.0 - decay**2) * rng.standard_normal()
+    y = np.array(readings)
+    channels = {n: y[:, plant.outputs.index(n)] + s * rng.standard_normal(rows) for n, s in SENSORS.items()}
+    channels |= {n: inputs[:, plant.inputs.index(n)] for n in ("rudder_rad", "u_mps")}
+    return Record.from_arrays(GLIDER.dt * np.arange(rows), channels)
+
+
+def whole(record: Record) -> list[slice]:
+    return [slice(0, len(record))]
+
+
+@pytest.fixture(scope="module")
+def pushed() -> Record:
+    return glider_log(0)
+
+
+def test_what_pushes_the_vehicle_is_found():
+    """Its strength within a factor of 1.5, as a spread of 15 % of the estimate over seeds allows."""
+    for seed in range(4):
+        log = glider_log(seed)
+        problem = PredictionErrors(GLIDER, log, whole(log))
+        noise = problem.noise_at(problem.solve(GLIDER, PATHS))
+        size, time = noise.process["r_radps"]
+        assert 0.006 / 1.5 < size < 0.006 * 1.5
+        assert 5.0 < time < 45.0
+        assert noise.measurement == pytest.approx(SENSORS, rel=0.15)  # four standard errors of 500 readings
+
+
+def test_nothing_is_said_to_push_a_vehicle_that_nothing_pushes():
+    log = glider_log(1, push=0.0)
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    assert not problem.noise_at(problem.solve(GLIDER, PATHS)).process
+
+
+def test_estimates_scatter_by_what_is_said_of_them_where_free_runs_do_not():
+    scores: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(12):
+        log = glider_log(seed)
+        for process, found in scores.items():
+            fit = GreyBox(GLIDER, PATHS, process=process).fit(log)
+            found += [(fit[p].value - (0.03 if p == OFFSET else value_at(GLIDER, p))) / fit[p].error for p in PATHS]
+    spread = {process: float(np.sqrt(np.mean(np.square(found)))) for process, found in scores.items()}
+    assert 0.6 < spread[True] < 1.5  # 12 logs of three parameters, two of which go together
+    assert spread[False] > 1.3 * spread[True]
+
+
+def test_without_process_noise_the_fit_is_output_error():
+    """Either fit is as likely as the other, by the filter and by free runs over windows with fitted starts."""
+    log = glider_log(2, push=0.0)
+    windows = log.windows(100.0)
+    problem, shooting = PredictionErrors(GLIDER, log, windows, process=False), Shooting(GLIDER, log, windows)
+    point, runs = problem.solve(GLIDER, PATHS), shooting.solve(GLIDER, PATHS)
+    other = problem.point(runs.vector, point.logs, point)
+    assert problem.total(other) == pytest.approx(problem.total(point), abs=0.05)
+    cost = shooting.solve(problem.plant_at(point, PATHS), ()).cost
+    assert cost == pytest.approx(runs.cost, abs=0.05)
+    # rows at the windows' starts know less than the fitted start does
+    assert np.sqrt(np.mean(point.innovations**2, axis=0)) == pytest.approx(shooting.sigma(runs), rel=0.1)
+
+
+def test_process_noise_that_tends_to_zero_gives_free_runs():
+    log = glider_log(4, push=0.0)
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    true = replace_at(GLIDER, OFFSET, 0.03)
+    point = problem.point(true.vector, problem.logs_of(Noise(SENSORS, {"r_radps": (1e-9, 15.0)})))
+    runs = Shooting(true, log, whole(log)).solve(true, ())
+    # after a tenth of the log its start no longer matters to the filter
+    assert point.innovations[50:] == pytest.approx(runs.residual[50:], abs=0.1 * SENSORS["heading_rad"])
+
+
+def test_slopes_are_those_of_the_errors_with_the_gains_held(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.solve(GLIDER, ())
+    columns = problem.columns_of(point, [(p, STEP) for p in PATHS])
+    for path, column in zip(PATHS, columns, strict=True):
+        vectors = []
+        for side in (-1.0, 1.0):
+            vector = point.vector.copy()
+            vector[problem.index[path]] += side * STEP * problem.scale(path)
+            vectors.append(vector)
+        before, after = (problem.with_gains(point, vector).errors for vector in vectors)
+        central = (before - after) / (2.0 * STEP)
+        assert column == pytest.approx(central, abs=0.02 * np.abs(central).max())  # one-sided against central
+
+
+def test_errors_of_the_right_model_are_white_and_of_unit_variance(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    errors = problem.solve(GLIDER, PATHS).errors
+    assert np.mean(errors**2, axis=0) == pytest.approx([1.0, 1.0], abs=0.1)
+    for error in errors.T:
+        assert abs(np.corrcoef(error[1:], error[:-1])[0, 1]) < 4.0 / np.sqrt(len(error))
+
+
+def test_rows_that_are_not_counted_are_filtered_and_change_no_estimate(pushed):
+    half = slice(0, 250)
+    counted = PredictionErrors(GLIDER, pushed, whole(pushed), counted=[half])
+    point = counted.solve(GLIDER, PATHS)
+    assert counted.total(point) == pytest.approx(point.scores[half].sum())
+    assert np.all(np.abs(point.innovations[250:]).max(axis=0) > 0.0)
+    alone = PredictionErrors(GLIDER, pushed, [half])
+    other = alone.solve(GLIDER, PATHS)
+    for path in PATHS:
+        error = alone.standard_errors(GLIDER, PATHS, alone.noise_at(other))[path]
+        i = alone.index[path]
+        assert point.vector[i] == pytest.approx(other.vector[i], abs=0.2 * error)  # its start counts other rows too
+
+
+def test_a_wrong_start_is_corrected_and_costs_no_likelihood(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    logs = problem.solve(GLIDER, ()).logs
+    right = problem.total(problem.point(GLIDER.vector, logs))
+    problem.starts = problem.starts + np.array([0.05, 0.02, *np.zeros(problem.starts.shape[1] - 2)])
+    assert problem.total(problem.point(GLIDER.vector, logs)) == pytest.approx(right, abs=0.2)
+
+
+def test_an_acceleration_acts_on_a_velocity_that_decays_as_it_does_in_fine_steps():
+    problem = PredictionErrors(GLIDER, glider_log(3), [slice(0, 100)])
+    (state, before, after), dt = problem.kicks[0], GLIDER.dt
+    at, fine = int(state), replace(GLIDER, dt=dt / 200.0)
+    inputs = np.zeros(len(GLIDER.inputs))
+    inputs[GLIDER.inputs.index("u_mps")] = 0.5
+
+    def moved(plant: Plant, steps: int, first: float, last: float) -> np.ndarray:
+        x = plant.initial(np.array([0.0, 0.0, 0.0, 0.0]))
+        for _ in range(steps):
+            x[at] += first * plant.dt * 1e-3
+            x = plant.step(x, inputs)
+            x[at] += last * plant.dt * 1e-3
+        return x[:2]  # heading and yaw rate
+
+    # a tenth: the decay is that of the median speed, and the heading lags behind the rate
+    assert moved(GLIDER, 1, before, after) == pytest.approx(moved(fine, 200, 0.5, 0.5), rel=0.1)
+
+
+def test_windows_that_touch_are_one_stretch_and_without_process_noise_each_is_its_own(pushed):
+    windows = [slice(0, 100), slice(100, 250), slice(300, 400)]
+    assert PredictionErrors(GLIDER, pushed, windows).stretches == [slice(0, 250), slice(300, 400)]
+    assert PredictionErrors(GLIDER, pushed, windows, process=False).stretches == windows
+
+
+def test_a_plant_that_runs_away_is_refused_in_words(pushed):
+    wild = replace_at(GLIDER, "effects.discovered.yaw.r_r", 1e9)
+    with pytest.raises(ValueError, match=r"not finite from one sample .* to the next"):
+        PredictionErrors(wild, pushed, whole(pushed)).solve(wild, ())
+
+
+def test_a_profile_of_a_smooth_parameter_is_its_interval_and_ends_at_a_bound(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.solve(GLIDER, PATHS)
+    told = information_of(problem, point, PATHS)
+    k = PATHS.index(OFFSET)
+    error = float(np.sqrt(told.covariance[k, k])) * problem.scale(OFFSET)
+    value = point.vector[problem.index[OFFSET]]
+    low, high = profile_interval(problem, point, PATHS, OFFSET, error)
+    assert low == pytest.approx(value - 1.96 * error, abs=0.4 * error)  # noises held, scores that correlate allowed for
+    assert high == pytest.approx(value + 1.96 * error, abs=0.4 * error)
+    lag = "effects.rudder.lag"
+    beside = problem.solve(replace_at(GLIDER, lag, 0.05), (*PATHS, lag))
+    low, high = profile_interval(problem, beside, (*PATHS, lag), lag, 0.05)
+    assert low == 0.0  # a lag is not negative
+    assert 0.0 < high < 2.0
+
+
+@pytest.mark.slow
+def test_likelihood_ratios_on_clean_logs_follow_chi_square():
+    """Twice the gain by an effect that is not there, noises refitted: quantiles over 500 logs."""
+    ratios = []
+    for seed in range(500):
+        log = glider_log(seed, rows=400, **{OFFSET: 0.0})
+        problem = PredictionErrors(GLIDER, log, whole(log))
+        without = problem.solve(GLIDER, COEFFICIENTS)
+        beside = problem.solve(problem.plant_at(without, COEFFICIENTS), (*COEFFICIENTS, "effects.rudder.gain"), without)
+        ratios.append(2.0 * (problem.objective(beside, COEFFICIENTS) - problem.objective(without, COEFFICIENTS)))
+    for share in (0.5, 0.9, 0.95, 0.99):
+        above = float(np.mean(np.array(ratios) > stats.chi2.ppf(share, 1)))
+        spread = np.sqrt(share * (1.0 - share) / 500)
+        assert above == pytest.approx(1.0 - share, abs=3.5 * spread), share
