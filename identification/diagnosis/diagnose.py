@@ -8,7 +8,6 @@ from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
-from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_excitation, check_ranges
 from auv_gym.records.record import Record
@@ -23,7 +22,7 @@ from identification.diagnosis.judge.findings import (
     twin_effects,
 )
 from identification.diagnosis.judge.habitat import residual_habitat
-from identification.diagnosis.judge.judgement import EXPLAINED, disagrees, explained_share, verdict_of
+from identification.diagnosis.judge.judgement import explained_share, many_windows, verdict_of, what_is_left
 from identification.diagnosis.judge.verdict import Asked, Diagnosis, Stage
 from identification.diagnosis.log.kinematics import kinematic_findings
 from identification.diagnosis.log.plausibility import log_doubts
@@ -32,9 +31,9 @@ from identification.diagnosis.search.attribution import attribute, confirmed, wi
 from identification.diagnosis.search.candidates import candidates_of, screen
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.swaps import Reconsidering
-from identification.diagnosis.search.trials import FEW_STATES, Progress
+from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State, Workbench, noise_limited_length
-from identification.fit.innovations import Choice, InnovationsForm
+from identification.fit.prediction_errors import STEP
 from identification.fit.residual import residual_summary
 from identification.fit.validation import fitted_runs, free_runs, whiteness
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out
@@ -43,7 +42,7 @@ MOST_EFFECTS = 3
 LEAST_WINDOWS = 4
 DOUBT = 0.1  # standard deviation of a vehicle's own coefficients, relative
 SETTLE_SHARE = 0.2  # of a window that is shorter than the vehicle's
-FEW_ROWS = 1500  # samples up to which a vehicle of few states is filtered too, for its process noise
+FEW_STATES = 4  # that the filter follows, up to which effects are exchanged for each other where something is left
 
 
 def diagnose(
@@ -73,6 +72,7 @@ def diagnose(
     if settle is None:
         settle = plant.settle if window >= plant.window else min(plant.settle, SETTLE_SHARE * window)
     windows = _checked_windows(record, plant, window, settle)
+    blocks = held_out(plant, record, windows)
     longest, calm = window, noise_limited_length(plant, record, window)
     if calm < window:
         window, settle = calm, min(settle, SETTLE_SHARE * calm)
@@ -84,12 +84,13 @@ def diagnose(
         anyway = _in_spite(record, plant, asked, source, progress)
         if anyway is not None:
             return anyway
-    train, held = held_out(plant, record, windows)
-    bench = Workbench(plant, record, train, held, settle, doubt, calm == longest)
+    bench = Workbench(plant, record, *blocks, doubt)
+    held = [w for w in windows if any(b.start <= w.start and w.stop <= b.stop for b in blocks[1])]
     longest_step, plant = plant.longest_step, bench.plant
-    coefficients = _free_coefficients(bench, plant)
-    progress(0.02, "refitting the coefficients")
+    progress(0.02, "filtering with the vehicle as given")
     given = bench.fit(plant, ())
+    coefficients = _free_coefficients(bench, given)
+    progress(0.03, "refitting the coefficients")
     nominal = bench.fit(plant, () if slipped else coefficients, given)
     kinematics = kinematic_findings(record, plant)
     candidates = [] if slipped else candidates_of(plant, record)
@@ -99,35 +100,36 @@ def diagnose(
     chosen = [r.chosen for r in rounds if r.chosen is not None]
     state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
     state, rounds = confirmed(bench, nominal, state, rounds, len(candidates))
+    library = library_of(state.plant)
+    left = what_is_left(bench, state, library)
+    few = sum(i < len(plant.family.states) for i in bench.problem.live) <= FEW_STATES  # elsewhere it takes minutes
+    if rounds and few and left:
+        progress(0.8, "trying other effects in each one's place")
+        again, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
+        again, rounds = confirmed(bench, nominal, again, rounds, len(candidates))
+        if again is not state:
+            state = again
+            left = what_is_left(bench, state, library)
+    if state is nominal and left and not what_is_left(bench, given, library):
+        state = nominal = given  # what the errors refute is the refit, not the vehicle
+        left = what_is_left(bench, given, library)
+    progress(0.84, "scoring free runs")
 
     def stage(of: Plant) -> Stage:
         return _stage(of, record, windows, held, settle, longest_step)
 
-    progress(0.8, "scoring free runs")
-    after = stage(state.plant)
-    left = disagrees(after, bench, state.paths, longest)
-    few = len(bench.train.start_states) <= FEW_STATES  # elsewhere it would take minutes
-    if rounds and few and left:
-        progress(0.82, "trying other effects in each one's place")
-        again, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
-        again, rounds = confirmed(bench, nominal, again, rounds, len(candidates))
-        if again is not state:
-            state, after = again, stage(again.plant)
-            left = disagrees(after, bench, state.paths, longest)
-    as_given = stage(given.plant)
-    if state is nominal and left and not disagrees(as_given, bench, (), longest):
-        state = nominal = given  # what the held-out windows refute is the refit, not the vehicle
-        after, left = as_given, False
+    after, as_given = stage(state.plant), stage(given.plant)
     before = after if state is nominal else stage(nominal.plant)
     count, rest = len(candidates), [] if slipped else candidates_of(state.plant, record)
-    screening = tuple(screen(bench.train, state.train, state.paths, rest, state.colour, threshold(count)))
+    screening = tuple(screen(bench.problem, state.point, state.paths, rest, threshold(count)))
     sizes = bench.intervals(state)
     found = tuple(
         coefficient_of(plant, p, sizes[p], count, plant.deviation(p, doubt)) for p in coefficients if p in sizes
     )
-    effects, tied = effects_of(state, rounds, sizes)
-    explained, from_given = (explained_share(one, after, bench) for one in (before, as_given))
-    wrong = any(c.wrong for c in found) and from_given >= EXPLAINED
+    effects, tied = effects_of(bench, state, rounds, sizes)
+    many = many_windows(held, calm == longest)
+    explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
+    wrong = any(c.wrong for c in found)
     refit_is_all = not effects
     if wrong:
         if refit_is_all:
@@ -135,29 +137,25 @@ def diagnose(
         groups = coefficient_twins(plant, found)
         effects += twin_effects(groups, effects, found, bench, state, count)
         tied += [group for group in groups if not any(group[0] in other for other in tied)]
-    verdict = verdict_of(effects, tied, explained, left, refit_is_all, wrong)
+    verdict = verdict_of(effects, tied, explained, bool(left), refit_is_all, wrong)
     discovery, habitat, rng, extras = None, None, np.random.default_rng(seed), Extras()
     if slipped or (doubts and verdict == "unexplained"):
         verdict = "doubted"
-    elif left or verdict == "unexplained":
-        progress(0.85, "looking for a term that no effect is")
+    elif left:
+        progress(0.88, "looking for a term that no effect is")
         discovery = extras.attempt(
             "The search for a term that no effect is",
-            lambda: discover(bench.train, bench.held, state, library_of(state.plant), rng, settle),
-            Discovery(state.plant, state.paths, state.train, state.held, state.colour),
+            lambda: discover(bench, state, library, rng, settle),
+            Discovery(state.plant, state.paths, state),
         )
-        still = left
+        still: object = left
         if discovery.holds:
             after = stage(discovery.plant)
-            still = disagrees(after, bench, state.paths, longest)
+            still = what_is_left(bench, discovery.state, library_of(discovery.plant))
         if still:
             habitat = extras.attempt(
                 "The description of what remains", lambda: residual_habitat(after.fitted, record, rng), None
             )
-    form = None
-    if left and effects and plant.family.body is None and bench.train.runs.rows <= FEW_ROWS:
-        progress(0.95, "filtering, for the process noise")
-        form = extras.attempt("The fit with process noise", lambda: _form(state, record, train), None)
     progress(1.0, "done")
     diagnosis = Diagnosis(
         verdict=verdict,
@@ -174,7 +172,7 @@ def diagnose(
         screening=screening,
         explained=explained,
         remains=residual_summary(after.fitted, record),
-        windows=(tuple(train), tuple(held)),
+        windows=(tuple(w for w in windows if w not in held), tuple(held)),
         window=window,
         settle=settle,
         seed=seed,
@@ -183,7 +181,8 @@ def diagnose(
         kinematics=kinematics,
         discovery=discovery,
         habitat=habitat,
-        form=form,
+        noise=bench.noise(state),
+        coloured=left.coloured,
         source=source,
         versions=_versions(),
     )
@@ -196,12 +195,6 @@ def _in_spite(record: Record, plant: Plant, asked: Asked, source: str, progress:
     trusting = replace(asked, trust=True)
     found = diagnose(record, plant, **vars(trusting), source=source, progress=progress)
     return None if found.unexplained else replace(found, asked=asked)
-
-
-def _form(state: State, record: Record, train: Sequence[slice]) -> Choice:
-    """Which of output error and innovations suits the residuals of what was fitted."""
-    paths = [p for p in state.paths if spec_at(state.plant, p).probe > 0.0 or p in state.plant.coefficients]
-    return InnovationsForm(state.plant, record, train).choose(paths)
 
 
 def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:
@@ -237,14 +230,14 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
     return windows
 
 
-def _free_coefficients(bench: Workbench, plant: Plant) -> tuple[str, ...]:
+def _free_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:
     """The coefficients that the record's inputs excite, and that are not known exactly."""
-    point = bench.train.point(plant.vector, bench.train.first_guess)
-    paths = tuple(p for p in plant.coefficients if plant.deviation(p, bench.train.doubt) > 0.0)
-    if not paths or not np.isfinite(point.cost):
+    plant, problem = bench.plant, bench.problem
+    paths = tuple(p for p in plant.coefficients if plant.deviation(p, bench.doubt) > 0.0)
+    if not paths or not given.finite:
         return paths
-    linear = bench.train.linearise(point, paths, bench.train.sigma(point))
-    free = tuple(p for p, size in zip(paths, linear.raw, strict=True) if size > 1e-6)
+    columns = problem.columns_of(given.point, [(p, STEP) for p in paths])
+    free = tuple(p for p, own in zip(paths, columns, strict=True) if np.abs(own).max() > 1e-6)
     return free or paths
 
 

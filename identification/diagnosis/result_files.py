@@ -137,7 +137,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "kinematics": _kinematics(d),
         "discovered": _discovered(d),
         "habitat": d.habitat.summary() if d.habitat is not None else None,
-        "process_noise": _form(d),
+        "process_noise": _noise(d),
         "closed_loop": [_plain(asdict(loop)) for loop in d.loops],
         "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,
@@ -206,11 +206,11 @@ def _discovered(d: Diagnosis) -> dict[str, Any] | None:
     return {"holds": d.discovery.holds, "terms": terms, "rejected": rejected}
 
 
-def _form(d: Diagnosis) -> dict[str, Any] | None:
-    if d.form is None:
+def _noise(d: Diagnosis) -> dict[str, Any] | None:
+    if d.noise is None:
         return None
-    values = {e.path: {"value": _finite(e.value), "ci95": _plain(list(e.ci95))} for e in d.form.fit.estimates}
-    return {"form": d.form.form, "words": d.form.words, "values": values}
+    process = {n: {"rms": size, "correlation_time_s": time} for n, (size, time) in d.noise.process.items()}
+    return {"measurement": dict(d.noise.measurement), "process": process, "coloured": list(d.coloured)}
 
 
 def _plain(value: Any) -> Any:

@@ -9,7 +9,7 @@ def quantity(value: float, unit: str) -> str:
     """A number with its unit, for people: angles in degrees, volumes in millilitres."""
     if not np.isfinite(value):
         return "not detectable"
-    if unit in ("rad", "rad/s"):
+    if unit in ("rad", "rad/s", "rad/s^2"):
         value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
     if unit.startswith("m^3"):
         value, unit = 1e6 * value, unit.replace("m^3", "mL", 1)

@@ -11,8 +11,8 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_ranges
 from auv_gym.records.record import Record, concat
-from identification.estimate import Estimate, half_width
-from identification.fit.intervals import information_of, profile_interval
+from identification.estimate import Estimate
+from identification.fit.intervals import information_of, interval_of
 from identification.fit.prediction_errors import Noise, Point, PredictionErrors
 from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows
@@ -127,17 +127,12 @@ class GreyBox:
         told = information_of(problem, point, paths)
         errors = np.sqrt(np.maximum(np.diag(told.covariance), 0.0)) * [problem.scale(p) for p in paths]
         untold = _problems(told.alone, problem.free_sensitivity(point, paths), paths)
-        width = half_width(max(problem.count - len(paths) - point.logs.size, 3))
         fitted = problem.plant_at(point, paths)
         estimates = []
         for path, error in zip(paths, errors.tolist(), strict=True):
             value, word, unit = value_at(fitted, path), untold.get(path, ""), spec_at(fitted, path).unit
-            half = width * error
-            limits, (low, high) = (value - half, value + half), problem.bounds(path)
-            if word:
-                error, limits = np.inf, (-np.inf, np.inf)
-            elif not (low < limits[0] and limits[1] < high):
-                limits = profile_interval(problem, point, paths, path, error)
+            limits = (-np.inf, np.inf) if word else interval_of(problem, point, paths, path, told)
+            error = np.inf if word else error
             estimates.append(Estimate(path, unit, value, error, limits, word))
         scales = np.array([problem.scale(p) for p in paths])
         runs = fitted_runs(fitted, problem.record, windows)

@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from auv_gym.param import replace_at
+from identification.estimate import half_width
 from identification.fit.prediction_errors import STEP, Point, PredictionErrors
 
+_KINKED = ("deadband", "backlash", "dead_time", "lag", "slowness", "lost_travel")  # what comes last in their paths
 _PROFILED = 6  # values at either side at which a profile is sought
-_FAR = 8.0  # standard errors, the farthest of them
+_NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are taken
+_LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
+_LEAST_FREEDOM = 2.0  # of Student's t, which has no variance below
+_MOST_GROWTH = 1.0  # of the logarithm of a variance, as far as the first order holds
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +24,14 @@ class Information:
     """What a record tells of the paths, in units of their scales.
 
     covariance: (P, P), robust.  alone: (P, P), normal matrix of the rows that count, without what was known before.
+    freedom: (P,), of Student's t, since the noise that the covariance rests on is estimated, too.  reach: (P,), half
+    widths of 95 % intervals, in standard errors as they were if errors were white and their noise was known.
     """
 
     covariance: np.ndarray
     alone: np.ndarray
+    freedom: np.ndarray
+    reach: np.ndarray
 
 
 def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> Information:
@@ -33,14 +41,11 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
     noise is not what was taken for it, neighbouring scores correlate: the variance of each parameter is at least that
     of the sandwich form with Bartlett weights (Newey and West 1987; Ljung 1999, sec. 9.3).
     """
-    root, basis = np.sqrt(problem.counted)[:, None], problem.start_basis(point)
-    columns = problem.columns_of(point, [(p, STEP) for p in paths]) * root
-    flat = columns.reshape(len(paths), point.errors.size)
-    flat = flat - (flat @ basis) @ basis.T
+    flat = problem.without_starts(point, problem.counted_slopes(point, paths))
     alone = flat @ flat.T
     known = np.diag(problem.pulls(point.vector, paths)[1] ** 2)
-    inverse = np.linalg.pinv(alone + known, rcond=1e-13, hermitian=True)
-    scores = np.einsum("prc,rc->rp", flat.reshape(columns.shape), point.errors * root)
+    inverse = _inverse(alone + known)
+    scores = np.einsum("prc,rc->rp", flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point))
     long_run = scores.T @ scores
     lags = int(np.ceil(4.0 * (max(len(scores), 1) / 100.0) ** (2.0 / 9.0)))  # Newey and West 1994, Bartlett
     same = problem.stretch_of_row
@@ -50,18 +55,103 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
         long_run += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
     robust = inverse @ (long_run + known) @ inverse
     wider = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(inverse), 1e-300), 1.0))
-    return Information(inverse * np.outer(wider, wider), alone)
+    growth, freedom = _by_noise(problem, point, paths, alone, known)
+    wider *= np.exp(0.5 * growth)
+    freedom = np.minimum(freedom, max(problem.count - len(paths) - point.logs.size, 3))
+    reach = np.array([half_width(f) for f in freedom]) * wider
+    return Information(inverse * np.outer(wider, wider), alone, freedom, reach)
+
+
+def _inverse(normal: np.ndarray) -> np.ndarray:
+    return np.linalg.pinv(normal, rcond=1e-13, hermitian=True)
+
+
+def _by_noise(
+    problem: PredictionErrors, point: Point, paths: Sequence[str], alone: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """By how much logarithms of variances grow since accelerations are estimated, and degrees of freedom, (P,) each.
+
+    A log of a few correlation times does not tell the noise well.  That parameters take up a part of it makes it too
+    weak by what restricted likelihood corrects (Patterson and Thompson 1971); the variance of a logarithm of a
+    variance, s^2, makes intervals those of Student's t with 2 / s^2 degrees of freedom (Satterthwaite 1946; Kenward
+    and Roger 1997), all to first order in the logarithms of the noises.
+    """
+    pushing, count = problem.pushing(point), len(paths)
+    if not pushing or not count:
+        return np.zeros(count), np.full(count, np.inf)
+    size = len(pushing)
+    curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)
+    first, whole = np.log(np.maximum(np.diag(_inverse(alone + known)), 1e-300)), np.linalg.slogdet(alone + known)[1]
+    slope = problem.noise_slopes(point, point.logs)[1][pushing]
+    for j, i in enumerate(pushing):
+        more = point.logs.copy()
+        more[i] += _NOISE_STEP
+        curvature[j] = (slope - problem.noise_slopes(point, more)[1][pushing]) / _NOISE_STEP
+        there = problem.with_noise(point, more)
+        flat = problem.without_starts(there, problem.counted_slopes(there, paths))
+        normal = flat @ flat.T + known
+        slopes[j] = (np.log(np.maximum(np.diag(_inverse(normal)), 1e-300)) - first) / _NOISE_STEP
+        fall[j] = -0.5 * (np.linalg.slogdet(normal)[1] - whole) / _NOISE_STEP
+    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    spread = (vectors / np.maximum(values, _LEAST_TOLD)) @ vectors.T
+    variance = np.einsum("jp,jk,kp->p", slopes, spread, slopes)
+    freedom = np.maximum(2.0 / np.maximum(variance, 1e-12), _LEAST_FREEDOM)
+    return np.clip(slopes.T @ spread @ fall, 0.0, _MOST_GROWTH), freedom
+
+
+def predictive_scores(
+    problem: PredictionErrors, point: Point, paths: Sequence[str], windows: Sequence[slice]
+) -> np.ndarray:
+    """Log-likelihood of windows that no fit has counted, the paths as uncertain as the fit leaves them, (windows,).
+
+    Of each beside those before it, parameters integrated over the linearised posterior (Rasmussen and Williams 2006,
+    sec. 2.7): that a log does not tell a parameter is no surprise where it matters later.
+    """
+    columns = problem.columns_of(point, [(p, STEP) for p in paths])
+    flat = problem.without_starts(
+        point, (columns * np.sqrt(problem.counted)[:, None]).reshape(len(paths), point.errors.size)
+    )
+    rates = problem.pulls(point.vector, paths)[1]
+    matrix, pull = flat @ flat.T + np.diag(rates**2 + 1e-12), np.zeros(len(paths))
+    scores, gained = [], -0.5 * np.linalg.slogdet(matrix)[1]
+    for window in windows:
+        inside = problem.within([window]) > 0.0
+        own = columns[:, inside].reshape(len(paths), point.errors[inside].size)
+        matrix, pull = matrix + own @ own.T, pull + own @ point.errors[inside].ravel()
+        reached = 0.5 * (pull @ np.linalg.solve(matrix, pull) - np.linalg.slogdet(matrix)[1])
+        scores.append(float(point.scores[inside].sum() + reached - gained))
+        gained = reached
+    return np.array(scores)
+
+
+def interval_of(
+    problem: PredictionErrors, point: Point, paths: Sequence[str], path: str, told: Information
+) -> tuple[float, float]:
+    """The 95 % interval of a path: by the profile of the likelihood where it has a corner or meets a bound."""
+    k, value = list(paths).index(path), float(point.vector[problem.index[path]])
+    error = float(np.sqrt(max(told.covariance[k, k], 0.0))) * problem.scale(path)
+    half = half_width(float(told.freedom[k])) * error
+    low, high = problem.bounds(path)
+    if low < value - half and value + half < high and not kinked(path):
+        return value - half, value + half
+    found = profile_interval(problem, point, paths, path, error, float(told.reach[k]))
+    return min(found[0], value), max(found[1], value)
+
+
+def kinked(path: str) -> bool:
+    """Whether an effect works in one direction from its neutral value, with a corner there."""
+    return path.rpartition(".")[2] in _KINKED
 
 
 def profile_interval(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], path: str, error: float, level: float = 0.95
+    problem: PredictionErrors, point: Point, paths: Sequence[str], path: str, error: float, reach: float = 1.96
 ) -> tuple[float, float]:
-    """Where twice the log-likelihood, all else refitted, falls by the quantile of chi-square; for kinks and bounds.
+    """Where the log-likelihood, all else refitted, falls by half of `reach` squared; for corners and bounds.
 
     error: standard error of the path, in its unit, by which the search begins.  A side on which it never falls so far
     ends at the bound.
     """
-    bar = 0.5 * float(stats.chi2.ppf(level, 1))
+    bar = 0.5 * reach**2
     others = [p for p in paths if p != path]
     best, value = problem.objective(point, paths), float(point.vector[problem.index[path]])
     limits = problem.bounds(path)

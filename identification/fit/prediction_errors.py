@@ -23,7 +23,7 @@ from auv_gym.records.record import Record
 from identification.fit.first_readings import RATES
 from identification.fit.kalman import Pass, System, run_filter, slopes_of
 from identification.fit.residual import noise_floor, resolution
-from identification.fit.shooting import REACH, Shooting, unknown_states
+from identification.fit.shooting import REACH, Shooting, at_edge, unknown_states
 from identification.fit.validation import head_windows
 
 _PROBE, _SMALL = 1e-4, 1e-6  # change of a state for its slopes, rad, m or m/s; of one in m^3
@@ -34,12 +34,10 @@ _SLOW = 10.0  # s, in which an acceleration would make the velocities of the rec
 _FIRST_GUESSES = 10.0 ** np.arange(-5.0, 1.5)  # of accelerations, in those
 _LEAST_PROCESS = 1e-6  # the least that an acceleration is sought down to, in those
 _SAME = 0.05  # of the log-likelihood: a linearisation about a better path that changes less is the last
+_AS_LINEAR = 0.01  # of the log-likelihood by the linearised filter: a run of the vehicle so near it needs no other one
 _LINEARISATIONS, _FIRST_LINEARISATIONS = 4, 12  # from near by, and from what readings say
-_NOISE_STEPS, _NOISE_GAIN, _NOISE_REACH = (
-    6,
-    0.02,
-    2.0,
-)  # steps to better noises; the least gain; the longest step, in logs
+_FIRST_NOISE_STEPS, _NOISE_STEPS = 40, 6  # to better noises, at first and after each turn
+_NOISE_GAIN, _NOISE_REACH = 0.02, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
 _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their readings lag behind
 _NO_START = 1e-9  # of the slopes by starts, below which one does nothing
 _LOOSE = 30.0  # deviations of a stretch's likeliest start that the filter lets it be off by
@@ -96,7 +94,8 @@ class PredictionErrors:
     """Measured outputs of a record over stretches, and the filters of a plant that predict them row by row.
 
     windows: neighbouring ones are one stretch, which the filter goes through; of vehicles with `stepped` inputs each is
-    a stretch.  process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
+    a stretch.  A channel whose readings are all the same is taken as not measured.
+    process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
     counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
     doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own.
     """
@@ -118,11 +117,11 @@ class PredictionErrors:
         self.stretches = _joined(windows, record) if process and not family.stepped else list(windows)
         self.runs = Runs.over(plant, record, self.stretches)
         self.rows = np.concatenate([np.arange(w.start, w.stop) for w in self.stretches])
-        self.channels = tuple(name for name in plant.outputs if record.has(name))
+        self.channels = tuple(n for n in plant.outputs if record.has(n) and _varies(record[n][self.rows]))
         if not self.channels:
             raise ValueError(
-                f"Plant {plant.name!r} needs at least one of {', '.join(plant.outputs)} in the record, "
-                f"got {', '.join(record.names)}: rename the columns by a mapping."
+                f"Plant {plant.name!r} needs at least one of {', '.join(plant.outputs)} in the record, with readings "
+                f"that vary, got {', '.join(record.names)}: rename the columns by a mapping."
             )
         self.columns = np.array([plant.outputs.index(name) for name in self.channels])
         self.every = outputs_of(plant, record)[self.rows]
@@ -246,8 +245,8 @@ class PredictionErrors:
         if not len(self._pushed):
             return
         a = self._slopes(self.plant.vector, path, self._pushed)[0]
-        for d, i in enumerate(range(len(self._pushed))):
-            f = float(np.clip(np.median(a[:, i, i]), 1e-6, 1e6))
+        for d in range(len(self._pushed)):
+            f = float(np.clip(np.median(a[:, d, d]), 1e-6, 1e6))
             f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
             before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
             self.kicks[d, 1:] = before, (f - 1.0) / np.log(f) - before * f
@@ -308,8 +307,7 @@ class PredictionErrors:
 
         From the states of a path, (rows, F), one row on.
         """
-        names = (*self.plant.family.states, *self.plant.family.sensors)
-        probes = np.array([_SMALL if names[i].endswith("m3") else _PROBE for i in live])
+        probes = self._probes(live)
         starts = np.repeat(path[None], len(live) + 1, axis=0)
         for j, (i, probe) in enumerate(zip(live, probes, strict=True), start=1):
             starts[j, :, i] += probe
@@ -320,6 +318,11 @@ class PredictionErrors:
         a = ((after[1:] - after[0])[:, :, live] / probes[:, None, None]).transpose(1, 2, 0)
         c = ((y[1:] - y[0])[:, :, self.columns] / probes[:, None, None]).transpose(1, 2, 0)
         return a, c, y[0][:, self.columns], after[0]
+
+    def _probes(self, live: np.ndarray) -> np.ndarray:
+        """By how much states are moved for their slopes."""
+        names = (*self.plant.family.states, *self.plant.family.sensors)
+        return np.array([_SMALL if names[i].endswith("m3") else _PROBE for i in live])
 
     def _system(self, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray) -> System:
         """The plant linearised along a path of states, with what is assumed of the stretches' starts."""
@@ -426,8 +429,8 @@ class PredictionErrors:
             found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
             if not np.isfinite(found.path).all():
                 break
-            path, total = found.path, self.total(found)
-            if abs(total - before) < _SAME:
+            path, total, linear = found.path, self.total(found), float(self.counted @ made.scores)
+            if abs(total - before) < _SAME or abs(total - linear) < _AS_LINEAR:
                 break
             before = total
         if found is None or not (np.isfinite(found.scores).all() and np.isfinite(found.path).all()):
@@ -514,11 +517,33 @@ class PredictionErrors:
                 step, size = -step, -size
             vectors[j, i] += size
             steps.append(step)
-        y, _ = self._follow(vectors, point.starts, point.gains, point.logs, False)
+        return self._changes(point, vectors, point.starts, np.array(steps))
+
+    def _changes(self, point: Point, vectors: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """By how much predictions change, per step and over the errors' deviations, (S, rows, C)."""
+        y, _ = self._follow(vectors, starts, point.gains, point.logs, False)
         with np.errstate(invalid="ignore", over="ignore"):
-            change = (y - (self.measured - point.innovations)[None]) / np.array(steps)[:, None, None]
+            change = (y - (self.measured - point.innovations)[None]) / steps[:, None, None]
         change[~(np.isfinite(change) & self.finite)] = 0.0
         return np.einsum("rmc,prc->prm", point.whiten, change)
+
+    def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """Slopes by the paths of the errors that count, (P, rows * C)."""
+        columns = self.columns_of(point, [(p, STEP) for p in paths]) * self._root
+        return columns.reshape(len(paths), point.errors.size)
+
+    def counted_errors(self, point: Point) -> np.ndarray:
+        """The errors that count, (rows, C), zero in the other rows."""
+        return point.errors * self._root
+
+    @property
+    def _root(self) -> np.ndarray:
+        return np.sqrt(self.counted)[:, None]
+
+    def without_starts(self, point: Point, slopes: np.ndarray) -> np.ndarray:
+        """What the stretches' starts cannot imitate of slopes, (P, rows * C)."""
+        basis = self.start_basis(point)
+        return slopes - (slopes @ basis) @ basis.T
 
     def free_sensitivity(self, point: Point, paths: Sequence[str]) -> np.ndarray:
         """By how many deviations of the sensors' noise free runs change for a scale of each path, root sum square."""
@@ -539,21 +564,17 @@ class PredictionErrors:
 
         A state that nobody knows is one for all stretches in which it goes on.
         """
-        names, live = self.plant.family.states, self.live
+        live, states = self.live, len(self._shared)
         starts = np.repeat(point.starts[None], len(live), axis=0)
-        probes = np.array([_SMALL if i < len(names) and names[i].endswith("m3") else _PROBE for i in live])
-        probes *= 0.1  # as small as the steps of parameters that may act alike
+        probes = 0.1 * self._probes(live)  # as small as the steps of parameters that may act alike
         for j, (i, probe) in enumerate(zip(live, probes, strict=True)):
             starts[j, :, i] += probe
-        y, _ = self._follow(np.repeat(point.vector[None], len(live), axis=0), starts, point.gains, point.logs, False)
-        with np.errstate(invalid="ignore", over="ignore"):
-            change = (y - (self.measured - point.innovations)[None]) / probes[:, None, None]
-        change[~(np.isfinite(change) & self.finite)] = 0.0
-        columns = np.einsum("rmc,prc->prm", point.whiten, change) * np.sqrt(self.counted)[:, None]
+        vectors = np.repeat(point.vector[None], len(live), axis=0)
+        columns = self._changes(point, vectors, starts, probes) * self._root
         anew, own = np.cumsum(~self.carried), np.arange(len(self.stretches))
         found, owners = [], []
         for j, i in enumerate(live):
-            group = anew if i < len(names) and self._shared[i] else own
+            group = anew if i < states and self._shared[i] else own
             for g in np.unique(group):
                 mine = (group == g)[self.stretch_of_row]
                 found.append(np.where(mine[:, None], columns[j], 0.0).ravel())
@@ -602,7 +623,7 @@ class PredictionErrors:
             )
         return tried[int(np.nanargmax(likely))]
 
-    def better_noise(self, point: Point, steps: int = 6) -> np.ndarray:
+    def better_noise(self, point: Point, steps: int = _NOISE_STEPS) -> np.ndarray:
         """The noises of greatest likelihood for a point's parameters, linearised about its path.
 
         Sought in units of the precision that the record's length gives each, in which the information is near the unit
@@ -610,16 +631,11 @@ class PredictionErrors:
         """
         if point.system is None:
             return point.logs
-        system, pushed = point.system, len(self.pushed)
+        pushed = len(self.pushed)
 
         def slope_at(logs: np.ndarray) -> tuple[float, np.ndarray]:
-            numbers = self._numbers(logs)
-            made = run_filter(system, *numbers)
-            prior, pull = self._prior(logs)
-            value = float(self.counted @ made.scores) + prior
-            if not np.isfinite(value):
-                return -np.inf, np.zeros(logs.size)
-            return value, (slopes_of(system, made, self.counted, *numbers).noises + pull) / unit
+            value, slope = self.noise_slopes(point, logs)
+            return value, slope / unit
 
         low = np.log(np.maximum(self.steps_of_readings, _LEAST_NOISE * self.floors))
         bounds = [(a, np.log(f) + _NOISE_RANGE) for a, f in zip(low, self.floors, strict=True)]
@@ -630,6 +646,9 @@ class PredictionErrors:
         unit = np.sqrt(np.r_[2.0 * np.maximum(self.finite.sum(axis=0), 1), np.full(2 * pushed, max(periods, 1.0))])
         logs = np.clip(point.logs, *limits.T)
         (value, slope), inverse = slope_at(logs), np.eye(logs.size)
+        back = self._revived(point, logs, slope)
+        if back is not logs:
+            logs, (value, slope) = back, slope_at(back)
         for _ in range(steps):
             open_ = ~(((logs <= limits[:, 0]) & (slope < 0.0)) | ((logs >= limits[:, 1]) & (slope > 0.0)))
             way = np.where(open_, inverse @ np.where(open_, slope, 0.0), 0.0)
@@ -652,6 +671,54 @@ class PredictionErrors:
             if gained < _NOISE_GAIN:
                 break
         return logs
+
+    def _revived(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """The noises, accelerations that are not there brought back where that is likelier.
+
+        In logarithms the likelihood is flat about them, so that small steps do not: its slope only tells the way.
+        """
+        first, pushed = len(self.channels), len(self.pushed)
+        still = np.flatnonzero(~self._there(logs) & (slope[first : first + pushed] > 0.0))
+        if not still.size:
+            return logs
+        tried = [logs]
+        for share in _FIRST_GUESSES:
+            more = logs.copy()
+            more[first + still] = np.log(share * np.array(self.unit)[still])
+            more[first + pushed + still] = self.slowness[0]
+            tried.append(more)
+        assert point.system is not None
+        likely = [float(self.counted @ run_filter(point.system, *self._numbers(t)).scores) for t in tried]
+        return tried[int(np.nanargmax(likely))]
+
+    def _there(self, logs: np.ndarray) -> np.ndarray:
+        """Which accelerations push at all, (D,)."""
+        first, pushed = len(self.channels), len(self.pushed)
+        return np.exp(logs[first : first + pushed]) > 10.0 * _LEAST_PROCESS * np.array(self.unit)
+
+    def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,)."""
+        assert point.system is not None
+        numbers = self._numbers(logs)
+        made = run_filter(point.system, *numbers)
+        prior, pull = self._prior(logs)
+        value = float(self.counted @ made.scores) + prior
+        if not np.isfinite(value):
+            return -np.inf, np.zeros(logs.size)
+        return value, slopes_of(point.system, made, self.counted, *numbers).noises + pull
+
+    def with_noise(self, point: Point, logs: np.ndarray) -> Point:
+        """A point with other noises, linearised about the same path."""
+        assert point.system is not None
+        made = run_filter(point.system, *self._numbers(logs))
+        gains = self._whole(made.gains)
+        return self._followed(point.vector, logs, point.starts, gains, made.whiten, point.system)
+
+    def pushing(self, point: Point) -> list[int]:
+        """Which of a point's noises are strengths and correlation times of accelerations that are there."""
+        first, pushed = len(self.channels), len(self.pushed)
+        strengths = first + np.flatnonzero(self._there(point.logs))
+        return [*strengths.tolist(), *(strengths + pushed).tolist()]
 
     def noise_at(self, point: Point) -> Noise:
         """The noises of a point; accelerations that add nothing to the likelihood are left out."""
@@ -679,10 +746,7 @@ class PredictionErrors:
     def standard_errors(self, plant: Plant, paths: Sequence[str], noise: Noise) -> dict[str, float]:
         """Standard error of each path, in its unit, all of them fitted, these noises known; infinite if untold."""
         point = self.point(plant.vector, self.logs_of(noise))
-        columns = self.columns_of(point, [(p, STEP) for p in paths])
-        flat = (columns * np.sqrt(self.counted)[:, None]).reshape(len(paths), point.errors.size)
-        basis = self.start_basis(point)
-        flat = flat - (flat @ basis) @ basis.T
+        flat = self.without_starts(point, self.counted_slopes(point, paths))
         normal = flat @ flat.T + np.diag(self.pulls(point.vector, paths)[1] ** 2)
         size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-12, hermitian=True)
@@ -706,8 +770,8 @@ class PredictionErrors:
         log-likelihood by less than `gain`.
         """
         here = self.point(plant.vector, self.first_noise() if near is None else near.logs, near)
-        if near is None and noise:
-            here = self._renewed(here, paths, 40)
+        if noise:
+            here = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else _NOISE_STEPS)
         if noise and paths and self.pushed:
             here = max(here, self._quieter(here, paths), key=lambda p: self.objective(p, paths))
         for _ in range(iterations):
@@ -725,8 +789,29 @@ class PredictionErrors:
             gained = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
             if not gained > gain:
-                break
+                there = self._stilled(here) if noise else here
+                if not self.objective(there, paths) > self.objective(here, paths) + gain:
+                    break
+                here = there
         return here
+
+    def _stilled(self, here: Point) -> Point:
+        """The point without those accelerations whose absence is likelier: a search in logarithms comes there late."""
+        if here.system is None:
+            return here
+        system, count, pushed = here.system, len(self.channels), len(self.pushed)
+
+        def value(logs: np.ndarray) -> float:
+            return float(self.counted @ run_filter(system, *self._numbers(logs)).scores)
+
+        logs, best = here.logs, value(here.logs)
+        for d in range(pushed):
+            less = logs.copy()
+            less[count + d] = np.log(_LEAST_PROCESS * self.unit[d])
+            reached = value(less)
+            if reached > best:
+                logs, best = less, reached
+        return here if logs is here.logs else self.point(here.vector, logs, here)
 
     def quieted(self, here: Point) -> Point:
         """The same parameters, what pushes the vehicle taken for much weaker."""
@@ -754,17 +839,14 @@ class PredictionErrors:
         if not paths or here.system is None:
             return here
         for _ in range(iterations):
-            columns = self.columns_of(here, [(p, STEP) for p in paths])
-            normal, gradient = self.equations(here, columns, paths)
-            held = self._at_edge(here.vector, paths, gradient)
-            flat = (columns * np.sqrt(self.counted)[:, None]).reshape(len(paths), here.errors.size)
             starts, owners = self.start_columns(here)
             count = len(paths)
-            whole, right = np.zeros((count + len(owners), count + len(owners))), np.zeros(count + len(owners))
-            whole[:count, :count], whole[count:, count:] = normal, starts @ starts.T
-            whole[:count, count:] = flat @ starts.T
-            whole[count:, :count] = whole[:count, count:].T
-            right[:count], right[count:] = gradient, starts @ (here.errors * np.sqrt(self.counted)[:, None]).ravel()
+            every = np.vstack([self.counted_slopes(here, paths), starts])
+            whole, right = every @ every.T, every @ self.counted_errors(here).ravel()
+            pulled, rates = self.pulls(here.vector, paths)
+            whole[:count, :count] += np.diag(rates**2)
+            right[:count] -= rates * pulled
+            held = at_edge(self, here.vector, paths, right)
             whole[held], whole[:, held], right[held] = 0.0, 0.0, 0.0
             whole[held, held] = 1.0
             size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
@@ -801,19 +883,6 @@ class PredictionErrors:
         there = self.point(here.vector, logs, here)
         return there if self.objective(there, paths) > self.objective(here, paths) else here
 
-    def equations(
-        self, point: Point, columns: np.ndarray, paths: Sequence[str], first: int = 0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Normal matrix (n, n) and gradient (n,) of columns, with what is known of paths; first: their first column."""
-        root = np.sqrt(self.counted)[:, None]
-        flat = (columns * root).reshape(len(columns), point.errors.size)
-        normal, gradient = flat @ flat.T, flat @ (point.errors * root).ravel()
-        pulled, rates = self.pulls(point.vector, paths)
-        own = slice(first, first + len(paths))
-        normal[own, own] += np.diag(rates**2)
-        gradient[own] -= rates * pulled
-        return normal, gradient
-
     def moved(self, vector: np.ndarray, paths: Sequence[str], step: np.ndarray) -> np.ndarray:
         """A vector moved by a step in scales, within the bounds."""
         vector = vector.copy()
@@ -823,17 +892,15 @@ class PredictionErrors:
             vector[i] = min(max(vector[i] + size * self.scale(path), low), high)
         return vector
 
-    def _at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
-        held = []
-        for number, path in enumerate(paths):
-            value, (low, high) = vector[self.index[path]], self.bounds(path)
-            if (value <= low and gradient[number] < 0.0) or (value >= high and gradient[number] > 0.0):
-                held.append(number)
-        return held
-
     def plant_at(self, point: Point, paths: Sequence[str]) -> Plant:
         """The plant with the point's values at the paths."""
         return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
+
+
+def _varies(readings: np.ndarray) -> bool:
+    """Whether any two readings differ."""
+    told = readings[np.isfinite(readings)]
+    return bool(told.size) and bool(np.ptp(told) > 0.0)
 
 
 def _joined(windows: Sequence[slice], record: Record) -> list[slice]:

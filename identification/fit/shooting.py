@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
@@ -28,9 +29,7 @@ _START_STEP = 1e-4  # of a start, for its slopes
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
 PIECE = 6  # samples of the short runs from which shared states are first guessed
-JUMPS, JUMP_DAMPING = (1.0, 0.5, 0.2), 1e-6  # shares of a step that are tried
 REACH = 5.0  # standard deviations of a coefficient, the most that a fit may move it, lest it stand in for an effect
-HOPE = 1.0  # gain in cost that a whole step must promise for its shares to be tried
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
 STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
@@ -215,43 +214,6 @@ class Shooting:
             columns = columns - (own.T @ shared).reshape(columns.shape)
         return Linearisation(columns, start_columns, np.sqrt((flat[:count] ** 2).sum(axis=(1, 2))), 1.0 / sigma)
 
-    def jumps(
-        self, point: Point, fitted: Sequence[str], groups: Sequence[Sequence[str]], steps: Sequence[float]
-    ) -> list[Point]:
-        """For each group of paths the best point that one undamped step reaches with it and all that is fitted.
-
-        steps: the change of a group's paths, in scales, over which their slopes are taken, one for each group.  All
-        groups share the slopes by what is fitted and by the starts, so that many cost little more than one.
-        """
-        sigma, moved = self.sigma(point), [p for group in groups for p in group]
-        sizes = [step for group, step in zip(groups, steps, strict=True) for _ in group]
-        flat, start_columns = self.differences(
-            point, [*moved, *fitted], sigma, [*sizes, *[self.steps[0]] * len(fitted)]
-        )
-        weighted = np.where(self.finite, point.residual / sigma, 0.0)
-        gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
-        normal, gradient = self.equations(flat, weighted, point.vector, fitted, len(moved))
-        rest = list(range(len(moved), len(flat)))
-        found, row = [], 0
-        for group in groups:
-            used = [*range(row, row + len(group)), *rest]
-            row += len(group)
-            square, right = normal[np.ix_(used, used)], gradient[used]
-            found.append((used, block_step(square, right, gram, cross[:, :, used], start_gradient, JUMP_DAMPING)))
-        best: list[Point] = [point] * len(groups)
-        hoped = [0.5 * float(gradient[used] @ way[0] + (start_gradient * way[1]).sum()) for used, way in found]
-        for share in JUMPS:
-            tried = [i for i, reached in enumerate(best) if reached is point and (share == 1.0 or hoped[i] > HOPE)]
-            if not tried:
-                break
-            moves = [self.moved(point.vector, point.starts, [*groups[i], *fitted], found[i][1], share) for i in tried]
-            residuals = self._residuals(np.array([m[0] for m in moves]), np.array([m[1] for m in moves]))
-            for i, (vector, starts), residual in zip(tried, moves, residuals, strict=True):
-                there = Point(vector, starts, residual, self._cost(residual) + self._pull(vector, fitted))
-                if there.cost < point.cost:
-                    best[i] = there
-        return best
-
     def equations(
         self, columns: np.ndarray, residual: np.ndarray, vector: np.ndarray, paths: Sequence[str], first: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -314,7 +276,7 @@ class Shooting:
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
             normal, gradient = self.equations(flat, weighted, here.vector, paths)
-            held = self._at_edge(here.vector, paths, gradient)
+            held = at_edge(self, here.vector, paths, gradient)
             normal[held], normal[:, held], gradient[held], cross[:, :, held] = 0.0, 0.0, 0.0, 0.0
             normal[held, held] = 1.0
             improved, tries = False, 0
@@ -335,15 +297,6 @@ class Shooting:
                     break
                 damping, steps, slopes = 1e-3, steps[1:], None
         return here
-
-    def _at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
-        """Numbers of the paths at a bound that the cost would push them over: a step leaves these alone."""
-        held = []
-        for number, path in enumerate(paths):
-            value, (low, high) = vector[self.index[path]], self.bounds(path)
-            if (value <= low and gradient[number] < 0.0) or (value >= high and gradient[number] > 0.0):
-                held.append(number)
-        return held
 
     def sigma(self, point: Point) -> np.ndarray:
         """Root mean square of each channel's residual, shape (C,)."""
@@ -485,6 +438,28 @@ class Shooting:
             return False
         left = change[self.offsets + 1, self.plant.outputs.index(state)] / _START_PROBE
         return bool(np.median(np.abs(left)) < FORGOTTEN)
+
+
+class Bounded(Protocol):
+    """A fit of parameters within bounds; index: of the paths in a vector."""
+
+    @property
+    def index(self) -> Mapping[str, int]: ...
+
+    def bounds(self, path: str) -> tuple[float, float]: ...
+
+
+def at_edge(problem: Bounded, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
+    """Numbers of the paths at a bound that a step would push them over: it leaves these alone.
+
+    gradient: (len(paths),) or longer, the way that each would go.
+    """
+    held = []
+    for number, path in enumerate(paths):
+        value, (low, high) = vector[problem.index[path]], problem.bounds(path)
+        if (value <= low and gradient[number] < 0.0) or (value >= high and gradient[number] > 0.0):
+            held.append(number)
+    return held
 
 
 def _pieces(window: slice) -> list[slice]:

@@ -126,20 +126,23 @@ class Whiteness:
     p_value: float
 
 
-def whiteness(residual: np.ndarray, window: np.ndarray, lags: int = 15) -> Whiteness:
+def whiteness(residual: np.ndarray, window: np.ndarray, lags: int = 15, fitted: np.ndarray | None = None) -> Whiteness:
     """Autocorrelation of a residual within its windows.
 
-    residual, window: (n,).  Source: Ljung and Box 1978.
+    residual, window: (n,).  fitted: (n, q), orthonormal columns of what was fitted, which white errors have no part in
+    any more; that alone correlates what is left of them, and is taken out.  Source: Ljung and Box 1978.
     """
     e = np.where(np.isfinite(residual), residual, 0.0)
+    basis = np.zeros((e.size, 0)) if fitted is None else fitted
     lags = max(min(lags, int(np.min(np.bincount(window)[np.unique(window)])) - 1), 1)
-    power, n = float(e @ e), e.size
-    correlation = np.array(
-        [
-            np.sum(e[k:] * e[:-k] * (window[k:] == window[:-k])) / power if power > 0.0 else 0.0
-            for k in range(1, lags + 1)
-        ]
-    )
+    n = e.size
+    variance = float(e @ e) / max(n - float((basis**2).sum()), 1.0)
+    correlation = np.zeros(lags)
+    for k in range(1, lags + 1):
+        same = window[k:] == window[:-k]
+        expected = -float((basis[k:][same] * basis[:-k][same]).sum())  # over the variance, of white errors
+        if variance > 0.0:
+            correlation[k - 1] = (float((e[k:] * e[:-k])[same].sum()) / variance - expected) / n
     pairs = np.array([np.sum(window[k:] == window[:-k]) for k in range(1, lags + 1)])
     # the mean of an estimate over short windows is scaled to the number of pairs that it has
     scaled = correlation * n / np.maximum(pairs, 1)

@@ -13,7 +13,7 @@ from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge.verdict import Coefficient, Detectable, Diagnosis, Effect
+from identification.diagnosis.judge.verdict import Coefficient, Detectable, Diagnosis, Effect, noise_sentence
 from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import candidates_of
@@ -234,14 +234,12 @@ def _rest(d: Diagnosis) -> list[str]:
         said.append(d.discovery.summary())
     if d.habitat is not None:
         said.append(d.habitat.summary())
-    if d.form is not None:
-        said.append(d.form.words)
-        if d.form.form == "innovations":
-            values = [
-                f"{spec_at(d.given.plant, e.path).title} {quantity(e.value, e.unit)} ({span(e.ci95, e.unit)})"
-                for e in d.form.fit.estimates
-            ]
-            said.append(f"With process noise: {'; '.join(values)}.")
+    random = noise_sentence(d)
+    if random:
+        said.append(random)
+    if d.coloured:
+        names = ", ".join(channel(name).label for name in d.coloured)
+        said.append(f"Even so, one-step prediction errors are not white in: {names}.")
     return said
 
 

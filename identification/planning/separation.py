@@ -14,7 +14,7 @@ from auv_gym.model import outputs_of
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.fit.likelihood import colour, whitened
+from identification.fit.colour import colour, whitened
 from identification.fit.shooting import Point, Shooting
 from identification.fit.windows import free_run_windows
 

@@ -13,9 +13,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.candidates import TOGETHER, Candidate, candidates_of, screen
-from identification.diagnosis.search.workbench import noise_limited_length
-from identification.fit.likelihood import colour
-from identification.fit.shooting import Shooting
+from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.windows import free_run_windows, held_out
 from scripts.blind.kinds import effects_of, kind_of, known, log_of, outside_log
 from scripts.blind.logs import Conditions
@@ -163,20 +161,19 @@ def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
 
 
 def detectable_sizes(plant: Plant, clean: Record, paths: list[str], window: float | None = None) -> dict[str, float]:
-    """Size by path that the training windows of a clean log would show, the plant's coefficients and the others fitted.
+    """Size by path that the fitted windows of a clean log would show, the plant's coefficients and the others fitted.
 
     Infinite where none would; in the parameter's unit.
     """
-    length = noise_limited_length(plant, clean, window or plant.window)
-    train, _ = held_out(plant, clean, free_run_windows(plant, clean, length))
-    problem = Shooting(plant, clean, train)
+    train, held = held_out(plant, clean, free_run_windows(plant, clean, window or plant.window))
+    problem = PredictionErrors(plant, clean, [*train, *held], counted=train)
     point = problem.solve(plant, plant.family.coefficients)
     bar = threshold(len(candidates_of(plant, clean)))
     sizes = {}
     for path in paths:
         fitted = [*plant.family.coefficients, *(p for p in paths if p != path)]
         candidate = Candidate(spec_at(plant, path).title, (path,))
-        (found,) = screen(problem, point, fitted, [candidate], colour(problem, point), bar)
+        (found,) = screen(problem, point, fitted, [candidate], bar)
         sizes[path] = float(found.detectable[0])
     return sizes
 

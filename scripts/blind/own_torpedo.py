@@ -22,7 +22,7 @@ from scripts.blind.disturbances import Around, Slack
 from scripts.blind.own_forces import Hull, cross
 
 _SUBSTEPS = 2
-_SENSORS = {  # the outputs of each, in the order of a reading
+SENSORS = {  # the outputs of each, in the order of a reading
     "inclinometer": ("roll_rad", "pitch_rad"),
     "compass": ("heading_rad",),
     "gyros": ("p_radps", "q_radps", "r_radps"),
@@ -51,7 +51,7 @@ def own_manoeuvres(
     x = np.zeros(19)
     x[:12] = find_cruise(plant).state[:12]
     x[0], x[8], x[11] = drawn.start["u_mps"], drawn.start["depth_m"], drawn.start["heading_rad"]
-    deviations = np.array([noise[sensor] for sensor, outputs in _SENSORS.items() for _ in outputs])
+    deviations = np.array([noise[sensor] for sensor, outputs in SENSORS.items() for _ in outputs])
     for k, time in enumerate(drawn.time):
         true = body.reading(x, time)
         seen = dict(zip(true, np.array(list(true.values())) + deviations * rng.standard_normal(len(true)), strict=True))
@@ -64,7 +64,7 @@ def own_manoeuvres(
         x = body.onward(x, told, float(time), plant.dt)
         if not np.isfinite(x).all() or abs(x[10]) > 1.4 or x[8] < 0.0:
             raise ValueError(f"The run of {plant.name} was cut short after {time:g} s: lower the disturbance.")
-    columns = (*(name for outputs in _SENSORS.values() for name in outputs), *names)
+    columns = (*(name for outputs in SENSORS.values() for name in outputs), *names)
     targets = tuple(name.rpartition("_")[0] + "_cmd_" + name.rpartition("_")[2] for name in drawn.wanted)
     channels = dict(zip((*columns, *targets), np.array(rows).T, strict=True))
     return Record.from_arrays(drawn.time, channels, attrs={"source": "simulated", "vehicle": plant.name})
@@ -85,7 +85,7 @@ class Body:
         """What the sensors give without noise."""
         ground = x[:3] + _turned(x[9:12]).T @ self._water(time)
         values = [x[9], x[10], x[11], *x[3:6], *x[:3], *ground, x[6], x[7], x[8]]
-        return dict(zip((name for outputs in _SENSORS.values() for name in outputs), map(float, values), strict=True))
+        return dict(zip((name for outputs in SENSORS.values() for name in outputs), map(float, values), strict=True))
 
     def onward(self, x: np.ndarray, told: np.ndarray, time: float, duration: float) -> np.ndarray:
         """The state `duration` s later."""

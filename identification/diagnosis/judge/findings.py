@@ -21,7 +21,10 @@ SURPRISE = 1.96  # standard deviations that a vehicle states, from which on a co
 BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it does is as likely
 
 
-def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], list[tuple[str, ...]]]:
+def effects_of(
+    bench: Workbench, state: State, rounds: list[Round], sizes
+) -> tuple[list[Effect], list[tuple[str, ...]]]:
+    """The named effects with their intervals, and the groups that the record cannot tell apart."""
     effects, groups = [], []
     for r in rounds:
         if r.chosen is None:
@@ -41,7 +44,7 @@ def effects_of(state: State, rounds: list[Round], sizes) -> tuple[list[Effect], 
                     value=sizes[path][0],
                     neutral=spec.neutral,
                     unit=spec.unit,
-                    ci95=_span(sizes[path]),
+                    ci95=bench.interval(state, path),
                     evidence_train=r.evidence[0],
                     evidence_held=r.evidence[1],
                     tied_with=others,
@@ -126,9 +129,11 @@ def detectable_effects(
             if path in named:
                 continue
             spec = spec_at(plant, path)
-            reason = ""
+            reason, far = "", max(abs(bound - spec.neutral) for bound in spec.bounds)
             if not np.isfinite(size):
                 reason = s.unseen or "changes nothing that was measured"
+            elif size > far:
+                size, reason = np.inf, "changes too little of what was measured"
             result.append(Detectable(path, spec.title, spec.unit, float(size), reason))
     return tuple(result)
 

@@ -20,7 +20,7 @@ from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.workbench import State
 from identification.diagnosis.wording import interval, quantity
-from identification.fit.innovations import Choice
+from identification.fit.prediction_errors import Noise
 from identification.fit.validation import FreeRuns, Score, Whiteness
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
@@ -130,7 +130,8 @@ class Diagnosis:
     tied: groups of paths that the record cannot tell apart.  explained: share of the held-out squared error in excess
     of the measurement noise that the effects remove.  windows: (training, held-out) slices of the record.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
-    form: whether the residuals want process noise.  loops: the closed loop with each of the vehicles.
+    noise: of the sensors and of the motion, as the filter found it.  coloured: channels whose one-step errors are not
+    white even so.  loops: the closed loop with each of the vehicles.
     failures: parts that could not be made.
     """
 
@@ -157,7 +158,8 @@ class Diagnosis:
     kinematics: Kinematics | None = None
     discovery: Discovery | None = None
     habitat: Habitat | None = None
-    form: Choice | None = None
+    noise: Noise | None = None
+    coloured: tuple[str, ...] = ()
     loops: tuple[ClosedLoop, ...] = ()
     failures: tuple[Failure, ...] = ()
     source: str = ""
@@ -193,7 +195,13 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The verdict in plain words, with the error before and after."""
-        parts = [_sentence(self), _rest_sentence(self), _error_sentence(self), _limit_sentence(self)]
+        parts = [
+            _sentence(self),
+            _rest_sentence(self),
+            _error_sentence(self),
+            noise_sentence(self),
+            _limit_sentence(self),
+        ]
         return " ".join(part for part in parts if part)
 
 
@@ -255,6 +263,19 @@ def _error_sentence(d: Diagnosis) -> str:
         else:
             parts.append(f"{label} {quantity(before.rmse, unit)}")
     return f"Root mean square error of free runs {d.reach} in held-out {d.held_words}: {'; '.join(parts)}."
+
+
+def noise_sentence(d: Diagnosis) -> str:
+    """What pushes the vehicle at random, or nothing."""
+    if d.noise is None or not d.noise.process:
+        return ""
+    pushes = []
+    for name, (size, time) in d.noise.process.items():
+        known = channel(name)
+        unit = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}.get(known.unit or "", f"{known.unit}/s")
+        pushes.append(f"{known.label} {quantity(size, unit)} over {quantity(time, 's')}")
+    kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
+    return f"Random {' and '.join(sorted(kinds))} push the vehicle (RMS and correlation time): {'; '.join(pushes)}."
 
 
 def _listed(items: list[str]) -> str:

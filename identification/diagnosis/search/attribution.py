@@ -66,7 +66,7 @@ def attribute(
         if made.chosen is None:
             break
         assert made.chosen.state is not None
-        state = bench.fit_anew(made.chosen.state.plant, made.chosen.state.paths, made.chosen.state)
+        state = made.chosen.state
         left = [c for c in left if c is not made.chosen.candidate]
     return state, rounds
 
@@ -139,8 +139,11 @@ def _beside(
         values |= {p: spec_at(state.plant, p).neutral + x for p, x in zip(others, way.sizes, strict=True)}
         values |= {p: value_at(chosen.state.plant, p) + move for p, move in way.moves.items()}
         bounded = {p: float(np.clip(value, *spec_at(state.plant, p).bounds)) for p, value in values.items()}
-        plant, starts = replace_at(chosen.state.plant, bounded), chosen.state.train.starts
-        found.append(judged(bench, state, trial.candidate, trial.screening, plant, starts, count))
+        plant, paths = replace_at(chosen.state.plant, bounded), (*state.paths, *trial.candidate.free)
+        point = bench.problem.point(plant.vector, chosen.state.point.logs, chosen.state.point)
+        if np.isfinite(point.scores).all():
+            near = State(plant, paths, point)
+            found.append(judged(bench, state, trial.candidate, trial.screening, near, count))
     return max(found, key=lambda t: (not t.objection, t.total))
 
 
@@ -177,11 +180,11 @@ def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count
 
 def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:
     """The state with components of a pair dropped whose size is within two standard errors and less than a probe."""
-    sizes = bench.intervals(state)
+    pairs = [paths for paths in groups if len(paths) > 1]
+    sizes = bench.intervals(state) if pairs else {}
     idle = [
         p
-        for paths in groups
-        if len(paths) > 1
+        for paths in pairs
         for p in paths
         if abs(sizes[p][0] - spec_at(state.plant, p).neutral) < max(2.0 * sizes[p][1], spec_at(state.plant, p).probe)
     ]

@@ -10,8 +10,8 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.fit.likelihood import whitened
-from identification.fit.shooting import Point, Shooting
+from identification.fit.intervals import kinked
+from identification.fit.prediction_errors import STEP, Point, PredictionErrors
 
 # Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
 TOGETHER = (
@@ -24,7 +24,7 @@ PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
 MOST_PERIODS = 64
 SEEN = 1e-4  # share of a signature that must remain beside the coefficients' and the initial states' signatures
 GONE = 1e-5  # share of a signature below which nothing is left beside the initial states
-KINKED = ("deadband", "backlash", "dead_time", "lag", "slowness", "lost_travel")
+KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Candidate:
     @property
     def kinked(self) -> bool:
         """Whether it works in one direction from its neutral value, with a corner there."""
-        return self.paths[0].rpartition(".")[2] in KINKED
+        return kinked(self.paths[0])
 
 
 @dataclass(frozen=True)
@@ -103,22 +103,17 @@ def periods_of(record: Record) -> np.ndarray:
 
 
 def screen(
-    problem: Shooting,
-    point: Point,
-    fitted: Sequence[str],
-    candidates: Sequence[Candidate],
-    colour: np.ndarray,
-    threshold: float,
+    problem: PredictionErrors, point: Point, fitted: Sequence[str], candidates: Sequence[Candidate], threshold: float
 ) -> list[Screening]:
-    """Regression of the free-run residual on each candidate's signature, most promising first.
+    """Regression of the filter's errors on each candidate's signature, most promising first.
 
-    A signature is the change of the outputs when the candidate leaves neutral by one probe, aligned in time because it
-    is simulated, with what initial states and fitted coefficients can imitate taken out.
+    A signature is the change of the predictions when the candidate leaves neutral by one probe, aligned in time because
+    it is simulated, with what fitted coefficients can imitate taken out; one pass gives all of them.  Where an effect
+    has a corner at neutral, a larger size is tried too.
     threshold: the evidence that a finding needs, for the detectable sizes.
     """
-    regression = _Regression(problem, point, fitted, colour, threshold)
-    plain = [c for c in candidates if not c.period]
-    result = regression.of(plain, point)
+    regression = _Regression(problem, point, fitted, threshold)
+    result = regression.of([c for c in candidates if not c.period])
     for candidate in candidates:
         if candidate.period:
             result.append(_best_period(regression, candidate, point))
@@ -137,49 +132,59 @@ def _best_period(regression: _Regression, candidate: Candidate, point: Point) ->
     for period in periods:
         vector = point.vector.copy()
         vector[problem.index[candidate.period]] = period
-        found.append(replace(regression.of([candidate], replace(point, vector=vector))[0], period=float(period)))
+        found.append(replace(regression.of([candidate], vector)[0], period=float(period)))
     return replace(max(found, key=lambda s: s.evidence), tried=periods.size)
 
 
 class _Regression:
-    """The residual of a point, what fitted coefficients can imitate, and regressions on signatures."""
+    """The errors of a point, what fitted coefficients can imitate, and regressions on signatures."""
 
-    def __init__(self, problem: Shooting, point: Point, fitted: Sequence[str], colour: np.ndarray, threshold: float):
-        self.problem, self.fitted, self.colour, self.threshold = problem, fitted, colour, threshold
-        self.sigma = problem.sigma(point)
-        self.scale = np.maximum(_spread(problem, point, colour, self.sigma), 1e-9)
-        self.nuisance = self._flat(problem.linearise(point, list(fitted), self.sigma).columns)
-        residual = self._flat((point.residual / self.sigma)[None])[0]
-        self.basis = np.linalg.qr(self.nuisance.T)[0] if len(self.nuisance) else np.empty((residual.size, 0))
+    def __init__(self, problem: PredictionErrors, point: Point, fitted: Sequence[str], threshold: float):
+        self.problem, self.point, self.fitted, self.threshold = problem, point, fitted, threshold
+        self.root = np.sqrt(problem.counted)[:, None]
+        columns = problem.columns_of(point, [(p, STEP) for p in fitted])
+        self.nuisance = self._flat(columns)
+        pulled, rates = problem.pulls(point.vector, fitted)
+        # what is known of the coefficients is data, too: a row for each
+        self.known = np.diag(rates) if len(fitted) else np.zeros((0, 0))
+        self.tall = np.hstack([self.nuisance, self.known])
+        starts = problem.start_basis(point)
+        self.starts = np.vstack([starts, np.zeros((len(fitted), starts.shape[1]))])
+        residual = np.r_[(point.errors * self.root).ravel(), -pulled]
+        self.basis = np.linalg.qr(np.hstack([self.starts, self.tall.T]))[0]
         self.left = residual - self.basis @ (self.basis.T @ residual)
 
     def _flat(self, columns: np.ndarray) -> np.ndarray:
-        scaled = whitened(self.problem, columns, self.colour) / self.scale
-        return scaled.reshape(len(columns), scaled.shape[1] * scaled.shape[2])
+        return (columns * self.root).reshape(len(columns), self.point.errors.size)
 
-    def of(self, candidates: Sequence[Candidate], point: Point) -> list[Screening]:
-        """A screening for each candidate, in their order; point: where the signatures are taken."""
-        if not candidates:
+    def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
+        """A screening for each candidate, in their order; vector: from where the signatures are taken."""
+        groups = [(c, step) for c in candidates for step in (KINKED_STEPS if c.kinked else KINKED_STEPS[:1])]
+        if not groups:
             return []
-        paths = [p for c in candidates for p in c.paths]
-        probes = self.problem.linearise(point, paths, self.sigma, step=1.0)
-        kept = (probes.columns**2).sum(axis=(1, 2)) / np.maximum(probes.raw**2, 1e-30)
-        signatures = self._flat(probes.columns)
+        moves = [(p, step) for c, step in groups for p in c.paths]
+        signatures = self._flat(self.problem.columns_of(self.point, moves, vector))
+        signatures = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
         rest = signatures - (signatures @ self.basis) @ self.basis.T
-        result, row = [], 0
-        for candidate in candidates:
+        found: dict[Candidate, Screening] = {}
+        row = 0
+        for candidate, _ in groups:
             span = slice(row, row + len(candidate.paths))
             row = span.stop
-            result.append(self._one(candidate, rest[span], signatures[span], probes.raw[span], kept[span]))
-        return result
+            one = self._one(candidate, rest[span], signatures[span])
+            if candidate not in found:
+                found[candidate] = one
+            elif one.evidence > found[candidate].evidence:
+                found[candidate] = replace(one, detectable=found[candidate].detectable)
+        return [found[c] for c in candidates]
 
-    def _one(self, candidate: Candidate, own, whole, raw, kept) -> Screening:
+    def _one(self, candidate: Candidate, own: np.ndarray, whole: np.ndarray) -> Screening:
         size, full = np.einsum("ij,ij->i", own, own), np.einsum("ij,ij->i", whole, whole)
         seen = float(np.min(size / np.maximum(full, 1e-30)))
         unseen = ""
-        if not np.all(raw > 1e-9):
+        if not np.all(full > 1e-12):
             seen, unseen = 0.0, "changes nothing that was measured"
-        elif not np.any(full > 1e-12) or np.all(kept < GONE):
+        elif np.all(full - ((whole @ self.starts) ** 2).sum(axis=1) < GONE * full):
             seen, unseen = 0.0, "the initial states do the same"
         elif seen < SEEN:
             unseen = self._imitation(whole[0], full[0])
@@ -194,13 +199,7 @@ class _Regression:
         return Screening(candidate, estimate, float(estimate @ (own @ self.left)), seen, sizes)
 
     def _imitation(self, signature: np.ndarray, power: float) -> str:
-        overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.nuisance]
+        overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.tall]
         if max(overlap, default=0.0) > 0.9:
             return f"{self.fitted[int(np.argmax(overlap))]} does the same"
         return "what is fitted already does the same"
-
-
-def _spread(problem: Shooting, point: Point, colour: np.ndarray, sigma: np.ndarray) -> np.ndarray:
-    """Root mean square of the innovations of the scaled residual, per channel."""
-    e = whitened(problem, point.residual / sigma, colour)
-    return np.sqrt((e**2).sum(axis=0) / np.maximum(problem.counts, 1))

@@ -8,15 +8,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from auv_gym.channels import channel
-from auv_gym.model import Diverged
-from auv_gym.param import list_paths, replace_at, spec_at, value_at
+from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.search.acceptance import TERM, Claim, effect_size, objection, threshold
-from identification.diagnosis.search.terms import ITERATIONS, Found, gains, interval_of, search
-from identification.diagnosis.search.workbench import State
+from identification.diagnosis.search.terms import Found, search, term_interval
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.diagnosis.wording import quantity
-from identification.fit.likelihood import colour
-from identification.fit.shooting import Point, Shooting
 from identification.fit.validation import free_runs
 
 MOST_TERMS = 2
@@ -61,16 +58,14 @@ class Term:
 class Discovery:
     """What a search for a term found: the plant with the terms that hold, or the one that came in.
 
-    paths: all that is fitted in `plant`, with points in the fitted and the held-out windows.  terms: those that hold.
+    paths: all that is fitted in `plant`.  terms: those that hold.
     rejected: those that were stable but do not.  frequencies: of the terms of which any half chose one alike.
     errors: root mean square of free runs in held-out windows by channel, (before, after).
     """
 
     plant: Plant
     paths: tuple[str, ...]
-    train: Point
-    held: Point
-    colour: np.ndarray
+    state: State
     terms: tuple[Term, ...] = ()
     rejected: tuple[Term, ...] = ()
     frequencies: dict[str, float] = field(default_factory=dict)
@@ -106,17 +101,12 @@ def library_of(plant: Plant) -> tuple[str, ...]:
 
 
 def discover(
-    train: Shooting,
-    held: Shooting,
-    state: State,
-    library: Sequence[str],
-    rng: np.random.Generator,
-    settle: float | None = None,
+    bench: Workbench, state: State, library: Sequence[str], rng: np.random.Generator, settle: float | None = None
 ) -> Discovery:
     """At most two terms of the library, chosen stably over halves of the fitted windows and confirmed by the others.
 
-    state: what has been fitted so far (`paths`), in both sets of windows.  settle: s, to which the starts of the free
-    runs are fitted; default the vehicle's.  Raises ValueError if the library is empty.
+    state: what has been fitted so far (`paths`).  settle: s, to which the starts of free runs are fitted; default the
+    vehicle's.  Raises ValueError if the library is empty.
     """
     if not library:
         raise ValueError(f"A search for terms of {state.plant.name} needs some to choose from: see `library_of`.")
@@ -124,23 +114,22 @@ def discover(
     terms, rejected, often, scales = [], [], {}, {}
     given = state
     for _ in range(MOST_TERMS):
-        found, frequencies = search(train, held, state, [p for p in library if p not in state.paths], rng)
+        found, frequencies = search(bench, state, [p for p in library if p not in state.paths], rng)
         often = {p: max(f, often.get(p, 0.0)) for p, f in frequencies.items()} | {t.path: t.frequency for t in terms}
         if found is None:
             break
-        term = _weighed(train, held, state, found, len(library), settle)
+        term = _weighed(bench, state, found, len(library), settle)
         if term.objection:
             rejected.append(term)
             break
         terms.append(term)
         state, scales = found.state, scales | dict(found.scales)
     if len(terms) > 1:
-        state, terms, failed = _confirmed(train.scaled(scales), held, state, terms, scales, len(library), settle)
+        state, terms, failed = _confirmed(bench, state, terms, scales, len(library), settle)
         rejected += failed
-    errors = _errors(held, given.plant, state.plant, settle) if terms else {}
+    errors = _errors(bench, given.plant, state.plant, settle) if terms else {}
     often = {p: f for p, f in often.items() if f > 0.0}
-    kept = (tuple(terms), tuple(rejected), often, errors)
-    return Discovery(state.plant, state.paths, state.train, state.held, state.colour, *kept)
+    return Discovery(state.plant, state.paths, state, tuple(terms), tuple(rejected), often, errors)
 
 
 def _digits(*values: float) -> list[str]:
@@ -154,20 +143,14 @@ def _digits(*values: float) -> list[str]:
 
 
 def _confirmed(
-    problem: Shooting,
-    held: Shooting,
-    state: State,
-    terms: Sequence[Term],
-    scales: Mapping[str, float],
-    count: int,
-    settle: float,
+    bench: Workbench, state: State, terms: Sequence[Term], scales: Mapping[str, float], count: int, settle: float
 ) -> tuple[State, list[Term], list[Term]]:
     """The state with only those terms that hold beside each other, these, and the others; the weakest goes first."""
     kept, failed = list(terms), []
     while kept:
-        without = [_without(problem, held, state, term.path) for term in kept]
+        without = [bench.without(state, [term.path]) for term in kept]
         found = [Found(t.path, state, t.frequency, t.alike, scales) for t in kept]
-        kept = [_weighed(problem, held, b, f, count, settle) for b, f in zip(without, found, strict=True)]
+        kept = [_weighed(bench, b, f, count, settle) for b, f in zip(without, found, strict=True)]
         idle = [i for i, term in enumerate(kept) if term.objection]
         if not idle:
             break
@@ -177,41 +160,20 @@ def _confirmed(
     return state, kept, failed
 
 
-def _without(problem: Shooting, held: Shooting, state: State, path: str) -> State:
-    """The state fitted again without a term."""
-    plant, paths = replace_at(state.plant, path, 0.0), tuple(p for p in state.paths if p != path)
-    point = problem.solve(plant, paths, state.train.starts, ITERATIONS, 1e-6)
-    plant = problem.plant_at(point, paths)
-    there = held.solve(plant, (), state.held.starts, ITERATIONS, 1e-6)
-    return State(plant, paths, point, there, colour(problem, point))
-
-
-def _weighed(train: Shooting, held: Shooting, before: State, found: Found, count: int, settle: float) -> Term:
+def _weighed(bench: Workbench, before: State, found: Found, count: int, settle: float) -> Term:
     """The term that was found, with the evidence for it and the objection to it, against the state without it."""
     after, spec = found.state, spec_at(before.plant, found.path)
-    value, limits = interval_of(train, found)
-    evidence = gains(train, held, before, after, after.colour)
-
-    def better() -> np.ndarray:
-        fell = _squares(held, before.plant, settle) - _squares(held, after.plant, settle)
-        return (fell / held.sigma(after.held) ** 2).sum(axis=1)
-
-    sizes, windows = [effect_size(after.plant, found.path)], len(held.windows)
-    claim = Claim(*evidence, threshold(count), sizes, windows, better, lambda: [limits[1] - value])
+    value, limits = term_interval(bench, found)
+    evidence = bench.gains(before, after)
+    sizes = [effect_size(after.plant, found.path)]
+    claim = Claim(
+        *evidence, threshold(count), sizes, lambda: [limits[1] - value], lambda: bench.flies(after.plant, settle)
+    )
     names = (found.path, spec.title, spec.unit)
     return Term(*names, value, limits, found.frequency, *evidence, found.alike, objection(claim, TERM))
 
 
-def _squares(held: Shooting, plant: Plant, settle: float) -> np.ndarray:
-    """Sums of squared errors of free runs by held-out window and channel, (W, C); infinite where they diverge."""
-    try:
-        runs = free_runs(plant, held.record, held.windows, settle)
-    except Diverged:
-        return np.full((len(held.windows), len(held.channels)), np.inf)
-    squares = np.where(np.isfinite(runs.residual) & runs.scored[:, None], runs.residual, 0.0) ** 2
-    return np.add.reduceat(squares, held.offsets, axis=0)
-
-
-def _errors(held: Shooting, before: Plant, after: Plant, settle: float) -> dict[str, tuple[float, float]]:
-    found = [free_runs(plant, held.record, held.windows, settle).scores(held.record) for plant in (before, after)]
-    return {name: (found[0][name].rmse, found[1][name].rmse) for name in held.channels}
+def _errors(bench: Workbench, before: Plant, after: Plant, settle: float) -> dict[str, tuple[float, float]]:
+    """Root mean square of free runs in held-out windows by channel, before and after."""
+    found = [free_runs(plant, bench.record, bench.held, settle).scores(bench.record) for plant in (before, after)]
+    return {name: (found[0][name].rmse, found[1][name].rmse) for name in bench.problem.channels}

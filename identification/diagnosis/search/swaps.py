@@ -56,7 +56,7 @@ class Reconsidering:
             if gate(self.bench, state, after, pair, count).objection:
                 continue
             if not gate(self.bench, self._without(after, first), after, pair[:1], count).objection:
-                found.append((after.train.cost + after.held.cost, first, second, after))
+                found.append((float(self.bench.costs(after).sum()), first, second, after))
         if not found:
             return state, rounds
         _, first, second, after = min(found, key=lambda item: item[0])

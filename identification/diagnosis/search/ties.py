@@ -12,6 +12,7 @@ from identification.diagnosis.search.acceptance import MANY_WINDOWS, SMALL, UNRE
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import Workbench
+from identification.fit.prediction_errors import STEP
 
 ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
 SAME = 1e-4  # 1 - cosine^2 between signatures below which two effects count as one: difference quotients see no more
@@ -45,10 +46,10 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     if not others:
         return found
     assert chosen.state is not None
-    own, here, problem = chosen.candidate.paths, chosen.state.train, bench.train
+    own, here, problem = chosen.candidate.paths, chosen.state.point, bench.problem
     beside = [p for p in chosen.state.paths if p not in own]
     paths = [*own, *beside, *(p for t in others for p in t.candidate.paths)]
-    signatures = problem.linearise(here, paths, problem.sigma(here), problem.steps[-1]).columns
+    signatures = problem.columns_of(here, [(p, STEP) for p in paths]) * np.sqrt(problem.counted)[:, None]
     flat = signatures.reshape(len(paths), -1)
     moved = np.array([value_at(chosen.state.plant, p) - spec_at(problem.plant, p).neutral for p in own])
     moved /= [problem.scale(p) for p in own]
@@ -78,14 +79,14 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
 
 
 def least_cost_trial(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
-    """The accepted trial of least cost over all windows, all measured by one colour and variance of the residuals.
+    """The likeliest accepted trial over all windows.
 
     Of trials that differ by no more than a fit leaves open, the first one in the order of the vehicle's parameters.
     """
     top = max(accepted, key=lambda t: t.total)
     costs = [float(_extra_cost(bench, top, t).sum()) + 2.0 * len(t.candidate.paths) for t in accepted]
     near = [t for t, cost in zip(accepted, costs, strict=True) if cost <= min(costs) + EQUAL]
-    return min(near, key=lambda t: bench.train.index[t.candidate.paths[0]])
+    return min(near, key=lambda t: bench.problem.index[t.candidate.paths[0]])
 
 
 def cheaper_rival(bench: Workbench, chosen: Trial, rivals: Sequence[Trial]) -> Trial:
@@ -100,7 +101,7 @@ def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
     """What another trial costs more than the best, per window."""
     assert best.state is not None
     assert other.state is not None
-    return bench.costs(other.state, best.state) - bench.costs(best.state, best.state)
+    return bench.costs(other.state) - bench.costs(best.state)
 
 
 def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness]) -> bool:

@@ -12,19 +12,15 @@ from auv_gym.plant import Plant
 from identification.diagnosis.search.acceptance import Weighed, effect_size, threshold, weighed
 from identification.diagnosis.search.candidates import SEEN, Candidate, Screening, screen
 from identification.diagnosis.search.workbench import State, Workbench, given_values
-from identification.fit.likelihood import colour, evidence
-from identification.fit.shooting import Point
 
 LEAST_TRACE = 0.2  # of the bar: what a candidate must promise before it is fitted
-SHORT_LIST, FINALISTS = 12, 4
+SHORT_LIST, FINALISTS = 10, 3
 CLOSE, CLOSER = 0.5, 0.8  # of the best one's evidence: nearer ones are on the list, or finalists, however many
-FEW_STATES = 4  # that are fitted at a window's start, up to which fits begin from every first value
-FIRST_ITERATIONS, ITERATIONS = 4, 15  # of the short list, and then of the finalists
+FIRST_ITERATIONS, ITERATIONS = 2, 12  # of the short list, and then of the finalists
 NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than others"
 UNSTABLE = "no stable run with it"
 UNSEEN = "cannot be seen in this record"
-KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral
 
 Progress = Callable[[float, str], None]
 
@@ -49,17 +45,6 @@ class Trial:
         return self.train + self.held - 2.0 * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Promise:
-    """A candidate with points to start its fit from, best first, and the evidence that they promise."""
-
-    candidate: Candidate
-    screening: Screening
-    points: tuple[Point, ...]
-    evidence: float
-    objection: str = ""
-
-
 def trials_of(
     bench: Workbench,
     state: State,
@@ -73,155 +58,119 @@ def trials_of(
     count: of all candidates.  plain: paths that are fitted to the end whatever they promise.
     """
     progress(0.0, "screening")
-    promises = _promises(bench, state, left, threshold(count))
-    listed = _short_list(promises, threshold(count), plain)
+    screened, bases = _screened(bench, state, left, threshold(count))
+    listed = _short_list(screened, threshold(count), plain)
     begun = []
-    for number, promise in enumerate(listed):
-        progress(0.2 + 0.5 * number / len(listed), promise.candidate.title)
-        begun.append(_begun(bench, state, promise))
-    finalists = _finalists(state, begun, plain)
+    for number, screening in enumerate(listed):
+        progress(0.2 + 0.4 * number / len(listed), screening.candidate.title)
+        begun.append((screening, _begun(bench, state, bases[screening.candidate], screening)))
+    finalists = _finalists(bench, state, begun, plain)
     trials = []
-    for number, (promise, point) in enumerate(finalists):
-        progress(0.7 + 0.3 * number / len(finalists), promise.candidate.title)
-        paths = (*state.paths, *promise.candidate.free)
-        plant = bench.train.plant_at(point, paths)
-        trials.append(judged(bench, state, promise.candidate, promise.screening, plant, point.starts, count))
+    for number, (screening, first) in enumerate(finalists):
+        progress(0.6 + 0.4 * number / len(finalists), screening.candidate.title)
+        trials.append(judged(bench, state, screening.candidate, screening, first, count))
     done = {t.candidate for t in trials}
-    gain = {promise.candidate: 2.0 * (state.train.cost - point.cost) for promise, point in begun}
-    for promise in promises:
-        if promise.candidate not in done:
-            reached = gain.get(promise.candidate, promise.evidence)
-            reason = promise.objection or NO_TRACE
-            if promise.candidate in gain:
-                reason = FAR_LESS if np.isfinite(reached) else UNSTABLE
-            trials.append(
-                Trial(promise.candidate, None, reached if np.isfinite(reached) else 0.0, 0.0, promise.screening, reason)
-            )
+    gain = {s.candidate: sum(bench.gains(state, first)) if first.finite else -np.inf for s, first in begun}
+    for screening in screened:
+        if screening.candidate not in done:
+            reached = gain.get(screening.candidate, screening.evidence)
+            reason = NO_TRACE if reached < LEAST_TRACE * threshold(count) else FAR_LESS
+            if screening.seen < SEEN:
+                reason = UNSEEN + (f": {screening.unseen}" if screening.unseen else "")
+            elif not np.isfinite(reached):
+                reason = UNSTABLE
+            size = reached if np.isfinite(reached) else 0.0
+            trials.append(Trial(screening.candidate, None, size, 0.0, screening, reason))
     return sorted(trials, key=lambda t: -t.total)
 
 
-def _promises(bench: Workbench, state: State, left: Sequence[Candidate], bar: float) -> list[_Promise]:
-    """What one step with each candidate promises, from the state and from it with coefficients as given."""
-    bases = [state]
-    other = _with_given_coefficients(bench, state)
-    if other is not None:
-        bases.append(other)
-    found: dict[Candidate, list[_Promise]] = {c: [] for c in left}
-    for base in bases:
-        seen = screen(bench.train, base.train, state.paths, left, base.colour, bar)
-        for promise in _jumped(bench, state, base, [s for s in seen if s.seen >= SEEN]):
-            found[promise.candidate].append(promise)
-        for s in seen:
-            if s.seen < SEEN:
-                by = f": {s.unseen}" if s.unseen else ""
-                found[s.candidate].append(_Promise(s.candidate, s, (), 0.0, UNSEEN + by))
-    result = []
-    for several in found.values():
-        points = sorted((p for one in several for p in one.points), key=lambda p: p.cost)
-        best = max(several, key=lambda one: one.evidence)
-        objection = "" if points else best.objection
-        result.append(replace(best, screening=several[0].screening, points=tuple(points), objection=objection))
-    return sorted(result, key=lambda p: -p.evidence)
+def _screened(
+    bench: Workbench, state: State, left: Sequence[Candidate], bar: float
+) -> tuple[list[Screening], dict[Candidate, State]]:
+    """The screening of each candidate, most promising first, and the state in which it promised that.
 
-
-def _jumped(bench: Workbench, state: State, base: State, seen: Sequence[Screening]) -> list[_Promise]:
-    """Promises of candidates from one base: points one step away, and the evidence of the best."""
-    groups, steps, owners, points = [], [], [], {s.candidate: [] for s in seen}
-    for s in seen:
-        for step in KINKED_STEPS if s.candidate.kinked else KINKED_STEPS[:1]:
-            groups.append(s.candidate.paths)
-            steps.append(step)
-            owners.append(s.candidate)
-    # a period means something only once it is the best one: those candidates step from a point of their own
-    shared = [i for i, owner in enumerate(owners) if not owner.period]
-    reached: list[tuple[Candidate, Point]] = []
-    if shared:
-        found = bench.train.jumps(base.train, state.paths, [groups[i] for i in shared], [steps[i] for i in shared])
-        reached += zip([owners[i] for i in shared], found, strict=True)
-    for s in seen:
-        if s.candidate.period:
-            vector = base.train.vector.copy()
-            vector[bench.train.index[s.candidate.period]] = s.period
-            here = replace(base.train, vector=vector)
-            reached.append((s.candidate, bench.train.jumps(here, state.paths, [s.candidate.paths], [1.0])[0]))
-    for candidate, point in reached:
-        points[candidate].append(point)
-    result = []
-    for s in seen:
-        mine = sorted(points[s.candidate], key=lambda p: p.cost)
-        result.append(_Promise(s.candidate, s, tuple(mine), max(_gained(bench, state, mine[0]), s.evidence)))
-    return result
-
-
-def _gained(bench: Workbench, state: State, there: Point) -> float:
-    """Evidence for a point by the colour that it leaves: what is missing colours a residual, and would hide itself."""
-    if not np.isfinite(there.cost):
-        return 0.0
-    return evidence(bench.train, state.train, there, np.minimum(state.colour, colour(bench.train, there)))
-
-
-def _short_list(promises: Sequence[_Promise], bar: float, plain: Collection[str]) -> list[_Promise]:
-    """The candidates that are worth a fit, most promising first.
-
-    Also those that gain most if residuals are taken for white: one step away from a state, slow residuals say little.
+    From the state; from it with the coefficients as given, since those that were fitted without the missing effect may
+    be so wrong that its signature at them means nothing; and from it with less process noise, which may have grown to
+    take the effect's part, and then leaves little of it to see.
     """
-    worth = [p for p in promises if p.points and p.evidence >= LEAST_TRACE * bar]
+    problem = bench.problem
+    found: dict[Candidate, Screening] = {}
+    bases: dict[Candidate, State] = {}
+    for base in (state, *with_given_coefficients(bench, state), *_quieted(bench, state)):
+        # what a poorer base leaves is not evidence for a candidate
+        less = 0.0 if base.quiet else 2.0 * (problem.total(state.point) - problem.total(base.point))
+        errors = (base.point.errors**2 * problem.counted[:, None]).sum() / max(problem.count, 1) if base.quiet else 1.0
+        for s in screen(problem, base.point, state.paths, left, bar):
+            s = replace(s, evidence=s.evidence / max(float(errors), 1.0) - less)
+            if s.candidate not in found:
+                found[s.candidate], bases[s.candidate] = s, base
+            elif s.evidence > found[s.candidate].evidence:
+                # what could have been detected is told by the noise as it is
+                found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
+    return sorted(found.values(), key=lambda s: -s.evidence), bases
+
+
+def _quieted(bench: Workbench, state: State) -> list[State]:
+    """The state with less process noise."""
+    if not bench.problem.pushed:
+        return []
+    quiet = State(state.plant, state.paths, bench.problem.quieted(state.point), True)
+    return [quiet] if quiet.finite else []
+
+
+def with_given_coefficients(bench: Workbench, state: State) -> list[State]:
+    """The state with its coefficients as the vehicle was given, if the fit has taken them far from there."""
+    given = given_values(bench.plant, state)
+    if not given:
+        return []
+    other = bench.fit(replace_at(state.plant, given), (), state)
+    return [other] if other.finite else []
+
+
+def _short_list(screened: Sequence[Screening], bar: float, plain: Collection[str]) -> list[Screening]:
+    """The candidates that are worth a fit, most promising first."""
+    worth = [s for s in screened if s.seen >= SEEN and s.evidence >= LEAST_TRACE * bar]
     best = worth[0].evidence if worth else 0.0
-    known = [not set(plain).isdisjoint(p.candidate.paths) for p in worth]
-    as_white = sorted(worth, key=lambda p: p.points[0].cost)[:FINALISTS]
-    return [p for i, p in enumerate(worth) if i < SHORT_LIST or p.evidence >= CLOSE * best or known[i] or p in as_white]
+    known = [not set(plain).isdisjoint(s.candidate.paths) for s in worth]
+    return [s for i, s in enumerate(worth) if i < SHORT_LIST or s.evidence >= CLOSE * best or known[i]]
 
 
-def _begun(bench: Workbench, state: State, promise: _Promise) -> tuple[_Promise, Point]:
-    """The promise with the best point after a few iterations from each of several first values."""
-    problem, paths = bench.train, (*state.paths, *promise.candidate.free)
-    points = list(promise.points[:2])
-    period = {promise.candidate.period: promise.screening.period} if promise.candidate.period else {}
-    for values in _first_values(state.plant, promise.screening):
-        plant = replace_at(state.plant, dict(zip(promise.candidate.paths, values, strict=True)) | period)
-        points.append(problem.point(plant.vector, state.train.starts, paths))
-    points = sorted((p for p in points if np.isfinite(p.cost)), key=lambda p: p.cost) or points[:1]
-    # a vehicle of many states shows at once which start is good, and its fits are dear
-    few = len(problem.start_states) <= FEW_STATES
-    found = [
-        problem.solve(problem.plant_at(p, paths), paths, p.starts, FIRST_ITERATIONS, 1e-5, state.train)
-        for p in (points if few else points[:2])
-    ]
-    return promise, min(found, key=lambda point: point.cost)
+def _begun(bench: Workbench, state: State, base: State, screening: Screening) -> State:
+    """The candidate's state after steps with the gains of a state without it, from its likeliest first values."""
+    problem, candidate = bench.problem, screening.candidate
+    paths = (*state.paths, *candidate.free)
+    period = {candidate.period: screening.period} if candidate.period else {}
+    points = []
+    for values in _first_values(base.plant, screening):
+        plant = replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | period)
+        points.append(problem.with_gains(base.point, plant.vector))
+    finite = [p for p in points if np.isfinite(p.scores).all()]  # NaN would win against everything after it
+    best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
+    point = problem.descended(best, paths, FIRST_ITERATIONS)
+    if base.quiet:
+        point = problem.renewed(point, state.point.logs, paths)
+    return State(problem.plant_at(point, paths), paths, point)
 
 
 def _finalists(
-    state: State, begun: Sequence[tuple[_Promise, Point]], plain: Collection[str]
-) -> list[tuple[_Promise, Point]]:
-    finite = sorted((b for b in begun if np.isfinite(b[1].cost)), key=lambda b: b[1].cost)
-    best = state.train.cost - finite[0][1].cost if finite else 0.0
-    known = [not set(plain).isdisjoint(b[0].candidate.paths) for b in finite]
-    return [
-        b for i, b in enumerate(finite) if i < FINALISTS or state.train.cost - b[1].cost >= CLOSER * best or known[i]
-    ]
+    bench: Workbench, state: State, begun: Sequence[tuple[Screening, State]], plain: Collection[str]
+) -> list[tuple[Screening, State]]:
+    """Those of the short list that are fitted to the end: by evidence in all windows."""
+    gains = {id(first): sum(bench.gains(state, first)) for _, first in begun if first.finite}
+    finite = sorted((b for b in begun if b[1].finite), key=lambda b: -gains[id(b[1])])
+    best = gains[id(finite[0][1])] if finite else 0.0
+    known = [not set(plain).isdisjoint(s.candidate.paths) for s, _ in finite]
+    return [b for i, b in enumerate(finite) if i < FINALISTS or gains[id(b[1])] >= CLOSER * best or known[i]]
 
 
-def _with_given_coefficients(bench: Workbench, state: State) -> State | None:
-    """The state with its coefficients as the vehicle was given, if the fit has taken them far from there.
-
-    Coefficients that were fitted without the missing effect may be so wrong that its signature at them means nothing.
-    """
-    given = given_values(bench.plant, state)
-    if not given:
-        return None
-    other = bench.fit(replace_at(state.plant, given), (), state)
-    return other if np.isfinite(other.train.cost) else None
-
-
-def judged(bench, state: State, candidate: Candidate, screening: Screening, plant: Plant, starts, count: int) -> Trial:
-    """The trial of a candidate fitted from a plant and its starts."""
-    paths = (*state.paths, *candidate.free)
-    best = bench.train.solve(plant, paths, starts, ITERATIONS, 1e-5, state.train)
-    plant = bench.train.plant_at(best, paths)
-    held = bench.held.solve(plant, (), state.held.starts, 12, 1e-5, state.held)
-    after = State(plant, paths, best, held, colour(bench.train, best))
-    found = gate(bench, state, after, [(candidate, screening)], count)
-    return Trial(candidate, after, found.train, found.held, screening, found.objection)
+def judged(
+    bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
+) -> Trial:
+    """The trial of a candidate fitted from a state near by."""
+    after = bench.problem.solve(near.plant, near.paths, near.point, ITERATIONS)
+    reached = State(bench.problem.plant_at(after, near.paths), near.paths, after)
+    found = gate(bench, state, reached, [(candidate, screening)], count)
+    return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 
 
 def gate(

@@ -3,79 +3,72 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.estimate import half_width
-from identification.fit.likelihood import colour, covariance, evidence, polished, window_costs
+from identification.fit.intervals import Information, information_of, interval_of, predictive_scores
+from identification.fit.prediction_errors import Noise, Point, PredictionErrors
 from identification.fit.residual import noise_floor
-from identification.fit.shooting import RESIDUAL_FLOOR, Point, Shooting
-from identification.fit.validation import head_windows
+from identification.fit.shooting import Shooting
+from identification.fit.validation import free_runs
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
 MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on a search also begins at its given value
-KEPT = 32  # states of which the likeliest points are remembered
 FINE = 0.02  # of the noise: how far a coarser step of integration may move the outputs
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A vehicle with its free parameters fitted in the training windows, and its runs in both sets of windows."""
+    """A vehicle with free parameters and noises fitted to the training windows, and the filter of all windows.
+
+    quiet: with less process noise than suits it best.
+    """
 
     plant: Plant
     paths: tuple[str, ...]
-    train: Point
-    held: Point
-    colour: np.ndarray
+    point: Point
+    quiet: bool = False
+
+    @property
+    def finite(self) -> bool:
+        """Whether the filter came to an end with it."""
+        return bool(np.isfinite(self.point.scores).all())
 
 
 class Workbench:
     """A record in training and held-out windows, and the fits made on it.
 
+    One filter goes through all windows; fits count the training windows, and the held-out ones tell whether what was
+    found holds there too.
     plant: as given, integrated in the longest steps that change its runs by less than the noise would show.
-    doubt: standard deviation of its coefficients, relative.  steady: whether free runs from states that are fitted to
-    their first seconds say anything; those of an unstable vehicle end anywhere.
+    doubt: standard deviation of its coefficients, relative.
     """
 
     def __init__(
-        self,
-        plant: Plant,
-        record: Record,
-        train: Sequence[slice],
-        held: Sequence[slice],
-        settle: float,
-        doubt: float = np.inf,
-        steady: bool = True,
+        self, plant: Plant, record: Record, train: Sequence[slice], held: Sequence[slice], doubt: float = np.inf
     ):
-        self.steady = steady
         self.plant = _brisk(plant, record, train)
-        self.heads = Shooting(self.plant, record, head_windows(record, held, settle))
-        self.train = Shooting(self.plant, record, train, doubt=doubt)
-        self.held = Shooting(self.plant, record, held)
-        self._polished: dict[tuple[State, bytes], tuple[Point, Point]] = {}
+        self.record, self.train, self.held, self.doubt = record, tuple(train), tuple(held), doubt
+        self.problem = PredictionErrors(self.plant, record, [*train, *held], doubt=doubt, counted=train)
+        starts = sorted(w.start for w in (*train, *held))
+        self.window_of_row = np.searchsorted(starts, self.problem.rows, side="right") - 1
+        self._held_windows = np.searchsorted(starts, [w.start for w in held])
+        self._known: WeakKeyDictionary[State, np.ndarray] = WeakKeyDictionary()
+        self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
 
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
-        """The state of least cost in the training windows over the paths, started from the plant's values."""
-        train = self.train.solve(plant, paths, near.train.starts if near else None)
-        fitted = self.train.plant_at(train, paths)
-        return self._state(fitted, paths, train, self.held.solve(fitted, (), near.held.starts if near else None))
-
-    def fit_anew(self, plant: Plant, paths: Sequence[str], near: State) -> State:
-        """As `fit`, also from what the record says of the starts: those of poorer models may lie in another valley."""
-        anew = self.train.solve(plant, paths)
-        going_on = self.train.solve(plant, paths, near.train.starts)
-        train = min(anew, going_on, key=lambda point: point.cost)
-        fitted = self.train.plant_at(train, paths)
-        held = [self.held.solve(fitted, (), starts) for starts in (None, near.held.starts)]
-        return self._state(fitted, paths, train, min(held, key=lambda point: point.cost))
-
-    def _state(self, fitted: Plant, paths: Sequence[str], train: Point, held: Point) -> State:
-        return State(fitted, tuple(paths), train, held, colour(self.train, train))
+        """The likeliest state in the training windows over the paths and the noises, from the plant's values on."""
+        point = self.problem.solve(plant, paths, near.point if near else None)
+        return State(self.problem.plant_at(point, paths) if paths else plant, tuple(paths), point)
 
     def without(self, state: State, paths: Sequence[str]) -> State:
         """The state fitted again with effects at their neutral values and no longer free."""
@@ -83,79 +76,70 @@ class Workbench:
         return self.fit(plant, [p for p in state.paths if p not in paths], state)
 
     def gains(self, before: State, after: State) -> tuple[float, float]:
-        """Evidence for the change in the training and in the held-out windows; what is known of coefficients counts."""
-        slow = after.colour
-        (train, held), (other, other_held) = self._likeliest(before, slow), self._likeliest(after, slow)
-        pulls = [
-            float((self.train.pulls(point.vector, state.paths)[0] ** 2).sum())
-            for state, point in ((before, train), (after, other))
-        ]
-        return (
-            evidence(self.train, train, other, slow) + pulls[0] - pulls[1],
-            evidence(self.held, held, other_held, slow),
-        )
+        """Twice the gain in log-likelihood in the training and in the held-out windows, each with its own noises.
 
-    def _likeliest(self, state: State, slow: np.ndarray) -> tuple[Point, Point]:
-        """The state's points, likeliest where residuals have a colour; those that were asked for lately are kept."""
-        key = (state, slow.tobytes())
-        if key not in self._polished:
-            while len(self._polished) >= KEPT:
-                del self._polished[next(iter(self._polished))]
-            self._polished[key] = (
-                polished(self.train, state.train, state.paths, slow),
-                polished(self.held, state.held, (), slow),
-            )
-        return self._polished[key]
-
-    def free_run_errors(self, plant: Plant) -> np.ndarray:
-        """Sum of squared errors of free runs by held-out window and channel, (W, C), started as an operator would.
-
-        The initial states are fitted to the settling time of each window alone, and its samples are not counted.
+        What is known of coefficients and correlation times counts in the first.
         """
-        starts = self.heads.solve(plant, (), max_iterations=12, tolerance=1e-5).starts
-        squares = np.where(self.held.finite, self.held.point(plant.vector, starts).residual, 0.0) ** 2
-        squares[~np.isfinite(squares)] = np.inf  # of runs that diverged
-        past = np.arange(self.held.runs.rows) - self.held.offsets[self.held.window_of_row]
-        settled = past >= (self.heads.runs.stop - self.heads.runs.begin)[self.held.window_of_row]
-        return np.add.reduceat(np.where(settled[:, None], squares, 0.0), self.held.offsets, axis=0)
+        p = self.problem
+        fitted = p.objective(after.point, after.paths) - p.objective(before.point, before.paths)
+        return 2.0 * fitted, 2.0 * float((self._foretold(after) - self._foretold(before)).sum())
 
-    def improvements(self, before: State, after: State) -> np.ndarray:
-        """By how much the squared errors of each held-out window fell, (W,).
-
-        In units of the mean square that is left in each channel, so that one which starts badly and is fitted well, as
-        a depth is, does not drown what the others say.
-        """
-        if self.steady:
-            first, then = self.free_run_errors(before.plant), self.free_run_errors(after.plant)
-        else:
-            white = np.zeros(len(self.held.channels))
-            first, then = (window_costs(self.held, s.held, white) for s in (before, after))
-        unit = then.sum(axis=0) / np.maximum(self.held.counts, 1) + RESIDUAL_FLOOR
-        with np.errstate(invalid="ignore"):  # not a number where runs diverge
-            return ((first - then) / unit).sum(axis=1)
+    def _foretold(self, state: State) -> np.ndarray:
+        """Log-likelihood of each held-out window, what the state has fitted as uncertain as that leaves it."""
+        if state not in self._known:
+            fitted = [p for p in state.paths if p not in state.plant.coefficients and not spec_at(state.plant, p).probe]
+            own = self.problem.scaled({p: abs(value_at(state.plant, p)) or 1.0 for p in fitted})  # terms have no scale
+            self._known[state] = predictive_scores(own, state.point, state.paths, self.held)
+        return self._known[state]
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         """Value, standard error and half width of the 95 % interval of each fitted path."""
         if not state.paths:
             return {}
-        linear = self.train.linearise(state.train, state.paths, self.train.sigma(state.train))
-        matrix, freedom = covariance(self.train, state.train, state.paths, linear, state.colour)
-        errors = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-        width = half_width(freedom)
-        result = {}
-        for path, error in zip(state.paths, errors, strict=True):
-            size = float(error * self.train.scale(path))
-            result[path] = (value_at(state.plant, path), size, width * size)
+        found, result = self._information(state), {}
+        for k, path in enumerate(state.paths):
+            error = float(np.sqrt(max(found.covariance[k, k], 0.0))) * self.problem.scale(path)
+            result[path] = (value_at(state.plant, path), error, half_width(float(found.freedom[k])) * error)
         return result
 
-    def costs(self, state: State, reference: State) -> np.ndarray:
-        """Cost of each window, training then held-out, in units of the reference's innovation variance; shape (W,)."""
-        slow, parts = reference.colour, []
-        mine, theirs = self._likeliest(state, slow), self._likeliest(reference, slow)
-        for problem, point, against in zip((self.train, self.held), mine, theirs, strict=True):
-            unit = window_costs(problem, against, slow).sum(axis=0) / np.maximum(problem.counts, 1)
-            parts.append((window_costs(problem, point, slow) / (unit + 1e-30)).sum(axis=1))
-        return np.concatenate(parts)
+    def interval(self, state: State, path: str) -> tuple[float, float]:
+        """The 95 % interval of a fitted path (see `identification.fit.intervals.interval_of`)."""
+        return interval_of(self.problem, state.point, state.paths, path, self._information(state))
+
+    def _information(self, state: State) -> Information:
+        if state not in self._told:
+            self._told[state] = information_of(self.problem, state.point, state.paths)
+        return self._told[state]
+
+    def noise(self, state: State) -> Noise:
+        """The noises that suit a state best in all windows, held-out ones too."""
+        return self._every.noise_at(self._every.renewed(state.point, state.point.logs, state.paths))
+
+    def fitted_basis(self, state: State) -> np.ndarray:
+        """Orthonormal columns of what the starts of all stretches may change in the errors, (rows, C, q)."""
+        basis = self._every.start_basis(state.point)
+        return basis.reshape(*state.point.errors.shape, basis.shape[1])
+
+    @property
+    def _every(self) -> PredictionErrors:
+        """The problem in which all windows count, held-out ones too."""
+        every = copy(self.problem)
+        every.counted = self.problem.within([*self.train, *self.held])
+        return every
+
+    def costs(self, state: State) -> np.ndarray:
+        """Minus twice the log-likelihood of each window, in the order of the record, shape (W,)."""
+        scores = np.bincount(self.window_of_row, state.point.scores)
+        scores[self._held_windows] = self._foretold(state)
+        return -2.0 * scores
+
+    def flies(self, plant: Plant, settle: float | None = None) -> bool:
+        """Whether free runs over the held-out windows stay finite."""
+        try:
+            free_runs(plant, self.record, self.held, plant.settle if settle is None else settle)
+        except Diverged:
+            return False
+        return True
 
 
 def given_values(given: Plant, state: State) -> dict[str, float]:

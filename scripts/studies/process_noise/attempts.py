@@ -94,7 +94,7 @@ def excited(plant: Plant, record: Record) -> list[str]:
 
 def noise_of(result: Any) -> dict[str, tuple[float, float]]:
     """Deviation and correlation time of the process noise that a fit or a diagnosis states, by velocity."""
-    noise = getattr(result, "noise", None)  # a diagnosis states none
+    noise = result.noise
     return {name: (float(size), float(tau)) for name, (size, tau) in noise.process.items()} if noise else {}
 
 

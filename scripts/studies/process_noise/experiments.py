@@ -19,6 +19,7 @@ from identification.experiments.heading_control import closed_loop
 from identification.experiments.manoeuvres import draw_manoeuvres, steered
 from scripts.blind.kinds import known
 from scripts.blind.logs import torpedo_noise
+from scripts.blind.own_torpedo import SENSORS
 from scripts.studies.process_noise.flights import Experiment
 
 _RUN_IN = 30.0  # s before a log begins
@@ -26,15 +27,6 @@ _COMPASS, _TRACK, _PRESSURE = radians(0.5), 1.0, 0.02  # rad, m, m: sensors of a
 _RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fin's stop
 _BIT = 8.0  # s, of a glider's excitation
 _DEEP, _SHALLOW = (30.0, 33.0, 36.0, 39.0), (18.0, 21.0, 24.0, 27.0)  # m, by turns
-_SENSORS = {  # outputs of a torpedo's sensors
-    "inclinometer": ("roll_rad", "pitch_rad"),
-    "compass": ("heading_rad",),
-    "gyros": ("p_radps", "q_radps", "r_radps"),
-    "dvl_water": ("u_mps", "v_mps", "w_mps"),
-    "dvl_ground": ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"),
-    "position": ("north_m", "east_m"),
-    "depth": ("depth_m",),
-}
 
 
 @dataclass(frozen=True)
@@ -124,7 +116,7 @@ def _torpedo(vehicle: Vehicle, rng: np.random.Generator) -> Experiment:
         Excited(autopilot(load_vehicle(vehicle.preset)), drawn.signals, plant.dt),
         wanted=drawn.wanted,
         limits=limits,
-        sensors={name: noise[sensor] for sensor, outputs in _SENSORS.items() for name in outputs},
+        sensors={name: noise[sensor] for sensor, outputs in SENSORS.items() for name in outputs},
         skipped=vehicle.skipped,
         pieces=vehicle.pieces,
     )

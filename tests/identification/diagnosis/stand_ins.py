@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -14,15 +13,25 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State
-from identification.fit.shooting import Point
+from identification.fit.prediction_errors import Point
 
 PLANT = load_vehicle("slocum")
-NOWHERE = Point(np.zeros(0), np.zeros((1, 0)), np.zeros((1, 1)), 0.0)
+
+
+def point_of(scores: Sequence[float] = (0.0,), vector: Sequence[float] = (), errors: np.ndarray | None = None) -> Point:
+    """A point that no filter came to, with these log-likelihoods of the rows."""
+    rows, nothing = len(scores), np.zeros((len(scores), 1))
+    given = nothing if errors is None else errors
+    square = np.zeros((rows, 1, 1))
+    return Point(
+        np.asarray(vector, dtype=float), np.zeros(1), given, np.asarray(scores, dtype=float),
+        nothing, square, square, nothing, nothing, square, None,
+    )  # fmt: skip
 
 
 def state_of(plant: Plant, *paths: str) -> State:
     """A state that nothing was run for."""
-    return State(plant, paths, NOWHERE, NOWHERE, np.zeros(1))
+    return State(plant, paths, point_of())
 
 
 def with_probes(probes: Mapping[str, float], *others: str) -> State:
@@ -44,26 +53,28 @@ def round_of(chosen: Trial) -> Round:
 class Table:
     """A workbench in which the evidence for a model depends only on which effects it has.
 
-    likely: twice the log-likelihood in the fitted and in the held-out windows, by the effects.  windows: held out.
-    better: what free runs gain in each.  error: standard error of each size, in probes.  asked: states fitted so far.
+    likely: twice the log-likelihood in the fitted and in the held-out windows, by the effects.
+    stable: whether free runs stay finite.  error: standard error of each size, in probes.
+    asked: states fitted so far.
     """
 
     likely: Mapping[frozenset[str], tuple[float, float]]
-    windows: int = 2
-    better: Sequence[float] = (1.0, 1.0)
+    stable: bool = True
     error: float = 0.1
     asked: list[State] = field(default_factory=list)
 
-    @property
-    def held(self):
-        return SimpleNamespace(windows=range(self.windows))
+    def _likely(self, state: State) -> tuple[float, float]:
+        return self.likely[frozenset(p for p in state.paths if p.startswith("effects."))]
 
     def gains(self, before: State, after: State) -> tuple[float, float]:
-        a, b = (self.likely[frozenset(p for p in s.paths if p.startswith("effects."))] for s in (before, after))
+        a, b = self._likely(before), self._likely(after)
         return b[0] - a[0], b[1] - a[1]
 
-    def improvements(self, before: State, after: State) -> np.ndarray:
-        return np.array(self.better)
+    def costs(self, state: State) -> np.ndarray:
+        return -np.array(self._likely(state))
+
+    def flies(self, plant: Plant, settle: float | None = None) -> bool:
+        return self.stable
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         sizes = {p: self.error * (spec_at(state.plant, p).probe or 1.0) for p in state.paths}

@@ -1,7 +1,9 @@
 """What a vehicle file says of its coefficients' uncertainty is what a diagnosis allows them."""
 
+import importlib
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +12,11 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import again, diagnose, write_diagnosis
 from identification.experiments.heading_control import closed_loop
-from identification.fit.shooting import REACH, Shooting
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.shooting import REACH
+from tests.identification.diagnosis.stand_ins import state_of
 
+diagnosing = importlib.import_module("identification.diagnosis.diagnose")
 BARE = replace(load_vehicle("slocum"), deviations={})
 
 
@@ -40,15 +45,33 @@ def test_deviations_of_zero_hold_a_coefficient(log):
     assert any("effects.rudder.gain" in (e.path, *e.tied_with) for e in held.effects), held.summary()
 
 
+def test_only_what_the_inputs_excite_and_nobody_knows_exactly_is_refitted():
+    moving, still = BARE.family.coefficients
+    told = {moving: 1e-3, still: 1e-9}  # by how much a change of it changes the predictions
+
+    def free(vehicle, doubt=0.1, sizes=told):
+        def columns_of(point, moves):
+            return np.array([[[0.0], [sizes[path]]] for path, _ in moves])
+
+        bench = SimpleNamespace(plant=vehicle, doubt=doubt, problem=SimpleNamespace(columns_of=columns_of))
+        return diagnosing._free_coefficients(bench, state_of(vehicle))
+
+    assert free(BARE) == (moving,)
+    assert free(BARE, sizes=dict.fromkeys(told, 1.0)) == (moving, still)
+    assert free(replace(BARE, deviations={moving: 0.0}), sizes=dict.fromkeys(told, 1.0)) == (still,)
+    assert free(BARE, doubt=0.0) == ()
+
+
 def test_a_fit_stays_within_five_deviations(log):
     plant = replace(BARE, deviations={"hull.n_delta": 1e-6})
-    problem = Shooting(plant, log, log.windows(120.0), doubt=0.1)
+    problem = PredictionErrors(plant, log, log.windows(120.0), doubt=0.1)
     low, high = problem.bounds("hull.n_delta")
     assert (low, high) == pytest.approx((BARE.hull.n_delta - REACH * 1e-6, BARE.hull.n_delta + REACH * 1e-6))
     pulls, rates = problem.pulls(replace_at(plant, "hull.n_delta", BARE.hull.n_delta + 2e-6).vector, ["hull.n_delta"])
     assert pulls == pytest.approx([2.0])
     assert rates == pytest.approx([problem.scale("hull.n_delta") / 1e-6])
-    assert Shooting(plant, log, log.windows(120.0)).pulls(plant.vector, ["hull.n_delta"])[1] == [0.0]
+    loose = PredictionErrors(plant, log, log.windows(120.0))  # of a fit that no doubt holds
+    assert loose.pulls(plant.vector, ["hull.n_delta"])[1] == [0.0]
     found = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.05 * BARE.hull.n_delta}))
     (limited,) = (c for c in found.coefficients if c.path == "hull.n_delta")
     assert limited.value == pytest.approx(1.25 * BARE.hull.n_delta)

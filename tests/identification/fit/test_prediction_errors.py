@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from auv_gym.model import outputs_of, simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
+from identification.fit import prediction_errors
 from identification.fit.greybox import GreyBox
 from identification.fit.intervals import information_of, profile_interval
+from identification.fit.kalman import run_filter
 from identification.fit.prediction_errors import STEP, Noise, PredictionErrors
 from identification.fit.shooting import Shooting
 
@@ -152,6 +155,92 @@ def test_a_wrong_start_is_corrected_and_costs_no_likelihood(pushed):
     assert problem.total(problem.point(GLIDER.vector, logs)) == pytest.approx(right, abs=0.2)
 
 
+def test_stretches_begin_with_their_likeliest_starts():
+    log = glider_log(2, push=0.0)
+    windows = log.windows(100.0)
+    problem = PredictionErrors(GLIDER, log, windows, process=False)
+    true = replace_at(GLIDER, OFFSET, 0.03)
+    runs = Shooting(true, log, windows).solve(true, ())
+    problem.starts = problem.starts + np.array([0.05, 0.02, *np.zeros(problem.starts.shape[1] - 2)])
+    point = problem.point(true.vector, np.log([*SENSORS.values()]))
+    assert point.starts[:, 0] == pytest.approx(runs.starts[:, 0], abs=0.1 * SENSORS["heading_rad"])
+
+
+def test_starts_move_with_the_parameters():
+    """Three steps reach what turns of parameters, then starts, would be long on the way to."""
+    log = glider_log(2, push=0.0)
+    problem = PredictionErrors(GLIDER, log, log.windows(40.0), process=False)
+    first = problem.point(GLIDER.vector, np.log([*SENSORS.values()]))
+    best = problem.total(problem.solve(GLIDER, PATHS, first, noise=False))
+    assert best > problem.total(first) + 1e3
+    assert problem.total(problem.descended(first, PATHS)) == pytest.approx(best, abs=0.1)
+
+
+def test_what_is_known_of_correlation_times_is_part_of_the_objective(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    for time, far in ((25.0, 0.0), (25.0 * np.e, 1.0), (5.0, np.log(5.0))):
+        point = problem.point(GLIDER.vector, problem.logs_of(Noise(SENSORS, {"r_radps": (0.006, time)})))
+        assert problem.objective(point, ()) - problem.total(point) == pytest.approx(-0.5 * far**2)
+
+
+def test_what_lasts_longer_than_some_minutes_is_no_noise():
+    """A moment that is missing is there all the time; a correlation time of 185 s is the longest, 25 s by e^2."""
+    log = glider_log(2, push=0.0, rows=1000)
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    (found,) = problem.noise_at(problem.solve(GLIDER, COEFFICIENTS)).process.values()
+    assert found[1] == pytest.approx(25.0 * np.exp(2.0))
+
+
+def test_an_acceleration_without_which_the_log_is_likelier_is_absent():
+    for seed in range(1, 5):
+        log = glider_log(seed, push=0.0)
+        problem = PredictionErrors(GLIDER, log, whole(log))
+        point = problem.solve(GLIDER, PATHS)
+        without = replace(problem.noise_at(point), process={})
+        assert problem.total(problem.point(point.vector, problem.logs_of(without), point)) < problem.total(point) + 0.05
+
+
+def test_missing_readings_count_for_nothing(pushed, monkeypatch):
+    """As between the pings of a Doppler log: a third of one channel, and one row as a whole."""
+    missing = np.zeros((len(pushed), len(GLIDER.outputs)), dtype=bool)
+    missing[:, GLIDER.outputs.index("heading_rad")] = np.random.default_rng(0).random(len(pushed)) < 0.33
+    missing[100] = True
+    whole_one = PredictionErrors(GLIDER, pushed, whole(pushed))
+    monkeypatch.setattr(
+        prediction_errors, "outputs_of", lambda plant, record: np.where(missing, np.nan, outputs_of(plant, record))
+    )
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    assert problem.count == 2 * len(pushed) - missing[:, :2].sum()
+    noise = Noise(SENSORS, {"r_radps": (0.006, 15.0)})
+    point, all_told = (p.point(GLIDER.vector, p.logs_of(noise)) for p in (problem, whole_one))
+    assert point.system is not None
+    assert point.scores[100] == 0.0
+    assert np.all(point.errors[~problem.finite] == 0.0)
+    linear = run_filter(point.system, *problem._numbers(point.logs)).scores
+    assert point.scores.sum() == pytest.approx(linear.sum(), abs=1.0)
+    assert np.mean(point.errors[problem.finite] ** 2) == pytest.approx(np.mean(all_told.errors**2), rel=0.1)
+
+
+def test_a_channel_is_no_better_than_the_steps_of_its_readings():
+    """Steps of 0.05 rad/s round most yaw rates to nothing, which looks like less noise than the steps make."""
+    log = glider_log(3, push=0.0)
+    log = log.with_channels({"r_radps": 0.05 * np.round(log["r_radps"] / 0.05)})
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    noise = problem.noise_at(problem.solve(GLIDER, PATHS)).measurement
+    assert noise["r_radps"] == pytest.approx(0.05 / np.sqrt(12.0))
+    assert noise["heading_rad"] == pytest.approx(SENSORS["heading_rad"], rel=0.3)
+
+
+def test_readings_without_noise_are_given_some():
+    """3 % of that of their second differences, or a fit would rest on the rounding of the simulation."""
+    truth = glider_log(3, push=0.0)
+    record = Record.from_arrays(truth.time, {n: truth[n] for n in ("rudder_rad", "u_mps")})
+    log = simulate(GLIDER, record.with_channels({n: truth[n] for n in SENSORS}))
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    noise = problem.noise_at(problem.solve(GLIDER, PATHS)).measurement
+    assert np.array([*noise.values()]) == pytest.approx(0.03 * problem.floors)
+
+
 def test_an_acceleration_acts_on_a_velocity_that_decays_as_it_does_in_fine_steps():
     problem = PredictionErrors(GLIDER, glider_log(3), [slice(0, 100)])
     (state, before, after), dt = problem.kicks[0], GLIDER.dt
@@ -169,6 +258,17 @@ def test_an_acceleration_acts_on_a_velocity_that_decays_as_it_does_in_fine_steps
 
     # a tenth: the decay is that of the median speed, and the heading lags behind the rate
     assert moved(GLIDER, 1, before, after) == pytest.approx(moved(fine, 200, 0.5, 0.5), rel=0.1)
+
+
+def test_a_column_of_zeros_counts_as_not_measured(pushed):
+    zeros = pushed.with_channels({"r_radps": np.zeros(len(pushed))})
+    without = Record.from_arrays(pushed.time, {n: pushed[n] for n in pushed.names if n != "r_radps"})
+    found = [PredictionErrors(GLIDER, log, whole(log)).solve(GLIDER, PATHS) for log in (zeros, without)]
+    # where they begin is not quite the same
+    assert found[0].vector == pytest.approx(found[1].vector, rel=1e-2)
+    still = zeros.with_channels({"heading_rad": np.full(len(pushed), 1.0)})
+    with pytest.raises(ValueError, match="readings that vary"):
+        PredictionErrors(GLIDER, still, whole(still))
 
 
 def test_windows_that_touch_are_one_stretch_and_without_process_noise_each_is_its_own(pushed):

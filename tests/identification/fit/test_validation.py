@@ -71,6 +71,25 @@ def test_whiteness_accepts_white_noise_and_rejects_coloured():
     assert coloured.bound == pytest.approx(1.96 / np.sqrt(1000))
 
 
+def test_what_was_fitted_in_short_windows_does_not_pass_for_colour():
+    """A level and a slope for each of 80 windows of 11 readings: what is left of white noise is not white."""
+    rng, window = np.random.default_rng(8), np.repeat(np.arange(80), 11)
+    own = np.linalg.qr(np.stack([np.ones(11), np.arange(11.0)], axis=1))[0]
+    basis = np.kron(np.eye(80), own)
+    without, beside = [], []
+    for _ in range(40):
+        e = rng.standard_normal(window.size)
+        left = e - basis @ (basis.T @ e)
+        without.append(whiteness(left, window).p_value)
+        found = whiteness(left, window, fitted=basis)
+        beside.append(found.p_value)
+        assert abs(found.correlation[0]) < 4.0 / np.sqrt(window.size)
+    assert max(without) < 1e-4
+    assert np.mean(np.array(beside) < 0.05) < 0.2  # binomial: 40 draws at 5 %, and three standard errors
+    slow = lfilter([1.0], [1.0, -0.5], rng.standard_normal(window.size))
+    assert whiteness(slow - basis @ (basis.T @ slow), window, fitted=basis).p_value < 1e-6
+
+
 def test_input_correlation_peaks_at_the_lag_by_which_the_input_leads():
     rng = np.random.default_rng(7)
     window = np.zeros(2000, dtype=int)

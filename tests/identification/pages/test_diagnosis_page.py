@@ -17,6 +17,7 @@ from auv_gym.records.record import Record, concat
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.plausibility import Doubt
 from identification.experiments.heading_control import closed_loop
+from identification.fit.prediction_errors import Noise
 from identification.fit.validation import FreeRuns
 from identification.pages import diagnosis_figures as figures
 from identification.pages.diagnosis_page import MEANINGS, amount, diagnosis_page, number, span
@@ -159,6 +160,18 @@ def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosi
     assert "rudder gain acts exactly as rudder effectiveness" in text
     c = next(c for c in d.coefficients if c.path == "hull.n_delta")
     assert f"{amount(c.value, c.unit)} instead of {amount(c.given, c.unit)}" in text
+
+
+def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figures):
+    pushed = Noise({"heading_rad": 0.01}, {"r_radps": (0.001, 20.0)})
+    text = Outline(diagnosis_page(replace(diagnosis, noise=pushed, coloured=("heading_rad",)))).text
+    assert (
+        "Random accelerations push the vehicle (RMS and correlation time): yaw rate 0.0573 deg/s^2 over 20 s." in text
+    )
+    assert "one-step prediction errors are not white in: heading." in text
+    still = Outline(diagnosis_page(replace(diagnosis, noise=Noise({"heading_rad": 0.01}, {}), coloured=()))).text
+    assert "Random" not in still
+    assert "are not white in" not in still
 
 
 @pytest.mark.parametrize("missing", ["matplotlib", "jinja2"])

@@ -12,7 +12,7 @@ from auv_gym.param import list_paths, replace_at
 from auv_gym.plant import Plant, load_vehicle
 
 FILE = Path(__file__).parents[3] / "examples" / "vehicles" / "seawing.toml"
-SLIDE, TURN = 0.04, 1.2  # m, rad
+SLIDE, TURN = 0.037, 1.13  # m, rad: 7.4 s and 5.65 s on their way, so that they arrive inside a step
 START = np.array([0.4, 0.1, -0.2, 0.3, -0.2, 0.25])  # m/s, rad/s
 
 

@@ -9,28 +9,24 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from auv_gym.vehicles.glider import linear_yaw_coefficients, yaw_inertia
-from identification.diagnosis.search import discovery
+from identification.diagnosis.search import acceptance, discovery
 from identification.diagnosis.search.discovery import Discovery, Term, discover, library_of
 from identification.diagnosis.search.terms import Found
-from identification.diagnosis.search.workbench import State
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
-from identification.fit.likelihood import colour
-from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows, held_out
+from tests.identification.diagnosis.stand_ins import Table, state_of
 from tests.identification.gliders import QUICK
 
 YAW = "effects.discovered.yaw."
 
 
 def searched(plant, record, window=None, settle=None, seed=0, without=()) -> Discovery:
-    train, held = held_out(plant, record, free_run_windows(plant, record, window or plant.window))
-    fitted, other = Shooting(plant, record, train), Shooting(plant, record, held)
-    paths = plant.family.coefficients
-    point = fitted.solve(plant, paths, fitted.solve(plant, ()).starts)
-    refitted = fitted.plant_at(point, paths)
-    state = State(refitted, paths, point, other.solve(refitted, ()), colour(fitted, point))
+    windows = held_out(plant, record, free_run_windows(plant, record, window or plant.window))
+    bench = Workbench(plant, record, *windows)
+    state = bench.fit(bench.plant, plant.family.coefficients)
     library = [p for p in library_of(plant) if p not in without]
-    return discover(fitted, other, state, library, np.random.default_rng(seed), settle)
+    return discover(bench, state, library, np.random.default_rng(seed), settle)
 
 
 def turned_by(moment, seed: int) -> Record:
@@ -106,15 +102,14 @@ def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
     """The first search is blind to the true term and ends in another one, which passes; the second has both."""
     asked, real, true = [], discovery.search, f"{YAW}sin_2heading"
 
-    def blind_at_first(train, held, state, library, rng):
+    def blind_at_first(bench, state, library, rng):
         asked.append(library)
         if len(asked) == 1:
-            return real(train, held, state, [p for p in library if p != true], rng)
+            return real(bench, state, [p for p in library if p != true], rng)
         paths, scales = (*state.paths, true), dict.fromkeys([*library, *state.paths[2:]], 0.01)
-        point = train.scaled(scales).solve(replace_at(state.plant, true, 0.02), paths, state.train.starts)
-        plant = train.plant_at(point, paths)
-        both = State(plant, paths, point, held.solve(plant, ()), colour(train, point))
-        return Found(true, both, 1.0, (), scales), {}
+        problem = bench.problem.scaled(scales)
+        point = problem.solve(replace_at(state.plant, true, 0.02), paths, state.point)
+        return Found(true, State(problem.plant_at(point, paths), paths, point), 1.0, (), scales), {}
 
     monkeypatch.setattr(discovery, "search", blind_at_first)
     found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0))
@@ -126,14 +121,32 @@ def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
 
 
 def test_a_term_that_the_held_out_windows_refute_is_rejected_with_the_reason():
-    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 1)
+    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 3)
     plant = QUICK
     found = searched(plant, record, without=(f"{YAW}sin_heading",))
     assert not found.holds
     (term,) = found.rejected
     assert term.evidence_train > 20.0 > 0.0 > term.evidence_held
-    assert "(does not hold in the held-out windows)" in found.summary()
+    assert f"({term.objection})" in found.summary()
+    assert term.objection == acceptance.INSIGNIFICANT  # what it gains in the fitted windows, it loses in the others
     assert found.paths == plant.family.coefficients
+
+
+def test_the_seed_resamples_windows():
+    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 1)
+    often = [searched(QUICK, record, seed=seed, without=(f"{YAW}sin_heading",)).frequencies for seed in (0, 0, 1)]
+    assert often[0] == often[1] != often[2]
+
+
+@pytest.mark.parametrize("flies, held, objection", [(False, 50.0, acceptance.DIVERGES), (True, 9.0, "does not hold")])
+def test_a_term_passes_the_gate_of_terms(monkeypatch, flies, held, objection):
+    path, probe = f"{YAW}sin_2heading", 0.02
+    bench = Table({frozenset(): (0.0, 0.0), frozenset({path}): (100.0, held)}, stable=flies)
+    state, after = state_of(QUICK), state_of(replace_at(QUICK, path, probe), path)
+    monkeypatch.setattr(discovery, "term_interval", lambda bench, found: (probe, (0.019, 0.021)))
+    found = Found(path, after, 1.0, (), {})
+    term = discovery._weighed(bench, state, found, 18, 20.0)  # type: ignore[arg-type]
+    assert term.objection.startswith(objection)
 
 
 @pytest.mark.slow
@@ -144,8 +157,7 @@ def test_a_force_with_depth_is_found_on_a_float():
     (term,) = searched(plant, record).terms
     assert term.path == "effects.discovered.heave.depth"
     assert term.ci95[0] < 0.01 < term.ci95[1]
-    assert term.words.startswith("a force down of 0.01")
-    assert "N per metre of depth, 95 % interval 0.0" in term.words
+    assert term.words.startswith(f"a force down of {term.value:.4g} N per metre of depth, 95 % interval 0.0")
     assert term.words.endswith("N/m")
 
 
@@ -172,4 +184,4 @@ def test_without_a_library_there_is_nothing_to_search():
     plant = QUICK
     assert len(library_of(plant)) == 18
     with pytest.raises(ValueError, match="needs some to choose from"):
-        discover(*[None] * 2, State(plant, (), *[None] * 3), (), np.random.default_rng(0))  # type: ignore[arg-type]
+        discover(None, State(plant, (), None), (), np.random.default_rng(0))  # type: ignore[arg-type]

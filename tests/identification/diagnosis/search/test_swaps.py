@@ -22,7 +22,7 @@ def search():
     plant = load_vehicle("ganeshblue")
     record = run_mission(replace_at(plant, TRUE, 4.0), np.random.default_rng(3))
     train, held = held_out(plant, record, free_run_windows(plant, record, plant.window))
-    bench = Workbench(plant, record, train, held, plant.settle, 0.1)
+    bench = Workbench(plant, record, train, held, 0.1)
     return Reconsidering(bench, candidates_of(plant, record), 3, ()), bench.fit(plant, plant.family.coefficients)
 
 

@@ -25,11 +25,11 @@ class Costs:
         self.of[state] = np.asarray(costs, dtype=float)
         return trial_of(candidate, state, objection)
 
-    def costs(self, state, reference):
+    def costs(self, state):
         return self.of[state]
 
     @property
-    def train(self):
+    def problem(self):
         class Problem:
             index = {p: i for i, p in enumerate((*FIRST.paths, *SECOND.paths))}
 

@@ -1,0 +1,124 @@
+"""What a regression of the filter's errors on signatures promises, before any fit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import load_vehicle
+from identification.diagnosis.search import candidates
+from identification.diagnosis.search.candidates import SEEN, Candidate, periods_of, screen
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.experiments.missions import run_mission
+from identification.fit.windows import free_run_windows, held_out
+from tests.identification.gliders import QUICK
+
+DEADBAND, LAG, OFFSET = "effects.rudder.deadband", "effects.compass.lag", "effects.rudder.offset"
+COEFFICIENTS = QUICK.family.coefficients
+BAR = 16.0
+
+
+def candidate(*paths: str) -> Candidate:
+    return Candidate(paths[0], paths)
+
+
+def bench_of(record, doubt: float = 0.1) -> Workbench:
+    return Workbench(QUICK, record, *held_out(QUICK, record, free_run_windows(QUICK, record, QUICK.window)), doubt)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    bench = bench_of(run_mission(QUICK, np.random.default_rng(5), duration=900.0))
+    return bench, bench.fit(QUICK, COEFFICIENTS)
+
+
+def test_a_change_too_small_for_the_noises_gains_what_it_promises(clean):
+    """In the fitted windows, for the noises that were found without it; the fit may find others, and gain more."""
+    bench, state = clean
+    (found,) = screen(bench.problem, state.point, state.paths, [candidate(OFFSET)], BAR)
+    paths = (*state.paths, OFFSET)
+    beside = bench.problem.solve(state.plant, paths, state.point, noise=False)
+    gained = 2.0 * (bench.problem.objective(beside, paths) - bench.problem.objective(state.point, state.paths))
+    # the fit makes the gains anew, and stops where a turn gains less than 0.04
+    assert found.evidence == pytest.approx(gained, rel=0.1)
+    assert gained > 1.0
+    moved = beside.vector[bench.problem.index[OFFSET]] / spec_at(QUICK, OFFSET).probe
+    assert found.estimate[0] == pytest.approx(moved, rel=0.1)
+
+
+@pytest.mark.parametrize("bar, by_probe", [(BAR, True), (1e5, False)])
+def test_a_detectable_size_is_the_bar_or_a_probe_and_a_chance_of_one_in_twenty_in_standard_errors(clean, bar, by_probe):
+    bench, state = clean
+    (found,) = screen(bench.problem, state.point, state.paths, [candidate(OFFSET)], bar)
+    paths, probe = (*state.paths, OFFSET), spec_at(QUICK, OFFSET).probe
+    beside = bench.problem.solve(state.plant, paths, state.point, noise=False)
+    error = bench.intervals(State(bench.problem.plant_at(beside, paths), paths, beside))[OFFSET][1]
+    least = probe if by_probe else np.sqrt(bar) * error
+    assert (np.sqrt(bar) * error < probe) == by_probe
+    assert found.detectable[0] == pytest.approx(least + 1.645 * error, rel=0.15)  # errors may be widened for colour
+
+
+def test_held_out_windows_promise_nothing(clean):
+    bench, state = clean
+    noise = 30.0 * np.random.default_rng(0).standard_normal(state.point.errors.shape)
+    blurred = replace(state.point, errors=state.point.errors + noise * bench.problem.within(bench.held)[:, None])
+    both = [candidate(OFFSET), candidate(LAG)]
+    one, other = (screen(bench.problem, p, state.paths, both, BAR) for p in (state.point, blurred))
+    assert [s.evidence for s in one] == [s.evidence for s in other]
+    assert [s.candidate for s in one] == [s.candidate for s in other]
+
+
+def test_what_is_known_of_a_coefficient_tells_it_from_the_effect_that_acts_alike(clean):
+    """At one speed, the rudder's effectiveness with the speed is a coefficient, of which more or less is known."""
+    record = clean[0].record.with_channels({"u_mps": np.full(len(clean[0].record), 0.4)})
+    seen = {}
+    for doubt in (np.inf, 0.03, 0.01):
+        bench = bench_of(record, doubt)
+        point = bench.fit(QUICK, ()).point
+        (seen[doubt],) = screen(bench.problem, point, COEFFICIENTS, [candidate("effects.yaw.speed_squared")], BAR)
+    assert seen[np.inf].seen < SEEN < seen[0.03].seen < seen[0.01].seen
+    assert seen[np.inf].unseen == "hull.n_delta does the same"
+    assert (seen[np.inf].evidence, seen[np.inf].detectable[0]) == (0.0, np.inf)
+    assert seen[0.01].detectable[0] < 0.5 * seen[0.03].detectable[0]
+
+
+def test_an_effect_with_a_corner_is_tried_at_larger_sizes_too(monkeypatch):
+    """A deadband of a probe is not what one of 5 probes is; the smallest that a log shows is still a small one."""
+    assert [candidate(p).kinked for p in (DEADBAND, LAG, OFFSET)] == [True, True, False]
+    bench = bench_of(run_mission(replace_at(QUICK, DEADBAND, 0.1), np.random.default_rng(5), duration=900.0))
+    state = bench.fit(QUICK, COEFFICIENTS)
+
+    def screened(path):
+        return screen(bench.problem, state.point, state.paths, [candidate(path)], BAR)[0]
+
+    both, smooth = screened(DEADBAND), screened(OFFSET)
+    monkeypatch.setattr(candidates, "KINKED_STEPS", candidates.KINKED_STEPS[:1])
+    small = screened(DEADBAND)
+    assert both.evidence > small.evidence + 1.0
+    assert both.evidence > BAR
+    assert np.array_equal(both.detectable, small.detectable)
+    assert screened(OFFSET).evidence == smooth.evidence
+
+
+def test_a_period_is_sought_and_counted_and_has_no_phase_over_segments():
+    plant = load_vehicle("qiandao_float")
+    paths = ("effects.water.heave_sin", "effects.water.heave_cos", "effects.water.heave_period")
+    true = replace_at(plant, {paths[0]: 0.02, paths[2]: 300.0})
+    record = run_mission(true, np.random.default_rng(2), target_depths=(30.0, 10.0), duration=900.0)
+    windows = held_out(plant, record, free_run_windows(plant, record, plant.window))
+    bench = Workbench(plant, record, *windows, 0.1)
+    heave = Candidate("heave", paths[:2], paths[2])
+    state = bench.fit(bench.plant, ())
+    (found,) = screen(bench.problem, state.point, (), [heave], BAR)
+    assert found.tried == len(periods_of(record)) > 30
+    assert found.period == pytest.approx(300.0, rel=0.2)
+    assert found.evidence > BAR
+    assert value_at(state.plant, paths[2]) != found.period
+
+
+def test_periods_go_from_the_records_length_to_four_samples():
+    record = run_mission(QUICK, np.random.default_rng(5), duration=240.0)
+    periods = periods_of(record)
+    assert (periods.max(), periods.min()) == pytest.approx((record.duration_s, 4.0 * record.sample_interval))
+    assert np.all(np.diff(1.0 / periods) <= 0.5 / record.duration_s * (1.0 + 1e-9))
