@@ -8,7 +8,7 @@ Sources: Ljung 1999, ch. 7; Harvey 1989, ch. 3; Forssell and Ljung 1999, Automat
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -33,6 +33,7 @@ _SHARED = 100.0  # scales by which a state that nobody knows may be off
 _SLOW = 10.0  # s, in which an acceleration would make the velocities of the record; where a search for noises begins
 _FIRST_GUESSES = 10.0 ** np.arange(-5.0, 1.5)  # of accelerations, in those
 _LEAST_PROCESS = 1e-6  # the least that an acceleration is sought down to, in those
+_FAINT = 1e-3  # in those, below which one that would be likelier if it were stronger is sought among the first guesses
 _SAME = 0.05  # of the log-likelihood: a linearisation about a better path that changes less is the last
 _AS_LINEAR = 0.01  # of the log-likelihood by the linearised filter: a run of the vehicle so near it needs no other one
 _LINEARISATIONS, _FIRST_LINEARISATIONS = 4, 12  # from near by, and from what readings say
@@ -608,7 +609,7 @@ class PredictionErrors:
         return -0.5 * float(far @ far), slope
 
     def first_noise(self) -> np.ndarray:
-        """Noises to begin with: of channels by their second differences, accelerations all of the likeliest share."""
+        """Noises to begin with: of channels by their second differences, accelerations of the likeliest shares."""
         logs = np.log(self.floors)
         if not self.pushed:
             return logs
@@ -621,7 +622,20 @@ class PredictionErrors:
                 f"The runs of {self.plant.name!r} are not finite from one sample of the record to the next: check its "
                 "parameters and the units of the record."
             )
-        return tried[int(np.nanargmax(likely))]
+        return self._guessed(system, tried[int(np.nanargmax(likely))], range(len(self.pushed)))
+
+    def _guessed(self, system: System, logs: np.ndarray, which: Iterable[int]) -> np.ndarray:
+        """The noises, each of these accelerations in turn the likeliest of the first guesses, or as it was."""
+        best = float(self.counted @ run_filter(system, *self._numbers(logs)).scores)
+        for d in which:
+            strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
+            for share in _FIRST_GUESSES:
+                more = logs.copy()
+                more[[strength, time]] = np.log(share * self.unit[d]), self.slowness[0]
+                reached = float(self.counted @ run_filter(system, *self._numbers(more)).scores)
+                if reached > best:
+                    logs, best = more, reached
+        return logs
 
     def better_noise(self, point: Point, steps: int = _NOISE_STEPS) -> np.ndarray:
         """The noises of greatest likelihood for a point's parameters, linearised about its path.
@@ -673,28 +687,19 @@ class PredictionErrors:
         return logs
 
     def _revived(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        """The noises, accelerations that are not there brought back where that is likelier.
+        """The noises, accelerations that are hardly there brought back where that is likelier.
 
         In logarithms the likelihood is flat about them, so that small steps do not: its slope only tells the way.
         """
         first, pushed = len(self.channels), len(self.pushed)
-        still = np.flatnonzero(~self._there(logs) & (slope[first : first + pushed] > 0.0))
-        if not still.size:
-            return logs
-        tried = [logs]
-        for share in _FIRST_GUESSES:
-            more = logs.copy()
-            more[first + still] = np.log(share * np.array(self.unit)[still])
-            more[first + pushed + still] = self.slowness[0]
-            tried.append(more)
+        faint = np.flatnonzero(~self._there(logs, _FAINT) & (slope[first : first + pushed] > 0.0))
         assert point.system is not None
-        likely = [float(self.counted @ run_filter(point.system, *self._numbers(t)).scores) for t in tried]
-        return tried[int(np.nanargmax(likely))]
+        return self._guessed(point.system, logs, faint) if faint.size else logs
 
-    def _there(self, logs: np.ndarray) -> np.ndarray:
-        """Which accelerations push at all, (D,)."""
+    def _there(self, logs: np.ndarray, least: float = 10.0 * _LEAST_PROCESS) -> np.ndarray:
+        """Which accelerations are more than the least, in their units, (D,)."""
         first, pushed = len(self.channels), len(self.pushed)
-        return np.exp(logs[first : first + pushed]) > 10.0 * _LEAST_PROCESS * np.array(self.unit)
+        return np.exp(logs[first : first + pushed]) > least * np.array(self.unit)
 
     def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
         """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,)."""
@@ -789,11 +794,18 @@ class PredictionErrors:
             gained = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
             if not gained > gain:
-                there = self._stilled(here) if noise else here
+                there = self._weaker(here, paths) if noise else here
                 if not self.objective(there, paths) > self.objective(here, paths) + gain:
                     break
                 here = there
         return here
+
+    def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
+        """The likelier of what is reached from weaker accelerations: from much weaker ones, or without some."""
+        there = self._stilled(here)
+        if there is here and paths and self.pushed:
+            there = self._quieter(here, paths)
+        return there
 
     def _stilled(self, here: Point) -> Point:
         """The point without those accelerations whose absence is likelier: a search in logarithms comes there late."""

@@ -261,6 +261,19 @@ def test_an_acceleration_acts_on_a_velocity_that_decays_as_it_does_in_fine_steps
     assert moved(GLIDER, 1, before, after) == pytest.approx(moved(fine, 200, 0.5, 0.5), rel=0.1)
 
 
+def test_an_acceleration_is_found_beside_motions_of_the_water_that_are_not_there():
+    """The first guess is of each by itself: one that suits all of them would leave the strong one where slopes end."""
+    plant = load_vehicle("slocum")
+    glide = run_mission(plant, np.random.default_rng(5), duration=900.0)
+    slow = np.convolve(np.random.default_rng(5).standard_normal(len(glide) + 20), np.ones(20) / 20.0, mode="valid")
+    log = glide.with_channels({"heading_rad": glide["heading_rad"] + 0.1 * slow[: len(glide)]})
+    problem = PredictionErrors(plant, log, whole(log))
+    assert {"r_radps", "north_m", "east_m"} <= set(problem.pushed)
+    strengths = np.exp(problem.first_noise())[len(problem.channels) :][: len(problem.pushed)] / problem.unit
+    assert strengths[0] > 5.0 * strengths[1:].max()
+    assert "r_radps" in problem.noise_at(problem.solve(plant, ())).process
+
+
 def test_a_column_of_zeros_counts_as_not_measured(pushed):
     zeros = pushed.with_channels({"r_radps": np.zeros(len(pushed))})
     without = Record.from_arrays(pushed.time, {n: pushed[n] for n in pushed.names if n != "r_radps"})
