@@ -616,7 +616,7 @@ class PredictionErrors:
         system = self._system(self.plant.vector, self.first_path, self.starts, self._widest)
         times = np.full(len(self.pushed), self.slowness[0])
         tried = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
-        likely = np.array([float(self.counted @ run_filter(system, *self._numbers(t)).scores) for t in tried])
+        likely = np.array([self._likelihood(system, t) for t in tried])
         if not np.isfinite(likely).any():
             raise ValueError(
                 f"The runs of {self.plant.name!r} are not finite from one sample of the record to the next: check its "
@@ -624,15 +624,25 @@ class PredictionErrors:
             )
         return self._guessed(system, tried[int(np.nanargmax(likely))], range(len(self.pushed)))
 
+    def _likelihood(self, system: System, logs: np.ndarray) -> float:
+        """The log-likelihood of noises by the linearised filter."""
+        return float(self.counted @ run_filter(system, *self._numbers(logs)).scores)
+
+    def _without_one(self, logs: np.ndarray, d: int) -> np.ndarray:
+        """The noises with one acceleration that is hardly any."""
+        less = logs.copy()
+        less[len(self.channels) + d] = np.log(_LEAST_PROCESS * self.unit[d])
+        return less
+
     def _guessed(self, system: System, logs: np.ndarray, which: Iterable[int]) -> np.ndarray:
         """The noises, each of these accelerations in turn the likeliest of the first guesses, or as it was."""
-        best = float(self.counted @ run_filter(system, *self._numbers(logs)).scores)
+        best = self._likelihood(system, logs)
         for d in which:
             strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
             for share in _FIRST_GUESSES:
                 more = logs.copy()
                 more[[strength, time]] = np.log(share * self.unit[d]), self.slowness[0]
-                reached = float(self.counted @ run_filter(system, *self._numbers(more)).scores)
+                reached = self._likelihood(system, more)
                 if reached > best:
                     logs, best = more, reached
         return logs
@@ -730,12 +740,9 @@ class PredictionErrors:
         variances, deviations, times = self._numbers(point.logs)
         stated = {}
         if point.system is not None:
-            whole = float(self.counted @ run_filter(point.system, variances, deviations, times).scores)
+            whole = self._likelihood(point.system, point.logs)
             for d, name in enumerate(self.pushed):
-                less = deviations.copy()
-                less[d] = _LEAST_PROCESS * self.unit[d]
-                without = float(self.counted @ run_filter(point.system, variances, less, times).scores)
-                if whole - without > _SEEN:
+                if whole - self._likelihood(point.system, self._without_one(point.logs, d)) > _SEEN:
                     stated[name] = (float(deviations[d]), float(times[d]))
         return Noise(dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True)), stated)
 
@@ -811,16 +818,10 @@ class PredictionErrors:
         """The point without those accelerations whose absence is likelier: a search in logarithms comes there late."""
         if here.system is None:
             return here
-        system, count, pushed = here.system, len(self.channels), len(self.pushed)
-
-        def value(logs: np.ndarray) -> float:
-            return float(self.counted @ run_filter(system, *self._numbers(logs)).scores)
-
-        logs, best = here.logs, value(here.logs)
-        for d in range(pushed):
-            less = logs.copy()
-            less[count + d] = np.log(_LEAST_PROCESS * self.unit[d])
-            reached = value(less)
+        logs, best = here.logs, self._likelihood(here.system, here.logs)
+        for d in range(len(self.pushed)):
+            less = self._without_one(logs, d)
+            reached = self._likelihood(here.system, less)
             if reached > best:
                 logs, best = less, reached
         return here if logs is here.logs else self.point(here.vector, logs, here)

@@ -105,7 +105,7 @@ def _screened(
             if s.candidate not in found:
                 found[s.candidate], bases[s.candidate] = s, base
             elif s.evidence > found[s.candidate].evidence:
-                # what could have been detected is told by the noise as it is
+                # the detectable size rests on the noise as it was found
                 found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
     return sorted(found.values(), key=lambda s: -s.evidence), bases
 
@@ -129,7 +129,7 @@ def with_given_coefficients(bench: Workbench, state: State) -> list[State]:
 
 def _short_list(screened: Sequence[Screening], bar: float, plain: Collection[str]) -> list[Screening]:
     """The candidates that are worth a fit, most promising first."""
-    worth = [s for s in screened if s.seen >= SEEN and s.evidence >= LEAST_TRACE * bar]
+    worth = [s for s in screened if s.evidence >= LEAST_TRACE * bar]  # none for what cannot be seen
     best = worth[0].evidence if worth else 0.0
     known = [not set(plain).isdisjoint(s.candidate.paths) for s in worth]
     return [s for i, s in enumerate(worth) if i < SHORT_LIST or s.evidence >= CLOSE * best or known[i]]
