@@ -33,7 +33,7 @@ from identification.diagnosis.search.discovery import Discovery, discover, libra
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State, Workbench, noise_limited_length
-from identification.fit.prediction_errors import STEP
+from identification.fit.prediction_errors import moves_of
 from identification.fit.residual import residual_summary
 from identification.fit.validation import fitted_runs, free_runs, whiteness
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out
@@ -236,7 +236,7 @@ def _free_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:
     paths = tuple(p for p in plant.coefficients if plant.deviation(p, bench.doubt) > 0.0)
     if not paths or not given.finite:
         return paths
-    columns = problem.columns_of(given.point, [(p, STEP) for p in paths])
+    columns = problem.columns_of(given.point, moves_of(paths))
     free = tuple(p for p, own in zip(paths, columns, strict=True) if np.abs(own).max() > 1e-6)
     return free or paths
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from auv_gym.records.record import Record, concat
 from identification.estimate import Estimate
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.prediction_errors import Noise, Point, PredictionErrors
+from identification.fit.steps import MOST_MOVED, brisk, moved_by_steps
 from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows
 
@@ -84,17 +85,28 @@ class GreyBox:
                 f"GreyBox needs a stretch of at least {window:g} s without a gap, got {longest:.1f} s: "
                 "record longer or choose a shorter window."
             )
-        problem = PredictionErrors(self.plant, record, windows, process=self.process)
-        unknowns = len(self.free) + len(problem.stretches) * len(problem.live) + len(problem.shared_values)
-        if problem.count < SAMPLES_PER_UNKNOWN * unknowns:
+        paths = tuple(self.free)
+        given = PredictionErrors(self.plant, record, windows, process=self.process)
+        unknowns = len(paths) + len(given.stretches) * len(given.live) + len(given.shared_values)
+        if given.count < SAMPLES_PER_UNKNOWN * unknowns:
             raise ValueError(
                 f"GreyBox needs at least {SAMPLES_PER_UNKNOWN} samples per unknown ({unknowns} unknowns), got "
-                f"{problem.count}: record longer, choose longer windows or free fewer parameters."
+                f"{given.count}: record longer, choose longer windows or free fewer parameters."
             )
-        # the coefficients first: from poor ones, an effect would be drawn to a far-fetched value
+        brisker = brisk(self.plant, record, windows)
+        if brisker is self.plant:
+            return self._result(given, self._likeliest(given), paths, windows)
+        problem = PredictionErrors(brisker, record, windows, process=self.process)
+        point = self._likeliest(problem)
+        if moved_by_steps(given, point) > MOST_MOVED:  # the record is more precise than its readings' curves tell
+            problem, point = given, self._likeliest(given)
+        return self._result(problem, point, paths, windows)
+
+    def _likeliest(self, problem: PredictionErrors) -> Point:
+        """The likeliest point; the coefficients first: from poor ones, effects would be drawn to far-fetched values."""
         paths = tuple(self.free)
         coefficients = [p for p in paths if not p.startswith("effects.")]
-        plant, near = self.plant, None
+        plant, near = problem.plant, None
         if coefficients and len(coefficients) < len(paths):
             near = problem.solve(plant, coefficients)
             plant = problem.plant_at(near, coefficients)
@@ -107,7 +119,7 @@ class GreyBox:
                 f"The runs of {self.plant.name!r} are not finite near its starting values: "
                 "give a plant with stable coefficients."
             )
-        return self._result(problem, point, paths, windows)
+        return point
 
     def _first_plants(self, plant: Plant) -> list[Plant]:
         effects = [p for p in self.free if p.startswith("effects.")]
@@ -127,7 +139,7 @@ class GreyBox:
         told = information_of(problem, point, paths)
         errors = np.sqrt(np.maximum(np.diag(told.covariance), 0.0)) * [problem.scale(p) for p in paths]
         untold = _problems(told.alone, problem.free_sensitivity(point, paths), paths)
-        fitted = problem.plant_at(point, paths)
+        fitted = replace(problem.plant_at(point, paths), longest_step=self.plant.longest_step)
         estimates = []
         for path, error in zip(paths, errors.tolist(), strict=True):
             value, word, unit = value_at(fitted, path), untold.get(path, ""), spec_at(fitted, path).unit

@@ -9,9 +9,9 @@ import numpy as np
 
 from auv_gym.param import replace_at
 from identification.estimate import half_width
-from identification.fit.prediction_errors import STEP, Point, PredictionErrors
+from identification.fit.prediction_errors import Point, PredictionErrors, kinked, moves_of
 
-_KINKED = ("deadband", "backlash", "dead_time", "lag", "slowness", "lost_travel")  # what comes last in their paths
+_LEFT = 1e-6  # of the square of slopes, below which what starts leave of them is rounding
 _PROFILED = 6  # values at either side at which a profile is sought
 _NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are taken
 _LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
@@ -41,10 +41,9 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
     noise is not what was taken for it, neighbouring scores correlate: the variance of each parameter is at least that
     of the sandwich form with Bartlett weights (Newey and West 1987; Ljung 1999, sec. 9.3).
     """
-    flat = problem.without_starts(point, problem.counted_slopes(point, paths))
-    alone = flat @ flat.T
-    known = np.diag(problem.pulls(point.vector, paths)[1] ** 2)
-    inverse = _inverse(alone + known)
+    flat, told = _told(problem, point, paths)
+    alone, known = flat @ flat.T, np.diag(problem.pulls(point.vector, paths)[1] ** 2)
+    inverse = _inverse(told + known)
     scores = np.einsum("prc,rc->rp", flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point))
     long_run = scores.T @ scores
     lags = int(np.ceil(4.0 * (max(len(scores), 1) / 100.0) ** (2.0 / 9.0)))  # Newey and West 1994, Bartlett
@@ -55,19 +54,39 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
         long_run += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
     robust = inverse @ (long_run + known) @ inverse
     wider = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(inverse), 1e-300), 1.0))
-    growth, freedom = _by_noise(problem, point, paths, alone, known)
+    growth, freedom = _by_noise(problem, point, paths, told, known)
     wider *= np.exp(0.5 * growth)
     freedom = np.minimum(freedom, max(problem.count - len(paths) - point.logs.size, 3))
     reach = np.array([half_width(f) for f in freedom]) * wider
     return Information(inverse * np.outer(wider, wider), alone, freedom, reach)
 
 
+def _told(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Slopes of the paths that starts cannot imitate, (P, rows * C), and their normal matrix, (P, P).
+
+    The matrix is without what the starts leave of a change that they can all but imitate: what is left there is the
+    rounding of slopes, and would look like a change by parameters that are told.
+    """
+    slopes = problem.counted_slopes(point, paths)
+    flat = problem.without_starts(point, slopes)
+    size = np.maximum(np.linalg.norm(slopes, axis=1), 1e-150)
+    values, vectors = np.linalg.eigh(flat @ flat.T / np.outer(size, size))
+    kept = vectors * size[:, None] * np.sqrt(np.where(values > _LEFT, values, 0.0))
+    return flat, kept @ kept.T
+
+
 def _inverse(normal: np.ndarray) -> np.ndarray:
     return np.linalg.pinv(normal, rcond=1e-13, hermitian=True)
 
 
+def _size(normal: np.ndarray) -> float:
+    """Logarithm of the determinant, without what is told nothing of."""
+    values = np.linalg.eigvalsh(normal)
+    return float(np.log(values[values > 1e-13 * values[-1]]).sum())
+
+
 def _by_noise(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], alone: np.ndarray, known: np.ndarray
+    problem: PredictionErrors, point: Point, paths: Sequence[str], told: np.ndarray, known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """By how much logarithms of variances grow since accelerations are estimated, and degrees of freedom, (P,) each.
 
@@ -81,17 +100,16 @@ def _by_noise(
         return np.zeros(count), np.full(count, np.inf)
     size = len(pushing)
     curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)
-    first, whole = np.log(np.maximum(np.diag(_inverse(alone + known)), 1e-300)), np.linalg.slogdet(alone + known)[1]
+    first, whole = np.log(np.maximum(np.diag(_inverse(told + known)), 1e-300)), _size(told + known)
     slope = problem.noise_slopes(point, point.logs)[1][pushing]
     for j, i in enumerate(pushing):
         more = point.logs.copy()
         more[i] += _NOISE_STEP
         curvature[j] = (slope - problem.noise_slopes(point, more)[1][pushing]) / _NOISE_STEP
         there = problem.with_noise(point, more)
-        flat = problem.without_starts(there, problem.counted_slopes(there, paths))
-        normal = flat @ flat.T + known
+        normal = _told(problem, there, paths)[1] + known
         slopes[j] = (np.log(np.maximum(np.diag(_inverse(normal)), 1e-300)) - first) / _NOISE_STEP
-        fall[j] = -0.5 * (np.linalg.slogdet(normal)[1] - whole) / _NOISE_STEP
+        fall[j] = -0.5 * (_size(normal) - whole) / _NOISE_STEP
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     spread = (vectors / np.maximum(values, _LEAST_TOLD)) @ vectors.T
     variance = np.einsum("jp,jk,kp->p", slopes, spread, slopes)
@@ -107,7 +125,7 @@ def predictive_scores(
     Of each beside those before it, parameters integrated over the linearised posterior (Rasmussen and Williams 2006,
     sec. 2.7): that a log does not tell a parameter is no surprise where it matters later.
     """
-    columns = problem.columns_of(point, [(p, STEP) for p in paths])
+    columns = problem.columns_of(point, moves_of(paths))
     flat = problem.without_starts(
         point, (columns * np.sqrt(problem.counted)[:, None]).reshape(len(paths), point.errors.size)
     )
@@ -136,11 +154,6 @@ def interval_of(
         return value - half, value + half
     found = profile_interval(problem, point, paths, path, error, float(told.reach[k]))
     return min(found[0], value), max(found[1], value)
-
-
-def kinked(path: str) -> bool:
-    """Whether an effect works in one direction from its neutral value, with a corner there."""
-    return path.rpartition(".")[2] in _KINKED
 
 
 def profile_interval(

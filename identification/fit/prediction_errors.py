@@ -36,21 +36,27 @@ _LEAST_PROCESS = 1e-6  # the least that an acceleration is sought down to, in th
 _FAINT = 1e-3  # in those, below which one that would be likelier if it were stronger is sought among the first guesses
 _SAME = 0.05  # of the log-likelihood: a linearisation about a better path that changes less is the last
 _AS_LINEAR = 0.01  # of the log-likelihood by the linearised filter: a run of the vehicle so near it needs no other one
-_LINEARISATIONS, _FIRST_LINEARISATIONS = 4, 12  # from near by, and from what readings say
+_LINEARISATIONS, _FIRST_LINEARISATIONS = 8, 12  # from near by, and from what readings say
+_SHORTER = 0.3  # of a step to another linearisation that is worse
 _FIRST_NOISE_STEPS, _NOISE_STEPS = 40, 6  # to better noises, at first and after each turn
-_NOISE_GAIN, _NOISE_REACH = 0.02, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
+_NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
 _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their readings lag behind
 _NO_START = 1e-9  # of the slopes by starts, below which one does nothing
-_LOOSE = 30.0  # deviations of a stretch's likeliest start that the filter lets it be off by
+_LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
+_LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
 _DAMPING = 1e-5  # of the information, so that no step goes far where the record tells next to nothing
+_TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each time
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
 _DESCENTS = 3  # steps of the parameters with the same gains
 _NOISE_RANGE = np.log(1e4)
-_GAIN = 0.02  # of the log-likelihood that a turn must bring for a fit to go on
+_GAIN = 0.005  # of the log-likelihood that a turn must bring for a fit to go on
 _HALVINGS = 6
 _SEEN = 5.4  # half the 0.1 % point of chi-square: what an acceleration must add to the log-likelihood to be stated
-STEP = 0.1  # scales of a parameter, over which its slopes are taken: more than rounding and changes of step size
+# scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to a
+# thousandth, since what they are off by moves those estimates far that act nearly alike
+STEP, _STEP_ABOUT_CORNERS = 0.01, 0.1
+_KINKED = ("deadband", "backlash", "dead_time", "lag", "slowness", "lost_travel")  # what comes last in their paths
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
 # correlation time of what pushes a vehicle, s, and deviation of its logarithm: from swell, some seconds, to turbulence
 # and changing currents, minutes
@@ -316,8 +322,9 @@ class PredictionErrors:
         decays = np.ones((len(self.rows), len(self.kicks)))
         vectors = np.repeat(vector[None], len(starts), axis=0)
         y, after = self.plant.follow_many(self._by_row, vectors, starts, self._free(none, decays, True), True)
-        a = ((after[1:] - after[0])[:, :, live] / probes[:, None, None]).transpose(1, 2, 0)
-        c = ((y[1:] - y[0])[:, :, self.columns] / probes[:, None, None]).transpose(1, 2, 0)
+        with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
+            a = ((after[1:] - after[0])[:, :, live] / probes[:, None, None]).transpose(1, 2, 0)
+            c = ((y[1:] - y[0])[:, :, self.columns] / probes[:, None, None]).transpose(1, 2, 0)
         return a, c, y[0][:, self.columns], after[0]
 
     def _probes(self, live: np.ndarray) -> np.ndarray:
@@ -375,37 +382,56 @@ class PredictionErrors:
 
     def _better_starts(
         self, system: System, made: Pass, logs: np.ndarray, starts: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The likeliest starts, and roots of `_LOOSE` times their deviations.
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """The likeliest starts, roots of `_LOOSE` times their deviations, and the most that better starts can gain.
 
         A filter that begins so keeps near its linearisation.  How wide it begins does not matter: in a linear system
         its likelihood is that of the likeliest start but for a constant, whatever the model.
         """
-        slopes = slopes_of(system, made, np.ones(len(self.rows)), *self._numbers(logs))
-        starts, roots, solid = starts.copy(), np.zeros_like(system.start), len(self.live)
+        telling = self._telling
+        slopes = slopes_of(system, made, telling, *self._numbers(logs))
+        every = slopes
+        if not np.array_equal(telling, self.counted):
+            every = slopes_of(system, made, self.counted, *self._numbers(logs))
+        starts, roots, solid, promised = starts.copy(), np.zeros_like(system.start), len(self.live), 0.0
         for w in range(len(self.stretches)):
             free = np.flatnonzero(~self._fixed(w))
             own = np.ix_(free, free)
             units = self.spread[self.live][free]
             r = slopes.means[w, :solid][free] * units
             n = np.outer(r, r) - 2.0 * slopes.covariances[w, :solid, :solid][own] * np.outer(units, units)
-            before = (system.start[w].T @ system.start[w])[own] / np.outer(units, units)
-            # P after = P - P N P; what that adds is the data's information; the record's spread is all else known
-            after = before - before @ n @ before
-            values, vectors = np.linalg.eigh(0.5 * (after + after.T))
-            precise = (vectors / np.maximum(values, 1e-16)) @ vectors.T
-            values, vectors = np.linalg.eigh(before)
-            gained = precise - (vectors / np.maximum(values, 1e-16)) @ vectors.T
-            values, vectors = np.linalg.eigh(0.5 * (gained + gained.T))
+            root = system.start[w][:, free] / units
+            # the covariance R'R becomes R'(I - R N R')R; what that adds to its inverse is the data's information
+            values, vectors = np.linalg.eigh(np.eye(len(root)) - root @ n @ root.T)
+            cross = (vectors / np.sqrt(np.clip(values, _LEAST_LEFT, 1.0))).T @ root @ n
+            values, vectors = np.linalg.eigh(0.5 * (n + n.T) + cross.T @ cross)
             values = np.maximum(values, 0.0)
-            data = (vectors * values) @ vectors.T
+            data, before = (vectors * values) @ vectors.T, root.T @ root
             told = r + data @ (before @ r)
             away = (self.starts[w][self.live][free] - starts[w][self.live][free]) / units
             step = np.linalg.solve(data + np.eye(len(free)), told + away)
+            slope = every.means[w, :solid][free] * units  # other rows tell more, so that there is less to gain
+            promised += 0.5 * float(slope @ np.linalg.solve(data + np.eye(len(free)), slope))
             starts[w, self.live[free]] += step * units
             half = vectors * np.minimum(_LOOSE / np.sqrt(values + 1.0), 1.0)
             roots[w][own] = (units[:, None] * half).T
-        return starts, roots
+        return starts, roots, promised
+
+    @property
+    def _held_first(self) -> np.ndarray:
+        """Which stretches begin with rows that do not count, (W,): these alone tell how they begin."""
+        return self.counted[self.offsets] == 0.0
+
+    @property
+    def _telling(self) -> np.ndarray:
+        """1 for the rows that tell where their stretch begins, (rows,): those before the first that counts otherwise.
+
+        Likelihoods of rows given those between, which do not count, tell of a start what these leave.
+        """
+        turns = np.diff(self.counted, prepend=self.counted[0]) != 0.0
+        turns[self.offsets] = False
+        turned = np.cumsum(turns)
+        return (turned == turned[self.offsets][self.stretch_of_row]).astype(float)
 
     def _numbers(self, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         count, pushed = len(self.channels), len(self.pushed)
@@ -416,31 +442,57 @@ class PredictionErrors:
         path, starts, roots = (
             (self.first_path, self.starts, self._widest) if near is None else (near.path, near.starts, near.roots)
         )
-        before, found = -np.inf, None
+        best, highest, came, share = None, -np.inf, (path, starts), 1.0
         for _ in range(_LINEARISATIONS if near is not None else _FIRST_LINEARISATIONS):
-            system = self._system(vector, path, starts, roots)
-            if not (np.isfinite(system.a).all() and np.isfinite(system.error).all()):
+            found, linear = self._about(vector, logs, path, starts, roots, near is None and best is None)
+            total = self.total(found)
+            if total > highest:
+                gained, best, highest = total - highest, found, total
+                came, share = (path, starts), 1.0
+                path, starts, roots = found.path, found.starts, found.roots
+                if gained < _SAME or abs(total - linear) < _AS_LINEAR:
+                    break
+            elif best is None or highest - total < _SAME:
                 break
-            made = run_filter(system, *self._numbers(logs))
-            if not np.isfinite(made.scores).all():
-                break
-            starts, roots = self._better_starts(system, made, logs, starts)
-            system = replace(system, start=roots, origin=self._origin(path, starts))
-            made = run_filter(system, *self._numbers(logs))
-            found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
-            if not np.isfinite(found.path).all():
-                break
-            path, total, linear = found.path, self.total(found), float(self.counted @ made.scores)
-            if abs(total - before) < _SAME or abs(total - linear) < _AS_LINEAR:
-                break
-            before = total
-        if found is None or not (np.isfinite(found.scores).all() and np.isfinite(found.path).all()):
-            (rows, count), size = self.finite.shape, self._size + len(self.pushed)
-            none, unlikely = np.zeros((rows, count)), np.full(rows, -np.inf)
-            gains, whiten = np.zeros((rows, size, count)), np.zeros((rows, count, count))
-            first = (self.first_path, gains, whiten, none, self.starts, self._widest)
-            return Point(vector, logs, none, unlikely, *first, None)
-        return found
+            else:  # a step too far: from the linearisation of the best one, less far
+                share *= _SHORTER
+                path = came[0] + share * (best.path - came[0])
+                starts = came[1] + share * (best.starts - came[1])
+        return best or self._nowhere(vector, logs)
+
+    def _about(
+        self, vector: np.ndarray, logs: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray, anew: bool
+    ) -> tuple[Point, float]:
+        """The filter linearised about a path, from the likeliest starts, and its log-likelihood if all were linear.
+
+        anew: whether the starts may be far from likely.
+        """
+        system = self._system(vector, path, starts, roots)
+        if not (np.isfinite(system.a).all() and np.isfinite(system.error).all()):
+            return self._nowhere(vector, logs), -np.inf
+        made = run_filter(system, *self._numbers(logs))
+        if not np.isfinite(made.scores).all():
+            return self._nowhere(vector, logs), -np.inf
+        better, roots, promised = self._better_starts(system, made, logs, starts)
+        starts = better if anew else np.where(self._held_first[:, None], better, starts)
+        system = replace(system, start=roots, origin=self._origin(path, starts))
+        made = run_filter(system, *self._numbers(logs))
+        found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
+        if not (np.isfinite(found.path).all() and np.isfinite(found.scores).all()):
+            return self._nowhere(vector, logs), -np.inf
+        there = self.descended(found, ()) if anew or promised > _GAIN else found
+        if there is not found:
+            system = replace(system, origin=self._origin(path, there.starts))
+            found, made = replace(there, system=system), run_filter(system, *self._numbers(logs))
+        return found, float(self.counted @ made.scores)
+
+    def _nowhere(self, vector: np.ndarray, logs: np.ndarray) -> Point:
+        """What is left of a filter that runs away: as unlikely as can be."""
+        (rows, count), size = self.finite.shape, self._size + len(self.pushed)
+        none, unlikely = np.zeros((rows, count)), np.full(rows, -np.inf)
+        gains, whiten = np.zeros((rows, size, count)), np.zeros((rows, count, count))
+        first = (self.first_path, gains, whiten, none, self.starts, self._widest)
+        return Point(vector, logs, none, unlikely, *first, None)
 
     def _followed(
         self,
@@ -530,7 +582,7 @@ class PredictionErrors:
 
     def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
         """Slopes by the paths of the errors that count, (P, rows * C)."""
-        columns = self.columns_of(point, [(p, STEP) for p in paths]) * self._root
+        columns = self.columns_of(point, moves_of(paths)) * self._root
         return columns.reshape(len(paths), point.errors.size)
 
     def counted_errors(self, point: Point) -> np.ndarray:
@@ -556,7 +608,7 @@ class PredictionErrors:
             - self._follow(point.vector[None], point.starts, np.zeros_like(point.gains), point.logs, False)[0][0],
             whiten=self.finite[:, :, None] * np.diag(1.0 / deviations),
         )
-        columns = self.columns_of(free, [(p, STEP) for p in paths])
+        columns = self.columns_of(free, moves_of(paths))
         # a free run that is unstable says no more by running away further
         return np.sqrt((np.minimum(np.abs(columns), _ENOUGH) ** 2).sum(axis=(1, 2)))
 
@@ -809,22 +861,27 @@ class PredictionErrors:
 
     def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
         """The likelier of what is reached from weaker accelerations: from much weaker ones, or without some."""
-        there = self._stilled(here)
+        there = self._stilled(here, paths)
         if there is here and paths and self.pushed:
             there = self._quieter(here, paths)
         return there
 
-    def _stilled(self, here: Point) -> Point:
-        """The point without those accelerations whose absence is likelier: a search in logarithms comes there late."""
+    def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
+        """The point without those accelerations whose absence is likelier: a search in logarithms comes there late.
+
+        Without each as the linearised filter tells, and without any as the vehicle itself does.
+        """
         if here.system is None:
             return here
-        logs, best = here.logs, self._likelihood(here.system, here.logs)
+        logs, best, none = here.logs, self._likelihood(here.system, here.logs), here.logs
         for d in range(len(self.pushed)):
-            less = self._without_one(logs, d)
+            less, none = self._without_one(logs, d), self._without_one(none, d)
             reached = self._likelihood(here.system, less)
             if reached > best:
                 logs, best = less, reached
-        return here if logs is here.logs else self.point(here.vector, logs, here)
+        tried = {tuple(t): t for t in (logs, none) if not np.array_equal(t, here.logs)}
+        points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
+        return max(points, key=lambda p: self.objective(p, paths))
 
     def quieted(self, here: Point) -> Point:
         """The same parameters, what pushes the vehicle taken for much weaker."""
@@ -848,12 +905,15 @@ class PredictionErrors:
         return self.renewed(there, here.logs, paths)
 
     def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS) -> Point:
-        """The point of least squared errors over the paths, the gains of its filter held; Gauss and Newton."""
-        if not paths or here.system is None:
+        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt."""
+        if here.system is None:
             return here
         for _ in range(iterations):
             starts, owners = self.start_columns(here)
-            count = len(paths)
+            moving = [k for k, (stretches, _) in enumerate(owners) if not self._held_first[stretches].all()]
+            starts, owners, count = starts[moving], [owners[k] for k in moving], len(paths)
+            if not count + len(owners):
+                break
             every = np.vstack([self.counted_slopes(here, paths), starts])
             whole, right = every @ every.T, every @ self.counted_errors(here).ravel()
             pulled, rates = self.pulls(here.vector, paths)
@@ -862,22 +922,21 @@ class PredictionErrors:
             held = at_edge(self, here.vector, paths, right)
             whole[held], whole[:, held], right[held] = 0.0, 0.0, 0.0
             whole[held, held] = 1.0
-            size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-            damped = whole / np.outer(size, size) + _DAMPING * np.eye(len(size))
-            step = np.linalg.solve(damped, right / size) / size
-            if 0.5 * float(right @ step) < 0.1 * _GAIN:
-                break
-            before, share = self.objective(here, paths), 1.0
-            for _ in range(_HALVINGS):
+            size, damping = np.sqrt(np.maximum(np.diag(whole), 1e-300)), _DAMPING
+            scaled, before = whole / np.outer(size, size), self.objective(here, paths)
+            for _ in range(_TRIES):
+                step = np.linalg.solve(scaled + damping * np.eye(len(size)), right / size) / size
+                if 0.5 * float(right @ step) < 0.1 * _GAIN:
+                    return here
                 moved = here.starts.copy()
                 for (stretches, i), way in zip(owners, step[count:], strict=True):
-                    moved[stretches, i] += share * way
-                there = self.with_gains(here, self.moved(here.vector, paths, share * step[:count]), moved)
+                    moved[stretches, i] += way
+                there = self.with_gains(here, self.moved(here.vector, paths, step[:count]), moved)
                 if self.objective(there, paths) > before:
                     break
-                share *= 0.4
+                damping *= _TIGHTER
             else:
-                break
+                return here
             here = there
         return here
 
@@ -908,6 +967,16 @@ class PredictionErrors:
     def plant_at(self, point: Point, paths: Sequence[str]) -> Plant:
         """The plant with the point's values at the paths."""
         return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
+
+
+def kinked(path: str) -> bool:
+    """Whether an effect works in one direction from its neutral value, with a corner there."""
+    return path.rpartition(".")[2] in _KINKED
+
+
+def moves_of(paths: Iterable[str]) -> list[tuple[str, float]]:
+    """Each path with the step, in its scales, over which its slopes are taken."""
+    return [(p, _STEP_ABOUT_CORNERS if kinked(p) else STEP) for p in paths]
 
 
 def _varies(readings: np.ndarray) -> bool:

@@ -10,8 +10,7 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.fit.intervals import kinked
-from identification.fit.prediction_errors import STEP, Point, PredictionErrors
+from identification.fit.prediction_errors import STEP, Point, PredictionErrors, kinked, moves_of
 
 # Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
 TOGETHER = (
@@ -24,7 +23,7 @@ PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
 MOST_PERIODS = 64
 SEEN = 1e-4  # share of a signature that must remain beside the coefficients' and the initial states' signatures
 GONE = 1e-5  # share of a signature below which nothing is left beside the initial states
-KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral
+KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral, not `STEP`
 
 
 @dataclass(frozen=True)
@@ -142,7 +141,7 @@ class _Regression:
     def __init__(self, problem: PredictionErrors, point: Point, fitted: Sequence[str], threshold: float):
         self.problem, self.point, self.fitted, self.threshold = problem, point, fitted, threshold
         self.root = np.sqrt(problem.counted)[:, None]
-        columns = problem.columns_of(point, [(p, STEP) for p in fitted])
+        columns = problem.columns_of(point, moves_of(fitted))
         self.nuisance = self._flat(columns)
         pulled, rates = problem.pulls(point.vector, fitted)
         # what is known of the coefficients is data, too: a row for each
@@ -159,7 +158,7 @@ class _Regression:
 
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
         """A screening for each candidate, in their order; vector: from where the signatures are taken."""
-        groups = [(c, step) for c in candidates for step in (KINKED_STEPS if c.kinked else KINKED_STEPS[:1])]
+        groups = [(c, step) for c in candidates for step in (KINKED_STEPS if c.kinked else (STEP,))]
         if not groups:
             return []
         moves = [(p, step) for c, step in groups for p in c.paths]

@@ -13,7 +13,7 @@ from identification.diagnosis.search.ties import TIE
 from identification.diagnosis.search.trials import with_given_coefficients
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.intervals import information_of, interval_of
-from identification.fit.prediction_errors import STEP, PredictionErrors
+from identification.fit.prediction_errors import PredictionErrors, moves_of
 
 STABLE = 0.8  # share of the halves that must choose a term
 BLOCKS, LEAST_BLOCK = 24, 8  # blocks to resample, if they hold as many samples
@@ -67,7 +67,7 @@ def selection_of(
     size = np.sqrt((columns**2).sum(axis=(1, 2)) / total)
     scales = np.where(size > 1e-12, 1.0 / np.maximum(size, 1e-12), 1.0)
     columns = columns * np.where(size > 1e-12, scales, 0.0)[:, None, None]
-    nuisance = problem.columns_of(point, [(p, STEP) for p in state.paths])[:, inside]
+    nuisance = problem.columns_of(point, moves_of(state.paths))[:, inside]
     errors = point.errors[inside]
     blocks = np.repeat(_blocks(bench.window_of_row[inside]), errors.shape[1])
     flat = errors.ravel()

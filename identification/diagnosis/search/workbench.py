@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -16,14 +16,13 @@ from auv_gym.records.record import Record
 from identification.estimate import half_width
 from identification.fit.intervals import Information, information_of, interval_of, predictive_scores
 from identification.fit.prediction_errors import Noise, Point, PredictionErrors
-from identification.fit.residual import noise_floor
 from identification.fit.shooting import Shooting
+from identification.fit.steps import brisk, readings_noise
 from identification.fit.validation import free_runs
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
 MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on a search also begins at its given value
-FINE = 0.02  # of the noise: how far a coarser step of integration may move the outputs
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +48,14 @@ class Workbench:
 
     One filter goes through all windows; fits count the training windows, and the held-out ones tell whether what was
     found holds there too.
-    plant: as given, integrated in the longest steps that change its runs by less than the noise would show.
+    plant: as given, integrated in the longest steps that move no estimate (`identification.fit.steps`).
     doubt: standard deviation of its coefficients, relative.
     """
 
     def __init__(
         self, plant: Plant, record: Record, train: Sequence[slice], held: Sequence[slice], doubt: float = np.inf
     ):
-        self.plant = _brisk(plant, record, train)
+        self.plant = brisk(plant, record, train)
         self.record, self.train, self.held, self.doubt = record, tuple(train), tuple(held), doubt
         self.problem = PredictionErrors(self.plant, record, [*train, *held], doubt=doubt, counted=train)
         starts = sorted(w.start for w in (*train, *held))
@@ -171,32 +170,10 @@ def noise_limited_length(plant: Plant, record: Record, seconds: float) -> float:
 def _growth(plant: Plant, record: Record, seconds: float) -> float:
     """By how much noise in a measured state at the start of a window grows, in noises of the outputs."""
     problem = Shooting(plant, record, free_run_windows(plant, record, seconds))
-    noise, point = _noise(problem), problem.point(plant.vector, problem.first_guess)
+    noise, point = readings_noise(problem), problem.point(plant.vector, problem.first_guess)
     if not np.isfinite(point.cost):
         return np.inf
     grown = np.abs(problem.linearise(point, (), noise).starts).max(axis=(1, 2))
     states = [plant.family.states[i] for i in problem.start_states]
     own = np.array([noise[problem.channels.index(s)] if s in problem.channels else 0.0 for s in states])
     return float((grown * own).max(initial=0.0))
-
-
-def _brisk(plant: Plant, record: Record, windows: Sequence[slice]) -> Plant:
-    """The plant with the longest step of integration, up to a sample, that leaves its runs as they are."""
-    problem = Shooting(plant, record, windows)
-    noise = _noise(problem)
-    given, starts = problem.point(plant.vector, problem.first_guess).residual, problem.first_guess
-    for parts in (1, 2, 4, 8):
-        step = record.sample_interval / parts
-        if step <= plant.longest_step:
-            return plant
-        faster = replace(plant, longest_step=step)
-        moved = Shooting(faster, record, windows).point(plant.vector, starts).residual - given
-        size = np.sqrt(np.nanmean(moved**2, axis=0))
-        if np.all(size < FINE * noise):  # False where a run is not finite
-            return faster
-    return plant
-
-
-def _noise(problem: Shooting) -> np.ndarray:
-    """Standard deviation of each channel's readings about a smooth curve, shape (C,)."""
-    return np.array([noise_floor(readings, problem.window_of_row) for readings in problem.measured.T])

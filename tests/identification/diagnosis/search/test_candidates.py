@@ -97,7 +97,7 @@ def test_an_effect_with_a_corner_is_tried_at_larger_sizes_too(monkeypatch):
     small = screened(DEADBAND)
     assert both.evidence > small.evidence + 1.0
     assert both.evidence > BAR
-    assert np.array_equal(both.detectable, small.detectable)
+    assert both.detectable == pytest.approx(small.detectable, rel=1e-9)
     assert screened(OFFSET).evidence == smooth.evidence
 
 

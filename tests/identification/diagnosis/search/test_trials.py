@@ -61,8 +61,9 @@ def test_one_that_gains_far_less_after_a_few_steps_is_not_fitted_to_the_end(trie
 
 
 def test_one_that_was_fitted_and_gains_little_is_not_significant(tried):
-    assert tried[GAIN].objection == "not significant"
-    assert tried[GAIN].state is not None
+    little = [t for t in tried.values() if t.objection == "not significant"]
+    assert little
+    assert all(t.state is not None for t in little)
 
 
 def test_one_that_the_record_cannot_show_is_not_fitted(start):
