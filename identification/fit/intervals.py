@@ -126,9 +126,7 @@ def predictive_scores(
     sec. 2.7): that a log does not tell a parameter is no surprise where it matters later.
     """
     columns = problem.columns_of(point, moves_of(paths))
-    flat = problem.without_starts(
-        point, (columns * np.sqrt(problem.counted)[:, None]).reshape(len(paths), point.errors.size)
-    )
+    flat = problem.without_starts(point, problem.counted_flat(columns))
     rates = problem.pulls(point.vector, paths)[1]
     matrix, pull = flat @ flat.T + np.diag(rates**2 + 1e-12), np.zeros(len(paths))
     scores, gained = [], -0.5 * np.linalg.slogdet(matrix)[1]

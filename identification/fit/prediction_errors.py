@@ -582,8 +582,11 @@ class PredictionErrors:
 
     def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
         """Slopes by the paths of the errors that count, (P, rows * C)."""
-        columns = self.columns_of(point, moves_of(paths)) * self._root
-        return columns.reshape(len(paths), point.errors.size)
+        return self.counted_flat(self.columns_of(point, moves_of(paths)))
+
+    def counted_flat(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, (P, rows, C), flat, (P, rows * C), zero in the rows that do not count."""
+        return (columns * self._root).reshape(len(columns), self.measured.size)
 
     def counted_errors(self, point: Point) -> np.ndarray:
         """The errors that count, (rows, C), zero in the other rows."""

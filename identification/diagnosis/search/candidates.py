@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.fit.prediction_errors import STEP, Point, PredictionErrors, kinked, moves_of
+from identification.fit.prediction_errors import STEP, Point, PredictionErrors, kinked
 
 # Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
 TOGETHER = (
@@ -140,21 +140,16 @@ class _Regression:
 
     def __init__(self, problem: PredictionErrors, point: Point, fitted: Sequence[str], threshold: float):
         self.problem, self.point, self.fitted, self.threshold = problem, point, fitted, threshold
-        self.root = np.sqrt(problem.counted)[:, None]
-        columns = problem.columns_of(point, moves_of(fitted))
-        self.nuisance = self._flat(columns)
+        self.nuisance = problem.counted_slopes(point, fitted)
         pulled, rates = problem.pulls(point.vector, fitted)
         # what is known of the coefficients is data, too: a row for each
         self.known = np.diag(rates) if len(fitted) else np.zeros((0, 0))
         self.tall = np.hstack([self.nuisance, self.known])
         starts = problem.start_basis(point)
         self.starts = np.vstack([starts, np.zeros((len(fitted), starts.shape[1]))])
-        residual = np.r_[(point.errors * self.root).ravel(), -pulled]
+        residual = np.r_[problem.counted_errors(point).ravel(), -pulled]
         self.basis = np.linalg.qr(np.hstack([self.starts, self.tall.T]))[0]
         self.left = residual - self.basis @ (self.basis.T @ residual)
-
-    def _flat(self, columns: np.ndarray) -> np.ndarray:
-        return (columns * self.root).reshape(len(columns), self.point.errors.size)
 
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
         """A screening for each candidate, in their order; vector: from where the signatures are taken."""
@@ -162,7 +157,7 @@ class _Regression:
         if not groups:
             return []
         moves = [(p, step) for c, step in groups for p in c.paths]
-        signatures = self._flat(self.problem.columns_of(self.point, moves, vector))
+        signatures = self.problem.counted_flat(self.problem.columns_of(self.point, moves, vector))
         signatures = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
         rest = signatures - (signatures @ self.basis) @ self.basis.T
         found: dict[Candidate, Screening] = {}

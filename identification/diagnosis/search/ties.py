@@ -12,7 +12,6 @@ from identification.diagnosis.search.acceptance import MANY_WINDOWS, SMALL, UNRE
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import Workbench
-from identification.fit.prediction_errors import moves_of
 
 ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
 SAME = 1e-4  # 1 - cosine^2 between signatures below which two effects count as one: difference quotients see no more
@@ -49,8 +48,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
     own, here, problem = chosen.candidate.paths, chosen.state.point, bench.problem
     beside = [p for p in chosen.state.paths if p not in own]
     paths = [*own, *beside, *(p for t in others for p in t.candidate.paths)]
-    signatures = problem.columns_of(here, moves_of(paths)) * np.sqrt(problem.counted)[:, None]
-    flat = signatures.reshape(len(paths), -1)
+    flat = problem.counted_slopes(here, paths)
     moved = np.array([value_at(chosen.state.plant, p) - spec_at(problem.plant, p).neutral for p in own])
     moved /= [problem.scale(p) for p in own]
     scale = float(np.linalg.norm(moved)) or 1.0

@@ -48,7 +48,7 @@ class Workbench:
 
     One filter goes through all windows; fits count the training windows, and the held-out ones tell whether what was
     found holds there too.
-    plant: as given, integrated in the longest steps that move no estimate (`identification.fit.steps`).
+    plant: as given, integrated in the longest steps that hardly move its free runs (`identification.fit.steps`).
     doubt: standard deviation of its coefficients, relative.
     """
 
