@@ -14,6 +14,7 @@ from auv_gym.records.record import gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
+_RARER = 1.5  # intervals of the base between the readings of what is sampled more slowly
 _SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
 
 
@@ -48,11 +49,13 @@ class Stream:
 class Merged:
     """Channels on one time base, which rises within each segment.
 
+    intervals: s between the readings of measurements that come more rarely than the rows, by channel.
     leading: the channel whose samples the time base is.  notes: a line each on what was done.
     """
 
     time: np.ndarray
     values: dict[str, np.ndarray]
+    intervals: dict[str, float]
     segment: np.ndarray | None
     leading: str
     notes: list[str]
@@ -71,13 +74,14 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
     ordered = _common_clock([stream for stream in ordered if stream.time.size], notes)
     if not ordered:
-        return Merged(np.empty(0), {}, None, "", notes)
+        return Merged(np.empty(0), {}, {}, None, "", notes)
     at, name = _base(ordered, leading)
     base = ordered[at]
     whole = not (channel(name).kind == "motion" and _is_sparse(base.values[name]))
     if not whole:
         base = base.rows(np.isfinite(base.values[name]))
     values: dict[str, np.ndarray] = {}
+    intervals: dict[str, float] = {}
     spacing = typical_interval(base.time, base.part)
     for number, stream in enumerate(ordered):
         apart: list[str] = []
@@ -88,10 +92,11 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
             else:
                 apart.append(known)
         values |= _brought(stream, apart, base, spacing)
+        intervals |= _rarer(stream, apart, spacing)
     if len(ordered) > 1:
         rate = f", {1.0 / spacing:.3g} Hz" if 0.0 < spacing < 1.0 else f", every {spacing:.3g} s"
         notes.append(f"All signals are given at the times of {name or base.name}{rate}.")
-    return Merged(base.time, values, _segments(base), name, notes)
+    return Merged(base.time, values, intervals, _segments(base), name, notes)
 
 
 def in_order(stream: Stream, notes: list[str]) -> Stream:
@@ -247,6 +252,17 @@ def _brought(stream: Stream, names: Iterable[str], base: Stream, spacing: float)
         if name not in brought:
             brought[name] = _at(stream, stream.values[name], channel(name), base, spacing)
     return brought
+
+
+def _rarer(stream: Stream, names: Iterable[str], spacing: float) -> dict[str, float]:
+    """Typical time between readings, s, of those measurements that come more rarely than every 1.5 rows."""
+    found = {}
+    for name in names:
+        known = np.isfinite(stream.values[name])
+        own = typical_interval(stream.time[known], stream.part[known])
+        if own > _RARER * spacing and not channel(name).held:
+            found[name] = own
+    return found
 
 
 def _at(stream: Stream, column: np.ndarray, of: Channel | None, base: Stream, spacing: float) -> np.ndarray:

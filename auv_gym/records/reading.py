@@ -275,6 +275,7 @@ def assembled(
     record = Record.from_arrays(
         joined.time, values, joined.segment, attrs, long_runs=long_runs, required=kept, notes=notes
     )
+    record = record.with_intervals({n: s for n, s in joined.intervals.items() if record.has(n)})
     cut = record.split_gaps(max_gap_s)
     gaps = len(cut.segments) - len(record.segments)
     line = f"The record is cut at {gaps} gap{'s' * (gaps != 1)} in time."

@@ -23,7 +23,7 @@ MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
 MAX_FILL = 3  # samples; longer runs without a value are gaps
 _SHORTEST_GAP = 0.25  # s
 _COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
-_LABELS, _NOTES = "segment_labels", "notes"
+_LABELS, _NOTES, _INTERVAL = "segment_labels", "notes", "interval_s"
 
 
 @final
@@ -143,6 +143,11 @@ class Record:
         """Median time between samples of a segment, s."""
         return self._typical[0]
 
+    def interval_of(self, name: str) -> float:
+        """Time between the readings of a channel, s: that between samples, or longer where it is interpolated."""
+        self[name]
+        return max(self.sample_interval, float(self.dataset[name].attrs.get(_INTERVAL, 0.0)))
+
     def is_uniform(self, tol: float = 1e-3) -> bool:
         """Whether all intervals within segments equal the median, to `tol` times the median."""
         median, farthest = self._typical
@@ -182,6 +187,17 @@ class Record:
         """The record with these channels added or replaced; angles are taken as they are."""
         new = {name: ("time_s", _vector(name, column, len(self))) for name, column in values.items()}
         return Record(self.dataset.assign(new))
+
+    def with_intervals(self, seconds: Mapping[str, float]) -> Record:
+        """The record, these channels told to be interpolated between readings that are so far apart, s."""
+        for name, interval in seconds.items():
+            self[name]
+            if not (interval > 0.0 and np.isfinite(interval)):
+                raise ValueError(f"with_intervals needs a positive interval of {name!r} in s, got {interval}.")
+        dataset = self.dataset.copy(deep=False)
+        for name, interval in seconds.items():
+            dataset.variables[name].attrs = {**dataset.variables[name].attrs, _INTERVAL: float(interval)}
+        return Record(dataset)
 
     def without(self, names: Iterable[str]) -> Record:
         """The record without these channels; raises on one that is not there."""
@@ -240,7 +256,8 @@ class Record:
         """The record at even steps of dt, s, from the start of each segment; never across a gap between segments.
 
         Inputs, commands and flags keep their last value, all else is interpolated linearly (angles are continuous
-        already).  Nothing is filtered: smooth first when dt is much longer than the interval.
+        already).  Nothing is filtered: smooth first when dt is much longer than the interval.  Values between readings
+        tell nothing new, so that a channel keeps its `interval_of` where dt is shorter.
         """
         if not (dt > 0.0 and np.isfinite(dt)):
             raise ValueError(f"resample needs a positive step in s, got {dt}.")
@@ -264,12 +281,14 @@ class Record:
         for name in self.names:
             held = channel(name).held
             parts = [_at(grid, time[o], self.dataset[name].values[o], held, dt) for grid, o in zip(grids, origins)]
-            variables[name] = ("time_s", np.concatenate(parts), self.dataset[name].attrs)
+            own = self.interval_of(name)
+            apart = {_INTERVAL: own} if dt < own and not held else {}
+            variables[name] = ("time_s", np.concatenate(parts), {**self.dataset[name].attrs, **apart})
         if set(QUATERNION) <= set(variables):
             attitude = np.column_stack([self[name] for name in QUATERNION])
             turned = np.concatenate([interpolated(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)])
             for name, values in zip(QUATERNION, turned.T, strict=True):
-                variables[name] = ("time_s", values, self.dataset[name].attrs)
+                variables[name] = ("time_s", values, variables[name][2])
         variables["segment"] = ("time_s", np.repeat(np.arange(len(grids)), [grid.size for grid in grids]))
         attrs = {**self.dataset.attrs, _LABELS: [self.labels[k] for k in kept]}
         return Record(_dataset(variables, np.concatenate(grids), attrs))
@@ -369,8 +388,12 @@ def _dataset(variables: Mapping[str, Any], time: Any, attrs: Mapping[str, Any]) 
 
 
 def _common(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """The attributes of a variable over several records: fill counts add up, others are those of the first."""
+    """The attributes of a variable over several records: fill counts add up, the longest interval is that of all."""
     found = dict(records[0].dataset[name].attrs)
+    apart = [
+        float(record.dataset[name].attrs[_INTERVAL]) for record in records if _INTERVAL in record.dataset[name].attrs
+    ]
+    found |= {_INTERVAL: max(apart)} if apart else {}
     filled = sum(int(record.dataset[name].attrs.get("filled", 0)) for record in records)
     return {**found, "filled": filled} if filled else found
 

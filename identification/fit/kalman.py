@@ -105,6 +105,20 @@ def slopes_of(
     return Slopes(slopes, means, covariances)
 
 
+def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Slopes of the scaled predictions by the states x with which stretches begin, the gains held, (N - D, rows, C).
+
+    Each state is moved where any stretch begins.  gains: (rows, N, C) and whiten: (rows, C, C), as of a pass.
+    times: (D,), correlation times of the accelerations, s.
+    """
+    s, (rows, count, _) = system, system.c.shape
+    slopes = np.zeros((s.a.shape[1], rows, count))
+    decays = np.exp(-s.durations[:, None] / times)
+    onward = np.ascontiguousarray(s.a.transpose(0, 2, 1))
+    _started(onward, s.c, s.begin, s.constant, decays, np.ascontiguousarray(gains), whiten, slopes)
+    return slopes
+
+
 # Loops over contiguous numbers are innermost and add to an array: compilers vectorise these without reordering sums.
 
 
@@ -390,6 +404,40 @@ def _backward(
                     covariance_slopes[stretch, i, j] = covariance[i, j]
     for d in range(pushed):
         slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
+
+
+@outlined
+def _started(onward, c, begin, constant, decays, gains, whiten, slopes):
+    """See `start_slopes`.  onward: (rows, N, N - D), `a` transposed; decays: (rows, D)."""
+    rows, count, size = c.shape
+    solid = slopes.shape[0]
+    moved, after, change = np.zeros((solid, size)), np.zeros(size), np.zeros(count)
+    for k in range(rows):
+        for j in range(solid):
+            if begin[k] > 0:
+                for i in range(size):
+                    if begin[k] == 1 or not constant[i]:
+                        moved[j, i] = 1.0 if i == j else 0.0
+            for m in range(count):
+                change[m] = 0.0
+                for i in range(size):
+                    change[m] += c[k, m, i] * moved[j, i]
+            for m in range(count):
+                for n in range(m + 1):
+                    slopes[j, k, m] += whiten[k, m, n] * change[n]
+            for i in range(size):
+                after[i] = 0.0
+                for m in range(count):
+                    moved[j, i] -= gains[k, i, m] * change[m]
+            for n in range(size):
+                factor = moved[j, n]
+                if factor != 0.0:
+                    for i in range(solid):
+                        after[i] += factor * onward[k, n, i]
+            for i in range(solid):
+                moved[j, i] = after[i]
+            for d in range(size - solid):
+                moved[j, solid + d] *= decays[k, d]
 
 
 @outlined

@@ -21,7 +21,7 @@ from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.plant import Correction, Plant, Runs
 from auv_gym.records.record import Record
 from identification.fit.first_readings import RATES
-from identification.fit.kalman import Pass, System, run_filter, slopes_of
+from identification.fit.kalman import Pass, System, run_filter, slopes_of, start_slopes
 from identification.fit.residual import noise_floor, resolution
 from identification.fit.shooting import REACH, Shooting, at_edge, unknown_states
 from identification.fit.validation import head_windows
@@ -41,6 +41,7 @@ _SHORTER = 0.3  # of a step to another linearisation that is worse
 _FIRST_NOISE_STEPS, _NOISE_STEPS = 40, 6  # to better noises, at first and after each turn
 _NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
 _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their readings lag behind
+_RARER = 1.5  # sample intervals between the readings of a channel from which on some rows hold none
 _NO_START = 1e-9  # of the slopes by starts, below which one does nothing
 _LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
 _LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
@@ -131,11 +132,11 @@ class PredictionErrors:
                 f"that vary, got {', '.join(record.names)}: rename the columns by a mapping."
             )
         self.columns = np.array([plant.outputs.index(name) for name in self.channels])
-        self.every = outputs_of(plant, record)[self.rows]
-        self.measured = self.every[:, self.columns]
-        self.finite = np.isfinite(self.measured)
         lengths = [w.stop - w.start for w in self.stretches]
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]].astype(int)
+        self.every = np.where(self._read(), outputs_of(plant, record)[self.rows], np.nan)
+        self.measured = self.every[:, self.columns]
+        self.finite = np.isfinite(self.measured)
         self.stretch_of_row = np.repeat(np.arange(len(lengths)), lengths)
         self.counted = self.within(windows if counted is None else counted)
         self.index, self._scales = positions(plant), dict(scales)
@@ -152,6 +153,18 @@ class PredictionErrors:
         self._begin()
 
     # ---- what does not change --------------------------------------------------------------------------------------
+
+    def _read(self) -> np.ndarray:
+        """Which rows hold a reading of each output, (rows, outputs): what lies between readings tells nothing new."""
+        read, time = np.ones((len(self.rows), len(self.plant.outputs)), dtype=bool), self.record.time[self.rows]
+        for c, name in enumerate(self.plant.outputs):
+            if not self.record.has(name) or self.record.interval_of(name) < _RARER * self.record.sample_interval:
+                continue
+            for w, begin in enumerate(self.offsets):
+                own = slice(begin, begin + self.stretches[w].stop - self.stretches[w].start)
+                number = np.floor((time[own] - time[begin]) / self.record.interval_of(name) + 1e-6)
+                read[own, c] = np.diff(number, prepend=-1.0) > 0.0
+        return read
 
     def _durations(self) -> np.ndarray:
         time = self.record.time
@@ -206,8 +219,7 @@ class PredictionErrors:
         self._balance_kicks(np.delete(path, drop, axis=1))
         self.unit = spread[self._pushed] / _SLOW  # of accelerations
         floors = [
-            noise_floor(np.where(self.finite[:, c], self.measured[:, c], np.nan), self.stretch_of_row)
-            for c in range(len(self.channels))
+            noise_floor(self.measured[seen, c], self.stretch_of_row[seen]) for c, seen in enumerate(self.finite.T)
         ]
         steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
@@ -615,41 +627,48 @@ class PredictionErrors:
         # a free run that is unstable says no more by running away further
         return np.sqrt((np.minimum(np.abs(columns), _ENOUGH) ** 2).sum(axis=(1, 2)))
 
-    def start_columns(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-        """Slopes of the errors that count by the starts, (m, rows * C), and which stretches and state each is of.
-
-        A state that nobody knows is one for all stretches in which it goes on.
-        """
-        live, states = self.live, len(self._shared)
-        starts = np.repeat(point.starts[None], len(live), axis=0)
-        probes = 0.1 * self._probes(live)  # as small as the steps of parameters that may act alike
-        for j, (i, probe) in enumerate(zip(live, probes, strict=True)):
-            starts[j, :, i] += probe
-        vectors = np.repeat(point.vector[None], len(live), axis=0)
-        columns = self._changes(point, vectors, starts, probes) * self._root
-        anew, own = np.cumsum(~self.carried), np.arange(len(self.stretches))
-        found, owners = [], []
-        for j, i in enumerate(live):
-            group = anew if i < states and self._shared[i] else own
-            for g in np.unique(group):
-                mine = (group == g)[self.stretch_of_row]
-                found.append(np.where(mine[:, None], columns[j], 0.0).ravel())
-                owners.append((np.flatnonzero(group == g), int(i)))
-        return np.array(found).reshape(len(owners), point.errors.size), owners
-
     def start_basis(self, point: Point) -> np.ndarray:
         """An orthonormal basis, (rows * C, m), of what the stretches' starts can do to the errors that count.
 
         Starts are fitted: with what they imitate taken out of the slopes of parameters, it makes no difference how far
         the filter lets them be off.
         """
-        columns, _ = self.start_columns(point)
+        starts = np.repeat(point.starts[None], len(self.live), axis=0)
+        probes = 0.1 * self._probes(self.live)  # as small as the steps of parameters that may act alike
+        for j, (i, probe) in enumerate(zip(self.live, probes, strict=True)):
+            starts[j, :, i] += probe
+        vectors = np.repeat(point.vector[None], len(self.live), axis=0)
+        columns, _ = self._by_start(self._changes(point, vectors, starts, probes))
         size = np.linalg.norm(columns, axis=1)
         kept = size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
         if not kept.any():
             return np.zeros((point.errors.size, 0))
         left, values, _ = np.linalg.svd((columns[kept] / size[kept, None]).T, full_matrices=False)
         return left[:, values > 1e-6 * values[0]]
+
+    def _linear_starts(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of the starts by the linearised filter: true enough for steps, and soon made; see `_by_start`."""
+        assert point.system is not None
+        own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
+        times = self._numbers(point.logs)[2]
+        return self._by_start(start_slopes(point.system, point.gains[:, own], point.whiten, times))
+
+    def _by_start(self, columns: np.ndarray) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of errors that count by each start, (m, rows * C), and which stretches and state each is of.
+
+        columns: (n, rows, C), by the live states, each moved where any stretch begins.  A state that nobody knows is
+        one for all stretches in which it goes on.
+        """
+        columns, states = columns * self._root, len(self._shared)
+        anew, own = np.cumsum(~self.carried), np.arange(len(self.stretches))
+        found, owners = [], []
+        for j, i in enumerate(self.live):
+            group = anew if i < states and self._shared[i] else own
+            for g in np.unique(group):
+                mine = (group == g)[self.stretch_of_row]
+                found.append(np.where(mine[:, None], columns[j], 0.0).ravel())
+                owners.append((np.flatnonzero(group == g), int(i)))
+        return np.array(found).reshape(len(owners), self.measured.size), owners
 
     # ---- noises ----------------------------------------------------------------------------------------------------
 
@@ -856,18 +875,11 @@ class PredictionErrors:
             gained = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
             if not gained > gain:
-                there = self._weaker(here, paths) if noise else here
+                there = self._stilled(here, paths) if noise else here
                 if not self.objective(there, paths) > self.objective(here, paths) + gain:
                     break
                 here = there
         return here
-
-    def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
-        """The likelier of what is reached from weaker accelerations: from much weaker ones, or without some."""
-        there = self._stilled(here, paths)
-        if there is here and paths and self.pushed:
-            there = self._quieter(here, paths)
-        return there
 
     def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
         """The point without those accelerations whose absence is likelier: a search in logarithms comes there late.
@@ -912,7 +924,7 @@ class PredictionErrors:
         if here.system is None:
             return here
         for _ in range(iterations):
-            starts, owners = self.start_columns(here)
+            starts, owners = self._linear_starts(here)
             moving = [k for k, (stretches, _) in enumerate(owners) if not self._held_first[stretches].all()]
             starts, owners, count = starts[moving], [owners[k] for k in moving], len(paths)
             if not count + len(owners):

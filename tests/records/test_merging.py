@@ -24,6 +24,15 @@ def test_commands_are_held_and_measurements_interpolated():
     assert any("at the times of heading_rad" in line for line in r.notes)
 
 
+def test_what_is_measured_more_rarely_than_the_rows_is_told_with_its_interval():
+    base = stream(
+        np.arange(0, 10, 0.5), "imu", heading_rad=np.arange(20), pitch_rad=np.where(np.arange(20) % 3, np.nan, 0.1)
+    )
+    rare = stream(np.arange(0, 10, 2.0), "depth", depth_m=np.arange(5), rudder_rad=np.arange(5))
+    often = stream(np.arange(0, 10, 0.1), "gyro", r_radps=np.arange(100))
+    assert merged([base, rare, often], "heading_rad").intervals == pytest.approx({"pitch_rad": 1.5, "depth_m": 2.0})
+
+
 def test_measurements_are_not_interpolated_across_a_gap():
     base = stream(np.arange(0, 60.0), "a", heading_rad=np.zeros(60))
     t = np.r_[0:20, 40:60].astype(float) + 0.5

@@ -309,6 +309,14 @@ def test_a_set_point_never_serves_as_a_measurement(tmp_path):
         read_record(path, required=["heading_rad", "rudder_rad"])
 
 
+def test_a_sensor_that_is_slower_than_the_rows_is_known_as_such(tmp_path):
+    rows = [f"{0.5 * k},{0.1 * k},{0.2 * k if k % 4 == 0 else ''}" for k in range(40)]
+    (tmp_path / "log.csv").write_text("time_s,heading_rad,depth_m\n" + "\n".join(rows))
+    read = read_record(tmp_path / "log.csv")
+    assert (read.interval_of("heading_rad"), read.interval_of("depth_m")) == (0.5, 2.0)
+    assert np.isfinite(read["depth_m"]).all()
+
+
 def test_several_files_are_one_record_on_one_clock(tmp_path):
     for day, more in ((1, "pitch_deg"), (2, "roll_deg")):
         rows = "".join(f"2024-05-0{day}T00:00:{k:02d},{k},{k}\n" for k in range(10))

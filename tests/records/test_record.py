@@ -215,6 +215,24 @@ def test_resampling_a_line_gives_the_line(dt, jitter):
         assert r.time[old][-1] - dt * (1 + 1e-9) < even.time[new][-1] <= r.time[old][-1] + 1e-5
 
 
+def test_a_channel_keeps_how_far_apart_its_readings_are(tmp_path):
+    r = record(n=40, dt=0.5)
+    assert (r.interval_of("heading_rad"), r.resample(2.0).interval_of("heading_rad")) == (0.5, 2.0)
+    fine = r.resample(0.1)
+    assert fine.interval_of("heading_rad") == fine.resample(0.05).interval_of("heading_rad") == 0.5
+    assert fine.resample(2.0).interval_of("heading_rad") == 2.0
+    assert fine.interval_of("rudder_rad") == pytest.approx(0.1)  # a command is known in between, too
+    fine.save(tmp_path / "fine.nc")
+    both = concat([r, fine])
+    for kept in (Record.load(tmp_path / "fine.nc"), fine.between(1.0, 9.0), both, fine.without("rudder_rad")):
+        assert kept.interval_of("heading_rad") == 0.5
+    assert r.with_intervals({"heading_rad": 3.0}).interval_of("heading_rad") == 3.0
+    with pytest.raises(ValueError, match="positive interval of 'heading_rad' in s, got 0"):
+        r.with_intervals({"heading_rad": 0.0})
+    with pytest.raises(ValueError, match="no channel 'pitch_rad'"):
+        r.interval_of("pitch_rad")
+
+
 def test_resampling_holds_inputs_and_keeps_an_even_record():
     r = record(dt=0.1)
     assert np.array_equal(r.resample(0.1)["rudder_rad"], r["rudder_rad"])

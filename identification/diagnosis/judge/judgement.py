@@ -73,8 +73,8 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
     fitted = bench.fitted_basis(state)
     coloured = [
         name
-        for c, name in enumerate(problem.channels)
-        if is_coloured(point.errors[:, c], problem.stretch_of_row, fitted[:, c])
+        for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True))
+        if is_coloured(point.errors[seen, c], problem.stretch_of_row[seen], fitted[seen, c])
     ]
     depends = ""
     if library:

@@ -86,10 +86,12 @@ def undone(record: Record, slip: Slip, plant: Plant) -> Record:
     for name, factor in zip(slip.channels, slip.factors, strict=slip.factors != ()):
         steps = _unfolded(record, name, factor, plant) if channel(name).angle else record[name]
         values[name] = factor * steps + slip.offset
+    read = dict(zip(slip.channels, reversed(slip.channels))) if slip.exchanged else {}
+    mended = record.with_channels(values)
     if slip.clock != 1.0:
-        dataset = record.with_channels(values).dataset
-        return Record(dataset.assign_coords(time_s=("time_s", record.time * slip.clock)))
-    return record.with_channels(values)
+        mended = Record(mended.dataset.assign_coords(time_s=("time_s", record.time * slip.clock)))
+    intervals = {n: record.interval_of(read.get(n, n)) for n in record.names}
+    return mended.with_intervals({n: slip.clock * s for n, s in intervals.items() if s > record.sample_interval})
 
 
 def slipped(record: Record, slip: Slip, plant: Plant) -> Record:

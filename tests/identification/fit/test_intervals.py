@@ -129,6 +129,9 @@ class Line(Regression):
     def columns_of(self, point, moves) -> np.ndarray:
         return self.slopes[:, :, None]
 
+    def counted_flat(self, columns) -> np.ndarray:
+        return (columns * self.counted[:, None]).reshape(len(columns), -1)
+
     def within(self, windows) -> np.ndarray:
         inside = np.zeros(10)
         for window in windows:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from statsmodels.tsa.statespace.mlemodel import MLEModel
 
-from identification.fit.kalman import System, run_filter, slopes_of
+from identification.fit.kalman import System, run_filter, slopes_of, start_slopes
 
 SOLID, PUSHED, CHANNELS, ROWS = 3, 2, 3, 40
 SIZE = SOLID + PUSHED
@@ -149,6 +149,16 @@ def test_slopes_by_the_starts_are_those_of_central_differences():
         numeric = (values[0] - values[1]) / (2.0 * step)
         both = found.covariances[w, 0, 1] + found.covariances[w, 1, 0]
         assert both == pytest.approx(numeric, rel=1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("begins, carried", [((0, 15), ()), ((0,), (12, 25))])
+def test_predictions_move_with_the_starts_as_those_of_the_filter_do(begins, carried):
+    s = system(9, begins, carried)
+    made = run_filter(s, *numbers(LOGS))
+    slopes = start_slopes(s, made.gains, made.whiten, numbers(LOGS)[2])
+    for i in range(SOLID):
+        moved = run_filter(replace(s, origin=s.origin + np.eye(SIZE)[i]), *numbers(LOGS))
+        assert slopes[i] == pytest.approx(made.innovations - moved.innovations, abs=1e-10)
 
 
 def test_without_noise_of_motion_what_is_forgotten_stays_a_number():

@@ -76,6 +76,7 @@ def test_nothing_is_said_to_push_a_vehicle_that_nothing_pushes():
     assert not problem.noise_at(problem.solve(GLIDER, PATHS)).process
 
 
+@pytest.mark.slow
 def test_estimates_scatter_by_what_is_said_of_them_where_free_runs_do_not():
     scores: dict[bool, list[float]] = {True: [], False: []}
     for seed in range(12):
@@ -145,6 +146,33 @@ def test_rows_that_are_not_counted_are_filtered_and_change_no_estimate(pushed):
     other = alone.solve(GLIDER, PATHS)
     there = alone.point(point.vector, point.logs, other)
     assert alone.objective(there, PATHS) == pytest.approx(alone.objective(other, PATHS), abs=0.02)
+
+
+def test_a_compass_that_is_read_more_rarely_than_the_gyro_has_the_noise_that_it_has(pushed):
+    """Readings every 5 s, interpolated: they err by what a reading does, and there are so many of them."""
+    rows = np.arange(len(pushed))
+    joined = pushed.with_channels({"heading_rad": np.interp(rows, rows[::5], pushed["heading_rad"][::5])})
+    told = PredictionErrors(GLIDER, joined.with_intervals({"heading_rad": 5.0}), whole(joined))
+    assert told.count == len(rows) + len(rows[::5])
+    noise = told.noise_at(told.solve(GLIDER, PATHS))
+    assert noise.measurement == pytest.approx(SENSORS, rel=0.3)  # four standard errors of 100 readings
+    untold = PredictionErrors(GLIDER, joined, whole(joined))
+    assert untold.noise_at(untold.solve(GLIDER, PATHS)).measurement["heading_rad"] < 0.6 * SENSORS["heading_rad"]
+
+
+def test_a_log_tells_no_more_at_a_higher_rate(pushed):
+    """Resampled to a third of its interval, it says the same, as surely."""
+    found = []
+    for log in (pushed, pushed.resample(GLIDER.dt / 3.0)):
+        problem = PredictionErrors(GLIDER, log, whole(log))
+        point = problem.solve(GLIDER, PATHS)
+        found.append((problem.count, problem.plant_at(point, PATHS), information_of(problem, point, PATHS)))
+    (count, plant, told), (other_count, other, other_told) = found
+    assert count == other_count
+    errors = np.sqrt(np.diag(told.covariance))
+    assert np.sqrt(np.diag(other_told.covariance)) == pytest.approx(errors, rel=0.1)
+    for path, error in zip(PATHS, errors * [problem.scale(p) for p in PATHS], strict=True):
+        assert value_at(other, path) == pytest.approx(value_at(plant, path), abs=0.3 * error)
 
 
 def test_a_wrong_start_is_corrected_and_costs_no_likelihood(pushed):

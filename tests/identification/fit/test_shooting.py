@@ -71,15 +71,15 @@ def test_the_first_guess_of_the_volumes_needs_no_right_drag():
 
 def test_intervals_hold_the_truth_where_each_dive_has_an_unknown_volume():
     hits, values, errors = np.zeros(2), [], []
-    for seed in range(40):
+    for seed in range(20):
         fit = GreyBox(load_vehicle("mermaid"), list(TRUTH)).fit(dives(seed))
         hits += [fit[path].ci95[0] <= value <= fit[path].ci95[1] for path, value in TRUTH.items()]
         values.append([fit[path].value for path in TRUTH])
         errors.append([fit[path].error for path in TRUTH])
-    # at 95 % fewer than 34 hits of 40 have a probability of 0.3 %
-    assert np.all(hits >= 34), hits
-    # a standard deviation of 40 draws is known to 11 %
-    assert np.std(values, axis=0) / np.mean(errors, axis=0) == pytest.approx([1.0, 1.0], abs=0.3)
+    # at 95 % fewer than 16 hits of 20 have a probability of 0.3 %
+    assert np.all(hits >= 16), hits
+    # a standard deviation of 20 draws is known to 16 %
+    assert np.std(values, axis=0) / np.mean(errors, axis=0) == pytest.approx([1.0, 1.0], abs=0.4)
 
 
 def test_an_offset_of_all_dives_cannot_be_told_from_their_volumes():

@@ -37,7 +37,7 @@ def test_steps_shorter_than_given_ones_are_not_tried():
 
 
 def test_longer_steps_move_no_estimate_and_are_not_kept_in_the_fitted_plant(monkeypatch):
-    plant, record, windows = logged("vt690")
+    plant, record, windows = logged("vt690", 30.0)
     free = ["hull.yaw.ur", "hull.pitch.uq"]
     found = GreyBox(plant, free, window=20.0).fit(record)
     assert found.model.longest_step == plant.longest_step < brisk(plant, record, windows).longest_step

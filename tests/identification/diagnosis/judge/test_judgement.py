@@ -60,7 +60,8 @@ def test_white_errors_leave_nothing_and_slow_ones_beyond_a_trace_do():
 
 def test_what_is_left_is_said_by_channel():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
-    problem = SimpleNamespace(channels=("depth_m", "heading_rad"), stretch_of_row=stretch)
+    seen = np.ones((20_000, 2), dtype=bool)
+    problem = SimpleNamespace(channels=("depth_m", "heading_rad"), stretch_of_row=stretch, finite=seen)
     errors = np.stack([white, white + slow], axis=1)
     bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((20_000, 2, 0)))
     state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors))
@@ -69,6 +70,17 @@ def test_what_is_left_is_said_by_channel():
     assert found
     assert not Left((), "")
     assert Left((), "effects.discovered.yaw.r")
+
+
+def test_colour_is_that_from_reading_to_reading():
+    """A depth that is read every fifth row: over as many rows as are looked at, its errors would look white."""
+    white, slow = white_and_slow()
+    errors, seen = np.zeros((100_000, 1)), np.zeros((100_000, 1), dtype=bool)
+    errors[::5, 0], seen[::5] = white + np.sqrt(0.05) * slow, True
+    problem = SimpleNamespace(channels=("depth_m",), stretch_of_row=np.repeat(np.arange(200), 500), finite=seen)
+    bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((100_000, 1, 0)))
+    state = SimpleNamespace(point=point_of(np.zeros(100_000), errors=errors))
+    assert what_is_left(bench, state, ()) == Left(("depth_m",), "")
 
 
 def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are_white():

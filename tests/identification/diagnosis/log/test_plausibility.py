@@ -162,6 +162,15 @@ def test_a_coefficient_within_its_factor_is_no_slip(logs):
     assert doubts(log_of(replace_at(plant, path, strong)), plant) == ()
 
 
+def test_a_mended_record_keeps_how_far_apart_its_readings_are(logs):
+    glider, log = logs["ganeshblue"]
+    log = log.with_channels({"depth_m": log["heading_rad"]}).with_intervals({"heading_rad": 20.0})
+    exchanged = undone(log, Slip("", "", ("heading_rad", "depth_m"), exchanged=True), glider)
+    assert (exchanged.interval_of("depth_m"), exchanged.interval_of("heading_rad")) == (20.0, log.sample_interval)
+    slower = undone(log, Slip("", "", (), clock=2.0), glider)
+    assert (slower.interval_of("heading_rad"), slower.sample_interval) == (40.0, 2.0 * log.sample_interval)
+
+
 def test_degrees_taken_as_radians_are_unfolded(logs):
     plant, record = logs["slocum"]  # turns by more than 180 degrees over 57.3 from sample to sample
     slip = slip_called(record, plant, "heading_rad looks like degrees")
