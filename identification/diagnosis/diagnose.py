@@ -33,7 +33,7 @@ from identification.diagnosis.search.discovery import Discovery, discover, libra
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State, Workbench, noise_limited_length
-from identification.fit.prediction_errors import moves_of
+from identification.fit.parameters import moves_of
 from identification.fit.residual import residual_summary
 from identification.fit.validation import fitted_runs, free_runs, whiteness
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out

@@ -12,8 +12,10 @@ from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_ranges
 from auv_gym.records.record import Record, concat
 from identification.estimate import Estimate
+from identification.fit.filtering import Point
 from identification.fit.intervals import information_of, interval_of
-from identification.fit.prediction_errors import Noise, Point, PredictionErrors
+from identification.fit.noises import Noise
+from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import MOST_MOVED, brisk, moved_by_steps
 from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows

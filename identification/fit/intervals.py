@@ -9,7 +9,9 @@ import numpy as np
 
 from auv_gym.param import replace_at
 from identification.estimate import half_width
-from identification.fit.prediction_errors import Point, PredictionErrors, kinked, moves_of
+from identification.fit.filtering import Point
+from identification.fit.parameters import kinked, moves_of
+from identification.fit.prediction_errors import PredictionErrors
 
 _LEFT = 1e-6  # of the square of slopes, below which what starts leave of them is rounding
 _PROFILED = 6  # values at either side at which a profile is sought

@@ -8,28 +8,27 @@ Source: Bock 1983, "Recent advances in parameter identification techniques for O
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Protocol
+from typing import Self
 
 import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.model import outputs_of
-from auv_gym.param import positions, replace_at, spec_at, value_at
+from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant, Runs
 from auv_gym.records.record import Record
 from identification.fit.blocks import Blocks, block_step
 from identification.fit.first_readings import first_readings
+from identification.fit.parameters import Parameters
 
 _START_STEP = 1e-4  # of a start, for its slopes
 _START_PROBE = 1e-3  # change of a start by which is seen whether it matters
 FORGOTTEN = 0.05  # share of it that is left after a sample, below which a start is not fitted
 PIECE = 6  # samples of the short runs from which shared states are first guessed
-REACH = 5.0  # standard deviations of a coefficient, the most that a fit may move it, lest it stand in for an effect
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
 STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
@@ -73,7 +72,7 @@ class Linearisation:
         return flat @ flat.T
 
 
-class Shooting:
+class Shooting(Parameters):
     """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
 
     channels: the plant's outputs that the record holds.  start_states: indices of the states that they reveal.
@@ -96,7 +95,8 @@ class Shooting:
             raise ValueError(
                 "A fit needs at least one window of data, got none: record longer or choose shorter windows."
             )
-        self.plant, self.record, self.windows, self.scales = plant, record, tuple(windows), dict(scales)
+        super().__init__(plant, doubt, scales)
+        self.record, self.windows = record, tuple(windows)
         self.runs = Runs.over(plant, record, windows)
         self.channels = tuple(name for name in plant.outputs if record.has(name))
         if not self.channels:
@@ -114,8 +114,6 @@ class Shooting:
         lengths = self.runs.stop - self.runs.begin
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]]
         self.window_of_row = np.repeat(np.arange(len(windows)), lengths)
-        self.index, self.doubt = positions(plant), doubt
-        self._bounds: dict[str, tuple[float, float]] = {}
         self.steps = plant.family.differences
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
@@ -127,39 +125,11 @@ class Shooting:
         """How many unknowns there are besides the parameters: starts of windows, shared values of segments."""
         return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
 
-    def scaled(self, scales: Mapping[str, float]) -> Shooting:
+    def scaled(self, scales: Mapping[str, float]) -> Self:
         """The same problem with other scales of these paths."""
-        other = copy(self)
-        other.scales = self.scales | dict(scales)
+        other = super().scaled(scales)
         other._known = {p: {m: v for m, v in k.items() if m[0] not in scales} for p, k in self._known.items()}
         return other
-
-    def scale(self, path: str) -> float:
-        """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
-        if path not in self.scales:
-            spec, value = spec_at(self.plant, path), abs(value_at(self.plant, path))
-            own = 0.1 * value if path in self.plant.coefficients else 0.0
-            self.scales[path] = own or spec.probe or 0.1 * value or 1.0
-        return self.scales[path]
-
-    def bounds(self, path: str) -> tuple[float, float]:
-        """The least and the most that a parameter may be; `REACH` deviations from given where it has one."""
-        if path not in self._bounds:
-            low, high = spec_at(self.plant, path).bounds
-            value, far = value_at(self.plant, path), REACH * self.plant.deviation(path, self.doubt)
-            self._bounds[path] = (max(low, value - far), min(high, value + far))
-        return self._bounds[path]
-
-    def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """How far the paths are from the given plant, in standard deviations of it, and 1 over those, in scales.
-
-        Shape (len(paths),) both; 0 where nothing is known of a path beforehand.
-        """
-        values = np.array([vector[self.index[p]] for p in paths]).reshape(len(paths))
-        given = np.array([self.plant.vector[self.index[p]] for p in paths]).reshape(len(paths))
-        scales = np.array([self.scale(p) for p in paths]).reshape(len(paths))
-        rates = scales / np.array([self.plant.deviation(p, self.doubt) for p in paths]).reshape(len(paths))
-        return rates * (values - given) / scales, rates
 
     @cached_property
     def first_guess(self) -> np.ndarray:
@@ -233,11 +203,8 @@ class Shooting:
         self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str], step, share: float = 1.0
     ) -> tuple[np.ndarray, np.ndarray]:
         """A vector and starts moved by a share of a step, within the bounds of the paths."""
-        (change, start_change), vector, starts = step, vector.copy(), starts.copy()
-        for path, size in zip(paths, change[: len(paths)], strict=True):
-            low, high = self.bounds(path)
-            i = self.index[path]
-            vector[i] = min(max(vector[i] + share * size * self.scale(path), low), high)
+        (change, start_change), starts = step, starts.copy()
+        vector = self.moved_vector(vector, paths, share * change[: len(paths)])
         starts[:, self.start_states] += share * start_change
         for (state, unit), sizes in zip(self.shared, self._by_segment(change[len(paths) :]), strict=True):
             starts[:, state] += share * unit * sizes[self.segments]
@@ -276,7 +243,7 @@ class Shooting:
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
             normal, gradient = self.equations(flat, weighted, here.vector, paths)
-            held = at_edge(self, here.vector, paths, gradient)
+            held = self.at_edge(here.vector, paths, gradient)
             normal[held], normal[:, held], gradient[held], cross[:, :, held] = 0.0, 0.0, 0.0, 0.0
             normal[held, held] = 1.0
             improved, tries = False, 0
@@ -301,10 +268,6 @@ class Shooting:
     def sigma(self, point: Point) -> np.ndarray:
         """Root mean square of each channel's residual, shape (C,)."""
         return np.sqrt(np.nansum(point.residual**2, axis=0) / np.maximum(self.counts, 1)) + 1e-9
-
-    def plant_at(self, point: Point, paths: Sequence[str]) -> Plant:
-        """The plant with the point's values at the paths."""
-        return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
 
     def _outputs(self, vectors: np.ndarray, starts: np.ndarray) -> np.ndarray:
         return self.plant.run_many(self.runs, np.ascontiguousarray(vectors), starts)
@@ -438,28 +401,6 @@ class Shooting:
             return False
         left = change[self.offsets + 1, self.plant.outputs.index(state)] / _START_PROBE
         return bool(np.median(np.abs(left)) < FORGOTTEN)
-
-
-class Bounded(Protocol):
-    """A fit of parameters within bounds; index: of the paths in a vector."""
-
-    @property
-    def index(self) -> Mapping[str, int]: ...
-
-    def bounds(self, path: str) -> tuple[float, float]: ...
-
-
-def at_edge(problem: Bounded, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
-    """Numbers of the paths at a bound that a step would push them over: it leaves these alone.
-
-    gradient: (len(paths),) or longer, the way that each would go.
-    """
-    held = []
-    for number, path in enumerate(paths):
-        value, (low, high) = vector[problem.index[path]], problem.bounds(path)
-        if (value <= low and gradient[number] < 0.0) or (value >= high and gradient[number] > 0.0):
-            held.append(number)
-    return held
 
 
 def _pieces(window: slice) -> list[slice]:

@@ -9,7 +9,8 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.fit.prediction_errors import Point, PredictionErrors
+from identification.fit.filtering import Point
+from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.residual import noise_floor
 from identification.fit.shooting import Shooting
 

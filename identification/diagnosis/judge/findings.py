@@ -14,7 +14,7 @@ from identification.diagnosis.search.acceptance import Size, at_limit, threshold
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.shooting import REACH
+from identification.fit.parameters import REACH
 
 LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
 SURPRISE = 1.96  # standard deviations that a vehicle states, from which on a coefficient is not what it was said to be

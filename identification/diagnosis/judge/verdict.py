@@ -20,7 +20,7 @@ from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.workbench import State
 from identification.diagnosis.wording import interval, quantity
-from identification.fit.prediction_errors import Noise
+from identification.fit.noises import Noise
 from identification.fit.validation import FreeRuns, Score, Whiteness
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]

@@ -10,7 +10,9 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.fit.prediction_errors import STEP, Point, PredictionErrors, kinked
+from identification.fit.filtering import Point
+from identification.fit.parameters import STEP, kinked
+from identification.fit.prediction_errors import PredictionErrors
 
 # Two components of one physical thing are one candidate; a component that turns out small is dropped at the end.
 TOGETHER = (

@@ -13,7 +13,8 @@ from identification.diagnosis.search.ties import TIE
 from identification.diagnosis.search.trials import with_given_coefficients
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.intervals import information_of, interval_of
-from identification.fit.prediction_errors import PredictionErrors, moves_of
+from identification.fit.parameters import moves_of
+from identification.fit.prediction_errors import PredictionErrors
 
 STABLE = 0.8  # share of the halves that must choose a term
 BLOCKS, LEAST_BLOCK = 24, 8  # blocks to resample, if they hold as many samples

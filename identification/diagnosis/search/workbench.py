@@ -14,8 +14,10 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.estimate import half_width
+from identification.fit.filtering import Point
 from identification.fit.intervals import Information, information_of, interval_of, predictive_scores
-from identification.fit.prediction_errors import Noise, Point, PredictionErrors
+from identification.fit.noises import Noise
+from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.shooting import Shooting
 from identification.fit.steps import brisk, readings_noise
 from identification.fit.validation import free_runs

@@ -95,7 +95,8 @@ def standard_errors(
     plant: Plant, record: Record, paths: Sequence[str], process: Process, sensors: Mapping[str, float]
 ) -> dict[str, float]:
     """Standard error by path of estimates from a log, by a Kalman filter that knows plant and noise."""
-    from identification.fit.prediction_errors import Noise, PredictionErrors
+    from identification.fit.noises import Noise
+    from identification.fit.prediction_errors import PredictionErrors
 
     problem = PredictionErrors(plant, record, free_run_windows(plant, record, plant.window))
     return problem.standard_errors(plant, paths, Noise(measurement=sensors, process=process))

@@ -12,8 +12,8 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import again, diagnose, write_diagnosis
 from identification.experiments.heading_control import closed_loop
+from identification.fit.parameters import REACH
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.shooting import REACH
 from tests.identification.diagnosis.stand_ins import state_of
 
 diagnosing = importlib.import_module("identification.diagnosis.diagnose")

@@ -11,11 +11,13 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 from identification.experiments.missions import run_mission
-from identification.fit import prediction_errors
+from identification.fit import stretches
 from identification.fit.greybox import GreyBox
 from identification.fit.intervals import information_of, profile_interval
 from identification.fit.kalman import run_filter
-from identification.fit.prediction_errors import Noise, PredictionErrors, moves_of
+from identification.fit.noises import Noise
+from identification.fit.parameters import moves_of
+from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 
@@ -235,7 +237,7 @@ def test_missing_readings_count_for_nothing(pushed, monkeypatch):
     missing[100] = True
     whole_one = PredictionErrors(GLIDER, pushed, whole(pushed))
     monkeypatch.setattr(
-        prediction_errors, "outputs_of", lambda plant, record: np.where(missing, np.nan, outputs_of(plant, record))
+        stretches, "outputs_of", lambda plant, record: np.where(missing, np.nan, outputs_of(plant, record))
     )
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     assert problem.count == 2 * len(pushed) - missing[:, :2].sum()

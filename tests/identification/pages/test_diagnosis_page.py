@@ -17,7 +17,7 @@ from auv_gym.records.record import Record, concat
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.plausibility import Doubt
 from identification.experiments.heading_control import closed_loop
-from identification.fit.prediction_errors import Noise
+from identification.fit.noises import Noise
 from identification.fit.validation import FreeRuns
 from identification.pages import diagnosis_figures as figures
 from identification.pages.diagnosis_page import MEANINGS, amount, diagnosis_page, number, span

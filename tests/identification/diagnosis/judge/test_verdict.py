@@ -8,7 +8,7 @@ import pytest
 from identification.diagnosis.judge.findings import detectable_effects
 from identification.diagnosis.judge.verdict import noise_sentence
 from identification.diagnosis.search.candidates import Candidate, Screening
-from identification.fit.prediction_errors import Noise
+from identification.fit.noises import Noise
 from tests.identification.diagnosis.stand_ins import PLANT
 
 

@@ -1,0 +1,431 @@
+"""An extended Kalman filter of a plant along a record, and how its one-step errors move with parameters and starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from identification.fit.kalman import Pass, System, run_filter, slopes_of, start_slopes
+from identification.fit.parameters import moves_of
+from identification.fit.stretches import Stretches
+
+_SAME = 0.05  # of the log-likelihood: a linearisation about a better path that changes less is the last
+_AS_LINEAR = 0.01  # of the log-likelihood by the linearised filter: a run of the vehicle so near it needs no other one
+_LINEARISATIONS, _FIRST_LINEARISATIONS = 8, 12  # from near by, and from what readings say
+_SHORTER = 0.3  # of a step to another linearisation that is worse
+_NO_START = 1e-9  # of the slopes by starts, below which one does nothing
+_LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
+_LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
+_DAMPING = 1e-5  # of the information, so that no step goes far where the record tells next to nothing
+_TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each time
+_DESCENTS = 3  # steps of the parameters with the same gains
+_ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
+LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """Parameters and noises, and the filter with them.
+
+    vector: (n_parameters,).  logs: (C + 2 D,), logarithms of the noises.  errors: (rows, C), one-step errors over their
+    deviations.  scores: (rows,), log-likelihood of each row.  path: (rows, F), filtered states.
+    starts: (W, F), the likeliest states where stretches begin; roots: (W, n, n), how far the filter lets them be off.
+    """
+
+    vector: np.ndarray
+    logs: np.ndarray
+    errors: np.ndarray
+    scores: np.ndarray
+    path: np.ndarray
+    gains: np.ndarray
+    whiten: np.ndarray
+    innovations: np.ndarray
+    starts: np.ndarray
+    roots: np.ndarray
+    system: System | None
+
+
+class Filter(Stretches):
+    """The filter of a plant through the stretches of a record, linearised about its own path."""
+
+    def _system(self, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray) -> System:
+        """The plant linearised along a path of states, with what is assumed of the stretches' starts."""
+        live, solid, pushed = self.live, len(self.live), len(self.pushed)
+        a, c, y, after = self._slopes(vector, path, live)
+        rows = len(self.rows)
+        kicked = np.zeros((rows, solid, pushed))
+        for d, i in enumerate(self._pushed):
+            j = int(np.flatnonzero(live == i)[0])
+            kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
+            kicked[:, j, d] += self.kicks[d, 2]
+        kicked *= self.durations[:, None, None]
+        for j in np.flatnonzero(live >= len(self._shared)):  # a sensor without a lag has no state that lasts
+            if np.median(np.abs(a[:, j, j] - 1.0)) < 1e-9:
+                a[:, j], a[:, :, j], c[:, :, j] = 0.0, 0.0, 0.0
+        error = np.where(self.finite, self.measured - y, 0.0)
+        forcing = np.zeros((rows, solid))
+        forcing[:-1] = path[1:, live] - after[:-1, live]
+        if pushed:
+            forcing += np.einsum("rnd,rd->rn", kicked, path[:, self._size :])
+        begin = np.zeros(rows, dtype=np.int64)
+        begin[self.offsets] = np.where(self.carried, 2, 1)
+        constant = np.zeros(solid + pushed, dtype=bool)
+        states = len(self._shared)
+        constant[:solid] = [i < states and bool(self._shared[i]) for i in live]
+        return System(
+            np.ascontiguousarray(np.concatenate([a, kicked], axis=2)),
+            np.ascontiguousarray(np.concatenate([c, np.zeros((rows, c.shape[1], pushed))], axis=2)),
+            forcing, error, self.finite, begin, constant, self.durations, roots, self._origin(path, starts),
+        )  # fmt: skip
+
+    def _origin(self, path: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        """The means with which stretches begin, from a path, (W, N); accelerations begin at none."""
+        origin = np.zeros((len(self.stretches), len(self.live) + len(self.pushed)))
+        origin[:, : len(self.live)] = (starts - path[self.offsets])[:, self.live]
+        return origin
+
+    def _fixed(self, stretch: int) -> np.ndarray:
+        """Which live states do not begin anew in a stretch."""
+        states = len(self._shared)
+        return np.array([bool(self.carried[stretch]) and i < states and bool(self._shared[i]) for i in self.live])
+
+    @cached_property
+    def _widest(self) -> np.ndarray:
+        """Roots of the starts' covariances of which nothing is known but how the states vary over the record."""
+        return np.array(
+            [np.diag(np.where(self._fixed(w), 0.0, self.spread[self.live])) for w in range(len(self.stretches))]
+        )
+
+    def _better_starts(
+        self, system: System, made: Pass, logs: np.ndarray, starts: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """The likeliest starts, roots of `_LOOSE` times their deviations, and the most that better starts can gain.
+
+        A filter that begins so keeps near its linearisation.  How wide it begins does not matter: in a linear system
+        its likelihood is that of the likeliest start but for a constant, whatever the model.
+        """
+        telling = self._telling
+        slopes = slopes_of(system, made, telling, *self._numbers(logs))
+        every = slopes
+        if not np.array_equal(telling, self.counted):
+            every = slopes_of(system, made, self.counted, *self._numbers(logs))
+        starts, roots, solid, promised = starts.copy(), np.zeros_like(system.start), len(self.live), 0.0
+        for w in range(len(self.stretches)):
+            free = np.flatnonzero(~self._fixed(w))
+            own = np.ix_(free, free)
+            units = self.spread[self.live][free]
+            r = slopes.means[w, :solid][free] * units
+            n = np.outer(r, r) - 2.0 * slopes.covariances[w, :solid, :solid][own] * np.outer(units, units)
+            root = system.start[w][:, free] / units
+            # the covariance R'R becomes R'(I - R N R')R; what that adds to its inverse is the data's information
+            values, vectors = np.linalg.eigh(np.eye(len(root)) - root @ n @ root.T)
+            cross = (vectors / np.sqrt(np.clip(values, _LEAST_LEFT, 1.0))).T @ root @ n
+            values, vectors = np.linalg.eigh(0.5 * (n + n.T) + cross.T @ cross)
+            values = np.maximum(values, 0.0)
+            data, before = (vectors * values) @ vectors.T, root.T @ root
+            told = r + data @ (before @ r)
+            away = (self.starts[w][self.live][free] - starts[w][self.live][free]) / units
+            step = np.linalg.solve(data + np.eye(len(free)), told + away)
+            slope = every.means[w, :solid][free] * units  # other rows tell more, so that there is less to gain
+            promised += 0.5 * float(slope @ np.linalg.solve(data + np.eye(len(free)), slope))
+            starts[w, self.live[free]] += step * units
+            half = vectors * np.minimum(_LOOSE / np.sqrt(values + 1.0), 1.0)
+            roots[w][own] = (units[:, None] * half).T
+        return starts, roots, promised
+
+    @property
+    def _held_first(self) -> np.ndarray:
+        """Which stretches begin with rows that do not count, (W,): these alone tell how they begin."""
+        return self.counted[self.offsets] == 0.0
+
+    @property
+    def _telling(self) -> np.ndarray:
+        """1 for the rows that tell where their stretch begins, (rows,): those before the first that counts otherwise.
+
+        Likelihoods of rows given those between, which do not count, tell of a start what these leave.
+        """
+        turns = np.diff(self.counted, prepend=self.counted[0]) != 0.0
+        turns[self.offsets] = False
+        turned = np.cumsum(turns)
+        return (turned == turned[self.offsets][self.stretch_of_row]).astype(float)
+
+    def _numbers(self, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        count, pushed = len(self.channels), len(self.pushed)
+        return np.exp(2.0 * logs[:count]), np.exp(logs[count : count + pushed]), np.exp(logs[count + pushed :])
+
+    def point(self, vector: np.ndarray, logs: np.ndarray, near: Point | None = None) -> Point:
+        """The filter with parameters and noises, linearised about its own path, sought from that of a point near by."""
+        path, starts, roots = (
+            (self.first_path, self.starts, self._widest) if near is None else (near.path, near.starts, near.roots)
+        )
+        best, highest, came, share = None, -np.inf, (path, starts), 1.0
+        for _ in range(_LINEARISATIONS if near is not None else _FIRST_LINEARISATIONS):
+            found, linear = self._about(vector, logs, path, starts, roots, near is None and best is None)
+            total = self.total(found)
+            if total > highest:
+                gained, best, highest = total - highest, found, total
+                came, share = (path, starts), 1.0
+                path, starts, roots = found.path, found.starts, found.roots
+                if gained < _SAME or abs(total - linear) < _AS_LINEAR:
+                    break
+            elif best is None or highest - total < _SAME:
+                break
+            else:  # a step too far: from the linearisation of the best one, less far
+                share *= _SHORTER
+                path = came[0] + share * (best.path - came[0])
+                starts = came[1] + share * (best.starts - came[1])
+        return best or self._nowhere(vector, logs)
+
+    def _about(
+        self, vector: np.ndarray, logs: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray, anew: bool
+    ) -> tuple[Point, float]:
+        """The filter linearised about a path, from the likeliest starts, and its log-likelihood if all were linear.
+
+        anew: whether the starts may be far from likely.
+        """
+        system = self._system(vector, path, starts, roots)
+        if not (np.isfinite(system.a).all() and np.isfinite(system.error).all()):
+            return self._nowhere(vector, logs), -np.inf
+        made = run_filter(system, *self._numbers(logs))
+        if not np.isfinite(made.scores).all():
+            return self._nowhere(vector, logs), -np.inf
+        better, roots, promised = self._better_starts(system, made, logs, starts)
+        starts = better if anew else np.where(self._held_first[:, None], better, starts)
+        system = replace(system, start=roots, origin=self._origin(path, starts))
+        made = run_filter(system, *self._numbers(logs))
+        found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
+        if not (np.isfinite(found.path).all() and np.isfinite(found.scores).all()):
+            return self._nowhere(vector, logs), -np.inf
+        there = self.descended(found, ()) if anew or promised > LEAST_GAIN else found
+        if there is not found:
+            system = replace(system, origin=self._origin(path, there.starts))
+            found, made = replace(there, system=system), run_filter(system, *self._numbers(logs))
+        return found, float(self.counted @ made.scores)
+
+    def _nowhere(self, vector: np.ndarray, logs: np.ndarray) -> Point:
+        """What is left of a filter that runs away: as unlikely as can be."""
+        (rows, count), size = self.finite.shape, self._size + len(self.pushed)
+        none, unlikely = np.zeros((rows, count)), np.full(rows, -np.inf)
+        gains, whiten = np.zeros((rows, size, count)), np.zeros((rows, count, count))
+        first = (self.first_path, gains, whiten, none, self.starts, self._widest)
+        return Point(vector, logs, none, unlikely, *first, None)
+
+    def _followed(
+        self,
+        vector: np.ndarray,
+        logs: np.ndarray,
+        starts: np.ndarray,
+        gains: np.ndarray,
+        whiten: np.ndarray,
+        system: System,
+    ) -> Point:
+        """The vehicle itself run with the gains of a filter."""
+        y, after = self._follow(vector[None], starts, gains, logs, True)
+        innovations = np.where(self.finite, self.measured - y[0], 0.0)
+        before = np.empty_like(after[0])
+        before[1:] = after[0][:-1]
+        first = starts.copy()
+        for w in np.flatnonzero(self.carried):
+            first[w, : len(self._shared)][self._shared] = before[self.offsets[w], : len(self._shared)][self._shared]
+        before[self.offsets] = first
+        path = before + np.einsum("rfc,rc->rf", gains, innovations)
+        with np.errstate(over="ignore", invalid="ignore"):
+            errors, scores = self._scored(whiten, innovations)
+        return Point(vector, logs, errors, scores, path, gains, whiten, innovations, starts, system.start, system)
+
+    def _whole(self, gains: np.ndarray) -> np.ndarray:
+        """Gains of the live states and the accelerations as those of all, (rows, F, C)."""
+        whole = np.zeros((len(self.rows), self._size + len(self.pushed), gains.shape[2]))
+        whole[:, np.r_[self.live, self._size + np.arange(len(self.pushed))]] = gains
+        return whole
+
+    def _follow(self, vectors: np.ndarray, starts: np.ndarray, gains: np.ndarray, logs: np.ndarray, keep: bool):
+        times = self._numbers(logs)[2]
+        decays = np.exp(-self.durations[:, None] / times) if len(times) else np.ones((len(self.rows), 0))
+        every = np.zeros((*gains.shape[:2], len(self.plant.outputs)))
+        every[:, :, self.columns] = gains
+        correction = self._free(every, decays, False)
+        starts = starts if starts.ndim == 3 else starts[None]
+        y, after = self.plant.follow_many(self.runs, vectors, starts, correction, keep)
+        return y[:, :, self.columns], after
+
+    def _scored(self, whiten: np.ndarray, innovations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        errors = np.einsum("rmc,rc->rm", whiten, innovations)
+        diagonal = np.einsum("rcc->rc", whiten)
+        logs = np.log(np.where(self.finite, np.maximum(diagonal, 1e-300), 1.0))
+        scores = (logs - 0.5 * errors**2 - 0.5 * np.log(2.0 * np.pi) * self.finite).sum(axis=1)
+        return errors, scores
+
+    def total(self, point: Point) -> float:
+        """The log-likelihood of the rows that are counted."""
+        total = float(point.scores[self.counted > 0.0].sum())
+        return total if np.isfinite(total) else -np.inf
+
+    def objective(self, point: Point, paths: Sequence[str]) -> float:
+        """The same with what is known of the paths beforehand, and of correlation times."""
+        return (
+            self.total(point)
+            - 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
+            + self._prior(point.logs)[0]
+        )
+
+    def _prior(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log-density of correlation times, which a vehicle's time scales bound, and its slope."""
+        slope, pushed = np.zeros(logs.size), len(self.pushed)
+        if not pushed:
+            return 0.0, slope
+        centre, deviation, *_ = self.slowness
+        far = (logs[-pushed:] - centre) / deviation
+        slope[-pushed:] = -far / deviation
+        return -0.5 * float(far @ far), slope
+
+    def columns_of(
+        self, point: Point, moves: Sequence[tuple[str, float]], vector: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Slopes of the predictions, over the errors' deviations, (P, rows, C), for paths moved by steps in scales.
+
+        One call for all: the vehicle is run with the filter's gains and each parameter moved.  vector: one from which
+        they are moved that predicts the same as the point's.
+        """
+        if not moves:
+            return np.zeros((0, *self.measured.shape))
+        vectors, steps = np.repeat((point.vector if vector is None else vector)[None], len(moves), axis=0), []
+        for j, (path, step) in enumerate(moves):
+            i, size = self.index[path], step * self.scale(path)
+            if not self.bounds(path)[0] <= vectors[j, i] + size <= self.bounds(path)[1]:
+                step, size = -step, -size
+            vectors[j, i] += size
+            steps.append(step)
+        return self._changes(point, vectors, point.starts, np.array(steps))
+
+    def _changes(self, point: Point, vectors: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """By how much predictions change, per step and over the errors' deviations, (S, rows, C)."""
+        y, _ = self._follow(vectors, starts, point.gains, point.logs, False)
+        with np.errstate(invalid="ignore", over="ignore"):
+            change = (y - (self.measured - point.innovations)[None]) / steps[:, None, None]
+        change[~(np.isfinite(change) & self.finite)] = 0.0
+        return np.einsum("rmc,prc->prm", point.whiten, change)
+
+    def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """Slopes by the paths of the errors that count, (P, rows * C)."""
+        return self.counted_flat(self.columns_of(point, moves_of(paths)))
+
+    def counted_flat(self, columns: np.ndarray) -> np.ndarray:
+        """Columns, (P, rows, C), flat, (P, rows * C), zero in the rows that do not count."""
+        return (columns * self._root).reshape(len(columns), self.measured.size)
+
+    def counted_errors(self, point: Point) -> np.ndarray:
+        """The errors that count, (rows, C), zero in the other rows."""
+        return point.errors * self._root
+
+    @property
+    def _root(self) -> np.ndarray:
+        return np.sqrt(self.counted)[:, None]
+
+    def without_starts(self, point: Point, slopes: np.ndarray) -> np.ndarray:
+        """What the stretches' starts cannot imitate of slopes, (P, rows * C)."""
+        basis = self.start_basis(point)
+        return slopes - (slopes @ basis) @ basis.T
+
+    def free_sensitivity(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """By how many deviations of the sensors' noise free runs change for a scale of each path, root sum square."""
+        deviations = np.sqrt(self._numbers(point.logs)[0])
+        free = replace(
+            point,
+            gains=np.zeros_like(point.gains),
+            innovations=self.measured
+            - self._follow(point.vector[None], point.starts, np.zeros_like(point.gains), point.logs, False)[0][0],
+            whiten=self.finite[:, :, None] * np.diag(1.0 / deviations),
+        )
+        columns = self.columns_of(free, moves_of(paths))
+        # a free run that is unstable says no more by running away further
+        return np.sqrt((np.minimum(np.abs(columns), _ENOUGH) ** 2).sum(axis=(1, 2)))
+
+    def start_basis(self, point: Point) -> np.ndarray:
+        """An orthonormal basis, (rows * C, m), of what the stretches' starts can do to the errors that count.
+
+        Starts are fitted: with what they imitate taken out of the slopes of parameters, it makes no difference how far
+        the filter lets them be off.
+        """
+        starts = np.repeat(point.starts[None], len(self.live), axis=0)
+        probes = 0.1 * self._probes(self.live)  # as small as the steps of parameters that may act alike
+        for j, (i, probe) in enumerate(zip(self.live, probes, strict=True)):
+            starts[j, :, i] += probe
+        vectors = np.repeat(point.vector[None], len(self.live), axis=0)
+        columns, _ = self._by_start(self._changes(point, vectors, starts, probes))
+        size = np.linalg.norm(columns, axis=1)
+        kept = size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
+        if not kept.any():
+            return np.zeros((point.errors.size, 0))
+        left, values, _ = np.linalg.svd((columns[kept] / size[kept, None]).T, full_matrices=False)
+        return left[:, values > 1e-6 * values[0]]
+
+    def _linear_starts(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of the starts by the linearised filter: true enough for steps, and soon made; see `_by_start`."""
+        assert point.system is not None
+        own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
+        times = self._numbers(point.logs)[2]
+        return self._by_start(start_slopes(point.system, point.gains[:, own], point.whiten, times))
+
+    def _by_start(self, columns: np.ndarray) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of errors that count by each start, (m, rows * C), and which stretches and state each is of.
+
+        columns: (n, rows, C), by the live states, each moved where any stretch begins.  A state that nobody knows is
+        one for all stretches in which it goes on.
+        """
+        columns, states = columns * self._root, len(self._shared)
+        anew, own = np.cumsum(~self.carried), np.arange(len(self.stretches))
+        found, owners = [], []
+        for j, i in enumerate(self.live):
+            group = anew if i < states and self._shared[i] else own
+            for g in np.unique(group):
+                mine = (group == g)[self.stretch_of_row]
+                found.append(np.where(mine[:, None], columns[j], 0.0).ravel())
+                owners.append((np.flatnonzero(group == g), int(i)))
+        return np.array(found).reshape(len(owners), self.measured.size), owners
+
+    def with_gains(self, point: Point, vector: np.ndarray, starts: np.ndarray | None = None) -> Point:
+        """Other parameters, and starts, with the filter's gains of a point."""
+        if point.system is None:
+            return point
+        starts = point.starts if starts is None else starts
+        return self._followed(vector, point.logs, starts, point.gains, point.whiten, point.system)
+
+    def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS) -> Point:
+        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt."""
+        if here.system is None:
+            return here
+        for _ in range(iterations):
+            starts, owners = self._linear_starts(here)
+            moving = [k for k, (stretches, _) in enumerate(owners) if not self._held_first[stretches].all()]
+            starts, owners, count = starts[moving], [owners[k] for k in moving], len(paths)
+            if not count + len(owners):
+                break
+            every = np.vstack([self.counted_slopes(here, paths), starts])
+            whole, right = every @ every.T, every @ self.counted_errors(here).ravel()
+            pulled, rates = self.pulls(here.vector, paths)
+            whole[:count, :count] += np.diag(rates**2)
+            right[:count] -= rates * pulled
+            held = self.at_edge(here.vector, paths, right)
+            whole[held], whole[:, held], right[held] = 0.0, 0.0, 0.0
+            whole[held, held] = 1.0
+            size, damping = np.sqrt(np.maximum(np.diag(whole), 1e-300)), _DAMPING
+            scaled, before = whole / np.outer(size, size), self.objective(here, paths)
+            for _ in range(_TRIES):
+                step = np.linalg.solve(scaled + damping * np.eye(len(size)), right / size) / size
+                if 0.5 * float(right @ step) < 0.1 * LEAST_GAIN:
+                    return here
+                moved = here.starts.copy()
+                for (stretches, i), way in zip(owners, step[count:], strict=True):
+                    moved[stretches, i] += way
+                there = self.with_gains(here, self.moved_vector(here.vector, paths, step[:count]), moved)
+                if self.objective(there, paths) > before:
+                    break
+                damping *= _TIGHTER
+            else:
+                return here
+            here = there
+        return here

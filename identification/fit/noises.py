@@ -1,0 +1,182 @@
+"""The noises of sensors and of motion that suit a record best."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from identification.fit.filtering import Filter, Point
+from identification.fit.kalman import System, run_filter, slopes_of
+
+_FIRST_GUESSES = 10.0 ** np.arange(-5.0, 1.5)  # of accelerations, in those
+_LEAST_PROCESS = 1e-6  # the least that an acceleration is sought down to, in those
+_FAINT = 1e-3  # in those, below which one that would be likelier if it were stronger is sought among the first guesses
+_NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
+_LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
+_NOISE_RANGE = np.log(1e4)
+_SEEN = 5.4  # half the 0.1 % point of chi-square: what an acceleration must add to the log-likelihood to be stated
+NOISE_STEPS = 6  # to better noises, after each turn of a fit
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """Standard deviations of white noise by channel, and of accelerations (m/s^2, rad/s^2) with correlation times, s.
+
+    process: by the velocity that is pushed, as (standard deviation, correlation time); what is absent is zero.
+    """
+
+    measurement: Mapping[str, float]
+    process: Mapping[str, tuple[float, float]]
+
+
+class Noises(Filter):
+    """The filter with noises that are sought: of each channel, and of accelerations with their correlation times."""
+
+    def first_noise(self) -> np.ndarray:
+        """Noises to begin with: of channels by their second differences, accelerations of the likeliest shares."""
+        logs = np.log(self.floors)
+        if not self.pushed:
+            return logs
+        system = self._system(self.plant.vector, self.first_path, self.starts, self._widest)
+        times = np.full(len(self.pushed), self.slowness[0])
+        tried = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
+        likely = np.array([self._likelihood(system, t) for t in tried])
+        if not np.isfinite(likely).any():
+            raise ValueError(
+                f"The runs of {self.plant.name!r} are not finite from one sample of the record to the next: check its "
+                "parameters and the units of the record."
+            )
+        return self._guessed(system, tried[int(np.nanargmax(likely))], range(len(self.pushed)))
+
+    def _likelihood(self, system: System, logs: np.ndarray) -> float:
+        """The log-likelihood of noises by the linearised filter."""
+        return float(self.counted @ run_filter(system, *self._numbers(logs)).scores)
+
+    def _without_one(self, logs: np.ndarray, d: int) -> np.ndarray:
+        """The noises with one acceleration that is hardly any."""
+        less = logs.copy()
+        less[len(self.channels) + d] = np.log(_LEAST_PROCESS * self.unit[d])
+        return less
+
+    def _guessed(self, system: System, logs: np.ndarray, which: Iterable[int]) -> np.ndarray:
+        """The noises, each of these accelerations in turn the likeliest of the first guesses, or as it was."""
+        best = self._likelihood(system, logs)
+        for d in which:
+            strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
+            for share in _FIRST_GUESSES:
+                more = logs.copy()
+                more[[strength, time]] = np.log(share * self.unit[d]), self.slowness[0]
+                reached = self._likelihood(system, more)
+                if reached > best:
+                    logs, best = more, reached
+        return logs
+
+    def better_noise(self, point: Point, steps: int = NOISE_STEPS) -> np.ndarray:
+        """The noises of greatest likelihood for a point's parameters, linearised about its path.
+
+        Sought in units of the precision that the record's length gives each, in which the information is near the unit
+        matrix: quasi-Newton steps (Nocedal and Wright 2006, ch. 6), each cut to what is possible.
+        """
+        if point.system is None:
+            return point.logs
+        pushed = len(self.pushed)
+
+        def slope_at(logs: np.ndarray) -> tuple[float, np.ndarray]:
+            value, slope = self.noise_slopes(point, logs)
+            return value, slope / unit
+
+        low = np.log(np.maximum(self.steps_of_readings, _LEAST_NOISE * self.floors))
+        bounds = [(a, np.log(f) + _NOISE_RANGE) for a, f in zip(low, self.floors, strict=True)]
+        bounds += [(np.log(_LEAST_PROCESS * u), np.log(u) + _NOISE_RANGE) for u in self.unit]
+        bounds += [self.slowness[2:]] * pushed
+        limits = np.array(bounds)
+        periods = float(self.durations.sum()) / np.exp(self.slowness[0])
+        unit = np.sqrt(np.r_[2.0 * np.maximum(self.finite.sum(axis=0), 1), np.full(2 * pushed, max(periods, 1.0))])
+        logs = np.clip(point.logs, *limits.T)
+        (value, slope), inverse = slope_at(logs), np.eye(logs.size)
+        back = self._revived(point, logs, slope)
+        if back is not logs:
+            logs, (value, slope) = back, slope_at(back)
+        for _ in range(steps):
+            open_ = ~(((logs <= limits[:, 0]) & (slope < 0.0)) | ((logs >= limits[:, 1]) & (slope > 0.0)))
+            way = np.where(open_, inverse @ np.where(open_, slope, 0.0), 0.0)
+            if float(way @ slope) < _NOISE_GAIN:
+                break
+            way *= min(1.0, _NOISE_REACH / max(float(np.abs(way / unit).max()), 1e-12))
+            for share in (1.0, 0.3, 0.05):
+                there = np.clip(logs + share * way / unit, *limits.T)
+                reached, new = slope_at(there)
+                if reached > value:
+                    break
+            else:
+                break
+            moved, turned = (there - logs) * unit, slope - new
+            product = float(moved @ turned)
+            if product > 1e-8 * np.linalg.norm(moved) * np.linalg.norm(turned):
+                left = np.eye(logs.size) - np.outer(moved, turned) / product
+                inverse = left @ inverse @ left.T + np.outer(moved, moved) / product
+            gained, logs, value, slope = reached - value, there, reached, new
+            if gained < _NOISE_GAIN:
+                break
+        return logs
+
+    def _revived(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """The noises, accelerations that are hardly there brought back where that is likelier.
+
+        In logarithms the likelihood is flat about them, so that small steps do not: its slope only tells the way.
+        """
+        first, pushed = len(self.channels), len(self.pushed)
+        faint = np.flatnonzero(~self._there(logs, _FAINT) & (slope[first : first + pushed] > 0.0))
+        assert point.system is not None
+        return self._guessed(point.system, logs, faint) if faint.size else logs
+
+    def _there(self, logs: np.ndarray, least: float = 10.0 * _LEAST_PROCESS) -> np.ndarray:
+        """Which accelerations are more than the least, in their units, (D,)."""
+        first, pushed = len(self.channels), len(self.pushed)
+        return np.exp(logs[first : first + pushed]) > least * np.array(self.unit)
+
+    def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
+        """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,)."""
+        assert point.system is not None
+        numbers = self._numbers(logs)
+        made = run_filter(point.system, *numbers)
+        prior, pull = self._prior(logs)
+        value = float(self.counted @ made.scores) + prior
+        if not np.isfinite(value):
+            return -np.inf, np.zeros(logs.size)
+        return value, slopes_of(point.system, made, self.counted, *numbers).noises + pull
+
+    def with_noise(self, point: Point, logs: np.ndarray) -> Point:
+        """A point with other noises, linearised about the same path."""
+        assert point.system is not None
+        made = run_filter(point.system, *self._numbers(logs))
+        gains = self._whole(made.gains)
+        return self._followed(point.vector, logs, point.starts, gains, made.whiten, point.system)
+
+    def pushing(self, point: Point) -> list[int]:
+        """Which of a point's noises are strengths and correlation times of accelerations that are there."""
+        first, pushed = len(self.channels), len(self.pushed)
+        strengths = first + np.flatnonzero(self._there(point.logs))
+        return [*strengths.tolist(), *(strengths + pushed).tolist()]
+
+    def noise_at(self, point: Point) -> Noise:
+        """The noises of a point; accelerations that add nothing to the likelihood are left out."""
+        variances, deviations, times = self._numbers(point.logs)
+        stated = {}
+        if point.system is not None:
+            whole = self._likelihood(point.system, point.logs)
+            for d, name in enumerate(self.pushed):
+                if whole - self._likelihood(point.system, self._without_one(point.logs, d)) > _SEEN:
+                    stated[name] = (float(deviations[d]), float(times[d]))
+        return Noise(dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True)), stated)
+
+    def logs_of(self, noise: Noise) -> np.ndarray:
+        """The logarithms of given noises."""
+        process = [
+            noise.process.get(n, (_LEAST_PROCESS * u, np.exp(self.slowness[0])))
+            for n, u in zip(self.pushed, self.unit, strict=True)
+        ]
+        values = [noise.measurement[n] for n in self.channels] + [p[0] for p in process] + [p[1] for p in process]
+        return np.log(values)

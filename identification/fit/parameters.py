@@ -1,0 +1,106 @@
+"""The parameters of a plant in a fit: the scales they are counted in, their bounds, and what is known beforehand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from copy import copy
+from typing import Protocol, Self
+
+import numpy as np
+
+from auv_gym.param import positions, replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+
+REACH = 5.0  # standard deviations of a coefficient, the most that a fit may move it, lest it stand in for an effect
+# scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to a
+# thousandth, since what they are off by moves those estimates far that act nearly alike
+STEP, _STEP_ABOUT_CORNERS = 0.01, 0.1
+_KINKED = ("deadband", "backlash", "dead_time", "lag", "slowness", "lost_travel")  # what comes last in their paths
+
+
+class Vector(Protocol):
+    """A point of a search: it has a vector of all parameters, (n_parameters,)."""
+
+    @property
+    def vector(self) -> np.ndarray: ...
+
+
+class Parameters:
+    """A plant whose parameters are fitted.
+
+    doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own
+    (`Plant.deviation`); fits hold them to their values by it.
+    scales: by path, see `scale`, where a parameter has no probe to go by.
+    """
+
+    def __init__(self, plant: Plant, doubt: float, scales: Mapping[str, float]):
+        self.plant, self.doubt, self.scales = plant, doubt, dict(scales)
+        self.index = positions(plant)
+        self._bounds: dict[str, tuple[float, float]] = {}
+
+    def scale(self, path: str) -> float:
+        """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
+        if path not in self.scales:
+            spec, value = spec_at(self.plant, path), abs(value_at(self.plant, path))
+            own = 0.1 * value if path in self.plant.coefficients else 0.0
+            self.scales[path] = own or spec.probe or 0.1 * value or 1.0
+        return self.scales[path]
+
+    def scaled(self, scales: Mapping[str, float]) -> Self:
+        """The same problem with other scales of these paths."""
+        other = copy(self)
+        other.scales = self.scales | dict(scales)
+        return other
+
+    def bounds(self, path: str) -> tuple[float, float]:
+        """The least and the most that a parameter may be; `REACH` deviations from given where it has one."""
+        if path not in self._bounds:
+            low, high = spec_at(self.plant, path).bounds
+            value, far = value_at(self.plant, path), REACH * self.plant.deviation(path, self.doubt)
+            self._bounds[path] = (max(low, value - far), min(high, value + far))
+        return self._bounds[path]
+
+    def pulls(self, vector: np.ndarray, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """How far the paths are from the given plant, in standard deviations of it, and 1 over those, in scales.
+
+        Shape (len(paths),) both; 0 where nothing is known of a path beforehand.
+        """
+        far = np.array([vector[self.index[p]] - self.plant.vector[self.index[p]] for p in paths]).reshape(len(paths))
+        deviations = np.array([self.plant.deviation(p, self.doubt) for p in paths]).reshape(len(paths))
+        scales = np.array([self.scale(p) for p in paths]).reshape(len(paths))
+        return far / deviations, scales / deviations
+
+    def moved_vector(self, vector: np.ndarray, paths: Sequence[str], step: np.ndarray) -> np.ndarray:
+        """A vector moved by a step in scales, within the bounds."""
+        vector = vector.copy()
+        for path, size in zip(paths, step, strict=True):
+            low, high = self.bounds(path)
+            i = self.index[path]
+            vector[i] = min(max(vector[i] + size * self.scale(path), low), high)
+        return vector
+
+    def at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
+        """Numbers of the paths at a bound that a step would push them over: it leaves these alone.
+
+        gradient: (len(paths),) or longer, the way that each would go.
+        """
+        held = []
+        for number, path in enumerate(paths):
+            value, (low, high) = vector[self.index[path]], self.bounds(path)
+            if (value <= low and gradient[number] < 0.0) or (value >= high and gradient[number] > 0.0):
+                held.append(number)
+        return held
+
+    def plant_at(self, point: Vector, paths: Sequence[str]) -> Plant:
+        """The plant with the point's values at the paths."""
+        return replace_at(self.plant, {p: float(point.vector[self.index[p]]) for p in paths})
+
+
+def kinked(path: str) -> bool:
+    """Whether an effect works in one direction from its neutral value, with a corner there."""
+    return path.rpartition(".")[2] in _KINKED
+
+
+def moves_of(paths: Iterable[str]) -> list[tuple[str, float]]:
+    """Each path with the step, in its scales, over which its slopes are taken."""
+    return [(p, _STEP_ABOUT_CORNERS if kinked(p) else STEP) for p in paths]

@@ -1,0 +1,274 @@
+"""A record in stretches, as the filter goes through them: readings, what pushes the vehicle, and how it may begin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from auv_gym.model import outputs_of
+from auv_gym.plant import Correction, Plant, Runs
+from auv_gym.records.record import Record
+from identification.fit.first_readings import RATES
+from identification.fit.parameters import Parameters
+from identification.fit.residual import noise_floor, resolution
+from identification.fit.shooting import Shooting, unknown_states
+from identification.fit.validation import head_windows
+
+_PROBE, _SMALL = 1e-4, 1e-6  # change of a state for its slopes, rad, m or m/s; of one in m^3
+_WIDE = 3.0  # deviations of a state over the record that it may be off by where a stretch begins
+_UNTOLD = (0.3, 0.05)  # of a state that no channel tells: share of its first guess, and the least, in SI units
+_SHARED = 100.0  # scales by which a state that nobody knows may be off
+_SLOW = 10.0  # s, in which an acceleration would make the velocities of the record; where a search for noises begins
+_FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their readings lag behind
+_RARER = 1.5  # sample intervals between the readings of a channel from which on some rows hold none
+# correlation time of what pushes a vehicle, s, and deviation of its logarithm: from swell, some seconds, to turbulence
+# and changing currents, minutes
+_USUAL_TIME = (25.0, 1.0)
+_NO_SCALES: Mapping[str, float] = MappingProxyType({})
+
+
+class Stretches(Parameters):
+    """Measured outputs of a record over stretches, and the runs of a plant from one row to the next.
+
+    windows: neighbouring ones are one stretch, which the filter goes through; of vehicles with `stepped` inputs each is
+    a stretch.  A channel whose readings are all the same is taken as not measured.
+    process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
+    counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
+    doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        record: Record,
+        windows: Sequence[slice],
+        *,
+        doubt: float = np.inf,
+        process: bool = True,
+        scales: Mapping[str, float] = _NO_SCALES,
+        counted: Sequence[slice] | None = None,
+    ):
+        super().__init__(plant, doubt, scales)
+        self.record, self.process = record, process
+        family = plant.family
+        windows = sorted(windows, key=lambda w: w.start)
+        self.stretches = _joined(windows, record) if process and not family.stepped else list(windows)
+        self.runs = Runs.over(plant, record, self.stretches)
+        self.rows = np.concatenate([np.arange(w.start, w.stop) for w in self.stretches])
+        self.channels = tuple(n for n in plant.outputs if record.has(n) and _varies(record[n][self.rows]))
+        if not self.channels:
+            raise ValueError(
+                f"Plant {plant.name!r} needs at least one of {', '.join(plant.outputs)} in the record, with readings "
+                f"that vary, got {', '.join(record.names)}: rename the columns by a mapping."
+            )
+        self.columns = np.array([plant.outputs.index(name) for name in self.channels])
+        lengths = [w.stop - w.start for w in self.stretches]
+        self.offsets = np.r_[0, np.cumsum(lengths)[:-1]].astype(int)
+        self.every = np.where(self._read(), outputs_of(plant, record)[self.rows], np.nan)
+        self.measured = self.every[:, self.columns]
+        self.finite = np.isfinite(self.measured)
+        self.stretch_of_row = np.repeat(np.arange(len(lengths)), lengths)
+        self.counted = self.within(windows if counted is None else counted)
+        self._by_row = Runs(
+            self.rows, self.rows + 1, self.runs.times, self.runs.inputs, self.runs.first, len(self.rows)
+        )
+        self.durations = self._durations()
+        self._size = len(family.states) + len(family.sensors)
+        shared = unknown_states(plant)
+        self._shared = np.array([name in shared for name in family.states])
+        segment = np.searchsorted([s.start for s in record.segments], [w.start for w in self.stretches], side="right")
+        self.carried = np.r_[False, segment[1:] == segment[:-1]] & self._shared.any()
+        self._kicks()
+        self._begin()
+
+    def _read(self) -> np.ndarray:
+        """Which rows hold a reading of each output, (rows, outputs): what lies between readings tells nothing new."""
+        read, time = np.ones((len(self.rows), len(self.plant.outputs)), dtype=bool), self.record.time[self.rows]
+        for c, name in enumerate(self.plant.outputs):
+            if not self.record.has(name) or self.record.interval_of(name) < _RARER * self.record.sample_interval:
+                continue
+            for w, begin in enumerate(self.offsets):
+                own = slice(begin, begin + self.stretches[w].stop - self.stretches[w].start)
+                number = np.floor((time[own] - time[begin]) / self.record.interval_of(name) + 1e-6)
+                read[own, c] = np.diff(number, prepend=-1.0) > 0.0
+        return read
+
+    def _durations(self) -> np.ndarray:
+        time = self.record.time
+        ahead = np.minimum(self.rows + 1, time.size - 1)
+        durations = time[ahead] - time[self.rows]
+        return np.where(durations > 0.0, durations, self.plant.dt)
+
+    def _kicks(self) -> None:
+        """Which states accelerations push: velocities, or where there are none that count, what moves by itself."""
+        family = self.plant.family
+        resting = set(family.at_rest) if not any(n in self.channels for n in family.at_rest) else set()
+        names = [n for n in family.states if n.endswith(("mps", "radps")) and n not in resting]
+        names += [n for n in ("north_m", "east_m") if n in family.states and n in self.channels]
+        self.resting = np.array([n in resting for n in family.states])
+        self.pushed = tuple(names) if self.process else ()
+        self._pushed = np.array([family.states.index(n) for n in self.pushed], dtype=int)
+        self.kicks = np.array([[i, 0.5, 0.5] for i in self._pushed]).reshape(-1, 3)
+
+    def _begin(self) -> None:
+        """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales."""
+        plant, family = self.plant, self.plant.family
+        heads = Shooting(plant, self.record, head_windows(self.record, self.stretches, plant.settle))
+        found = heads.solve(plant, ())
+        guess = found.starts if np.isfinite(found.cost) else heads.first_guess
+        self.starts = np.zeros((len(self.stretches), self._size + len(self.pushed)))
+        self.starts[:, : len(family.states)] = guess
+        path = self.starts[self.stretch_of_row]
+        spread = np.zeros(self._size)
+        for s, name in enumerate(family.states):
+            told = self._told(name)
+            if told is not None:
+                path[:, s] = told
+                floor = noise_floor(told, self.stretch_of_row)
+                spread[s] = max(_WIDE * float(np.std(told)), 10.0 * floor, 1e-6)
+            elif not self.resting[s] and name not in family.shared:
+                spread[s] = max(_UNTOLD[0] * float(np.abs(guess[:, s]).max()), _UNTOLD[1])
+            if self._shared[s]:
+                spread[s] = _SHARED * dict(heads.shared).get(s, 1.0)
+        if len(family.sensors) <= _FEW_SENSORS:
+            spread[len(family.states) :] = _UNTOLD[1]
+        self.spread = spread
+        self.first_path = path
+        free = np.flatnonzero(spread > 0.0)
+        a, c = self._slopes(plant.vector, path, free)[:2]
+        self.live = free[_seen(a, c)]
+        self._push_what_lasts(set(self.live.tolist()))
+        kept = np.isin(self._pushed, self.live)
+        self.pushed = tuple(n for n, k in zip(self.pushed, kept, strict=True) if k)
+        self._pushed, self.kicks = self._pushed[kept], self.kicks[kept]
+        drop = self._size + np.flatnonzero(~kept)
+        self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
+        self._balance_kicks(np.delete(path, drop, axis=1))
+        self.unit = spread[self._pushed] / _SLOW  # of accelerations
+        floors = [
+            noise_floor(self.measured[seen, c], self.stretch_of_row[seen]) for c, seen in enumerate(self.finite.T)
+        ]
+        steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
+        self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
+        step = float(np.median(self.durations))
+        centre, deviation = np.log(max(_USUAL_TIME[0], 3.0 * step)), _USUAL_TIME[1]
+        self.slowness = (centre, deviation, np.log(0.5 * step), centre + 2.0 * deviation)  # slower ones are effects
+
+    def _push_what_lasts(self, lasting: set[int]) -> None:
+        """Put a place in the place of a velocity of which nothing is left after a sample, as in quasi-steady motion."""
+        names = self.plant.family.states
+        told = [n if i in lasting else RATES.get(n, n) for n, i in zip(self.pushed, self._pushed, strict=True)]
+        self.pushed, self._pushed = tuple(told), np.array([names.index(n) for n in told], dtype=int)
+        self.kicks[:, 0] = self._pushed
+
+    def _told(self, name: str) -> np.ndarray | None:
+        """What readings say of a state at every row, or None."""
+        family, time = self.plant.family, self.record.time[self.rows]
+        of = next((n for n in (name, family.nearly.get(name, "")) if n in self.channels), None)
+        angle = RATES.get(name)
+        if of is None and angle not in self.channels:
+            return None
+        values = self.measured[:, self.channels.index(of or angle or "")]
+        fine = np.isfinite(values)
+        if fine.sum() < 3:
+            return None
+        filled = np.interp(time, time[fine], values[fine])
+        if of is not None:
+            return filled
+        rate = np.zeros(len(filled))
+        for w, begin in enumerate(self.offsets):
+            own = slice(begin, begin + self.runs.stop[w] - self.runs.begin[w])
+            if own.stop - own.start > 2:
+                rate[own] = np.gradient(filled[own], time[own])
+        return rate
+
+    def _balance_kicks(self, path: np.ndarray) -> None:
+        """Shares of an acceleration before and after a sample, with which one that is held over it acts as it should.
+
+        A velocity that decays to a share f of itself moves by (f - 1) / ln f of what the acceleration alone would do,
+        and what it moves by 1/(1 - f) + 1/ln f of what a whole push at the beginning would.
+        """
+        if not len(self._pushed):
+            return
+        a = self._slopes(self.plant.vector, path, self._pushed)[0]
+        for d in range(len(self._pushed)):
+            f = float(np.clip(np.median(a[:, d, d]), 1e-6, 1e6))
+            f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
+            before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
+            self.kicks[d, 1:] = before, (f - 1.0) / np.log(f) - before * f
+
+    @property
+    def shared_values(self) -> tuple[str, ...]:
+        """States that nobody knows, once for each segment."""
+        return tuple(n for n, shared in zip(self.plant.family.states, self._shared, strict=True) if shared)
+
+    def within(self, windows: Sequence[slice]) -> np.ndarray:
+        """1 for the rows in windows of the record, else 0, (rows,)."""
+        inside = np.zeros(len(self.record.time))
+        for w in windows:
+            inside[w] = 1.0
+        return inside[self.rows]
+
+    @property
+    def count(self) -> int:
+        """How many values are counted."""
+        return int((self.finite * self.counted[:, None]).sum())
+
+    def _free(self, gains: np.ndarray, decays: np.ndarray, rows: bool) -> Correction:
+        count = len(self.rows) if rows else len(self.stretches)
+        carried = np.zeros(count, dtype=bool) if rows else self.carried
+        return Correction(self.every, gains, self.kicks, decays, carried, self._shared)
+
+    def _slopes(self, vector: np.ndarray, path: np.ndarray, live: np.ndarray):
+        """Slopes of the next row's live states (rows, n, n) and of the channels (rows, C, n), outputs and next states.
+
+        From the states of a path, (rows, F), one row on.
+        """
+        probes = self._probes(live)
+        starts = np.repeat(path[None], len(live) + 1, axis=0)
+        for j, (i, probe) in enumerate(zip(live, probes, strict=True), start=1):
+            starts[j, :, i] += probe
+        none = np.empty((0, path.shape[1], len(self.plant.outputs)))
+        decays = np.ones((len(self.rows), len(self.kicks)))
+        vectors = np.repeat(vector[None], len(starts), axis=0)
+        y, after = self.plant.follow_many(self._by_row, vectors, starts, self._free(none, decays, True), True)
+        with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
+            a = ((after[1:] - after[0])[:, :, live] / probes[:, None, None]).transpose(1, 2, 0)
+            c = ((y[1:] - y[0])[:, :, self.columns] / probes[:, None, None]).transpose(1, 2, 0)
+        return a, c, y[0][:, self.columns], after[0]
+
+    def _probes(self, live: np.ndarray) -> np.ndarray:
+        """By how much states are moved for their slopes."""
+        names = (*self.plant.family.states, *self.plant.family.sensors)
+        return np.array([_SMALL if names[i].endswith("m3") else _PROBE for i in live])
+
+
+def _varies(readings: np.ndarray) -> bool:
+    """Whether any two readings differ."""
+    told = readings[np.isfinite(readings)]
+    return bool(told.size) and bool(np.ptp(told) > 0.0)
+
+
+def _joined(windows: Sequence[slice], record: Record) -> list[slice]:
+    """Neighbouring windows of a segment as one."""
+    begins = {s.start for s in record.segments}
+    found: list[slice] = []
+    for w in windows:
+        if found and found[-1].stop == w.start and w.start not in begins:
+            found[-1] = slice(found[-1].start, w.stop)
+        else:
+            found.append(w)
+    return found
+
+
+def _seen(a: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Which states reach a channel, by themselves or through others: numbers of them."""
+    links = np.abs(a).max(axis=0) > 1e-12
+    seen = np.abs(c).max(axis=(0, 1)) > 1e-9
+    while True:
+        more = seen | (links & seen[:, None]).any(axis=0)
+        if np.array_equal(more, seen):
+            return np.flatnonzero(seen)
+        seen = more
