@@ -62,11 +62,18 @@ class PredictionErrors(Noises):
             gained = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
             if not gained > gain:
-                there = self._stilled(here, paths) if noise else here
+                there = self._weaker(here, paths) if noise else here
                 if not self.objective(there, paths) > self.objective(here, paths) + gain:
                     break
                 here = there
         return here
+
+    def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
+        """The likelier of what is reached from weaker accelerations: without some, or from much weaker ones."""
+        there = self._stilled(here, paths)
+        if there is here and paths and self.pushed:
+            there = self._quieter(here, paths)
+        return there
 
     def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
         """The point without those accelerations whose absence is likelier: a search in logarithms comes there late.

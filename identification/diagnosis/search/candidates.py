@@ -25,7 +25,7 @@ PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
 MOST_PERIODS = 64
 SEEN = 1e-4  # share of a signature that must remain beside the coefficients' and the initial states' signatures
 GONE = 1e-5  # share of a signature below which nothing is left beside the initial states
-KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken where an effect has a corner at neutral, not `STEP`
+KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken about a corner, in place of `STEP`
 
 
 @dataclass(frozen=True)
