@@ -23,6 +23,7 @@ MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
 MAX_FILL = 3  # samples; longer runs without a value are gaps
 _SHORTEST_GAP = 0.25  # s
 _COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
+_RARER = 1.5  # sample intervals between readings, from which on some samples hold none
 _LABELS, _NOTES, _INTERVAL = "segment_labels", "notes", "interval_s"
 
 
@@ -147,6 +148,17 @@ class Record:
         """Time between the readings of a channel, s: that between samples, or longer where it is interpolated."""
         self[name]
         return max(self.sample_interval, float(self.dataset[name].attrs.get(_INTERVAL, 0.0)))
+
+    def readings(self, name: str) -> np.ndarray:
+        """Which samples hold a reading of a channel, (n,): of several between two readings, one; all where none is."""
+        held, interval = np.ones(len(self), dtype=bool), self.interval_of(name)
+        if interval < _RARER * self.sample_interval:
+            return held
+        time = self.time
+        for s in self.segments:
+            number = np.floor((time[s] - time[s.start]) / interval + 1e-6)
+            held[s] = np.diff(number, prepend=-1.0) > 0.0
+        return held
 
     def is_uniform(self, tol: float = 1e-3) -> bool:
         """Whether all intervals within segments equal the median, to `tol` times the median."""

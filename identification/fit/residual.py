@@ -23,6 +23,12 @@ def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
     return max(float(np.sqrt(np.mean(second**2) / 6.0)), 1e-9) if second.size else 1e-9
 
 
+def noise_floors(runs: FreeRuns) -> np.ndarray:
+    """The noise floor of each channel's residual, by its readings alone, (C,)."""
+    held = np.ones(runs.residual.shape, dtype=bool) if runs.readings is None else runs.readings
+    return np.array([noise_floor(e[h], runs.window[h]) for e, h in zip(runs.residual.T, held.T, strict=True)])
+
+
 def resolution(values: np.ndarray) -> float:
     """The step in which readings come, or 0 where no two in three of them repeat a value on a common grid.
 
@@ -39,7 +45,7 @@ def resolution(values: np.ndarray) -> float:
 
 def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
     """Per channel: size, noise floor, resolution, colour, and the channels that the residual's rate goes with."""
-    result = {}
+    result, floors = {}, noise_floors(runs).tolist()
     for c, name in enumerate(runs.channels):
         e = runs.residual[:, c]
         keep = np.isfinite(e)
@@ -59,7 +65,7 @@ def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]
         white = whiteness(e, runs.window)
         result[name] = {
             "rms": float(np.sqrt(np.nanmean(e**2))),
-            "noise_floor": noise_floor(e, runs.window),
+            "noise_floor": floors[c],
             "resolution": resolution(record[name]),
             "lag_1_correlation": float(white.correlation[0]),
             "whiteness_p": white.p_value,

@@ -47,4 +47,9 @@ def moved_by_steps(fine: PredictionErrors, point: Point) -> float:
 
 def readings_noise(problem: Shooting) -> np.ndarray:
     """Standard deviation of each channel's readings about a smooth curve, shape (C,)."""
-    return np.array([noise_floor(readings, problem.window_of_row) for readings in problem.measured.T])
+    rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
+    floors = []
+    for name, readings in zip(problem.channels, problem.measured.T, strict=True):
+        held = problem.record.readings(name)[rows]
+        floors.append(noise_floor(readings[held], problem.window_of_row[held]))
+    return np.array(floors)

@@ -22,7 +22,6 @@ _UNTOLD = (0.3, 0.05)  # of a state that no channel tells: share of its first gu
 _SHARED = 100.0  # scales by which a state that nobody knows may be off
 _SLOW = 10.0  # s, in which an acceleration would make the velocities of the record; where a search for noises begins
 _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their readings lag behind
-_RARER = 1.5  # sample intervals between the readings of a channel from which on some rows hold none
 # correlation time of what pushes a vehicle, s, and deviation of its logarithm: from swell, some seconds, to turbulence
 # and changing currents, minutes
 _USUAL_TIME = (25.0, 1.0)
@@ -66,7 +65,10 @@ class Stretches(Parameters):
         self.columns = np.array([plant.outputs.index(name) for name in self.channels])
         lengths = [w.stop - w.start for w in self.stretches]
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]].astype(int)
-        self.every = np.where(self._read(), outputs_of(plant, record)[self.rows], np.nan)
+        self.every = outputs_of(plant, record)[self.rows]
+        for c, name in enumerate(plant.outputs):
+            if record.has(name):  # what lies between readings tells nothing new
+                self.every[~record.readings(name)[self.rows], c] = np.nan
         self.measured = self.every[:, self.columns]
         self.finite = np.isfinite(self.measured)
         self.stretch_of_row = np.repeat(np.arange(len(lengths)), lengths)
@@ -82,18 +84,6 @@ class Stretches(Parameters):
         self.carried = np.r_[False, segment[1:] == segment[:-1]] & self._shared.any()
         self._kicks()
         self._begin()
-
-    def _read(self) -> np.ndarray:
-        """Which rows hold a reading of each output, (rows, outputs): what lies between readings tells nothing new."""
-        read, time = np.ones((len(self.rows), len(self.plant.outputs)), dtype=bool), self.record.time[self.rows]
-        for c, name in enumerate(self.plant.outputs):
-            if not self.record.has(name) or self.record.interval_of(name) < _RARER * self.record.sample_interval:
-                continue
-            for w, begin in enumerate(self.offsets):
-                own = slice(begin, begin + self.stretches[w].stop - self.stretches[w].start)
-                number = np.floor((time[own] - time[begin]) / self.record.interval_of(name) + 1e-6)
-                read[own, c] = np.diff(number, prepend=-1.0) > 0.0
-        return read
 
     def _durations(self) -> np.ndarray:
         time = self.record.time

@@ -36,7 +36,8 @@ class Score:
 class FreeRuns:
     """Free runs over windows: rows of the record, model outputs and residuals, by channel (rows, C).
 
-    scored: rows past the samples to which the initial states were fitted.
+    scored: rows past the samples to which the initial states were fitted.  readings: (rows, C), see `Record.readings`;
+    None if all are.
     """
 
     channels: tuple[str, ...]
@@ -45,6 +46,7 @@ class FreeRuns:
     model: np.ndarray
     residual: np.ndarray
     scored: np.ndarray
+    readings: np.ndarray | None = None
 
     def scores(self, record: Record) -> dict[str, Score]:
         """A score for each channel, over the scored rows."""
@@ -85,7 +87,8 @@ def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarra
     model = plant.run(problem.record, problem.windows, starts)[:, problem.columns]
     residual = problem.point(plant.vector, starts).residual
     rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
-    return FreeRuns(problem.channels, rows, problem.window_of_row, model, residual, scored)
+    readings = np.stack([problem.record.readings(name)[rows] for name in problem.channels], axis=1)
+    return FreeRuns(problem.channels, rows, problem.window_of_row, model, residual, scored, readings)
 
 
 def score(measured: np.ndarray, residual: np.ndarray) -> Score:

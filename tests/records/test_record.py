@@ -227,6 +227,11 @@ def test_a_channel_keeps_how_far_apart_its_readings_are(tmp_path):
     for kept in (Record.load(tmp_path / "fine.nc"), fine.between(1.0, 9.0), both, fine.without("rudder_rad")):
         assert kept.interval_of("heading_rad") == 0.5
     assert r.with_intervals({"heading_rad": 3.0}).interval_of("heading_rad") == 3.0
+    assert r.readings("heading_rad").all()
+    rare = r.with_intervals({"heading_rad": 2.0})
+    assert np.flatnonzero(rare.readings("heading_rad")).tolist() == list(range(0, 40, 4))
+    parted = rare.select(np.arange(40) != 18)
+    assert np.flatnonzero(parted.readings("heading_rad")).tolist() == [0, 4, 8, 12, 16, 18, 22, 26, 30, 34, 38]
     with pytest.raises(ValueError, match="positive interval of 'heading_rad' in s, got 0"):
         r.with_intervals({"heading_rad": 0.0})
     with pytest.raises(ValueError, match="no channel 'pitch_rad'"):

@@ -14,7 +14,7 @@ from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.diagnosis.judge.spectrum import Rhythm, residual_period
 from identification.diagnosis.wording import quantity
-from identification.fit.residual import noise_floor
+from identification.fit.residual import noise_floors
 from identification.fit.validation import FreeRuns
 
 LEVEL = 0.05  # probability of any false statement about one residual
@@ -145,7 +145,7 @@ def _two_digits(value: float) -> str:
 
 def _channels(runs: FreeRuns, residual: np.ndarray, window: np.ndarray, rng) -> tuple[dict, dict]:
     """Share of each channel in the excess over the noise, and how often it leads in resamples of the windows."""
-    floors = np.array([noise_floor(runs.residual[:, c], runs.window) for c in range(len(runs.channels))])
+    floors = noise_floors(runs)
     sizes = np.bincount(window).astype(float)
     squares = np.stack([np.bincount(window, r**2) for r in residual.T], axis=1) / floors**2
     excess = np.maximum(squares.sum(axis=0) / sizes.sum() - 1.0, 0.0)

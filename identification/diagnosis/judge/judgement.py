@@ -11,7 +11,7 @@ from identification.diagnosis.judge.verdict import Stage, Verdict
 from identification.diagnosis.search.acceptance import MANY_WINDOWS, threshold
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.residual import noise_floor
+from identification.fit.residual import noise_floors
 from identification.fit.validation import whiteness
 
 WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
@@ -38,14 +38,13 @@ def explained_share(before: Stage, after: Stage, many: bool) -> float:
 
     Of free runs in the held-out windows; where these are not `many`, of runs from fitted states in all windows.
     """
-    excess = {}
+    excess, floors = {}, noise_floors(after.fitted)
     for name, stage in (("before", before), ("after", after)):
         runs = stage.held if many else stage.fitted
         total = 0.0
         for c in range(len(runs.channels)):
-            floor = noise_floor(after.fitted.residual[:, c], after.fitted.window)
             squares = runs.residual[runs.scored, c] ** 2
-            total += max(float(np.nanmean(squares)) / floor**2 - 1.0, 0.0)
+            total += max(float(np.nanmean(squares)) / floors[c] ** 2 - 1.0, 0.0)
         excess[name] = total
     return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0
 

@@ -17,7 +17,7 @@ from identification.diagnosis.judge.judgement import (
 from identification.diagnosis.search.discovery import library_of
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
-from identification.fit.validation import whiteness
+from identification.fit.validation import FreeRuns, whiteness
 from identification.fit.windows import free_run_windows, held_out
 from tests.identification.diagnosis.stand_ins import point_of
 from tests.identification.gliders import QUICK
@@ -97,12 +97,23 @@ def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are
     assert left == {0.0: Left((), ""), 0.02: Left((), term)}
 
 
-def stage(residual):
-    window = np.repeat(np.arange(len(residual) // 50), 50)
-    runs = SimpleNamespace(
-        residual=residual[:, None], scored=np.ones(len(residual), dtype=bool), channels=("a",), window=window
-    )
+def stage(residual, readings=None):
+    window, rows = np.repeat(np.arange(len(residual) // 50), 50), np.arange(len(residual))
+    scored, errors = np.ones(len(residual), dtype=bool), residual[:, None]
+    held = None if readings is None else readings[:, None]
+    runs = FreeRuns(("a",), rows, window, errors, errors, scored, held)
     return SimpleNamespace(held=runs, fitted=runs, plant=None)
+
+
+def test_noise_that_is_interpolated_is_none_that_an_effect_could_remove():
+    """A channel that is read every fourth row: between readings, its noise looks smooth, and its floor too low."""
+    rows = np.arange(2000)
+    white, slow = white_and_slow(1, 2000)
+    noise = np.interp(rows, rows[::4], white[::4])
+    before, after = noise + 2.0 * slow, noise
+    assert explained_share(stage(before), stage(after), True) < 0.9
+    told = rows % 4 == 0
+    assert explained_share(stage(before, told), stage(after, told), True) > 0.97
 
 
 def test_the_share_explained_is_of_what_exceeds_the_noise():
