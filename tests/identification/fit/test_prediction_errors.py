@@ -370,7 +370,7 @@ def test_a_float_at_the_surface_is_as_likely_as_free_runs_say_and_no_likelier_wi
 @pytest.mark.parametrize(
     "vehicle, fitted, effect",
     [
-        ("ganeshblue", COEFFICIENTS, "effects.rudder.gain"),
+        ("ganeshblue", COEFFICIENTS, "effects.rudder.offset"),
         ("qiandao_float", ("hull.drag_quadratic",), "effects.volume.compressibility"),
         ("npsauv", ("hull.yaw.uv", "hull.yaw.ur"), "effects.rudder.gain"),
     ],
