@@ -10,11 +10,10 @@ import numpy as np
 
 from auv_gym.channels import Channel, channel
 from auv_gym.records.attitude import QUATERNION, interpolated
-from auv_gym.records.record import gap_limit
+from auv_gym.records.record import RARER, gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
-_RARER = 1.5  # intervals of the base between the readings of what is sampled more slowly
 _SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
 
 
@@ -260,7 +259,7 @@ def _rarer(stream: Stream, names: Iterable[str], spacing: float) -> dict[str, fl
     for name in names:
         known = np.isfinite(stream.values[name])
         own = typical_interval(stream.time[known], stream.part[known])
-        if own > _RARER * spacing and not channel(name).held:
+        if own > RARER * spacing and not channel(name).held:
             found[name] = own
     return found
 

@@ -23,7 +23,7 @@ MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
 MAX_FILL = 3  # samples; longer runs without a value are gaps
 _SHORTEST_GAP = 0.25  # s
 _COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
-_RARER = 1.5  # sample intervals between readings, from which on some samples hold none
+RARER = 1.5  # sample intervals between readings, from which on some samples hold none
 _LABELS, _NOTES, _INTERVAL = "segment_labels", "notes", "interval_s"
 
 
@@ -152,7 +152,7 @@ class Record:
     def readings(self, name: str) -> np.ndarray:
         """Which samples hold a reading of a channel, (n,): of several between two readings, one; all where none is."""
         held, interval = np.ones(len(self), dtype=bool), self.interval_of(name)
-        if interval < _RARER * self.sample_interval:
+        if interval < RARER * self.sample_interval:
             return held
         time = self.time
         for s in self.segments:

@@ -10,9 +10,9 @@ import numpy as np
 from identification.fit.filtering import Filter, Point
 from identification.fit.kalman import System, run_filter, slopes_of
 
-_FIRST_GUESSES = 10.0 ** np.arange(-5.0, 1.5)  # of accelerations, in those
-_LEAST_PROCESS = 1e-6  # the least that an acceleration is sought down to, in those
-_FAINT = 1e-3  # in those, below which one that would be likelier if it were stronger is sought among the first guesses
+# of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are
+# sought among the first guesses if they would be likelier stronger
+_FIRST_GUESSES, _LEAST_PROCESS, _FAINT = 10.0 ** np.arange(-5.0, 1.5), 1e-6, 1e-3
 _NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)

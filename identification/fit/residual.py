@@ -23,10 +23,10 @@ def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
     return max(float(np.sqrt(np.mean(second**2) / 6.0)), 1e-9) if second.size else 1e-9
 
 
-def noise_floors(runs: FreeRuns) -> np.ndarray:
-    """The noise floor of each channel's residual, by its readings alone, (C,)."""
-    held = np.ones(runs.residual.shape, dtype=bool) if runs.readings is None else runs.readings
-    return np.array([noise_floor(e[h], runs.window[h]) for e, h in zip(runs.residual.T, held.T, strict=True)])
+def noise_floors(values: np.ndarray, window: np.ndarray, readings: np.ndarray | None = None) -> np.ndarray:
+    """The noise floor of each channel, (C,), by its readings alone, a mask of the values' shape, (rows, C)."""
+    held = np.ones(values.shape, dtype=bool) if readings is None else readings
+    return np.array([noise_floor(v[h], window[h]) for v, h in zip(values.T, held.T, strict=True)])
 
 
 def resolution(values: np.ndarray) -> float:
@@ -45,7 +45,7 @@ def resolution(values: np.ndarray) -> float:
 
 def residual_summary(runs: FreeRuns, record: Record) -> dict[str, dict[str, Any]]:
     """Per channel: size, noise floor, resolution, colour, and the channels that the residual's rate goes with."""
-    result, floors = {}, noise_floors(runs).tolist()
+    result, floors = {}, noise_floors(runs.residual, runs.window, runs.readings).tolist()
     for c, name in enumerate(runs.channels):
         e = runs.residual[:, c]
         keep = np.isfinite(e)

@@ -11,7 +11,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.fit.filtering import Point
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.residual import noise_floor
+from identification.fit.residual import noise_floors
 from identification.fit.shooting import Shooting
 
 # standard errors: a change d of what is predicted moves no parameter by more than |d / sigma| of them (Cauchy and
@@ -48,8 +48,5 @@ def moved_by_steps(fine: PredictionErrors, point: Point) -> float:
 def readings_noise(problem: Shooting) -> np.ndarray:
     """Standard deviation of each channel's readings about a smooth curve, shape (C,)."""
     rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
-    floors = []
-    for name, readings in zip(problem.channels, problem.measured.T, strict=True):
-        held = problem.record.readings(name)[rows]
-        floors.append(noise_floor(readings[held], problem.window_of_row[held]))
-    return np.array(floors)
+    held = np.stack([problem.record.readings(name)[rows] for name in problem.channels], axis=1)
+    return noise_floors(problem.measured, problem.window_of_row, held)

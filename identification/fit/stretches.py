@@ -12,7 +12,7 @@ from auv_gym.plant import Correction, Plant, Runs
 from auv_gym.records.record import Record
 from identification.fit.first_readings import RATES
 from identification.fit.parameters import Parameters
-from identification.fit.residual import noise_floor, resolution
+from identification.fit.residual import noise_floor, noise_floors, resolution
 from identification.fit.shooting import Shooting, unknown_states
 from identification.fit.validation import head_windows
 
@@ -137,9 +137,7 @@ class Stretches(Parameters):
         self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
         self._balance_kicks(np.delete(path, drop, axis=1))
         self.unit = spread[self._pushed] / _SLOW  # of accelerations
-        floors = [
-            noise_floor(self.measured[seen, c], self.stretch_of_row[seen]) for c, seen in enumerate(self.finite.T)
-        ]
+        floors = noise_floors(self.measured, self.stretch_of_row, self.finite)
         steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
         step = float(np.median(self.durations))

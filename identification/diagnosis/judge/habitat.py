@@ -145,7 +145,7 @@ def _two_digits(value: float) -> str:
 
 def _channels(runs: FreeRuns, residual: np.ndarray, window: np.ndarray, rng) -> tuple[dict, dict]:
     """Share of each channel in the excess over the noise, and how often it leads in resamples of the windows."""
-    floors = noise_floors(runs)
+    floors = noise_floors(runs.residual, runs.window, runs.readings)
     sizes = np.bincount(window).astype(float)
     squares = np.stack([np.bincount(window, r**2) for r in residual.T], axis=1) / floors**2
     excess = np.maximum(squares.sum(axis=0) / sizes.sum() - 1.0, 0.0)

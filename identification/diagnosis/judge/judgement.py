@@ -38,7 +38,8 @@ def explained_share(before: Stage, after: Stage, many: bool) -> float:
 
     Of free runs in the held-out windows; where these are not `many`, of runs from fitted states in all windows.
     """
-    excess, floors = {}, noise_floors(after.fitted)
+    fitted, excess = after.fitted, {}
+    floors = noise_floors(fitted.residual, fitted.window, fitted.readings)
     for name, stage in (("before", before), ("after", after)):
         runs = stage.held if many else stage.fitted
         total = 0.0
