@@ -1,6 +1,5 @@
 """The diagnosis on logs whose truth it is not told, on a real log, and on bad input."""
 
-import importlib
 import json
 import os
 import re
@@ -17,16 +16,16 @@ from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record
 from auv_gym.vehicles.glider import yaw_inertia
 from identification.diagnosis import as_json, diagnose, write_diagnosis
-from identification.diagnosis.judge.judgement import Left
+from identification.diagnosis.search import searching
 from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.candidates import candidates_of
+from identification.diagnosis.search.remainder import Left
 from identification.experiments.excitation import prbs
 from identification.experiments.heading_control import closed_loop
 from scripts import readme_figure
 from scripts.blind_logs import CLEAN, effects_of, one, study
 from tests.identification.gliders import QUICK
 
-diagnosing = importlib.import_module("identification.diagnosis.diagnose")
 DEGREE = np.pi / 180.0
 VEHICLES = ("slocum", "ganeshblue")
 
@@ -151,13 +150,13 @@ def test_a_refit_that_leaves_what_the_given_vehicle_does_not_is_no_cause(monkeyp
         return Left(("heading_rad",) if state.paths else (), "")
 
     plant, log = load_vehicle("slocum"), log_of(seed=3)
-    monkeypatch.setattr(diagnosing, "what_is_left", left)
+    monkeypatch.setattr(searching, "what_is_left", left)
     result = diagnose(log, plant)
     assert result.verdict == "none"
     assert result.after.plant.vector.tolist() == plant.vector.tolist()
     assert result.coefficients == ()
     assert result.coloured == ()
-    monkeypatch.setattr(diagnosing, "what_is_left", lambda *_: Left(("heading_rad",), ""))
+    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",), ""))
     result = diagnose(log, plant)
     assert result.verdict == "unexplained"
     assert result.after.plant.vector.tolist() != plant.vector.tolist()

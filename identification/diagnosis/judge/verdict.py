@@ -13,6 +13,7 @@ from auv_gym.records.record import Record
 from identification.diagnosis.extras import Failure
 from identification.diagnosis.judge.closing import ClosedLoop
 from identification.diagnosis.judge.habitat import Habitat
+from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.log.kinematics import Kinematics
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.attribution import Round
@@ -108,18 +109,6 @@ class Stage:
     fitted: FreeRuns
     scores: dict[str, Score]
     whiteness: dict[str, Whiteness]
-
-
-@dataclass(frozen=True)
-class Asked:
-    """How `diagnose` was called: what it takes to call it again."""
-
-    window: float | None = None
-    settle: float | None = None
-    seed: int = 0
-    most: int = 3
-    doubt: float = 0.1
-    trust: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,12 +18,9 @@ from identification.fit.filtering import Point
 from identification.fit.intervals import Information, information_of, interval_of, predictive_scores
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.shooting import Shooting
-from identification.fit.steps import brisk, readings_noise
+from identification.fit.steps import brisk
 from identification.fit.validation import free_runs
-from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
-MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on a search also begins at its given value
 
 
@@ -148,34 +145,3 @@ def given_values(given: Plant, state: State) -> dict[str, float]:
     values = {p: value_at(given, p) for p in state.paths if p in given.coefficients}
     far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
     return values if far else {}
-
-
-def noise_limited_length(plant: Plant, record: Record, seconds: float) -> float:
-    """Seconds that free runs may last before the noise of their first reading decides them: at most those given.
-
-    Doubled from the shortest while noise in a measured state grows by less than `MOST_GROWTH` on its way to any output.
-    A vehicle that is unstable in yaw, as many torpedoes are, tells of its model for a few seconds only.  From short to
-    long, since long runs of a wrong model leave the record for where it may be stable.
-    """
-    lengths = [seconds]
-    while True:
-        windows = free_run_windows(plant, record, lengths[-1] / 2.0)
-        if not windows or min(w.stop - w.start for w in windows) < 2 * LEAST_SAMPLES:
-            break
-        lengths.append(lengths[-1] / 2.0)
-    calm = lengths.pop()
-    while lengths and _growth(plant, record, lengths[-1]) < MOST_GROWTH:
-        calm = lengths.pop()
-    return calm
-
-
-def _growth(plant: Plant, record: Record, seconds: float) -> float:
-    """By how much noise in a measured state at the start of a window grows, in noises of the outputs."""
-    problem = Shooting(plant, record, free_run_windows(plant, record, seconds))
-    noise, point = readings_noise(problem), problem.point(plant.vector, problem.first_guess)
-    if not np.isfinite(point.cost):
-        return np.inf
-    grown = np.abs(problem.linearise(point, (), noise).starts).max(axis=(1, 2))
-    states = [plant.family.states[i] for i in problem.start_states]
-    own = np.array([noise[problem.channels.index(s)] if s in problem.channels else 0.0 for s in states])
-    return float((grown * own).max(initial=0.0))

@@ -1,6 +1,5 @@
 """Extras of a diagnosis that fail: the result stays, and every file says what is not in it."""
 
-import importlib
 import json
 
 import numpy as np
@@ -12,11 +11,10 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.reading import read_record
 from identification.diagnosis import diagnose, write_diagnosis
 from identification.diagnosis.extras import Extras
+from identification.diagnosis.judge import judging
 from identification.experiments.heading_control import closed_loop
 from identification.pages import diagnosis_figures as figures
 from tests.identification.outline import Outline
-
-diagnosing = importlib.import_module("identification.diagnosis.diagnose")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +35,7 @@ def test_every_extra_may_fail_and_the_result_stays(log, monkeypatch):
     assert whole.failures == ()
     assert whole.loops
     for name in ("closed_loop", "residual_habitat", "discover"):
-        monkeypatch.setattr(diagnosing, name, broken)
+        monkeypatch.setattr(judging, name, broken)
     found = diagnose(log, load_vehicle("slocum"))
     assert found.verdict == whole.verdict
     assert found.unexplained
@@ -53,7 +51,7 @@ def test_every_extra_may_fail_and_the_result_stays(log, monkeypatch):
 
 def test_a_picture_that_cannot_be_drawn_is_said_on_the_page_and_in_the_file(log, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
-    monkeypatch.setattr(diagnosing, "closed_loop", broken)
+    monkeypatch.setattr(judging, "closed_loop", broken)
     result = diagnose(log, load_vehicle("slocum"))
     drawn = figures.svg
 

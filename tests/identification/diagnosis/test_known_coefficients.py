@@ -1,6 +1,5 @@
 """What a vehicle file says of its coefficients' uncertainty is what a diagnosis allows them."""
 
-import importlib
 import json
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,12 +10,12 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import again, diagnose, write_diagnosis
+from identification.diagnosis.search import known
 from identification.experiments.heading_control import closed_loop
 from identification.fit.parameters import REACH
 from identification.fit.prediction_errors import PredictionErrors
 from tests.identification.diagnosis.stand_ins import state_of
 
-diagnosing = importlib.import_module("identification.diagnosis.diagnose")
 BARE = replace(load_vehicle("slocum"), deviations={})
 
 
@@ -54,7 +53,7 @@ def test_only_what_the_inputs_excite_and_nobody_knows_exactly_is_refitted():
             return np.array([[[0.0], [sizes[path]]] for path, _ in moves])
 
         bench = SimpleNamespace(plant=vehicle, doubt=doubt, problem=SimpleNamespace(columns_of=columns_of))
-        return diagnosing._free_coefficients(bench, state_of(vehicle))
+        return known._free_coefficients(bench, state_of(vehicle))
 
     assert free(BARE) == (moving,)
     assert free(BARE, sizes=dict.fromkeys(told, 1.0)) == (moving, still)

@@ -7,14 +7,12 @@ import pytest
 
 from auv_gym.param import replace_at
 from identification.diagnosis.judge.judgement import (
-    Left,
     explained_share,
-    is_coloured,
     many_windows,
     verdict_of,
-    what_is_left,
 )
 from identification.diagnosis.search.discovery import library_of
+from identification.diagnosis.search.remainder import Left, is_coloured, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.validation import FreeRuns, whiteness

@@ -1,7 +1,6 @@
 """The gate before every name: each reason to refuse, each route that leads to it, and what fails beside the others."""
 
 from dataclasses import replace
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -9,13 +8,15 @@ from scipy import stats
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from identification.diagnosis import diagnose
+from identification.diagnosis.judge import judging
 from identification.diagnosis.judge.findings import coefficient_of, twin_effects
-from identification.diagnosis.judge.judgement import Left
-from identification.diagnosis.search import acceptance, swaps
+from identification.diagnosis.search import acceptance, searching, swaps
 from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection, threshold
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
 from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.diagnosis.search.discovery import Discovery
+from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import Trial, gate
 from identification.diagnosis.search.workbench import State
@@ -34,7 +35,6 @@ OFFSET, LAG, MOMENT = "effects.rudder.offset", "effects.compass.lag", "effects.y
 A, B, C = (Candidate(path, (path,)) for path in (OFFSET, LAG, MOMENT))
 COUNT = 18  # candidates
 COEFFICIENTS = PLANT.family.coefficients
-diagnosis = import_module("identification.diagnosis.diagnose")
 
 
 def sure(**changes) -> Claim:
@@ -272,16 +272,16 @@ def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatc
     def overdone(bench, *given):
         return with_idle(bench, *attribute(bench, *given))
 
-    monkeypatch.setattr(diagnosis, "attribute", overdone)
-    found = diagnosis.diagnose(offset_log, load_vehicle("slocum"))
+    monkeypatch.setattr(searching, "attribute", overdone)
+    found = diagnose(offset_log, load_vehicle("slocum"))
     assert [e.path for e in found.effects] == [OFFSET]
     assert "effects.yaw.roll_moment" not in found.state.paths
     assert value_at(found.after.plant, "effects.yaw.roll_moment") == 0.0
 
 
 def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):
-    monkeypatch.setattr(diagnosis, "what_is_left", lambda *_: Left(("heading_rad",), ""))
-    monkeypatch.setattr(diagnosis, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
+    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",), ""))
+    monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     asked = []
 
     def improved(self, state, rounds):
@@ -290,7 +290,7 @@ def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkey
 
     monkeypatch.setattr(Reconsidering, "improved", improved)
     heading = offset_log.without(["north_m", "east_m"])  # second thoughts are only for filters of few states
-    found = diagnosis.diagnose(heading, load_vehicle("slocum"))
+    found = diagnose(heading, load_vehicle("slocum"))
     assert len(asked) == 1
     assert [e.path for e in found.effects] == [OFFSET]
     assert "effects.yaw.roll_moment" not in found.state.paths

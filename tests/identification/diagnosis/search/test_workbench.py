@@ -7,7 +7,8 @@ import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
-from identification.diagnosis.search.workbench import State, Workbench, given_values, noise_limited_length
+from identification.diagnosis.log.checking import noise_limited_length
+from identification.diagnosis.search.workbench import State, Workbench, given_values
 from identification.experiments.missions import run_mission
 from identification.fit.windows import free_run_windows, held_out
 from tests.identification.gliders import QUICK

@@ -1,0 +1,143 @@
+"""Last step of a diagnosis: sizes, errors, what is left, and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.diagnosis.extras import Extras
+from identification.diagnosis.judge.closing import closed_loop
+from identification.diagnosis.judge.findings import (
+    as_coefficients,
+    coefficient_of,
+    coefficient_twins,
+    detectable_effects,
+    effects_of,
+    twin_effects,
+)
+from identification.diagnosis.judge.habitat import residual_habitat
+from identification.diagnosis.judge.judgement import explained_share, many_windows, verdict_of
+from identification.diagnosis.judge.verdict import Diagnosis, Stage
+from identification.diagnosis.log.checking import CheckedLog
+from identification.diagnosis.search.acceptance import threshold
+from identification.diagnosis.search.candidates import candidates_of, screen
+from identification.diagnosis.search.discovery import Discovery, discover, library_of
+from identification.diagnosis.search.known import Known
+from identification.diagnosis.search.remainder import what_is_left
+from identification.diagnosis.search.searching import Searched
+from identification.diagnosis.search.trials import Progress
+from identification.fit.residual import residual_summary
+from identification.fit.validation import fitted_runs, free_runs, whiteness
+
+
+def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progress: Progress) -> Diagnosis:
+    """What is said of a record, its vehicle, and the effects that a search has found.
+
+    source: of the record, for those who read the result.
+    """
+    bench, record, asked, settle, plant = known.bench, log.record, log.asked, log.settle, known.plant
+    nominal, state, rounds, left = searched.nominal, searched.state, list(searched.rounds), searched.left
+    progress(0.84, "scoring free runs")
+
+    def stage(of: Plant) -> Stage:
+        return _stage(of, record, log.windows, log.held, settle, log.plant.longest_step)
+
+    after, as_given = stage(state.plant), stage(known.given.plant)
+    before = after if state is nominal else stage(nominal.plant)
+    count, rest = len(searched.candidates), [] if log.slipped else candidates_of(state.plant, record)
+    screening = tuple(screen(bench.problem, state.point, state.paths, rest, threshold(count)))
+    sizes = bench.intervals(state)
+    found = tuple(
+        coefficient_of(plant, p, sizes[p], count, plant.deviation(p, asked.doubt))
+        for p in known.coefficients
+        if p in sizes
+    )
+    effects, tied = effects_of(bench, state, rounds, sizes)
+    many = many_windows(log.held, log.steady)
+    explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
+    wrong = any(c.wrong for c in found)
+    refit_is_all = not effects
+    if wrong:
+        if refit_is_all:
+            before, explained = as_given, from_given
+        groups = coefficient_twins(plant, found)
+        effects += twin_effects(groups, effects, found, bench, state, count)
+        tied += [group for group in groups if not any(group[0] in other for other in tied)]
+    verdict = verdict_of(effects, tied, explained, bool(left), refit_is_all, wrong)
+    discovery, habitat, rng, extras = None, None, np.random.default_rng(asked.seed), Extras()
+    if log.slipped or (log.doubts and verdict == "unexplained"):
+        verdict = "doubted"
+    elif left:
+        progress(0.88, "looking for a term that no effect is")
+        discovery = extras.attempt(
+            "The search for a term that no effect is",
+            lambda: discover(bench, state, searched.library, rng, settle),
+            Discovery(state.plant, state.paths, state),
+        )
+        still: object = left
+        if discovery.holds:
+            after = stage(discovery.plant)
+            still = what_is_left(bench, discovery.state, library_of(discovery.plant))
+        if still:
+            habitat = extras.attempt(
+                "The description of what remains", lambda: residual_habitat(after.fitted, record, rng), None
+            )
+    progress(1.0, "done")
+    diagnosis = Diagnosis(
+        verdict=verdict,
+        record=record,
+        given=as_given,
+        before=before,
+        after=after,
+        effects=tuple(as_coefficients(known.given.plant, effects)),
+        tied=tuple(tied),
+        coefficients=found,
+        detectable=detectable_effects(plant, screening, rounds, {e.path for e in effects}),
+        rounds=searched.rounds,
+        state=state,
+        screening=screening,
+        explained=explained,
+        remains=residual_summary(after.fitted, record),
+        windows=(tuple(w for w in log.windows if w not in log.held), log.held),
+        window=log.window,
+        settle=settle,
+        seed=asked.seed,
+        asked=asked,
+        doubts=log.doubts,
+        kinematics=searched.kinematics,
+        discovery=discovery,
+        habitat=habitat,
+        noise=bench.noise(state),
+        coloured=left.coloured,
+        source=source,
+        versions=_versions(),
+    )
+    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, diagnosis.plants), ())
+    return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
+
+
+def _stage(
+    plant: Plant, record: Record, windows: Sequence[slice], held: Sequence[slice], settle: float, longest_step: float
+) -> Stage:
+    runs = free_runs(plant, record, held, settle)
+    every = free_runs(plant, record, windows, settle)
+    fitted = fitted_runs(plant, record, windows)
+    white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
+    return Stage(replace(plant, longest_step=longest_step), runs, every, fitted, runs.scores(record), white)
+
+
+def _versions() -> dict[str, str]:
+    found = {}
+    for package in ("auv-gym", "numpy", "scipy", "numba", "xarray"):
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            from auv_gym import __version__
+
+            found[package] = __version__
+    return found

@@ -1,0 +1,147 @@
+"""First step of a diagnosis: what a record can be asked, and what looks wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.plant.record_check import check_excitation, check_ranges
+from auv_gym.records.record import Record
+from identification.diagnosis.log.plausibility import Doubt, log_doubts
+from identification.fit.shooting import Shooting
+from identification.fit.steps import readings_noise
+from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out
+
+LEAST_WINDOWS = 4
+SETTLE_SHARE = 0.2  # of a window that is shorter than the vehicle's
+MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How `diagnose` was called: what it takes to call it again."""
+
+    window: float | None = None
+    settle: float | None = None
+    seed: int = 0
+    most: int = 3
+    doubt: float = 0.1
+    trust: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedLog:
+    """A record that a vehicle can be compared with, and how.
+
+    blocks: (fitted, held-out) parts.  windows: of free runs, at most `window` s long, of which the first `settle` s
+    tell the initial states; held: those of the held-out parts.  steady: whether they last as long as was asked.
+    doubts: what is wrong with the log itself.
+    """
+
+    record: Record
+    plant: Plant
+    asked: Asked
+    blocks: tuple[list[slice], list[slice]]
+    windows: tuple[slice, ...]
+    held: tuple[slice, ...]
+    window: float
+    settle: float
+    steady: bool
+    doubts: tuple[Doubt, ...]
+
+    @property
+    def slipped(self) -> bool:
+        """Whether the log looks mislabelled."""
+        return any(d.slip is not None for d in self.doubts)
+
+    @property
+    def firm(self) -> bool:
+        """Whether a doubt needs no model to be sure."""
+        return any(d.firm for d in self.doubts)
+
+
+def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
+    """The record as it can be used.
+
+    Raises ValueError if it is too short, lacks a channel, or does not excite the vehicle.
+    """
+    window, settle = asked.window or plant.window, asked.settle
+    if settle is None:
+        settle = plant.settle if window >= plant.window else min(plant.settle, SETTLE_SHARE * window)
+    windows = _checked_windows(record, plant, window, settle)
+    blocks = held_out(plant, record, windows)
+    calm = noise_limited_length(plant, record, window)
+    if steady := calm >= window:
+        held = blocks[1]
+    else:
+        window, settle = calm, min(settle, SETTLE_SHARE * calm)
+        windows = _checked_windows(record, plant, window, settle)
+        held = [w for w in windows if any(b.start <= w.start and w.stop <= b.stop for b in blocks[1])]
+    doubts = () if asked.trust else log_doubts(record, plant, windows, settle)
+    return CheckedLog(record, plant, asked, blocks, tuple(windows), tuple(held), window, settle, steady, doubts)
+
+
+def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:
+    outputs = [name for name in plant.outputs if record.has(name)]
+    first = plant.family.leading
+    if first not in outputs:
+        raise ValueError(
+            f"The diagnosis of {plant.name} needs the channel {first}, got {', '.join(record.names)}: "
+            "rename the column by a mapping file."
+        )
+    check_ranges(plant, record)
+    check_excitation(plant, record)
+    if not settle < 0.5 * window:
+        raise ValueError(f"The settling time must be less than half a window of {window:g} s, got {settle:g} s.")
+    windows = free_run_windows(plant, record, window)
+    if len(windows) < LEAST_WINDOWS:
+        longest = max(float(np.ptp(record.time[s])) for s in record.segments)
+        raise ValueError(
+            f"A diagnosis needs at least {LEAST_WINDOWS} windows of {window:g} s without a gap, got {len(windows)} "
+            f"(longest stretch {longest:.0f} s, samples {record.sample_interval:g} s apart): "
+            + (
+                "choose longer windows."
+                if window < 2.0 * record.sample_interval
+                else "record longer or choose shorter windows."
+            )
+        )
+    shortest = min(w.stop - w.start for w in windows)
+    if shortest < LEAST_SAMPLES:
+        raise ValueError(
+            f"A window of {window:g} s holds only {shortest} samples; at least {LEAST_SAMPLES} are needed: "
+            "choose longer windows."
+        )
+    return windows
+
+
+def noise_limited_length(plant: Plant, record: Record, seconds: float) -> float:
+    """Seconds that free runs may last before the noise of their first reading decides them: at most those given.
+
+    Doubled from the shortest while noise in a measured state grows by less than `MOST_GROWTH` on its way to any output.
+    A vehicle that is unstable in yaw, as many torpedoes are, tells of its model for a few seconds only.  From short to
+    long, since long runs of a wrong model leave the record for where it may be stable.
+    """
+    lengths = [seconds]
+    while True:
+        windows = free_run_windows(plant, record, lengths[-1] / 2.0)
+        if not windows or min(w.stop - w.start for w in windows) < 2 * LEAST_SAMPLES:
+            break
+        lengths.append(lengths[-1] / 2.0)
+    calm = lengths.pop()
+    while lengths and _growth(plant, record, lengths[-1]) < MOST_GROWTH:
+        calm = lengths.pop()
+    return calm
+
+
+def _growth(plant: Plant, record: Record, seconds: float) -> float:
+    """By how much noise in a measured state at the start of a window grows, in noises of the outputs."""
+    problem = Shooting(plant, record, free_run_windows(plant, record, seconds))
+    noise, point = readings_noise(problem), problem.point(plant.vector, problem.first_guess)
+    if not np.isfinite(point.cost):
+        return np.inf
+    grown = np.abs(problem.linearise(point, (), noise).starts).max(axis=(1, 2))
+    states = [plant.family.states[i] for i in problem.start_states]
+    own = np.array([noise[problem.channels.index(s)] if s in problem.channels else 0.0 for s in states])
+    return float((grown * own).max(initial=0.0))

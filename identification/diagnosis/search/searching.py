@@ -1,0 +1,62 @@
+"""Third step of a diagnosis: effects that make the vehicle agree with what no fit has counted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from identification.diagnosis.log.checking import CheckedLog
+from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
+from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
+from identification.diagnosis.search.candidates import Candidate, candidates_of
+from identification.diagnosis.search.discovery import library_of
+from identification.diagnosis.search.known import Known
+from identification.diagnosis.search.remainder import Left, what_is_left
+from identification.diagnosis.search.swaps import Reconsidering
+from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.workbench import State
+
+FEW_STATES = 4  # that the filter follows, up to which effects are exchanged for each other where something is left
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What a search found.
+
+    nominal, state: without and with the effects; nominal is the vehicle as given where its refit is refuted.
+    rounds: those that chose the effects, and the last one.  left: what the errors still hold.
+    """
+
+    candidates: tuple[Candidate, ...]
+    kinematics: Kinematics
+    nominal: State
+    state: State
+    rounds: tuple[Round, ...]
+    library: tuple[str, ...]
+    left: Left
+
+
+def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
+    """Forward selection, what it chose confirmed, and second thoughts where something is left."""
+    bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
+    kinematics = kinematic_findings(log.record, bench.plant)
+    candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
+    state, rounds = attribute(
+        bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
+    )
+    chosen = [r.chosen for r in rounds if r.chosen is not None]
+    state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
+    state, rounds = confirmed(bench, nominal, state, rounds, len(candidates))
+    library = library_of(state.plant)
+    left = what_is_left(bench, state, library)
+    followed = sum(i < len(bench.plant.family.states) for i in bench.problem.live)
+    if rounds and left and followed <= FEW_STATES:  # elsewhere it takes minutes
+        progress(0.8, "trying other effects in each one's place")
+        again, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
+        again, rounds = confirmed(bench, nominal, again, rounds, len(candidates))
+        if again is not state:
+            state = again
+            left = what_is_left(bench, state, library)
+    if state is nominal and left and not what_is_left(bench, given, library):
+        state = nominal = given  # what the errors refute is the refit, not the vehicle
+        left = what_is_left(bench, given, library)
+    return Searched(tuple(candidates), kinematics, nominal, state, tuple(rounds), library, left)
