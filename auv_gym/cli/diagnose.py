@@ -33,7 +33,7 @@ def diagnose(
     ] = None,
     window: Annotated[
         float | None,
-        number("Length of the free runs, s; default: the vehicle's. Every other one, or dive, is held out.", *LENGTH),
+        number("Length of the free runs that give the errors, s; default: the vehicle's.", *LENGTH),
     ] = None,
     mapping: logs.ColumnNames = None,
     profile: Annotated[
@@ -180,7 +180,9 @@ def _error_table(diagnosis: Diagnosis) -> Table:
 
     stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.changed else [])]
     heads = ["as given>", "before>" if diagnosis.changed else "refitted>", "after>"][: len(stages)]
-    shown = table(f"Root mean square error of free runs {diagnosis.reach}, held out", "channel", *heads)
+    shown = table(
+        f"Root mean square error of free runs {diagnosis.reach} in unseen {diagnosis.unseen_words}", "channel", *heads
+    )
     for name in diagnosis.before.scores:
         unit = channel(name).unit
         shown.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages))

@@ -30,13 +30,13 @@ def diagnose(
     source: str = "",
     progress: Progress = lambda fraction, text: None,
 ) -> Diagnosis:
-    """Which effect the plant lacks to explain the record, with the error before and after on held-out windows.
+    """Which effect the plant lacks to explain the record, with the error before and after on unseen parts.
 
-    window: s, length of the free runs (see `free_run_windows`, `held_out`).  settle: s at a window's start to which its
+    window: s, length of the free runs (see `free_run_windows`).  settle: s at a window's start to which its
     initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
     times with short windows.
     doubt: standard deviation of the vehicle's own coefficients, relative, where it states none; 0 holds all of them.
-    seed: of what resamples windows.  trust: also of logs that look mislabelled.
+    seed: of what resamples blocks.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
     asked = Asked(window, settle, seed, most, doubt, trust)

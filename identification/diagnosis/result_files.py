@@ -62,13 +62,14 @@ def _json_text(diagnosis: Diagnosis, extras: Extras) -> str:
 def as_json(d: Diagnosis) -> dict[str, Any]:
     """The diagnosis as plain data; angles in rad, SI throughout."""
     metric = {
-        "metric": "rmse of free runs in held-out windows",
+        "metric": "rmse of free runs in unseen parts",
         "horizon_s": d.window - d.settle,
         "window_s": d.window,
         "settle_s": d.settle,
-        "windows_fitted": len(d.windows[0]),
-        "windows_held_out": len(d.windows[1]),
+        "parts": len(d.windows),
+        "windows": sum(len(part) for part in d.windows),
     }
+    searched = {p for r in d.rounds if r.chosen for p in r.chosen.candidate.paths}  # not from a coefficient's change
     return {
         "verdict": d.verdict,
         "summary": d.summary(),
@@ -80,13 +81,15 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "neutral": e.neutral,
                 "unit": e.unit,
                 "ci95": list(e.ci95),
-                "evidence": {"fitted": e.evidence_train, "held_out": e.evidence_held},
+                "evidence": {"all_rows": e.evidence_train, "foretold": e.evidence_held},
+                "frequency": e.frequency if e.path in searched else None,
                 "tied_with": list(e.tied_with),
                 "coefficient": _plain(asdict(e.coefficient)) if e.coefficient else None,
             }
             for e in d.effects
         ],
         "tied": [list(group) for group in d.tied],
+        "dropped": list(d.dropped),
         "error": {
             **metric,
             "as_given": _errors(d.given),
@@ -112,8 +115,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             [
                 {
                     "paths": list(t.candidate.paths),
-                    "evidence_fitted": t.train,
-                    "evidence_held_out": t.held,
+                    "evidence_all_rows": t.train,
+                    "evidence_foretold": t.held,
                     "values": [value_at(t.state.plant, p) for p in t.candidate.paths] if t.state else None,
                     "objection": t.objection,
                     "chosen": t is r.chosen,

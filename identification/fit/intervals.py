@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from auv_gym.param import replace_at
 from identification.estimate import half_width
 from identification.fit.filtering import Point
-from identification.fit.parameters import kinked, moves_of
+from identification.fit.parameters import kinked
 from identification.fit.prediction_errors import PredictionErrors
 
 _LEFT = 1e-6  # of the square of slopes, below which what starts leave of them is rounding
@@ -119,27 +120,66 @@ def _by_noise(
     return np.clip(slopes.T @ spread @ fall, 0.0, _MOST_GROWTH), freedom
 
 
-def predictive_scores(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], windows: Sequence[slice]
-) -> np.ndarray:
-    """Log-likelihood of windows that no fit has counted, the paths as uncertain as the fit leaves them, (windows,).
+@dataclass(frozen=True, eq=False)
+class ByPart:
+    """What each part of a record tells of a fitted point's paths, to second order about it, in units of their scales.
 
-    Of each beside those before it, parameters integrated over the linearised posterior (Rasmussen and Williams 2006,
-    sec. 2.7): that a log does not tell a parameter is no surprise where it matters later.
+    normals: (K, P, P).  pulls: (K, P), slopes of the log-likelihood.  scores: (K,), log-likelihood.  known, known_pull,
+    known_score: the same of what was known before.
     """
-    columns = problem.columns_of(point, moves_of(paths))
-    flat = problem.without_starts(point, problem.counted_flat(columns))
-    rates = problem.pulls(point.vector, paths)[1]
-    matrix, pull = flat @ flat.T + np.diag(rates**2 + 1e-12), np.zeros(len(paths))
-    scores, gained = [], -0.5 * np.linalg.slogdet(matrix)[1]
-    for window in windows:
-        inside = problem.within([window]) > 0.0
-        own = columns[:, inside].reshape(len(paths), point.errors[inside].size)
-        matrix, pull = matrix + own @ own.T, pull + own @ point.errors[inside].ravel()
-        reached = 0.5 * (pull @ np.linalg.solve(matrix, pull) - np.linalg.slogdet(matrix)[1])
-        scores.append(float(point.scores[inside].sum() + reached - gained))
-        gained = reached
-    return np.array(scores)
+
+    normals: np.ndarray
+    pulls: np.ndarray
+    scores: np.ndarray
+    known: np.ndarray
+    known_pull: np.ndarray
+    known_score: float
+
+    def refitted(self, counted: np.ndarray) -> tuple[np.ndarray, float]:
+        """Steps of the paths (P,) to where some parts, (K,) bool, alone would put them, and their objective there."""
+        normal = self.known + self.normals[counted].sum(axis=0)
+        pull = self.known_pull + self.pulls[counted].sum(axis=0)
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+        step = np.linalg.lstsq(normal / np.outer(size, size), pull / size, rcond=1e-10)[0] / size
+        return step, float(self.scores[counted].sum() + self.known_score + 0.5 * pull @ step)
+
+    @cached_property
+    def foretold(self) -> np.ndarray:
+        """Log-likelihood of each part given the others, the paths as uncertain as those leave them, (K,).
+
+        Integrated over the linearised posterior (Rasmussen and Williams 2006, sec. 2.7): that the others do not tell a
+        parameter is no surprise where it matters.
+        """
+        every = np.ones(len(self.scores), dtype=bool)
+        whole, found = self._integrated(every), []
+        for k, score in enumerate(self.scores):
+            every[k] = False
+            found.append(score + whole - self._integrated(every))
+            every[k] = True
+        return np.array(found)
+
+    def _integrated(self, counted: np.ndarray) -> float:
+        normal = self.known + self.normals[counted].sum(axis=0) + 1e-12 * np.eye(len(self.known))
+        pull = self.known_pull + self.pulls[counted].sum(axis=0)
+        return 0.5 * float(pull @ np.linalg.solve(normal, pull) - np.linalg.slogdet(normal)[1])
+
+
+def told_by_part(
+    problem: PredictionErrors, point: Point, paths: Sequence[str], parts: Sequence[Sequence[slice]]
+) -> ByPart:
+    """What each part of the rows that count tells of the paths, what stretches' starts can imitate taken out."""
+    flat = problem.without_starts(point, problem.counted_slopes(point, paths))
+    columns, errors = flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point)
+    pulled, rates = problem.pulls(point.vector, paths)
+    normals, pulls, scores = [], [], []
+    for part in parts:
+        inside = problem.within(part) > 0.0
+        own = columns[:, inside].reshape(len(paths), errors[inside].size)
+        normals.append(own @ own.T)
+        pulls.append(own @ errors[inside].ravel())
+        scores.append(float(point.scores[inside].sum()))
+    known = (np.diag(rates**2), -rates * pulled, -0.5 * float((pulled**2).sum()))
+    return ByPart(np.array(normals), np.array(pulls), np.array(scores), *known)
 
 
 def interval_of(

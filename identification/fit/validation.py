@@ -68,6 +68,20 @@ def free_runs(plant: Plant, record: Record, windows: Sequence[slice], settle: fl
     return _runs(Shooting(plant, record, windows), plant, starts, scored)
 
 
+def joined_runs(parts: Sequence[FreeRuns]) -> FreeRuns:
+    """Free runs over windows that differ, as those of one vehicle; in the order of the record."""
+    first = np.cumsum([0, *(int(p.window.max()) + 1 for p in parts)])
+    rows = np.concatenate([p.rows for p in parts])
+    order = np.argsort(rows, kind="stable")
+    windows = np.concatenate([p.window + f for p, f in zip(parts, first, strict=False)])[order]
+    numbers = np.cumsum(np.r_[0, windows[1:] != windows[:-1]])
+    told = [p.readings for p in parts if p.readings is not None]
+    readings = np.concatenate(told)[order] if len(told) == len(parts) else None
+    model, residual = (np.concatenate([getattr(p, name) for p in parts])[order] for name in ("model", "residual"))
+    scored = np.concatenate([p.scored for p in parts])[order]
+    return FreeRuns(parts[0].channels, rows[order], numbers, model, residual, scored, readings)
+
+
 def head_windows(record: Record, windows: Sequence[slice], settle: float) -> list[slice]:
     """The first `settle` seconds of each window, at least three samples."""
     heads = []

@@ -39,6 +39,23 @@ def free_run_windows(plant: Plant, record: Record, seconds: float) -> list[slice
     return _settled(record, record.windows(seconds), plant.settle, begin)
 
 
+def stretches_of(plant: Plant, record: Record) -> list[slice]:
+    """What a filter goes through without a break: `free_run_windows` of any length, and no rest left out."""
+    family, time = plant.family, record.time
+    inputs = inputs_of(plant, record)
+    begin = [s.start + _commanded(plant, inputs[s], time[s]) for s in record.segments]
+    if family.stepped:
+        return _between_steps(record, family.stepped, np.inf, begin)
+    if family.afloat is not None:
+        return _under(record, family.afloat, begin)
+    found = []
+    for segment, first in zip(record.segments, begin, strict=True):
+        settled = int(np.searchsorted(time, time[segment.start] + plant.settle))
+        enough = time[segment.stop - 1] - time[segment.start] >= LEAST_LEFT * 2 * plant.settle
+        found.append(slice(max(first, settled) if enough else first, segment.stop))
+    return [s for s in found if s.stop - s.start >= LEAST_SAMPLES]
+
+
 def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
     """The first row of a segment at which the actuators stand where its commands put them, wherever they stood before.
 
@@ -87,7 +104,7 @@ def _between_steps(record: Record, stepped: Sequence[str], seconds: float, begin
         moved = np.r_[True, np.any(np.diff(inputs[segment], axis=0) != 0.0, axis=1)]
         edges = segment.start + np.r_[np.flatnonzero(moved), segment.stop - segment.start]
         for before, after in pairwise(edges):
-            found += _cut(record.time, max(before + 1, first), after, seconds)
+            found += cut(record.time, max(before + 1, first), after, seconds)
     return [w for w in found if w.stop - w.start >= LEAST_SAMPLES]
 
 
@@ -129,17 +146,22 @@ def _from(windows: Sequence[slice], row: int) -> list[slice]:
 
 def _submerged(record: Record, depth: float, seconds: float, begin: Sequence[int]) -> list[slice]:
     """Windows of half to all of `seconds` in the stretches below a depth, m, from the segments' rows `begin` on."""
-    under, time, found = record["depth_m"] > depth, record.time, []
-    for segment, first in zip(record.segments, begin, strict=True):
-        changes = np.flatnonzero(np.diff(under[segment])) + 1
-        edges = segment.start + np.r_[0, changes, segment.stop - segment.start]
-        for start, stop in pairwise(edges):
-            if under[start]:
-                found += _cut(time, max(start, first), stop, seconds)
+    time, under = record.time, _under(record, depth, begin)
+    found = [w for s in under for w in cut(time, s.start, s.stop, seconds)]
     return [w for w in found if time[w.stop - 1] - time[w.start] >= 0.5 * seconds]
 
 
-def _cut(time: np.ndarray, start: int, stop: int, seconds: float) -> list[slice]:
+def _under(record: Record, depth: float, begin: Sequence[int]) -> list[slice]:
+    """The stretches below a depth, m, from the segments' rows `begin` on."""
+    under, found = record["depth_m"] > depth, []
+    for segment, first in zip(record.segments, begin, strict=True):
+        changes = np.flatnonzero(np.diff(under[segment])) + 1
+        edges = segment.start + np.r_[0, changes, segment.stop - segment.start]
+        found += [slice(max(int(a), first), int(b)) for a, b in pairwise(edges) if under[a]]
+    return [s for s in found if s.stop - s.start >= LEAST_SAMPLES]
+
+
+def cut(time: np.ndarray, start: int, stop: int, seconds: float) -> list[slice]:
     """The rows from start to stop in equal parts of at most `seconds`."""
     if stop - start < 2:
         return []

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GIVEN = "#9a8fb0"
-FITTED_SHADE, HELD_SHADE, SETTLE_SHADE = "#f7f3e8", "#dbe8f4", "#ececec"
+PART_SHADES, SETTLE_SHADE = ("#f7f3e8", "#dbe8f4"), "#ececec"  # of the parts of a log in turn
 CONTEXT = ("depth_m", "pitch_rad", "roll_rad", "u_mps", "w_mps", "altitude_m")
 CLEAR = 0.1  # correlation below which a signal is not worth a picture
 DOTS = 500  # of a scatter
@@ -56,7 +56,7 @@ def svg(draw: Callable[[Diagnosis], Figure], diagnosis: Diagnosis, name: str, la
 
 
 def log_figure(d: Diagnosis) -> Figure:
-    """Measured outputs, inputs and context over time, with the fitted and the held-out windows shaded."""
+    """Measured outputs, inputs and context over time, with the windows of the parts of the log shaded."""
     record, plant = d.record, d.given.plant
     outputs = list(d.after.every.channels)
     inputs = [n for n in plant.inputs if record.has(n) and channel(n).kind == "input"]
@@ -90,7 +90,7 @@ def log_figure(d: Diagnosis) -> Figure:
     if outputs[0] == "heading_rad":
         compass_ticks(panels[0])
     panels[-1].set_xlabel(clock.label)
-    figure.legend(handles=_window_patches(), loc="outside upper left", ncols=2)
+    figure.legend(handles=_window_patches(d), loc="outside upper left", ncols=2)
     return figure
 
 
@@ -117,22 +117,22 @@ def overview_figure(d: Diagnosis) -> Figure:
     panels[-1].set_xlabel(clock.label)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
-        handles=[*handles, *_window_patches()], labels=[*labels, *_WINDOW_WORDS], loc="outside upper left", ncols=5
+        handles=[*handles, *_window_patches(d)], labels=[*labels, *_window_words(d)], loc="outside upper left", ncols=5
     )
     return figure
 
 
 def zoom_figure(d: Diagnosis) -> Figure:
-    """An output and the first input in two or three held-out windows: worst before, typical, worst after."""
+    """An output and the first input in two or three windows, unseen: worst before, typical, worst after."""
     picked, record, name = example_windows(d), d.record, most_improved(d)
-    output = d.after.held.channels.index(name)
+    output = d.after.unseen.channels.index(name)
     driver = next(iter(d.given.plant.family.required))
     figure = new_figure(4.0)
     panels = figure.subplots(2, len(picked), sharex="col", height_ratios=(2.6, 1.0), squeeze=False)
     for column, (title, number) in enumerate(picked):
-        rows = d.after.held.rows[d.after.held.window == number]
+        rows = d.after.unseen.rows[d.after.unseen.window == number]
         seconds = record.time[rows] - record.time[rows[0]]
-        start = seconds[np.argmax(d.after.held.scored[d.after.held.window == number])]
+        start = seconds[np.argmax(d.after.unseen.scored[d.after.unseen.window == number])]
         top, bottom = panels[:, column]
         for axes in (top, bottom):
             axes.axvspan(0.0, start, color=SETTLE_SHADE, zorder=0, linewidth=0)
@@ -140,7 +140,7 @@ def zoom_figure(d: Diagnosis) -> Figure:
         measured = record[name][rows]
         top.plot(seconds, shown_values(name, measured), color=MEASURED, linewidth=1.8, label="measured")
         for label, stage, look in series(d):
-            runs = stage.held
+            runs = stage.unseen
             model = runs.model[runs.window == number, output]
             top.plot(seconds, shown_values(name, _nearest_turn(name, model, measured)), label=label, **look)
         bottom.step(seconds, shown_values(driver, record[driver][rows]), where="post", color=INPUT, linewidth=1.3)
@@ -160,19 +160,19 @@ def zoom_figure(d: Diagnosis) -> Figure:
 
 
 def growth_figure(d: Diagnosis) -> Figure:
-    """Root mean square error over the held-out windows against the time since the window's start, per output."""
-    names = d.after.held.channels
+    """Root mean square error in unseen parts against the time since the window's start, per output."""
+    names = d.after.unseen.channels
     figure = new_figure(2.9 * ((len(names) + 1) // 2))
     panels = grid(figure, len(names), 2)
     for c, (axes, name) in enumerate(zip(panels, names)):
         axes.axvspan(0.0, d.settle, color=SETTLE_SHADE, zorder=0, linewidth=0)
         tops = []
         for label, stage, look in series(d):
-            seconds, error = error_growth(stage.held, d.record, d.window, c)
+            seconds, error = error_growth(stage.unseen, d.record, d.window, c)
             axes.plot(seconds, shown_values(name, error), marker="o", markersize=3, label=label, **look)
             tops.append(np.nanmax(shown_values(name, error)))
         if d.before is not d.given:
-            seconds, error = error_growth(d.given.held, d.record, d.window, c)
+            seconds, error = error_growth(d.given.unseen, d.record, d.window, c)
             axes.plot(
                 seconds, shown_values(name, error), color=GIVEN, linewidth=1.2, linestyle=":", label="vehicle as given"
             )
@@ -188,15 +188,15 @@ def growth_figure(d: Diagnosis) -> Figure:
 
 
 def track_figure(d: Diagnosis) -> Figure:
-    """Plan view of the measured track with the model's free runs in the held-out windows, north up."""
+    """Plan view of the measured track with the model's free runs in unseen parts, north up."""
     figure = new_figure(4.6)
     axes = figure.subplots()
-    clock, runs = Clock(d.record), d.after.held
+    clock, runs = Clock(d.record), d.after.unseen
     keep = thinned(d.record["north_m"], POINTS, clock.cuts)
     track = [np.append(d.record[name], np.nan)[keep] for name in ("east_m", "north_m")]
     axes.plot(*track, color=MEASURED, linewidth=1.6, label="measured")
     for label, stage, look in series(d):
-        east, north = (stage.held.model[:, runs.channels.index(n)] for n in ("east_m", "north_m"))
+        east, north = (stage.unseen.model[:, runs.channels.index(n)] for n in ("east_m", "north_m"))
         keep = thinned(north, POINTS, np.flatnonzero(np.diff(runs.window)) + 1)
         axes.plot(np.append(east, np.nan)[keep], np.append(north, np.nan)[keep], label=label, **look)
     axes.set_aspect("equal", adjustable="datalim")
@@ -230,7 +230,7 @@ def residual_figure(d: Diagnosis) -> Figure:
     panels[-1].set_xlabel(clock.label)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(
-        handles=[*handles, *_window_patches()], labels=[*labels, *_WINDOW_WORDS], loc="outside upper left", ncols=4
+        handles=[*handles, *_window_patches(d)], labels=[*labels, *_window_words(d)], loc="outside upper left", ncols=4
     )
     return figure
 
@@ -310,9 +310,9 @@ def correlate_figure(d: Diagnosis) -> Figure:
 
 
 def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
-    """Two or three different held-out windows by what they show: title and number among the held-out windows."""
-    output = d.after.held.channels.index(most_improved(d))
-    before, after = (_window_errors(stage.held, output) for stage in (d.before, d.after))
+    """Two or three different windows by what unseen runs show there: title and number among all windows."""
+    output = d.after.unseen.channels.index(most_improved(d))
+    before, after = (_window_errors(stage.unseen, output) for stage in (d.before, d.after))
     order = np.argsort(before)
     if series(d)[0][1] is series(d)[-1][1]:
         picked = [("Largest error", order[-1]), ("A typical window", order[(order.size - 1) // 2])]
@@ -331,8 +331,8 @@ def example_windows(d: Diagnosis) -> list[tuple[str, int]]:
 
 
 def most_improved(d: Diagnosis) -> str:
-    """The output whose held-out error shrank most; the first where nothing was added to the vehicle."""
-    names = d.after.held.channels
+    """The output whose error in unseen parts shrank most; the first where nothing was added to the vehicle."""
+    names = d.after.unseen.channels
     if not d.changed:
         return names[0]
     return max(names, key=lambda name: d.before.scores[name].rmse / max(d.after.scores[name].rmse, 1e-12))
@@ -389,9 +389,6 @@ def signal_label(label: str) -> str:
     return f"{words[found[1]]} of {channel(found[2]).label}" if found else quantity_label(label)
 
 
-_WINDOW_WORDS = ("fitted window", "held-out window")
-
-
 def _runs(axes, d: Diagnosis, name: str, clock: Clock, span: tuple[float, float]) -> None:
     """The measured output and the free runs of the windows that touch a span of time."""
     record, output = d.record, d.after.every.channels.index(name)
@@ -433,20 +430,32 @@ def _nearest_turn(name: str, model: np.ndarray, measured: np.ndarray) -> np.ndar
 
 
 def _shade(axes, d: Diagnosis, clock: Clock, span: tuple[float, float] | None = None) -> None:
-    """The fitted and the held-out windows as bands over the whole height."""
+    """The windows as bands over the whole height, in shades that alternate by part."""
     low, high = span or (-np.inf, np.inf)
-    for windows, colour in zip(d.windows, (FITTED_SHADE, HELD_SHADE)):
+    for number, windows in enumerate(d.windows):
         bars = [(clock.times[w.start], clock.times[w.stop - 1] - clock.times[w.start]) for w in windows]
         bars = [(start, length) for start, length in bars if start + length >= low and start <= high]
         axes.broken_barh(
-            bars, (0.0, 1.0), transform=axes.get_xaxis_transform(), facecolor=colour, linewidth=0, zorder=0
+            bars,
+            (0.0, 1.0),
+            transform=axes.get_xaxis_transform(),
+            facecolor=PART_SHADES[number % 2],
+            linewidth=0,
+            zorder=0,
         )
 
 
-def _window_patches() -> list:
-    patches = [patch(FITTED_SHADE), patch(HELD_SHADE)]
-    for shade, words in zip(patches, _WINDOW_WORDS):
-        shade.set_label(words)
+def _window_words(d: Diagnosis) -> list[str]:
+    """What each shade is: windows of the parts 1, 3, 5 and of 2, 4, 6."""
+    numbers = [str(k + 1) for k in range(len(d.windows))]
+    return [f"windows of part{'s' * (len(own) > 1)} {', '.join(own)}" for own in (numbers[0::2], numbers[1::2]) if own]
+
+
+def _window_patches(d: Diagnosis) -> list:
+    words = _window_words(d)
+    patches = [patch(shade) for shade in PART_SHADES[: len(words)]]
+    for shade, text in zip(patches, words):
+        shade.set_label(text)
     return patches
 
 

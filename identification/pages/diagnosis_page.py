@@ -14,8 +14,8 @@ from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.verdict import Coefficient, Detectable, Diagnosis, Effect, noise_sentence
-from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.wording import quantity
@@ -40,9 +40,9 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     (
         "log",
         diagnosis_figures.log_figure,
-        "Time series of {first}, inputs and context, with fitted and held-out windows shaded.",
+        "Time series of {first}, inputs and context, with the windows of each part of the log shaded.",
         "What was measured: first what the vehicle did, then what it was told to do, then the circumstances. "
-        "Shaded bands are the windows.",
+        "Shaded bands are the windows; the shade changes from one part of the log to the next.",
     ),
     (
         "overview",
@@ -54,22 +54,22 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     (
         "zoom",
         diagnosis_figures.zoom_figure,
-        "Measured {improved} and free runs of the model {model}, in single held-out windows.",
-        "Held-out windows in close-up: {improved}, and below it {input}. In the grey seconds the start of the run is "
-        "fitted; they are not scored.",
+        "Measured {improved} and free runs of the model {model}, in single windows that it has not seen.",
+        "Single windows in close-up: {improved}, and below it {input}. The model was fitted and chosen without that "
+        "part of the log. In the grey seconds the start of the run is fitted; they are not scored.",
     ),
     (
         "growth",
         diagnosis_figures.growth_figure,
-        "Root mean square error in held-out windows against time since the window's start.",
-        "How the error grows while the model runs alone, over all held-out windows. A lower and flatter line is a "
-        "better model.",
+        "Root mean square error in unseen parts of the log against time since the window's start.",
+        "How the error grows while the model runs alone in parts of the log that it has not seen, over all windows. A "
+        "lower and flatter line is a better model.",
     ),
     (
         "track",
         diagnosis_figures.track_figure,
-        "Plan view of the measured track and of the model's free runs in held-out windows.",
-        "The track from above, north up, with free runs in the held-out windows.",
+        "Plan view of the measured track and of the model's free runs in unseen parts of the log.",
+        "The track from above, north up, with free runs in unseen parts of the log.",
     ),
     (
         "residual",
@@ -108,14 +108,19 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
 )
 GLOSSARY = {
     "free run": "The model alone, driven by the logged inputs from one starting state, never looking at the log again.",
-    "window": "A stretch of the log over which one free run goes. Windows alternate between fitted and held out.",
-    "held out": "Not used to fit any parameter. Errors there show what a model is worth on data that it has not seen.",
+    "window": "A stretch of the log over which one free run goes.",
+    "part": "One of up to six shares of the log, each fitted with the others and left out in turn.",
+    "unseen": "In a part of the log, by a vehicle that was fitted and chosen without that part. Such errors show what "
+    "a model is worth on new data.",
+    "half of the log": "Half of its parts, in any combination. Each half chooses again among the fitted candidates. An "
+    "effect stays only if most halves find something there.",
     "horizon": "How long a free run is scored: the window less the first seconds, to which its start is fitted.",
     "residual": "Measured minus model.",
     "coefficient": "A number that the model always has, such as yaw damping. Refitted before anything is missing.",
     "effect": "A physical cause that the model can have but does not need, such as a rudder offset.",
     "neutral": "The value of an effect at which it is not there.",
     "evidence": "Twice the gain in log-likelihood from adding a candidate. Zero: it does not help. Negative: it harms.",
+    "foretold": "Evidence from each part of the log when the others have set the parameters, summed over the parts.",
     "probe": "The smallest change of an effect that is worth detecting, declared with the effect.",
     "tied": "Explaining the log equally well: the log gives no reason to prefer one over the other.",
     "95 % interval": "Where the true value lies with 95 % confidence, if this effect is the cause.",
@@ -154,6 +159,9 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "rounds": _rounds(d, titles),
         "bar": number(threshold(len(candidates_of(plant, d.record))), 2),
         "by_coefficient": _by_coefficient(d, titles),
+        "dropped": _dropped(d),
+        "parts": _parts(d),
+        "windows": sum(len(part) for part in d.windows),
         "effects": [_effect(d, e, titles) for e in d.effects],
         "ties": _ties(d, titles),
         "coefficients": [_coefficient(c) for c in d.coefficients],
@@ -185,7 +193,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
         "model": "before and after what was added to it" if d.changed else "with its coefficients refitted",
     }
     lacking = {
-        "track": not {"north_m", "east_m"} <= set(d.after.held.channels),
+        "track": not {"north_m", "east_m"} <= set(d.after.unseen.channels),
         "inputs": not diagnosis_figures.varying_inputs(d),
         "correlate": not diagnosis_figures.correlated_outputs(d),
         "habitat": d.habitat is None or not d.habitat.shares,
@@ -201,7 +209,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
 
 
 def _errors(d: Diagnosis) -> list[dict[str, Any]]:
-    """Per output: words, held-out error of each stage, and the reduction from before to after."""
+    """Per output: words, error of each stage in unseen parts, and the reduction from before to after."""
     rows = []
     for name, before in d.before.scores.items():
         unit, given, after = channel(name).unit, d.given.scores[name], d.after.scores[name]
@@ -245,24 +253,27 @@ def _rest(d: Diagnosis) -> list[str]:
 
 def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
     """Value, words and remark of each key number besides the errors."""
-    fitted, held = (len(w) for w in d.windows)
     facts = [
         (
             _longest_run(d),
             "horizon",
             f"length of {'the longest' if d.given.plant.family.stepped else 'each'} scored free run",
         ),
-        (f"{fitted} / {held}", "windows", "fitted / held out"),
+        (str(sum(len(part) for part in d.windows)), "windows", f"in {_parts(d)} of the log"),
     ]
     if d.effects:
         share = max(d.explained, 0.0)
-        facts.append((f"{100.0 * share:.0f} %", "explained", "of the held-out squared error above the noise"))
+        facts.append((f"{100.0 * share:.0f} %", "explained", "of the squared error above the noise"))
     return facts
+
+
+def _parts(d: Diagnosis) -> str:
+    return f"{len(d.windows)} parts" if len(d.windows) > 1 else "one part"
 
 
 def _longest_run(d: Diagnosis) -> str:
     """Length of the longest scored free run with its unit."""
-    scored, runs = d.after.held.scored, d.after.held
+    scored, runs = d.after.unseen.scored, d.after.unseen
     time = d.record.time[runs.rows]
     longest = max(np.ptp(time[(runs.window == w) & scored]) for w in np.unique(runs.window[scored]))
     seconds = longest if d.given.plant.family.stepped else d.window - d.settle
@@ -330,12 +341,14 @@ def _rounds(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
                 "value": _fitted_value(t),
                 "bars": [_bar(v, low, high, zero) for v in (t.train, t.held)],
                 "numbers": [number(v, 3) if abs(v) >= 0.95 else number(round(v, 1), 1) for v in (t.train, t.held)],
-                "verdict": _verdict(t, r, titles),
+                "verdict": _verdict(d, t, r, titles),
                 "kind": "chosen" if t is r.chosen else "tied" if t in r.tied else "seen" if t.state else "unseen",
             }
             for t in r.trials
         ]
-        rounds.append({"number": number_, "after": list(added), "trials": trials, "zero": zero, "outcome": _outcome(r)})
+        rounds.append(
+            {"number": number_, "after": list(added), "trials": trials, "zero": zero, "outcome": _outcome(d, r)}
+        )
         added += [r.chosen.candidate.title] if r.chosen else []
     return rounds
 
@@ -360,25 +373,33 @@ def _fitted_value(trial: Trial) -> str:
     return "; ".join(parts)
 
 
-def _verdict(trial: Trial, of: Round, titles: dict[str, str]) -> str:
+def _is_dropped(d: Diagnosis, r: Round) -> bool:
+    return r.chosen is not None and r.chosen.candidate.paths[0] in d.dropped
+
+
+def _verdict(d: Diagnosis, trial: Trial, of: Round, titles: dict[str, str]) -> str:
     if trial is of.chosen:
-        return "chosen"
+        return "chosen, but not kept" if _is_dropped(d, of) else "chosen"
     if trial in of.tied:
         return "tied with the chosen one"
     return _worded(trial.objection, titles) or "acceptable, but clearly behind the chosen one"
 
 
-def _outcome(r: Round) -> str:
+def _outcome(d: Diagnosis, r: Round) -> str:
     if r.chosen is None:
         return "Nothing was accepted in this round, and the search ended."
     text = f"Chosen: {r.chosen.candidate.title}."
     if r.tied:
         text += f" The record does not tell it from {listed([t.candidate.title for t in r.tied], 'or')}."
+    if _is_dropped(d, r):
+        text += " It was not kept, since most halves of the log do not choose it."
     return text
 
 
 def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
     signed, c = e.neutral == 0.0, e.coefficient
+    searched = {p for r in d.rounds if r.chosen for p in r.chosen.candidate.paths}
+    halves = f"chosen by {100.0 * e.frequency:.0f} % of the halves of the log" if e.path in searched else ""
     if c is not None:
         return {
             "title": c.title,
@@ -390,6 +411,7 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
             "neutral": quantity(c.given, c.unit),
             "neutral_label": "value as given",
             "evidence": (number(e.evidence_train), number(e.evidence_held)),
+            "halves": halves,
             "alternatives": [_alternative(d, p, titles) for p in e.tied_with if p != c.path],
         }
     return {
@@ -402,8 +424,17 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
         "neutral": "" if signed else quantity(e.neutral, e.unit),
         "neutral_label": "neutral value",
         "evidence": (number(e.evidence_train), number(e.evidence_held)),
+        "halves": halves,
         "alternatives": [_alternative(d, p, titles) for p in e.tied_with],
     }
+
+
+def _dropped(d: Diagnosis) -> str:
+    """What is said of effects that the search found and most halves of the log do not choose, or nothing."""
+    if not d.dropped:
+        return ""
+    it = "it" if len(d.dropped) == 1 else "them"
+    return f"Not kept, since most halves of the log do not choose {it}: {listed(d.dropped_titles, 'and')}."
 
 
 def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, str]:
@@ -412,7 +443,7 @@ def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, s
     if moved is not None:
         value = f"{amount(moved.value, moved.unit)} instead of {amount(moved.given, moved.unit)}"
         return {"title": titles.get(path, path), "path": path, "value": value}
-    tried = (t for r in d.rounds for t in r.tied if path in t.candidate.paths and t.state is not None)
+    tried = (t for r in d.rounds for t in (*r.tied, *r.trials) if path in t.candidate.paths and t.state is not None)
     trial = next(tried, None)
     if trial is None or trial.state is None:
         return {"title": titles.get(path, path), "path": path, "value": ""}

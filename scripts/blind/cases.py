@@ -11,7 +11,7 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.diagnosis.search.acceptance import threshold
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import TOGETHER, Candidate, candidates_of, screen
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.windows import free_run_windows, held_out
@@ -161,12 +161,12 @@ def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
 
 
 def detectable_sizes(plant: Plant, clean: Record, paths: list[str], window: float | None = None) -> dict[str, float]:
-    """Size by path that the fitted windows of a clean log would show, the plant's coefficients and the others fitted.
+    """Size by path that every other window of a clean log would show, the plant's coefficients and the others fitted.
 
     Infinite where none would; in the parameter's unit.
     """
-    train, held = held_out(plant, clean, free_run_windows(plant, clean, window or plant.window))
-    problem = PredictionErrors(plant, clean, [*train, *held], counted=train)
+    counted, others = held_out(plant, clean, free_run_windows(plant, clean, window or plant.window))
+    problem = PredictionErrors(plant, clean, [*counted, *others], counted=counted)
     point = problem.solve(plant, plant.family.coefficients)
     bar = threshold(len(candidates_of(plant, clean)))
     sizes = {}

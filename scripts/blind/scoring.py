@@ -10,9 +10,9 @@ import numpy as np
 
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
+from identification.diagnosis.log.parts import parts_of, windows_of
 from identification.diagnosis.search.candidates import TOGETHER
 from identification.fit.validation import free_runs
-from identification.fit.windows import free_run_windows, held_out
 from scripts.blind.diagnosing import REFUSED
 from scripts.blind.sealing import read_truth
 
@@ -25,7 +25,7 @@ def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None
 
     right: by the kind of the case.  false: names of effects that are not there and no tie with one that is, or with a
     coefficient that is wrong.  confident: a name for a cause outside the library, and nothing called unexplained.
-    covered: by named path, whether its interval holds the value.  ratio: held-out error over that of the true model.
+    covered: by named path, whether its interval holds the value.  ratio: error in unseen parts over the true model's.
     """
     verdict = said["verdict"]
     named = {e["path"]: e for e in said.get("effects", ())}
@@ -76,17 +76,17 @@ def score_folders(log: Path, truth: Path, said: Mapping[str, Any]) -> dict[str, 
     ratio = None
     if "error" in said and not sealed["cause"]:
         record, plant = Record.load(log / "log.nc"), load_vehicle(truth / "vehicle.toml")
-        ratio = error_ratio(said["error"]["after"], record, plant, said["error"]["window_s"], said["error"]["settle_s"])
+        error = said["error"]
+        ratio = error_ratio(error["after"], record, plant, error["parts"], error["window_s"], error["settle_s"])
     return score(said, sealed, ratio)
 
 
 def error_ratio(
-    after: Mapping[str, Mapping[str, float]], record: Record, true: Plant, window: float | None, settle: float | None
+    after: Mapping[str, Mapping[str, float]], record: Record, true: Plant, parts: int, window: float, settle: float
 ) -> float:
-    """Geometric mean over the channels of a diagnosis's held-out error over that of the true plant."""
-    window, settle = window or true.window, true.settle if settle is None else settle
-    _, held = held_out(true, record, free_run_windows(true, record, window))
-    scores = free_runs(true, record, held, settle).scores(record)
+    """Geometric mean over the channels of a diagnosis's error in unseen parts over that of the true plant there."""
+    windows = [w for part in parts_of(true, record, parts) for w in windows_of(record, part, window)]
+    scores = free_runs(true, record, sorted(windows, key=lambda w: w.start), settle).scores(record)
     ratios = [after[name]["rmse"] / scores[name].rmse for name in after if name in scores and scores[name].rmse > 0.0]
     return float(np.exp(np.mean(np.log(ratios))))
 

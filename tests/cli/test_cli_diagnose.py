@@ -50,6 +50,11 @@ def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
     assert content["seed"] == 5
     (effect,) = content["effects"]
     assert effect["path"] == "effects.rudder.deadband"
+    assert set(effect["evidence"]) == {"all_rows", "foretold"}
+    assert 0.5 < effect["frequency"] <= 1.0
+    assert content["dropped"] == []
+    assert content["error"]["metric"] == "rmse of free runs in unseen parts"
+    assert 4 <= content["error"]["parts"] <= content["error"]["windows"]
     assert effect["ci95"][0] < 0.06 < effect["ci95"][1]
     assert {p.name for p in out.iterdir()} == {"diagnosis.json", "vehicle.toml", "report.html"}
     assert load_vehicle(out / "vehicle.toml").effects.rudder.deadband == pytest.approx(effect["value"])

@@ -9,8 +9,10 @@ from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from controllers.pid import heading_pid
+from identification.diagnosis.log.parts import parts_of, windows_of
 from identification.experiments.float_dives import depth_control, oil_mission
 from identification.experiments.heading_control import closed_loop
+from identification.fit.validation import free_runs
 from scripts.blind.cases import KINDS, PERIOD_OF, Undrawn, detectable_sizes, draw, sketch
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
@@ -20,7 +22,7 @@ from scripts.blind.outside import excess
 from scripts.blind.own_float import OwnSwim
 from scripts.blind.own_glider import OwnGlider
 from scripts.blind.own_torpedo import own_manoeuvres
-from scripts.blind.scoring import score, score_folders
+from scripts.blind.scoring import error_ratio, score, score_folders
 from scripts.blind.sealing import log_folder, seal, truth_folder
 from scripts.blind.tables import summary, wilson
 from scripts.blind_benchmark import chosen, main, run_case
@@ -187,6 +189,17 @@ def test_a_cause_outside_the_library_wants_a_flag_or_a_term_that_holds():
     helped = score(said("named", {"b": [0, 1]}, discovered={"holds": True}), outside)
     assert (helped["right"], helped["confident"]) == (True, False)
     assert not score(said("none"), outside)["right"]
+
+
+def test_the_true_vehicle_is_as_good_as_itself_in_the_parts_of_a_diagnosis():
+    plant = load_vehicle("slocum")
+    record = log_of(plant, QUIET, 3)
+    windows = [w for part in parts_of(plant, record, 5) for w in windows_of(record, part, 60.0)]
+    scores = free_runs(plant, record, sorted(windows, key=lambda w: w.start), 12.0).scores(record)
+    own = {name: {"rmse": s.rmse} for name, s in scores.items()}
+    twice = {name: {"rmse": 2.0 * s.rmse} for name, s in scores.items()}
+    assert error_ratio(own, record, plant, 5, 60.0, 12.0) == pytest.approx(1.0)
+    assert error_ratio(twice, record, plant, 5, 60.0, 12.0) == pytest.approx(2.0)
 
 
 def test_shares_come_with_the_interval_of_wilson():

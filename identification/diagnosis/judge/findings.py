@@ -10,9 +10,11 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect
-from identification.diagnosis.search.acceptance import Size, at_limit, threshold, weighed
+from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Screening
+from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.parameters import REACH
 
@@ -22,15 +24,15 @@ BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it
 
 
 def effects_of(
-    bench: Workbench, state: State, rounds: list[Round], sizes
+    bench: Workbench, state: State, rounds: Sequence[Round], sizes, survivals: Sequence[Survival]
 ) -> tuple[list[Effect], list[tuple[str, ...]]]:
     """The named effects with their intervals, and the groups that the record cannot tell apart."""
     effects, groups = [], []
-    for r in rounds:
-        if r.chosen is None:
-            continue
+    for r, survived in zip(rounds, survivals, strict=True):
+        assert r.chosen is not None
         own = tuple(p for p in r.chosen.candidate.paths if p in state.paths)
-        others = tuple(p for t in r.tied for p in t.candidate.paths)
+        rivals = [p for p in survived.rivals if p not in state.paths]
+        others = tuple(dict.fromkeys([*(p for t in r.tied for p in t.candidate.paths), *rivals]))
         if others:
             groups.append((*own, *others))
         period = r.chosen.candidate.period
@@ -48,6 +50,7 @@ def effects_of(
                     evidence_train=r.evidence[0],
                     evidence_held=r.evidence[1],
                     tied_with=others,
+                    frequency=survived.frequency,
                 )
             )
     return effects, groups

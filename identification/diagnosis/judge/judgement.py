@@ -7,21 +7,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from identification.diagnosis.judge.verdict import Stage, Verdict
-from identification.diagnosis.search.acceptance import MANY_WINDOWS
 from identification.fit.residual import noise_floors
 
+MANY_WINDOWS = 8  # whose free runs say enough of how far a vehicle is off
 EXPLAINED = 0.5  # share of the excess error that named effects must remove to count as the explanation
 
 
 def explained_share(before: Stage, after: Stage, many: bool) -> float:
     """Share of the squared error above the measurement noise that the effects remove.
 
-    Of free runs in the held-out windows; where these are not `many`, of runs from fitted states in all windows.
+    Of free runs in unseen parts of the record; where windows are not `many`, of runs from fitted states.
     """
     fitted, excess = after.fitted, {}
     floors = noise_floors(fitted.residual, fitted.window, fitted.readings)
     for name, stage in (("before", before), ("after", after)):
-        runs = stage.held if many else stage.fitted
+        runs = stage.unseen if many else stage.fitted
         total = 0.0
         for c in range(len(runs.channels)):
             squares = runs.residual[runs.scored, c] ** 2
@@ -30,9 +30,9 @@ def explained_share(before: Stage, after: Stage, many: bool) -> float:
     return 1.0 - excess["after"] / excess["before"] if excess["before"] > 0.0 else 0.0
 
 
-def many_windows(held: Sequence[slice], steady: bool) -> bool:
-    """Whether free runs over the held-out windows say enough."""
-    return len(held) >= MANY_WINDOWS and steady
+def many_windows(windows: Sequence[slice], steady: bool) -> bool:
+    """Whether free runs over the windows say enough."""
+    return len(windows) >= MANY_WINDOWS and steady
 
 
 def verdict_of(effects, tied, explained: float, left: bool, refit_is_all: bool, wrong: bool) -> Verdict:

@@ -24,15 +24,17 @@ from identification.diagnosis.judge.habitat import residual_habitat
 from identification.diagnosis.judge.judgement import explained_share, many_windows, verdict_of
 from identification.diagnosis.judge.verdict import Diagnosis, Stage
 from identification.diagnosis.log.checking import CheckedLog
-from identification.diagnosis.search.acceptance import threshold
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of, screen
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.remainder import what_is_left
 from identification.diagnosis.search.searching import Searched
+from identification.diagnosis.search.survival import chosen_without, survival
 from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.workbench import State
 from identification.fit.residual import residual_summary
-from identification.fit.validation import fitted_runs, free_runs, whiteness
+from identification.fit.validation import fitted_runs, free_runs, joined_runs, whiteness
 
 
 def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progress: Progress) -> Diagnosis:
@@ -41,15 +43,31 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     source: of the record, for those who read the result.
     """
     bench, record, asked, settle, plant = known.bench, log.record, log.asked, log.settle, known.plant
-    nominal, state, rounds, left = searched.nominal, searched.state, list(searched.rounds), searched.left
+    nominal, state, left, count = searched.nominal, searched.state, searched.left, len(searched.candidates)
+    rounds, survivals = [], []
+    for made in searched.rounds:
+        if made.chosen is None:
+            continue
+        found = survival(bench, made, made.before or nominal, count)
+        if found.holds:
+            rounds.append(made)
+            survivals.append(found)
+    dropped = [r.chosen for r in searched.rounds if r.chosen is not None and r not in rounds]
+    if dropped:
+        state = bench.without(state, [p for t in dropped for p in t.candidate.free if p in state.paths])
+        state = state if rounds else nominal
+        left = what_is_left(bench, state, searched.library)
     progress(0.84, "scoring free runs")
+    parts = range(len(log.parts))
 
-    def stage(of: Plant) -> Stage:
-        return _stage(of, record, log.windows, log.held, settle, log.plant.longest_step)
+    def stage(of: State, unseen: Sequence[Plant]) -> Stage:
+        return _stage(of.plant, record, log, unseen)
 
-    after, as_given = stage(state.plant), stage(known.given.plant)
-    before = after if state is nominal else stage(nominal.plant)
-    count, rest = len(searched.candidates), [] if log.slipped else candidates_of(state.plant, record)
+    chosen = [chosen_without(bench, nominal, state, rounds, count, k) for k in parts]
+    after = stage(state, [bench.unseen(s, k) for k, s in enumerate(chosen)])
+    as_given = stage(known.given, [known.given.plant for _ in parts])
+    before = after if state is nominal else stage(nominal, [bench.unseen(nominal, k) for k in parts])
+    rest = [] if log.slipped else candidates_of(state.plant, record)
     screening = tuple(screen(bench.problem, state.point, state.paths, rest, threshold(count)))
     sizes = bench.intervals(state)
     found = tuple(
@@ -57,8 +75,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         for p in known.coefficients
         if p in sizes
     )
-    effects, tied = effects_of(bench, state, rounds, sizes)
-    many = many_windows(log.held, log.steady)
+    effects, tied = effects_of(bench, state, rounds, sizes, survivals)
+    many = many_windows(log.every_window, log.steady)
     explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
     wrong = any(c.wrong for c in found)
     refit_is_all = not effects
@@ -81,7 +99,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         )
         still: object = left
         if discovery.holds:
-            after = stage(discovery.plant)
+            term = discovery.state
+            after = stage(term, [bench.unseen(term, k) for k in parts])
             still = what_is_left(bench, discovery.state, library_of(discovery.plant))
         if still:
             habitat = extras.attempt(
@@ -99,11 +118,12 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         coefficients=found,
         detectable=detectable_effects(plant, screening, rounds, {e.path for e in effects}),
         rounds=searched.rounds,
+        dropped=tuple(t.candidate.paths[0] for t in dropped),
         state=state,
         screening=screening,
         explained=explained,
         remains=residual_summary(after.fitted, record),
-        windows=(tuple(w for w in log.windows if w not in log.held), log.held),
+        windows=log.windows,
         window=log.window,
         settle=settle,
         seed=asked.seed,
@@ -112,7 +132,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         kinematics=searched.kinematics,
         discovery=discovery,
         habitat=habitat,
-        noise=bench.noise(state),
+        noise=bench.problem.noise_at(state.point),
         coloured=left.coloured,
         source=source,
         versions=_versions(),
@@ -121,14 +141,14 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
 
 
-def _stage(
-    plant: Plant, record: Record, windows: Sequence[slice], held: Sequence[slice], settle: float, longest_step: float
-) -> Stage:
-    runs = free_runs(plant, record, held, settle)
-    every = free_runs(plant, record, windows, settle)
-    fitted = fitted_runs(plant, record, windows)
+def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Plant]) -> Stage:
+    """The runs of a plant, and those that are scored: in each part, of a plant that has not seen it."""
+    runs = joined_runs([free_runs(p, record, own, log.settle) for p, own in zip(unseen, log.windows, strict=True)])
+    every = free_runs(plant, record, log.every_window, log.settle)
+    fitted = fitted_runs(plant, record, log.every_window)
     white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
-    return Stage(replace(plant, longest_step=longest_step), runs, every, fitted, runs.scores(record), white)
+    own = replace(plant, longest_step=log.plant.longest_step)
+    return Stage(own, runs, every, fitted, runs.scores(record), white)
 
 
 def _versions() -> dict[str, str]:

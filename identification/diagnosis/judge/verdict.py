@@ -22,7 +22,10 @@ from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.workbench import State
 from identification.diagnosis.wording import interval, quantity
 from identification.fit.noises import Noise
+from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
+
+WELL_CHOSEN = 0.8  # share of the halves of a log; an effect that fewer of them choose is said to be so
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
 
@@ -43,6 +46,7 @@ class AsCoefficient:
 class Effect:
     """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it.
 
+    frequency: share of the halves of the record that name it, or what it is tied with.
     coefficient: what it is reported as, where it does nothing but change that one.
     """
 
@@ -55,6 +59,7 @@ class Effect:
     evidence_train: float
     evidence_held: float
     tied_with: tuple[str, ...] = ()
+    frequency: float = 1.0
     coefficient: AsCoefficient | None = None
 
     @property
@@ -97,14 +102,15 @@ class Detectable:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A vehicle and its free runs.
+    """A vehicle and its free runs over all windows.
 
-    held: over the held-out windows, which give the error; every: over all windows, for pictures; both from states
-    fitted to the first seconds.  fitted: over all windows from states fitted to whole windows, for tests of whiteness.
+    unseen: in each part of the record by a vehicle fitted and chosen without that part, which give the error; every: by
+    the vehicle itself, for pictures; both from states fitted to the first seconds.  fitted: from states fitted to whole
+    windows, for tests of whiteness.
     """
 
     plant: Plant
-    held: FreeRuns
+    unseen: FreeRuns
     every: FreeRuns
     fitted: FreeRuns
     scores: dict[str, Score]
@@ -116,8 +122,9 @@ class Diagnosis:
     """The result of comparing a record with a vehicle; `summary` says it in a paragraph.
 
     given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
-    tied: groups of paths that the record cannot tell apart.  explained: share of the held-out squared error in excess
-    of the measurement noise that the effects remove.  windows: (training, held-out) slices of the record.
+    tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and most
+    halves of the record do not choose.  explained: share of the squared error in excess of the measurement noise that
+    the effects remove.  windows: slices of the record, for each of its parts.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     noise: of the sensors and of the motion, as the filter found it.  coloured: channels whose one-step errors are not
     white even so.  loops: the closed loop with each of the vehicles.
@@ -138,11 +145,12 @@ class Diagnosis:
     screening: tuple[Screening, ...]
     explained: float
     remains: dict[str, dict[str, Any]]
-    windows: tuple[tuple[slice, ...], tuple[slice, ...]]
+    windows: tuple[tuple[slice, ...], ...]
     window: float
     settle: float
     seed: int
     asked: Asked = field(default_factory=Asked)
+    dropped: tuple[str, ...] = ()
     doubts: tuple[Doubt, ...] = ()
     kinematics: Kinematics | None = None
     discovery: Discovery | None = None
@@ -170,22 +178,30 @@ class Diagnosis:
         return self.verdict == "unexplained" or self.discovery is not None
 
     @property
+    def dropped_titles(self) -> list[str]:
+        """The effects that the search found and most halves of the record do not choose, in words."""
+        titles = {r.chosen.candidate.paths[0]: r.chosen.candidate.title for r in self.rounds if r.chosen}
+        return [titles.get(path, path) for path in self.dropped]
+
+    @property
     def reach(self) -> str:
         """How far a scored free run goes, in words to follow `free runs`: over 100 s, or between buoyancy actions."""
         stepped = self.given.plant.family.stepped
         return "between buoyancy actions" if stepped else f"over {self.window - self.settle:g} s"
 
     @property
-    def held_words(self) -> str:
-        """What is held out: windows, or dives where each has a volume of its own and the record has several."""
+    def unseen_words(self) -> str:
+        """What a vehicle has not seen: parts of the log, or dives where each has an unknown of its own."""
         segments = np.array([s.start for s in self.record.segments])
-        of = [{int(np.searchsorted(segments, w.start, side="right")) for w in part} for part in self.windows]
-        return "windows" if of[0] & of[1] or len(segments) == 1 else "dives"
+        used = {int(np.searchsorted(segments, w.start, side="right")) for part in self.windows for w in part}
+        return "dives" if unknown_states(self.given.plant) and len(used) > 1 else "parts of the log"
 
     def summary(self) -> str:
         """The verdict in plain words, with the error before and after."""
         parts = [
             _sentence(self),
+            _halves_sentence(self),
+            _dropped_sentence(self),
             _rest_sentence(self),
             _error_sentence(self),
             noise_sentence(self),
@@ -220,6 +236,24 @@ def _sentence(d: Diagnosis) -> str:
     return f"The vehicle lacks {_listed(names)}. This record cannot tell apart: {'; '.join(groups)}."
 
 
+def _halves_sentence(d: Diagnosis) -> str:
+    """What is said of effects that many halves of the log do not choose."""
+    rare: dict[str, list[str]] = {}
+    for e in d.effects:
+        if e.frequency < WELL_CHOSEN:
+            title = e.title if e.coefficient is None else f"another {e.coefficient.title}"
+            rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(title)
+    return " ".join(f"Only {share} of the halves of the log choose {_listed(t)}." for share, t in rare.items())
+
+
+def _dropped_sentence(d: Diagnosis) -> str:
+    """What is said of effects that the search found and most halves of the log do not choose."""
+    if not d.dropped:
+        return ""
+    it = "it" if len(d.dropped) == 1 else "them"
+    return f"The search also found {_listed(d.dropped_titles)}, but most halves of the log do not choose {it}."
+
+
 def _limit_sentence(d: Diagnosis) -> str:
     """What is said of coefficients that a fit took as far as it may."""
     limited = [c.title for c in d.coefficients if c.limited]
@@ -238,7 +272,7 @@ def _rest_sentence(d: Diagnosis) -> str:
     begin = "" if d.verdict == "unexplained" else "Something is left that they do not explain. "
     if d.discovery.holds:
         terms = _listed([t.words for t in d.discovery.terms])
-        begin += f"A term found in the data, which held-out windows confirm, takes part of it: {terms}. "
+        begin += f"A term found in the data, which unseen parts of the log confirm, takes part of it: {terms}. "
     return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
 
 
@@ -251,7 +285,7 @@ def _error_sentence(d: Diagnosis) -> str:
             parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:
             parts.append(f"{label} {quantity(before.rmse, unit)}")
-    return f"Root mean square error of free runs {d.reach} in held-out {d.held_words}: {'; '.join(parts)}."
+    return f"Root mean square error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
 
 
 def noise_sentence(d: Diagnosis) -> str:

@@ -9,10 +9,11 @@ import numpy as np
 from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_excitation, check_ranges
 from auv_gym.records.record import Record
+from identification.diagnosis.log.parts import MOST_PARTS, Part, parts_of, windows_of
 from identification.diagnosis.log.plausibility import Doubt, log_doubts
 from identification.fit.shooting import Shooting
 from identification.fit.steps import readings_noise
-from identification.fit.windows import LEAST_SAMPLES, free_run_windows, held_out
+from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
 LEAST_WINDOWS = 4
 SETTLE_SHARE = 0.2  # of a window that is shorter than the vehicle's
@@ -35,21 +36,25 @@ class Asked:
 class CheckedLog:
     """A record that a vehicle can be compared with, and how.
 
-    blocks: (fitted, held-out) parts.  windows: of free runs, at most `window` s long, of which the first `settle` s
-    tell the initial states; held: those of the held-out parts.  steady: whether they last as long as was asked.
+    parts: of the rows that are used.  windows: of free runs in each part, at most `window` s long, of which the first
+    `settle` s tell the initial states.  steady: whether they may last as long as was asked.
     doubts: what is wrong with the log itself.
     """
 
     record: Record
     plant: Plant
     asked: Asked
-    blocks: tuple[list[slice], list[slice]]
-    windows: tuple[slice, ...]
-    held: tuple[slice, ...]
+    parts: tuple[Part, ...]
+    windows: tuple[Part, ...]
     window: float
     settle: float
     steady: bool
     doubts: tuple[Doubt, ...]
+
+    @property
+    def every_window(self) -> Part:
+        """The windows of all parts, in the order of the record."""
+        return tuple(sorted((w for part in self.windows for w in part), key=lambda w: w.start))
 
     @property
     def slipped(self) -> bool:
@@ -71,16 +76,17 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
     if settle is None:
         settle = plant.settle if window >= plant.window else min(plant.settle, SETTLE_SHARE * window)
     windows = _checked_windows(record, plant, window, settle)
-    blocks = held_out(plant, record, windows)
+    count = int(np.clip(len(windows), LEAST_WINDOWS, MOST_PARTS))
     calm = noise_limited_length(plant, record, window)
-    if steady := calm >= window:
-        held = blocks[1]
-    else:
+    if not (steady := calm >= window):
         window, settle = calm, min(settle, SETTLE_SHARE * calm)
         windows = _checked_windows(record, plant, window, settle)
-        held = [w for w in windows if any(b.start <= w.start and w.stop <= b.stop for b in blocks[1])]
     doubts = () if asked.trust else log_doubts(record, plant, windows, settle)
-    return CheckedLog(record, plant, asked, blocks, tuple(windows), tuple(held), window, settle, steady, doubts)
+    parts = parts_of(plant, record, count)
+    runs = [(part, windows_of(record, part, window)) for part in parts]
+    kept = [(part, own) for part, own in runs if own]
+    parts, scored = tuple(part for part, _ in kept), tuple(own for _, own in kept)
+    return CheckedLog(record, plant, asked, parts, scored, window, settle, steady, doubts)
 
 
 def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:

@@ -6,20 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.search.workbench import State, Workbench
 
-FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
-MANY_WINDOWS = 8  # windows from which on they are compared one by one
 SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
 EDGE = 1e-6  # of the span between a parameter's bounds
 
 INSIGNIFICANT = "not significant"
-UNREPEATED = "does not hold in the held-out windows"
-DIVERGES = "free runs in the held-out windows diverge with it"
+UNREPEATED = "does not hold from one part of the log to the others"
+DIVERGES = "free runs diverge with it"
 LIMITED = "only helps at the limit of what is physical"
 SMALL = "smaller than its probe"  # no name of its own, but it may be what a tie is with
 UNSURE = "its size is too uncertain"
@@ -27,9 +24,9 @@ UNSURE = "its size is too uncertain"
 
 @dataclass(frozen=True)
 class Rule:
-    """What the held-out windows must show of a change.
+    """What parts foretold by the others must show of a change.
 
-    least: evidence from them alone.  share: of the evidence in the fitted windows that they must repeat.
+    least: evidence from them alone.  share: of the evidence in all rows that they must repeat.
     """
 
     least: float
@@ -53,8 +50,8 @@ class Size:
 class Claim:
     """What speaks for a change of the model, against the same model without it.
 
-    train, held: evidence in the fitted and in the held-out windows.  bar: what both together must reach.  sizes: of its
-    parameters.  reach: half widths of the 95 % intervals of the sizes.  flies: whether free runs stay finite with it.
+    train, held: evidence in all rows, and in parts foretold by the others.  bar: what the first must reach.  sizes: of
+    its parameters.  reach: half widths of their 95 % intervals.  flies: whether free runs stay finite with it.
     The last two are costly and asked for last.
     """
 
@@ -68,7 +65,7 @@ class Claim:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The evidence for a change in the fitted and in the held-out windows, and the objection to it, or ""."""
+    """The evidence for a change in all rows and in parts foretold by the others, and the objection to it, or ""."""
 
     train: float
     held: float
@@ -76,12 +73,12 @@ class Weighed:
 
     @property
     def total(self) -> float:
-        return self.train + self.held
+        return self.train
 
 
 def objection(claim: Claim, rule: Rule = EFFECT) -> str:
     """Why a change is not accepted, or "": every name has passed here, by whatever way it was found."""
-    if not claim.train + claim.held >= claim.bar:
+    if not claim.train >= claim.bar:
         return INSIGNIFICANT
     if not claim.held >= max(rule.least, rule.share * claim.train):
         return UNREPEATED
@@ -123,8 +120,3 @@ def at_limit(value: float, bounds: tuple[float, float], neutral: float) -> bool:
     low, high = bounds
     slack = EDGE * (high - low) if np.isfinite(high - low) else 0.0
     return bool((low != neutral and value <= low + slack) or (high != neutral and value >= high - slack))
-
-
-def threshold(candidates: int, parameters: int = 1) -> float:
-    """The evidence that a candidate needs to be named, with a correction for the number of candidates."""
-    return float(stats.chi2.isf(FALSE_ALARM / max(candidates, 1), parameters))

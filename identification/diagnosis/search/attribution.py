@@ -24,7 +24,7 @@ class Round:
     """One step of the forward selection: all trials, the chosen one, and those that the record cannot tell from it.
 
     angles: between the signatures of the chosen one and of others, degrees, by candidate.  evidence: for the chosen one
-    in the final model against that model without it, in the fitted and in the held-out windows (`confirmed`).
+    in the final model against that model without it, and foretold by parts (`confirmed`).  before: without any trial.
     """
 
     trials: tuple[Trial, ...]
@@ -32,6 +32,7 @@ class Round:
     tied: tuple[Trial, ...]
     angles: dict[Candidate, float]
     evidence: tuple[float, float] = (0.0, 0.0)
+    before: State | None = None
 
 
 def attribute(
@@ -48,7 +49,7 @@ def attribute(
     shows plainly comes before any force.
 
     Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
-    and accepts the one with most evidence if the held-out windows repeat it.
+    and accepts the one with most evidence if parts foretell it of each other.
     """
     state, rounds, left, count = start, [], list(candidates), len(candidates)
     for number in range(most + 1 if left else 0):
@@ -89,7 +90,7 @@ def selected(
     accepted = [t for t in trials if not t.objection]
     accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
     if not accepted or not more:
-        return Round(tuple(trials), None, (), {})
+        return Round(tuple(trials), None, (), {}, before=state)
     best = least_cost_trial(bench, accepted)
     for _ in range(LEADERS):  # an effect like the chosen one may do better once it starts from there
         chosen = best
@@ -102,7 +103,7 @@ def selected(
             break
     group = [t for t in others if tied(bench, chosen, t, alike[t.candidate])]
     chosen, group = _by_kinematics(chosen, group, sensors)
-    return Round(tuple(trials), chosen, tuple(group), _angles(alike))
+    return Round(tuple(trials), chosen, tuple(group), _angles(alike), before=state)
 
 
 def _by_kinematics(chosen: Trial, group: list[Trial], sensors: Sequence[Mismatch]) -> tuple[Trial, list[Trial]]:

@@ -1,4 +1,4 @@
-"""A term that no known effect is: which one, over a library of forces, makes free runs agree with held-out data."""
+"""A term that no known effect is: which one, over a library of forces, makes parts of a record foretell each other."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from auv_gym.channels import channel
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
-from identification.diagnosis.search.acceptance import TERM, Claim, effect_size, objection, threshold
+from identification.diagnosis.search.acceptance import TERM, Claim, effect_size, objection
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.terms import Found, search, term_interval
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.diagnosis.wording import quantity
-from identification.fit.validation import free_runs
 
 MOST_TERMS = 2
 _PER = {
@@ -60,7 +58,6 @@ class Discovery:
 
     paths: all that is fitted in `plant`.  terms: those that hold.
     rejected: those that were stable but do not.  frequencies: of the terms of which any half chose one alike.
-    errors: root mean square of free runs in held-out windows by channel, (before, after).
     """
 
     plant: Plant
@@ -69,11 +66,10 @@ class Discovery:
     terms: tuple[Term, ...] = ()
     rejected: tuple[Term, ...] = ()
     frequencies: dict[str, float] = field(default_factory=dict)
-    errors: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:
-        """Whether a term was found that held-out data confirm."""
+        """Whether a term was found that parts of the record foretell of each other."""
         return bool(self.terms)
 
     def summary(self) -> str:
@@ -87,12 +83,7 @@ class Discovery:
             if term.alike:
                 others = ", ".join(spec_at(self.plant, p).title.removeprefix("discovered ") for p in term.alike)
                 text += f" The record cannot tell it from: {others}."
-        parts = [
-            f"{channel(name).label} {quantity(before, channel(name).unit)} before, "
-            f"{quantity(after, channel(name).unit)} after"
-            for name, (before, after) in self.errors.items()
-        ]
-        return f"{text} Root mean square error of free runs in held-out windows: {'; '.join(parts)}."
+        return text
 
 
 def library_of(plant: Plant) -> tuple[str, ...]:
@@ -112,7 +103,6 @@ def discover(
         raise ValueError(f"A search for terms of {state.plant.name} needs some to choose from: see `library_of`.")
     settle = state.plant.settle if settle is None else settle
     terms, rejected, often, scales = [], [], {}, {}
-    given = state
     for _ in range(MOST_TERMS):
         found, frequencies = search(bench, state, [p for p in library if p not in state.paths], rng)
         often = {p: max(f, often.get(p, 0.0)) for p, f in frequencies.items()} | {t.path: t.frequency for t in terms}
@@ -127,9 +117,8 @@ def discover(
     if len(terms) > 1:
         state, terms, failed = _confirmed(bench, state, terms, scales, len(library), settle)
         rejected += failed
-    errors = _errors(bench, given.plant, state.plant, settle) if terms else {}
     often = {p: f for p, f in often.items() if f > 0.0}
-    return Discovery(state.plant, state.paths, state, tuple(terms), tuple(rejected), often, errors)
+    return Discovery(state.plant, state.paths, state, tuple(terms), tuple(rejected), often)
 
 
 def _digits(*values: float) -> list[str]:
@@ -154,7 +143,7 @@ def _confirmed(
         idle = [i for i, term in enumerate(kept) if term.objection]
         if not idle:
             break
-        worst = min(idle, key=lambda i: kept[i].evidence_train + kept[i].evidence_held)
+        worst = min(idle, key=lambda i: kept[i].evidence_train)
         failed.append(kept.pop(worst))
         state = without[worst]
     return state, kept, failed
@@ -171,9 +160,3 @@ def _weighed(bench: Workbench, before: State, found: Found, count: int, settle: 
     )
     names = (found.path, spec.title, spec.unit)
     return Term(*names, value, limits, found.frequency, *evidence, found.alike, objection(claim, TERM))
-
-
-def _errors(bench: Workbench, before: Plant, after: Plant, settle: float) -> dict[str, tuple[float, float]]:
-    """Root mean square of free runs in held-out windows by channel, before and after."""
-    found = [free_runs(plant, bench.record, bench.held, settle).scores(bench.record) for plant in (before, after)]
-    return {name: (found[0][name].rmse, found[1][name].rmse) for name in bench.problem.channels}

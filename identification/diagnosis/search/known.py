@@ -33,7 +33,7 @@ class Known:
 
 def fit_known(log: CheckedLog, progress: Progress) -> Known:
     """The fits of a vehicle without effects; of a log that looks mislabelled nothing is refitted."""
-    bench = Workbench(log.plant, log.record, *log.blocks, log.asked.doubt)
+    bench = Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window)
     progress(0.02, "filtering with the vehicle as given")
     given = bench.fit(bench.plant, ())
     coefficients = _free_coefficients(bench, given)

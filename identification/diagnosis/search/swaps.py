@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from identification.diagnosis.log.kinematics import Mismatch
-from identification.diagnosis.search.acceptance import threshold
 from identification.diagnosis.search.attribution import Round, selected
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.trials import Trial, gate
 from identification.diagnosis.search.workbench import State, Workbench
@@ -60,7 +60,7 @@ class Reconsidering:
         if not found:
             return state, rounds
         _, first, second, after = min(found, key=lambda item: item[0])
-        begun = Round(last.trials, first, (), {})
+        begun = Round(last.trials, first, (), {}, before=state)
         return self.bench.fit(after.plant, after.paths, after), [*rounds[:-1], begun, second]
 
     def _last(self, state: State, rounds: Sequence[Round]) -> Round:
@@ -69,7 +69,7 @@ class Reconsidering:
         return rounds[-1] if beside <= {frozenset(state.paths)} else self._selected(state, _chosen(rounds))
 
     def _hopeful(self, last: Round) -> list[Trial]:
-        """Trials of the last round with evidence enough that only the held-out windows, or their size, refused."""
+        """Trials of the last round with evidence enough that only the parts, or their size, refused."""
         enough = [t for t in last.trials if t.state is not None and t.total >= threshold(len(self.candidates))]
         return enough[:HOPEFUL]
 
@@ -86,7 +86,7 @@ class Reconsidering:
                 again = self._selected(self._without(state, made), others)
                 if again.chosen is None or again.chosen.state is None:
                     continue
-                better = sum(self.bench.gains(state, again.chosen.state)) > bar
+                better = self.bench.gain(state, again.chosen.state) > bar
                 # the first one of a pair has no ties yet, since it was never chosen by itself
                 unjudged = made.objection != ""
                 if better or (unjudged and again.chosen.candidate is made.candidate):

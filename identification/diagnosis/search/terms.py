@@ -48,7 +48,7 @@ def search(
         selection, scales = selection_of(bench, base, library, rng)
         often = {p: max(often[p], float(f)) for p, f in zip(library, selection.frequency, strict=True)}
         found = _best(bench, state, base, library, selection, scales)
-        if found and (best is None or sum(bench.gains(best.state, found.state)) > 0.0):
+        if found and (best is None or bench.gain(best.state, found.state) > 0.0):
             best = found
     return best, often
 
@@ -70,7 +70,7 @@ def selection_of(
     columns = columns * np.where(size > 1e-12, scales, 0.0)[:, None, None]
     nuisance = problem.columns_of(point, moves_of(state.paths))[:, inside]
     errors = point.errors[inside]
-    blocks = np.repeat(_blocks(bench.window_of_row[inside]), errors.shape[1])
+    blocks = np.repeat(_blocks(bench.block_of_row[inside]), errors.shape[1])
     flat = errors.ravel()
     selection = select(
         columns.reshape(len(columns), flat.size), nuisance.reshape(len(nuisance), flat.size), flat, blocks, rng
@@ -115,10 +115,10 @@ def _best(
             first[k] = begun
     if not first:
         return None
-    gains = {k: sum(bench.gains(state, after)) for k, after in first.items()}
+    gains = {k: bench.gain(state, after) for k, after in first.items()}
     near = max(gains.values()) * (1.0 - NEAR) - TIE
     ended = {k: _fitted(problem, after, ITERATIONS) for k, after in first.items() if gains[k] >= near}
-    total = {k: sum(bench.gains(state, after)) for k, after in ended.items()}
+    total = {k: bench.gain(state, after) for k, after in ended.items()}
     tied = [k for k in ended if max(total.values()) - total[k] < TIE]
     tied.sort(key=lambda k: (_degree(library[k]), k))
     alike = tuple(library[j] for j in tied[1:])
@@ -135,7 +135,7 @@ def _begun(
         point = problem.point(plant.vector, base.point.logs, base.point)
         if np.isfinite(point.scores).all():
             after = _fitted(problem, State(plant, paths, point), FIRST_ITERATIONS)
-            if after.finite and bench.gains(state, after)[0] > 0.0:
+            if after.finite and bench.gain(state, after) > 0.0:
                 return after
     return None
 

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.param import spec_at, value_at
-from identification.diagnosis.search.acceptance import MANY_WINDOWS, SMALL, UNREPEATED
+from identification.diagnosis.search.acceptance import SMALL, UNREPEATED
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import Workbench
 
 ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
-SAME = 1e-4  # 1 - cosine^2 between signatures below which two effects count as one: difference quotients see no more
+SAME = 4e-6  # 1 - cosine^2 between signatures below which two effects count as one: their slopes are true to 0.2 %
+LITTLE = 1e-4  # of a signature, below which what others leave of it tells nothing
 EQUAL = 0.01  # evidence between two candidates that stopped fits alone may make
 TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
-TIE_ERRORS = 1.64  # the same where windows disagree among themselves, in standard errors over the windows
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
             theirs = rest[rows]
             least = min(size, float(np.linalg.norm(theirs)))
             most = max(whole, float(np.linalg.norm(columns[rows])))
-            if least < 1e-9 or (fitted and least < SAME * most) or not set(beside).isdisjoint(t.candidate.paths):
+            if least < 1e-9 or (fitted and least < LITTLE * most) or not set(beside).isdisjoint(t.candidate.paths):
                 continue
             share = np.linalg.lstsq(theirs.T, rest[0], rcond=1e-10)[0]
             cosine = min(float(np.linalg.norm(share @ theirs)) / size, 1.0)
@@ -103,10 +103,10 @@ def _extra_cost(bench: Workbench, best: Trial, other: Trial) -> np.ndarray:
 
 
 def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness]) -> bool:
-    """Whether the record does not tell two candidates apart (Vuong 1989, with the windows as the sample).
+    """Whether the record as a whole does not tell two candidates apart; where its parts disagree, see `survival`.
 
     Also where their signatures differ by less than that: a fit that stopped a little early is no difference.  One that
-    only the held-out windows refused belongs to the tie if it explains all windows together as well as the best.
+    only the parts refused belongs to the tie if it explains the whole as well as the best.
     """
     if other.state is None or other.objection not in ("", SMALL, UNREPEATED):
         return False
@@ -114,6 +114,4 @@ def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness])
         return bool(_extra_cost(bench, best, other).sum() <= 0.0)
     if any(way.evidence < TIE or 1.0 - way.cosine**2 < SAME for way in alike):
         return True
-    extra = _extra_cost(bench, best, other)
-    error = float(np.std(extra) * np.sqrt(extra.size))
-    return extra.sum() < TIE or (extra.sum() < TIE_ERRORS * error and extra.size >= MANY_WINDOWS)
+    return bool(_extra_cost(bench, best, other).sum() < TIE)

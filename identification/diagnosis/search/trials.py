@@ -9,7 +9,8 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
-from identification.diagnosis.search.acceptance import Weighed, effect_size, threshold, weighed
+from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import SEEN, Candidate, Screening, screen
 from identification.diagnosis.search.workbench import State, Workbench, given_values
 
@@ -29,7 +30,8 @@ Progress = Callable[[float, str], None]
 class Trial:
     """A candidate fitted jointly with everything fitted before it.
 
-    train, held: evidence for it in the fitted and in the held-out windows.  objection: why it is not accepted, or "".
+    train, held: evidence for it in all rows, and in parts foretold by the others.  objection: why it is
+    not accepted, or "".
     """
 
     candidate: Candidate
@@ -40,9 +42,14 @@ class Trial:
     objection: str
 
     @property
+    def price(self) -> float:
+        """What a second component or a sought period is expected to gain by chance."""
+        return 2.0 * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
+
+    @property
     def total(self) -> float:
-        """Evidence from all windows, less what a second component or a sought period is expected to gain by chance."""
-        return self.train + self.held - 2.0 * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
+        """Evidence, less its price."""
+        return self.train - self.price
 
 
 def trials_of(
@@ -70,7 +77,7 @@ def trials_of(
         progress(0.6 + 0.4 * number / len(finalists), screening.candidate.title)
         trials.append(judged(bench, state, screening.candidate, screening, first, count))
     done = {t.candidate for t in trials}
-    gain = {s.candidate: sum(bench.gains(state, first)) if first.finite else -np.inf for s, first in begun}
+    gain = {s.candidate: bench.gain(state, first) if first.finite else -np.inf for s, first in begun}
     for screening in screened:
         if screening.candidate not in done:
             reached = gain.get(screening.candidate, screening.evidence)
@@ -156,7 +163,7 @@ def _finalists(
     bench: Workbench, state: State, begun: Sequence[tuple[Screening, State]], plain: Collection[str]
 ) -> list[tuple[Screening, State]]:
     """Those of the short list that are fitted to the end: by evidence in all windows."""
-    gains = {id(first): sum(bench.gains(state, first)) for _, first in begun if first.finite}
+    gains = {id(first): bench.gain(state, first) for _, first in begun if first.finite}
     finite = sorted((b for b in begun if b[1].finite), key=lambda b: -gains[id(b[1])])
     best = gains[id(finite[0][1])] if finite else 0.0
     known = [not set(plain).isdisjoint(s.candidate.paths) for s, _ in finite]

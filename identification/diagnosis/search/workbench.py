@@ -1,9 +1,8 @@
-"""A record in training and held-out windows, and the fits that a diagnosis makes on it."""
+"""A record in parts, and the fits that a diagnosis makes on it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from copy import copy
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -13,14 +12,15 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.diagnosis.log.parts import block_numbers
 from identification.estimate import half_width
 from identification.fit.filtering import Point
-from identification.fit.intervals import Information, information_of, interval_of, predictive_scores
-from identification.fit.noises import Noise
+from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import brisk
 from identification.fit.validation import free_runs
 
+BLOCKS = 24  # of a record, whose evidence is compared one by one: far longer each than a filter remembers
 FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on a search also begins at its given value
 
 
@@ -43,28 +43,33 @@ class State:
 
 
 class Workbench:
-    """A record in training and held-out windows, and the fits made on it.
+    """A record in parts, and the fits made on it.
 
-    One filter goes through all windows; fits count the training windows, and the held-out ones tell whether what was
-    found holds there too.
+    One filter goes through all of it, and fits count all of it; what each part tells by itself says whether what was
+    found foretells the part from the others.
     plant: as given, integrated in the longest steps that hardly move its free runs (`identification.fit.steps`).
-    doubt: standard deviation of its coefficients, relative.
+    doubt: standard deviation of its coefficients, relative.  windows: of free runs, by default the parts' pieces.
     """
 
     def __init__(
-        self, plant: Plant, record: Record, train: Sequence[slice], held: Sequence[slice], doubt: float = np.inf
+        self,
+        plant: Plant,
+        record: Record,
+        parts: Sequence[Sequence[slice]],
+        doubt: float = np.inf,
+        windows: Sequence[slice] = (),
     ):
-        self.plant = brisk(plant, record, train)
-        self.record, self.train, self.held, self.doubt = record, tuple(train), tuple(held), doubt
-        self.problem = PredictionErrors(self.plant, record, [*train, *held], doubt=doubt, counted=train)
-        starts = sorted(w.start for w in (*train, *held))
-        self.window_of_row = np.searchsorted(starts, self.problem.rows, side="right") - 1
-        self._held_windows = np.searchsorted(starts, [w.start for w in held])
-        self._known: WeakKeyDictionary[State, np.ndarray] = WeakKeyDictionary()
+        pieces = sorted((piece for part in parts for piece in part), key=lambda w: w.start)
+        self.windows = tuple(windows) or tuple(pieces)
+        self.plant = brisk(plant, record, self.windows)
+        self.record, self.parts, self.doubt = record, tuple(parts), doubt
+        self.problem = PredictionErrors(self.plant, record, pieces, doubt=doubt)
+        self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)
+        self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
 
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
-        """The likeliest state in the training windows over the paths and the noises, from the plant's values on."""
+        """The likeliest state over the paths and the noises, from the plant's values on."""
         point = self.problem.solve(plant, paths, near.point if near else None)
         return State(self.problem.plant_at(point, paths) if paths else plant, tuple(paths), point)
 
@@ -74,21 +79,40 @@ class Workbench:
         return self.fit(plant, [p for p in state.paths if p not in paths], state)
 
     def gains(self, before: State, after: State) -> tuple[float, float]:
-        """Twice the gain in log-likelihood in the training and in the held-out windows, each with its own noises.
+        """Twice the gain in log-likelihood, and the same of each part foretold by the others, each with its own noises.
 
         What is known of coefficients and correlation times counts in the first.
         """
-        p = self.problem
-        fitted = p.objective(after.point, after.paths) - p.objective(before.point, before.paths)
-        return 2.0 * fitted, 2.0 * float((self._foretold(after) - self._foretold(before)).sum())
+        foretold = self.by_part(after).foretold - self.by_part(before).foretold
+        return self.gain(before, after), 2.0 * float(foretold.sum())
 
-    def _foretold(self, state: State) -> np.ndarray:
-        """Log-likelihood of each held-out window, what the state has fitted as uncertain as that leaves it."""
-        if state not in self._known:
-            fitted = [p for p in state.paths if p not in state.plant.coefficients and not spec_at(state.plant, p).probe]
-            own = self.problem.scaled({p: abs(value_at(state.plant, p)) or 1.0 for p in fitted})  # terms have no scale
-            self._known[state] = predictive_scores(own, state.point, state.paths, self.held)
-        return self._known[state]
+    def gain(self, before: State, after: State) -> float:
+        """Twice the gain in log-likelihood, of all rows."""
+        p = self.problem
+        return 2.0 * (p.objective(after.point, after.paths) - p.objective(before.point, before.paths))
+
+    def by_part(self, state: State) -> ByPart:
+        """What each part tells of what a state has fitted."""
+        if state not in self._by_part:
+            own = self.problem.scaled(self.scales(state))
+            self._by_part[state] = told_by_part(own, state.point, state.paths, self.parts)
+        return self._by_part[state]
+
+    def scales(self, state: State) -> dict[str, float]:
+        """Scales of what a state has fitted and the vehicle has none for: terms, by their size."""
+        fitted = [p for p in state.paths if p not in state.plant.coefficients and not spec_at(state.plant, p).probe]
+        return {p: abs(value_at(state.plant, p)) or 1.0 for p in fitted}
+
+    def unseen(self, state: State, part: int) -> Plant:
+        """The vehicle of a state as its paths are without a part of the record."""
+        step, _ = self.by_part(state).refitted(np.arange(len(self.parts)) != part)
+        own = self.problem.scaled(self.scales(state))
+        vector = own.moved_vector(state.point.vector, state.paths, step)
+        return (
+            replace_at(state.plant, {p: float(vector[own.index[p]]) for p in state.paths})
+            if state.paths
+            else state.plant
+        )
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         """Value, standard error and half width of the 95 % interval of each fitted path."""
@@ -109,32 +133,22 @@ class Workbench:
             self._told[state] = information_of(self.problem, state.point, state.paths)
         return self._told[state]
 
-    def noise(self, state: State) -> Noise:
-        """The noises that suit a state best in all windows, held-out ones too."""
-        return self._every.noise_at(self._every.renewed(state.point, state.point.logs, state.paths))
-
     def fitted_basis(self, state: State) -> np.ndarray:
         """Orthonormal columns of what the starts of all stretches may change in the errors, (rows, C, q)."""
-        basis = self._every.start_basis(state.point)
+        basis = self.problem.start_basis(state.point)
         return basis.reshape(*state.point.errors.shape, basis.shape[1])
 
-    @property
-    def _every(self) -> PredictionErrors:
-        """The problem in which all windows count, held-out ones too."""
-        every = copy(self.problem)
-        every.counted = self.problem.within([*self.train, *self.held])
-        return every
-
     def costs(self, state: State) -> np.ndarray:
-        """Minus twice the log-likelihood of each window, in the order of the record, shape (W,)."""
-        scores = np.bincount(self.window_of_row, state.point.scores)
-        scores[self._held_windows] = self._foretold(state)
-        return -2.0 * scores
+        """Minus twice the objective in each of `BLOCKS` equal times of the record, (B,); what is known shared out."""
+        scores = np.bincount(self.block_of_row, state.point.scores, minlength=BLOCKS)
+        known = self.problem.pulls(state.point.vector, state.paths)[0]
+        return -2.0 * scores + float((known**2).sum()) / BLOCKS
 
     def flies(self, plant: Plant, settle: float | None = None) -> bool:
-        """Whether free runs over the held-out windows stay finite."""
+        """Whether free runs stay finite."""
         try:
-            free_runs(plant, self.record, self.held, plant.settle if settle is None else settle)
+            with np.errstate(over="ignore", invalid="ignore"):
+                free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
         except Diverged:
             return False
         return True

@@ -53,7 +53,7 @@ def round_of(chosen: Trial) -> Round:
 class Table:
     """A workbench in which the evidence for a model depends only on which effects it has.
 
-    likely: twice the log-likelihood in the fitted and in the held-out windows, by the effects.
+    likely: twice the log-likelihood, and that of parts foretold by the others, by the effects.
     stable: whether free runs stay finite.  error: standard error of each size, in probes.
     asked: states fitted so far.
     """
@@ -69,6 +69,9 @@ class Table:
     def gains(self, before: State, after: State) -> tuple[float, float]:
         a, b = self._likely(before), self._likely(after)
         return b[0] - a[0], b[1] - a[1]
+
+    def gain(self, before: State, after: State) -> float:
+        return self.gains(before, after)[0]
 
     def costs(self, state: State) -> np.ndarray:
         return -np.array(self._likely(state))

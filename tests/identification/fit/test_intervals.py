@@ -1,4 +1,4 @@
-"""What held-out rows say where parameters are uncertain; intervals where errors are coloured or noise is unknown."""
+"""What parts of a record foretell of each other; intervals where errors are coloured or noise is unknown."""
 
 from dataclasses import dataclass, field, replace
 
@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from auv_gym.param import replace_at
 from identification.fit import intervals
-from identification.fit.intervals import Information, _by_noise, information_of, interval_of, predictive_scores
+from identification.fit.intervals import Information, _by_noise, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from tests.identification.diagnosis.stand_ins import point_of
 from tests.identification.fit.test_prediction_errors import GLIDER, OFFSET, glider_log
@@ -92,45 +92,38 @@ def test_what_starts_can_imitate_is_no_information_and_what_was_known_is():
     assert variances(0.1 * coloured(0.0), rates=np.sqrt(3.0 * COUNT)) == pytest.approx([0.25, 0.25])
 
 
+PARTS = [[slice(0, 200)], [slice(200, 320)], [slice(320, 500)]]
+
+
 @pytest.fixture(scope="module")
 def fitted():
-    """A glider's offset, fitted to the first 200 rows of 500, and the windows that were not counted."""
+    """A glider's offset, fitted to three parts of a log."""
     log = glider_log(3)
-    held = [slice(200, 320), slice(320, 500)]
-    problem = PredictionErrors(GLIDER, log, [slice(0, 200), *held], counted=[slice(0, 200)])
-    return problem, problem.solve(replace_at(GLIDER, OFFSET, 0.02), [OFFSET]), held
+    problem = PredictionErrors(GLIDER, log, [slice(0, 500)])
+    return problem, problem.solve(replace_at(GLIDER, OFFSET, 0.02), [OFFSET])
 
 
-def test_they_are_the_likelihood_averaged_over_what_the_fit_leaves_open(fitted):
-    problem, point, held = fitted
+def test_a_part_is_as_likely_as_on_average_over_what_the_others_leave_open(fitted):
+    problem, point = fitted
     error = np.sqrt(1.0 / information_of(problem, point, [OFFSET]).alone[0, 0]) * problem.scale(OFFSET)
-    far = np.linspace(-5.0, 5.0, 41)
-    weights = np.exp(-0.5 * far**2) / np.exp(-0.5 * far**2).sum()
-    inside = [problem.within([w]) > 0.0 for w in held]
+    inside = [problem.within(part) > 0.0 for part in PARTS]
     scores = []
-    for steps in far:
+    for steps in np.linspace(-12.0, 12.0, 121):
         vector = point.vector.copy()
         vector[problem.index[OFFSET]] += steps * error
         there = problem.with_gains(point, vector)
         scores.append([there.scores[rows].sum() for rows in inside])
-    first, both = np.array(scores)[:, 0], np.array(scores).sum(axis=1)
-    expected = np.log(weights @ np.exp(both - both.max())) + both.max()
-    found = predictive_scores(problem, point, [OFFSET], held)
-    assert found.sum() == pytest.approx(expected, abs=0.1)
-    assert found[0] == pytest.approx(np.log(weights @ np.exp(first - first.max())) + first.max(), abs=0.1)
-    assert abs(found.sum() - point.scores[np.logical_or(*inside)].sum()) > 0.3  # what it is without
+    own, found = np.array(scores), told_by_part(problem, point, [OFFSET], PARTS).foretold
+    for k in range(3):
+        others = own.sum(axis=1) - own[:, k]
+        weights = np.exp(others - others.max()) / np.exp(others - others.max()).sum()
+        expected = np.log(weights @ np.exp(own[:, k] - own[:, k].max())) + own[:, k].max()
+        assert found[k] == pytest.approx(expected, abs=0.1)
+    assert abs(found.sum() - point.scores.sum()) > 0.3  # what it is with the parameter as it was fitted
 
 
 class Line(Regression):
-    """One parameter that 4 of 10 rows have told a little of; the others are to be foretold."""
-
-    counted = np.repeat([1.0, 0.0], [4, 6])
-
-    def columns_of(self, point, moves) -> np.ndarray:
-        return self.slopes[:, :, None]
-
-    def counted_flat(self, columns) -> np.ndarray:
-        return (columns * self.counted[:, None]).reshape(len(columns), -1)
+    """One parameter, of which ten rows tell."""
 
     def within(self, windows) -> np.ndarray:
         inside = np.zeros(10)
@@ -139,25 +132,56 @@ class Line(Regression):
         return inside
 
 
-def test_a_window_is_foretold_by_those_before_it():
-    """Both together are as likely as rows whose errors share an unknown parameter, and the second follows the first."""
+@pytest.fixture(scope="module")
+def line():
+    """Slopes and errors, and what four, three and three of the rows tell."""
     rng = np.random.default_rng(0)
     slopes, errors = rng.uniform(0.5, 1.5, (1, 10)), rng.standard_normal(10) + 2.0
     problem = Line(slopes, np.zeros(10, dtype=int), np.zeros((10, 0)))
     point = point_of(stats.norm.logpdf(errors).tolist(), errors=errors[:, None])
-    first, second = predictive_scores(problem, point, ("slope",), [slice(4, 7), slice(7, 10)])  # type: ignore[arg-type]
-    own = np.outer(slopes[0], slopes[0]) / (slopes[0, :4] @ slopes[0, :4]) + np.eye(10)
-    assert first == pytest.approx(stats.multivariate_normal(np.zeros(3), own[4:7, 4:7]).logpdf(errors[4:7]))  # type: ignore[arg-type]
-    assert first + second == pytest.approx(stats.multivariate_normal(np.zeros(6), own[4:, 4:]).logpdf(errors[4:]))  # type: ignore[arg-type]
+    parts = [[slice(0, 4)], [slice(4, 7)], [slice(7, 10)]]
+    return slopes[0], errors, told_by_part(problem, point, ("slope",), parts)  # type: ignore[arg-type]
+
+
+def test_a_part_is_foretold_by_the_others(line):
+    """As likely as rows of which the others tell the parameter, by an exact regression."""
+    slopes, errors, told = line
+    for k, own in enumerate((slice(0, 4), slice(4, 7), slice(7, 10))):
+        others = np.delete(np.arange(10), own)
+        power = float(slopes[others] @ slopes[others])
+        mean = slopes[own] * float(slopes[others] @ errors[others]) / power
+        spread = np.outer(slopes[own], slopes[own]) / power + np.eye(own.stop - own.start)
+        assert told.foretold[k] == pytest.approx(stats.multivariate_normal(mean, spread).logpdf(errors[own]))  # type: ignore[arg-type]
+
+
+def test_parameters_without_a_part_are_those_of_the_other_rows(line):
+    slopes, errors, told = line
+    step, reached = told.refitted(np.array([True, False, True]))
+    rows = np.r_[0:4, 7:10]
+    best = float(slopes[rows] @ errors[rows]) / float(slopes[rows] @ slopes[rows])
+    assert step == pytest.approx([best])
+    assert reached == pytest.approx(stats.norm.logpdf(errors[rows] - best * slopes[rows]).sum())
 
 
 def test_what_is_known_exactly_costs_nothing(fitted):
     """Without a free parameter, and with one of which a spread of nothing is known, they are the rows' likelihoods."""
-    problem, point, held = fitted
-    own = np.array([point.scores[problem.within([w]) > 0.0].sum() for w in held])
-    assert predictive_scores(problem, point, [], held) == pytest.approx(own)
-    sure = PredictionErrors(GLIDER, problem.record, [slice(0, 200), *held], doubt=1e-6, counted=[slice(0, 200)])
-    assert predictive_scores(sure, replace(point), ["hull.n_r"], held) == pytest.approx(own, abs=1e-3)
+    problem, point = fitted
+    own = [point.scores[problem.within(part) > 0.0].sum() for part in PARTS]
+    assert told_by_part(problem, point, [], PARTS).foretold == pytest.approx(own)
+    sure = PredictionErrors(GLIDER, problem.record, [slice(0, 500)], doubt=1e-6)
+    assert told_by_part(sure, replace(point), ["hull.n_r"], PARTS).foretold == pytest.approx(own, abs=1e-3)
+
+
+def test_parameters_without_a_part_of_a_log_are_those_of_a_fit_without_it(fitted):
+    problem, point = fitted
+    told = told_by_part(problem, point, [OFFSET], PARTS)
+    step, _ = told.refitted(np.array([True, True, False]))
+    fewer = PredictionErrors(GLIDER, problem.record, [slice(0, 500)], counted=[slice(0, 320)])
+    there = fewer.solve(problem.plant_at(point, [OFFSET]), [OFFSET], point, noise=False)
+    moved = (there.vector - point.vector)[problem.index[OFFSET]] / problem.scale(OFFSET)
+    error = np.sqrt(1.0 / information_of(problem, point, [OFFSET]).alone[0, 0])
+    assert abs(moved) > 0.2 * error
+    assert step[0] == pytest.approx(moved, abs=0.1 * error)
 
 
 class Mean:
@@ -222,7 +246,7 @@ def test_slow_pushes_leave_less_freedom_than_fast_ones():
 
 
 def test_an_effect_with_a_corner_or_near_a_bound_has_the_interval_of_its_profile(fitted, monkeypatch):
-    problem, point, _ = fitted
+    problem, point = fitted
     lag, asked = "effects.rudder.lag", []
 
     def profile(problem, point, paths, path, error, reach):

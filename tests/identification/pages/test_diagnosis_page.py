@@ -14,7 +14,7 @@ from auv_gym.channels import channel
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record, concat
-from identification.diagnosis import diagnose
+from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.log.plausibility import Doubt
 from identification.experiments.heading_control import closed_loop
 from identification.fit.noises import Noise
@@ -102,7 +102,10 @@ def test_the_page_shows_the_numbers_of_the_diagnosis(diagnosis, outline):
     for name in ("heading_rad", "north_m", "east_m"):
         for stage in (diagnosis.given, diagnosis.before, diagnosis.after):
             assert amount(stage.scores[name].rmse, channel(name).unit) in text
-    assert f"{len(diagnosis.windows[0])} / {len(diagnosis.windows[1])}" in text
+    assert f"in {len(diagnosis.windows)} parts of the log" in text
+    assert f"over {sum(map(len, diagnosis.windows))} windows of" in text
+    for e in diagnosis.effects:
+        assert f"chosen by {100.0 * e.frequency:.0f} % of the halves of the log" in text
     assert f"{100.0 * diagnosis.explained:.0f} %" in text
     for c in diagnosis.coefficients:
         assert amount(c.value, c.unit) in text
@@ -174,6 +177,31 @@ def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figur
     assert "are not white in" not in still
 
 
+def test_what_most_halves_of_the_log_do_not_choose_is_said(diagnosis, no_figures):
+    text = Outline(diagnosis_page(diagnosis)).text
+    assert "Not kept" not in text
+    chosen = [r.chosen.candidate for r in diagnosis.rounds if r.chosen]
+    rare = replace(diagnosis.effects[0], frequency=0.55)
+    d = replace(diagnosis, effects=(rare,), dropped=(chosen[-1].paths[0],))
+    text = Outline(diagnosis_page(d)).text
+    assert f"Not kept, since most halves of the log do not choose it: {chosen[-1].title}." in text
+    assert "It was not kept, since most halves of the log do not choose it." in text
+    assert "chosen, but not kept" in text
+    assert "chosen by 55 % of the halves of the log" in text
+    assert f"Only 55 % of the halves of the log choose {rare.title}." in d.summary()
+    assert f"The search also found {chosen[-1].title}, but most halves of the log do not choose it." in d.summary()
+    assert as_json(d)["dropped"] == list(d.dropped)
+    assert as_json(d)["effects"][0]["frequency"] == 0.55
+
+
+def test_shades_alternate_by_part(diagnosis):
+    figure = figures.log_figure(diagnosis)
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert len(words) == 2
+    assert words[0].startswith("windows of parts 1, 3")
+    assert words[1].startswith("windows of parts 2, 4")
+
+
 @pytest.mark.parametrize("missing", ["matplotlib", "jinja2"])
 def test_without_the_extra_the_error_says_what_to_install(diagnosis, monkeypatch, missing):
     monkeypatch.setitem(sys.modules, missing, None)
@@ -237,10 +265,10 @@ def test_segments_that_start_their_clock_again_are_drawn_one_after_another():
 
 
 def test_the_examples_are_the_worst_windows_and_a_typical_one(diagnosis):
-    held = diagnosis.before.held
-    output = held.channels.index(figures.most_improved(diagnosis))
-    keep = held.scored
-    sizes = {w: np.mean(held.residual[keep & (held.window == w), output] ** 2) for w in np.unique(held.window)}
+    runs = diagnosis.before.unseen
+    output = runs.channels.index(figures.most_improved(diagnosis))
+    keep = runs.scored
+    sizes = {w: np.mean(runs.residual[keep & (runs.window == w), output] ** 2) for w in np.unique(runs.window)}
     examples = dict(figures.example_windows(diagnosis))
     worst = next(number for title, number in examples.items() if title.startswith("Largest error before"))
     assert worst == max(sizes, key=lambda w: sizes[w])

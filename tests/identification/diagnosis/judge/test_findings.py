@@ -5,11 +5,12 @@ import pytest
 
 from auv_gym.param import replace_at
 from identification.diagnosis.judge.findings import effects_of
+from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.intervals import information_of
-from identification.fit.windows import free_run_windows, held_out
 from tests.identification.diagnosis.stand_ins import round_of, trial_of
 from tests.identification.gliders import QUICK
 
@@ -17,11 +18,11 @@ from tests.identification.gliders import QUICK
 @pytest.mark.parametrize("path, value", [("effects.rudder.deadband", 0.04), ("effects.compass.lag", 3.0)])
 def test_at_the_ends_of_a_profile_the_log_likelihood_has_fallen_by_the_quantile(path, value):
     record = run_mission(replace_at(QUICK, path, value), np.random.default_rng(8), duration=900.0)
-    bench = Workbench(QUICK, record, *held_out(QUICK, record, free_run_windows(QUICK, record, QUICK.window)), 0.1)
+    bench = Workbench(QUICK, record, parts_of(QUICK, record), 0.1)
     paths = (*QUICK.family.coefficients, path)
     state = bench.fit(replace_at(bench.plant, path, value), paths)
     rounds = [round_of(trial_of(Candidate(path, (path,)), state))]
-    ((effect,), _) = effects_of(bench, state, rounds, bench.intervals(state))
+    ((effect,), _) = effects_of(bench, state, rounds, bench.intervals(state), [Survival(0.9, {})])
     low, high = effect.ci95
     assert low < effect.value < high
     assert high - low < value

@@ -11,12 +11,12 @@ from identification.diagnosis.judge.judgement import (
     many_windows,
     verdict_of,
 )
+from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.discovery import library_of
 from identification.diagnosis.search.remainder import Left, is_coloured, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.validation import FreeRuns, whiteness
-from identification.fit.windows import free_run_windows, held_out
 from tests.identification.diagnosis.stand_ins import point_of
 from tests.identification.gliders import QUICK
 
@@ -87,7 +87,7 @@ def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are
     left = {}
     for size in (0.0, 0.02):
         record = run_mission(replace_at(plant, term, size), np.random.default_rng(2), duration=900.0)
-        bench = Workbench(plant, record, *held_out(plant, record, free_run_windows(plant, record, plant.window)), 0.1)
+        bench = Workbench(plant, record, parts_of(plant, record), 0.1)
         state = bench.fit(plant, plant.family.coefficients)
         left[size] = what_is_left(bench, state, library_of(plant))
         assert ("r_radps" in bench.problem.noise_at(state.point).process) == (size > 0.0)
@@ -100,7 +100,7 @@ def stage(residual, readings=None):
     scored, errors = np.ones(len(residual), dtype=bool), residual[:, None]
     held = None if readings is None else readings[:, None]
     runs = FreeRuns(("a",), rows, window, errors, errors, scored, held)
-    return SimpleNamespace(held=runs, fitted=runs, plant=None)
+    return SimpleNamespace(unseen=runs, fitted=runs, plant=None)
 
 
 def test_noise_that_is_interpolated_is_none_that_an_effect_could_remove():
@@ -122,10 +122,10 @@ def test_the_share_explained_is_of_what_exceeds_the_noise():
     assert explained_share(after, after, True) == 0.0
 
 
-def test_few_held_out_windows_leave_the_share_to_runs_fitted_to_all():
+def test_few_windows_leave_the_share_to_runs_fitted_to_all():
     white, slow = white_and_slow(1, 1000)
     (before, after), other = (stage(white + size * slow) for size in (1.0, 0.0)), stage(white + 3.0 * slow)
-    after = SimpleNamespace(held=other.held, fitted=after.fitted)
+    after = SimpleNamespace(unseen=other.unseen, fitted=after.fitted)
     assert explained_share(before, after, False) > 0.9
     assert explained_share(before, after, True) < 0.0
     eight = [slice(k, k + 1) for k in range(8)]

@@ -1,15 +1,23 @@
-"""What a diagnosis says of noises, and of sizes that no log could show."""
+"""What a diagnosis says of noises, of halves of a log, and of sizes that no log could show."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from identification.diagnosis.judge.findings import detectable_effects
-from identification.diagnosis.judge.verdict import noise_sentence
+from identification.diagnosis.judge.verdict import (
+    AsCoefficient,
+    Diagnosis,
+    Effect,
+    _dropped_sentence,
+    _halves_sentence,
+    noise_sentence,
+)
 from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.fit.noises import Noise
-from tests.identification.diagnosis.stand_ins import PLANT
+from tests.identification.diagnosis.stand_ins import PLANT, trial_of
 
 
 @pytest.mark.parametrize(
@@ -26,6 +34,34 @@ def test_what_pushes_at_random_is_said_in_units_for_people(process, words):
     assert said.startswith(words)
     assert ("deg/s^2 over 12 s" in said) == ("r_radps" in process)
     assert bool(said) == bool(process)
+
+
+def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
+    sure = Effect("effects.rudder.offset", "rudder offset", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0)
+    gain = AsCoefficient("hull.n_delta", "rudder effectiveness", "1", 1.0, 0.8, (0.7, 0.9))
+    rare = [replace(sure, title=title, frequency=f) for title, f in (("trim", 0.55), ("drift", 0.55), ("lag", 0.799))]
+    said = _halves_sentence(SimpleNamespace(effects=(sure, *rare)))  # type: ignore[arg-type]
+    assert said == (
+        "Only 55 % of the halves of the log choose trim and drift. Only 80 % of the halves of the log choose lag."
+    )
+    turned = SimpleNamespace(effects=(replace(sure, frequency=0.6, coefficient=gain),))
+    assert "choose another rudder effectiveness" in _halves_sentence(turned)  # type: ignore[arg-type]
+    assert _halves_sentence(SimpleNamespace(effects=(sure,))) == ""  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "titles, words",
+    [
+        ([], ""),
+        (["trim"], "The search also found trim, but most halves of the log do not choose it."),
+        (["trim", "lag"], "The search also found trim and lag, but most halves of the log do not choose them."),
+    ],
+)
+def test_what_most_halves_of_the_log_do_not_choose_is_said_not_to_be_kept(titles, words):
+    chosen = [SimpleNamespace(chosen=trial_of(Candidate(title, (f"effects.{title}",)))) for title in titles]
+    d = SimpleNamespace(rounds=(SimpleNamespace(chosen=None), *chosen), dropped=tuple(f"effects.{t}" for t in titles))
+    d.dropped_titles = Diagnosis.dropped_titles.fget(d)  # type: ignore[misc]
+    assert _dropped_sentence(d) == words  # type: ignore[arg-type]
 
 
 def test_a_size_beyond_what_is_possible_is_none_that_the_record_shows():

@@ -12,8 +12,9 @@ from identification.diagnosis import diagnose
 from identification.diagnosis.judge import judging
 from identification.diagnosis.judge.findings import coefficient_of, twin_effects
 from identification.diagnosis.search import acceptance, searching, swaps
-from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection, threshold
+from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
@@ -57,11 +58,11 @@ def sure(**changes) -> Claim:
         ({"bar": 150.1}, "not significant"),
         ({"train": 10.0, "held": 9.9}, "not significant"),
         ({"train": float("nan")}, "not significant"),
-        ({"held": -27.6}, "does not hold in the held-out windows"),
-        ({"held": 2.6}, "does not hold in the held-out windows"),
-        ({"train": 1000.0, "held": 19.9}, "does not hold in the held-out windows"),
+        ({"held": -27.6}, "does not hold from one part of the log to the others"),
+        ({"held": 2.6}, "does not hold from one part of the log to the others"),
+        ({"train": 1000.0, "held": 19.9}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 20.1}, ""),
-        ({"flies": lambda: False}, "free runs in the held-out windows diverge with it"),
+        ({"flies": lambda: False}, "free runs diverge with it"),
         ({"sizes": [Size(5.0, 1.0, True)]}, "only helps at the limit of what is physical"),
         ({"sizes": [Size(0.99, 1.0, False)]}, "smaller than its probe"),
         ({"reach": lambda: [1.96 * 5.0 / 3.01]}, ""),  # three standard errors
@@ -128,7 +129,7 @@ def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of
     screening = trial_of(both).screening
 
     def asked(evidence: float, found=screening, **settings) -> str:
-        bench = Table({frozenset(): (0.0, 0.0), frozenset(both.paths): (0.5 * evidence, 0.5 * evidence)}, **settings)
+        bench = Table({frozenset(): (0.0, 0.0), frozenset(both.paths): (evidence, evidence)}, **settings)
         return gate(bench, start, after, [(both, found)], COUNT).objection
 
     assert asked(threshold(COUNT, 2) + 0.1) == ""

@@ -1,17 +1,15 @@
 """What a regression of the filter's errors on signatures promises, before any fit."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import candidates
 from identification.diagnosis.search.candidates import SEEN, Candidate, periods_of, screen
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
-from identification.fit.windows import free_run_windows, held_out
 from tests.identification.gliders import QUICK
 
 DEADBAND, LAG, OFFSET = "effects.rudder.deadband", "effects.compass.lag", "effects.rudder.offset"
@@ -24,7 +22,7 @@ def candidate(*paths: str) -> Candidate:
 
 
 def bench_of(record, doubt: float = 0.1) -> Workbench:
-    return Workbench(QUICK, record, *held_out(QUICK, record, free_run_windows(QUICK, record, QUICK.window)), doubt)
+    return Workbench(QUICK, record, parts_of(QUICK, record), doubt)
 
 
 @pytest.fixture(scope="module")
@@ -57,16 +55,6 @@ def test_a_detectable_size_is_the_bar_or_a_probe_and_a_chance_of_one_in_twenty_i
     least = probe if by_probe else np.sqrt(bar) * error
     assert (np.sqrt(bar) * error < probe) == by_probe
     assert found.detectable[0] == pytest.approx(least + 1.645 * error, rel=0.15)  # errors may be widened for colour
-
-
-def test_held_out_windows_promise_nothing(clean):
-    bench, state = clean
-    noise = 30.0 * np.random.default_rng(0).standard_normal(state.point.errors.shape)
-    blurred = replace(state.point, errors=state.point.errors + noise * bench.problem.within(bench.held)[:, None])
-    both = [candidate(OFFSET), candidate(LAG)]
-    one, other = (screen(bench.problem, p, state.paths, both, BAR) for p in (state.point, blurred))
-    assert [s.evidence for s in one] == [s.evidence for s in other]
-    assert [s.candidate for s in one] == [s.candidate for s in other]
 
 
 def test_what_is_known_of_a_coefficient_tells_it_from_the_effect_that_acts_alike(clean):
@@ -106,8 +94,7 @@ def test_a_period_is_sought_and_counted_and_has_no_phase_over_segments():
     paths = ("effects.water.heave_sin", "effects.water.heave_cos", "effects.water.heave_period")
     true = replace_at(plant, {paths[0]: 0.02, paths[2]: 300.0})
     record = run_mission(true, np.random.default_rng(2), target_depths=(30.0, 10.0), duration=900.0)
-    windows = held_out(plant, record, free_run_windows(plant, record, plant.window))
-    bench = Workbench(plant, record, *windows, 0.1)
+    bench = Workbench(plant, record, parts_of(plant, record), 0.1)
     heave = Candidate("heave", paths[:2], paths[2])
     state = bench.fit(bench.plant, ())
     (found,) = screen(bench.problem, state.point, (), [heave], BAR)

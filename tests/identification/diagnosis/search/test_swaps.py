@@ -6,12 +6,12 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
+from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.attribution import Round, selected
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
-from identification.fit.windows import free_run_windows, held_out
 
 TRUE, WRONG = "effects.rudder.dead_time", "effects.rudder.deadband"
 
@@ -21,8 +21,7 @@ def search():
     """A glider's log with a late rudder: the search over all candidates, and its state before any is chosen."""
     plant = load_vehicle("ganeshblue")
     record = run_mission(replace_at(plant, TRUE, 4.0), np.random.default_rng(3))
-    train, held = held_out(plant, record, free_run_windows(plant, record, plant.window))
-    bench = Workbench(plant, record, train, held, 0.1)
+    bench = Workbench(plant, record, parts_of(plant, record), 0.1)
     return Reconsidering(bench, candidates_of(plant, record), 3, ()), bench.fit(plant, plant.family.coefficients)
 
 

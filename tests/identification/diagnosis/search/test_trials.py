@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
+from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
-from identification.fit.windows import free_run_windows, held_out
 from tests.identification.diagnosis.stand_ins import Table, state_of
 from tests.identification.gliders import QUICK
 
@@ -28,7 +28,7 @@ def start():
     """A glider's log with a rudder offset: its bench, the refitted vehicle, and all candidates."""
     plant = QUICK
     record = run_mission(replace_at(plant, OFFSET, 0.05), np.random.default_rng(1), duration=1200.0)
-    bench = Workbench(plant, record, *held_out(plant, record, free_run_windows(plant, record, plant.window)), 0.1)
+    bench = Workbench(plant, record, parts_of(plant, record), 0.1)
     return bench, bench.fit(plant, plant.family.coefficients), candidates_of(plant, record)
 
 
@@ -71,7 +71,7 @@ def test_one_that_the_record_cannot_show_is_not_fitted(start):
     bench, _, candidates = start
     record = bench.record
     flat = record.with_channels({"roll_rad": np.zeros(len(record)), "u_mps": np.full(len(record), 0.4)})
-    bench = Workbench(bench.plant, flat, bench.train, bench.held, np.inf)
+    bench = Workbench(bench.plant, flat, bench.parts, np.inf)
     state = bench.fit(bench.plant, bench.plant.family.coefficients)
     paths = ("effects.yaw.roll_moment", "effects.yaw.speed_squared")
     left = [c for c in candidates if c.paths[0] in paths]

@@ -1,0 +1,68 @@
+"""A record in parts: fits count all of it, what they find must foretell each part, and errors are those of unseen ones.
+
+Parts follow from the record, not from how long free runs are wanted, so that no name depends on that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.fit.shooting import unknown_states
+from identification.fit.windows import LEAST_SAMPLES, cut, stretches_of
+
+MOST_PARTS = 6  # three halves' worth: twenty ways to leave out a half, and five sixths to fit without any one part
+
+Part = tuple[slice, ...]
+
+
+def parts_of(plant: Plant, record: Record, most: int = MOST_PARTS) -> tuple[Part, ...]:
+    """The stretches that a filter goes through, in up to `most` parts of equal length, one after the other.
+
+    Of whole segments in turn where each has an unknown of its own (`Family.shared`), which its pieces would tell each
+    other, and there are several.
+    """
+    stretches = stretches_of(plant, record)
+    if unknown_states(plant):
+        starts = [segment.start for segment in record.segments]
+        of = [int(np.searchsorted(starts, s.start, side="right")) for s in stretches]
+        used = list(dict.fromkeys(of))
+        if len(used) > 1:
+            count = min(most, len(used))
+            return tuple(
+                tuple(s for s, k in zip(stretches, of, strict=True) if used.index(k) % count == part)
+                for part in range(count)
+            )
+    numbers = [block_numbers(record, stretches, most)[s] for s in _own(stretches)]
+    found: list[list[slice]] = [[] for _ in range(most)]
+    for stretch, own in zip(stretches, numbers, strict=True):
+        edges = stretch.start + np.r_[0, np.flatnonzero(np.diff(own)) + 1, own.size]
+        for a, b in pairwise(edges.tolist()):
+            found[int(own[a - stretch.start])].append(slice(a, b))
+    return tuple(tuple(part) for part in found if part)
+
+
+def block_numbers(record: Record, stretches: Sequence[slice], count: int) -> np.ndarray:
+    """For each row of the stretches, which of `count` equal times it is in, what lies between stretches left out."""
+    lengths = [record.time[s] - record.time[s.start] for s in stretches]
+    before = np.cumsum([0.0, *(float(own[-1]) * own.size / max(own.size - 1, 1) for own in lengths)])
+    at = np.concatenate([own + b for own, b in zip(lengths, before, strict=False)])
+    return np.minimum((at / before[-1] * count).astype(int), count - 1)
+
+
+def windows_of(record: Record, part: Part, seconds: float) -> Part:
+    """A part in equal windows of at most `seconds`; what is shorter than half of that only if there is nothing else."""
+    found = [w for piece in part for w in cut(record.time, piece.start, piece.stop, seconds)]
+    found = [w for w in found if w.stop - w.start >= LEAST_SAMPLES]
+    long = [w for w in found if record.time[w.stop - 1] - record.time[w.start] >= 0.5 * seconds]
+    return tuple(long or found)
+
+
+def _own(stretches: Sequence[slice]) -> list[slice]:
+    """Where the rows of each stretch are among those of all."""
+    edges = np.cumsum([0, *(s.stop - s.start for s in stretches)])
+    return [slice(int(a), int(b)) for a, b in pairwise(edges)]

@@ -1,0 +1,10 @@
+"""The evidence that a name needs."""
+
+from scipy import stats
+
+FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
+
+
+def threshold(candidates: int, parameters: int = 1) -> float:
+    """The evidence that a candidate needs to be named, with a correction for the number of candidates."""
+    return float(stats.chi2.isf(FALSE_ALARM / max(candidates, 1), parameters))

@@ -1,0 +1,101 @@
+"""Whether a choice would have been the same without parts of the record: every fitted candidate refitted without them.
+
+To second order about each fit, so that hundreds of choices cost no run of the vehicle.
+Source: stability selection by complementary halves, Shah and Samworth 2013, J. R. Stat. Soc. B 75.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from identification.diagnosis.search.acceptance import DIVERGES, LIMITED
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.ties import TIE
+from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.workbench import State, Workbench
+
+MAJORITY = 0.5  # of the halves, more than which must name something in an effect's place
+RIVAL = 0.1  # of the halves, from which on what they choose instead belongs to the tie
+
+
+@dataclass(frozen=True, eq=False)
+class Survival:
+    """What halves of a record choose in a round, the effects of the other rounds given.
+
+    frequency: share of the halves that choose the round's effect, or one tied with it.  instead: share by path of what
+    else they choose.
+    """
+
+    frequency: float
+    instead: dict[str, float]
+
+    @property
+    def holds(self) -> bool:
+        """Whether most halves see something there."""
+        return self.frequency + sum(self.instead.values()) > MAJORITY
+
+    @property
+    def rivals(self) -> tuple[str, ...]:
+        """What is chosen instead so often that the record cannot decide."""
+        return tuple(path for path, share in self.instead.items() if share >= RIVAL)
+
+
+def survival(bench: Workbench, made: Round, before: State, count: int) -> Survival:
+    """What all halves of the parts choose in a round whose trials were fitted beside a state."""
+    number = len(bench.parts)
+    halves = [np.isin(np.arange(number), part) for part in combinations(range(number), max(number // 2, 1))]
+    found, instead = 0, dict[str, float]()
+    for half in halves:
+        best = preferred(bench, made, before, count, half)
+        if best is made.chosen:
+            found += 1
+        elif best is not None:
+            path = best.candidate.paths[0]
+            instead[path] = instead.get(path, 0.0) + 1.0 / len(halves)
+    return Survival(found / len(halves), instead)
+
+
+def preferred(bench: Workbench, made: Round, before: State, count: int, counted: np.ndarray) -> Trial | None:
+    """The trial of a round that some parts, (K,) bool, would choose; None if nothing reaches their share of the bar.
+
+    It is the chosen one as long as none leads it, or what it is tied with, by the share of `TIE` that is theirs: parts
+    that tell two effects apart less well than the whole record do not contradict it.
+    """
+    tried = [t for t in made.trials if t.state is not None and t.objection not in (DIVERGES, LIMITED)]
+    if not tried:
+        return None
+    share, start = float(np.mean(counted)), bench.by_part(before).refitted(counted)[1]
+    gains = [2.0 * (bench.by_part(_state(t)).refitted(counted)[1] - start) - t.price for t in tried]
+    best = int(np.argmax(gains))
+    if gains[best] < share * threshold(count, len(tried[best].candidate.free)):
+        return None
+    own = max((g for g, t in zip(gains, tried, strict=True) if t is made.chosen or t in made.tied), default=-np.inf)
+    return made.chosen if own > -np.inf and gains[best] - own <= share * TIE else tried[best]
+
+
+def chosen_without(
+    bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int, part: int
+) -> State:
+    """The state that would have been chosen without a part: the chosen one as far as the other parts agree."""
+    counted = np.arange(len(bench.parts)) != part
+    reached = nominal
+    for made in rounds:
+        if made.chosen is None:
+            continue
+        before = made.before or reached
+        best = preferred(bench, made, before, count, counted)
+        if best is not made.chosen:
+            return before if best is None else _state(best)
+        assert best is not None
+        reached = _state(best)
+    return state
+
+
+def _state(trial: Trial) -> State:
+    assert trial.state is not None
+    return trial.state
