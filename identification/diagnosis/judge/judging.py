@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 
 import numpy as np
 
+from auv_gym.model import Diverged
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
@@ -34,7 +36,7 @@ from identification.diagnosis.search.survival import chosen_without, survival
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State
 from identification.fit.residual import residual_summary
-from identification.fit.validation import fitted_runs, free_runs, joined_runs, whiteness
+from identification.fit.validation import FreeRuns, fitted_runs, free_runs, joined_runs, whiteness
 
 
 def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progress: Progress) -> Diagnosis:
@@ -60,13 +62,17 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     progress(0.84, "scoring free runs")
     parts = range(len(log.parts))
 
-    def stage(of: State, unseen: Sequence[Plant]) -> Stage:
+    def stage(of: State, chosen: Sequence[State]) -> Stage:
+        """The stage of a state, of which others were chosen without each part."""
+        unseen = [
+            (bench.unseen(s, k), bench.unseen(nominal, k), known.given.plant) if s.paths else (known.given.plant,)
+            for k, s in enumerate(chosen)
+        ]
         return _stage(of.plant, record, log, unseen)
 
-    chosen = [chosen_without(bench, nominal, state, rounds, count, k) for k in parts]
-    after = stage(state, [bench.unseen(s, k) for k, s in enumerate(chosen)])
-    as_given = stage(known.given, [known.given.plant for _ in parts])
-    before = after if state is nominal else stage(nominal, [bench.unseen(nominal, k) for k in parts])
+    after = stage(state, [chosen_without(bench, nominal, state, rounds, count, k) for k in parts])
+    as_given = stage(known.given, [known.given for _ in parts])
+    before = after if state is nominal else stage(nominal, [nominal for _ in parts])
     rest = [] if log.slipped else candidates_of(state.plant, record)
     screening = tuple(screen(bench.problem, state.point, state.paths, rest, threshold(count)))
     sizes = bench.intervals(state)
@@ -99,8 +105,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         )
         still: object = left
         if discovery.holds:
-            term = discovery.state
-            after = stage(term, [bench.unseen(term, k) for k in parts])
+            after = stage(discovery.state, [discovery.state for _ in parts])
             still = what_is_left(bench, discovery.state, library_of(discovery.plant))
         if still:
             habitat = extras.attempt(
@@ -141,14 +146,25 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
 
 
-def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Plant]) -> Stage:
-    """The runs of a plant, and those that are scored: in each part, of a plant that has not seen it."""
-    runs = joined_runs([free_runs(p, record, own, log.settle) for p, own in zip(unseen, log.windows, strict=True)])
+def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Sequence[Plant]]) -> Stage:
+    """The runs of a plant, and those that are scored: in each part, of plants that have not seen it.
+
+    unseen: for each part in the order in which they are tried: one whose free runs diverge would have been refused.
+    """
+    runs = joined_runs([_flown(p, record, own, log.settle) for p, own in zip(unseen, log.windows, strict=True)])
     every = free_runs(plant, record, log.every_window, log.settle)
     fitted = fitted_runs(plant, record, log.every_window)
     white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
     own = replace(plant, longest_step=log.plant.longest_step)
     return Stage(own, runs, every, fitted, runs.scores(record), white)
+
+
+def _flown(plants: Sequence[Plant], record: Record, windows: Sequence[slice], settle: float) -> FreeRuns:
+    """Free runs of the first plant with which they stay finite; raises Diverged where there is none."""
+    for plant in plants[:-1]:
+        with suppress(Diverged), np.errstate(over="ignore", invalid="ignore"):
+            return free_runs(plant, record, windows, settle)
+    return free_runs(plants[-1], record, windows, settle)
 
 
 def _versions() -> dict[str, str]:

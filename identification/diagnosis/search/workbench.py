@@ -108,11 +108,8 @@ class Workbench:
         step, _ = self.by_part(state).refitted(np.arange(len(self.parts)) != part)
         own = self.problem.scaled(self.scales(state))
         vector = own.moved_vector(state.point.vector, state.paths, step)
-        return (
-            replace_at(state.plant, {p: float(vector[own.index[p]]) for p in state.paths})
-            if state.paths
-            else state.plant
-        )
+        values = {p: float(vector[own.index[p]]) for p in state.paths}
+        return replace_at(state.plant, values) if values else state.plant
 
     def intervals(self, state: State) -> dict[str, tuple[float, float, float]]:
         """Value, standard error and half width of the 95 % interval of each fitted path."""
