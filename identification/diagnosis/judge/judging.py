@@ -46,7 +46,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     """
     bench, record, asked, settle, plant = known.bench, log.record, log.asked, log.settle, known.plant
     nominal, state, left, count = searched.nominal, searched.state, searched.left, len(searched.candidates)
-    rounds, survivals = [], []
+    rounds, survivals, dropped = [], [], []
     for made in searched.rounds:
         if made.chosen is None:
             continue
@@ -54,7 +54,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         if found.holds:
             rounds.append(made)
             survivals.append(found)
-    dropped = [r.chosen for r in searched.rounds if r.chosen is not None and r not in rounds]
+        else:
+            dropped.append(made.chosen)
     if dropped:
         state = bench.without(state, [p for t in dropped for p in t.candidate.free if p in state.paths])
         state = state if rounds else nominal

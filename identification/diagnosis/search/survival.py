@@ -19,7 +19,7 @@ from identification.diagnosis.search.ties import TIE
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State, Workbench
 
-MAJORITY = 0.5  # of the halves, more than which must name something in an effect's place
+MAJORITY = 0.5  # of the halves, more than which must see something where an effect is named
 RIVAL = 0.1  # of the halves, from which on what they choose instead belongs to the tie
 
 
@@ -75,7 +75,7 @@ def preferred(bench: Workbench, made: Round, before: State, count: int, counted:
     if gains[best] < share * threshold(count, len(tried[best].candidate.free)):
         return None
     own = max((g for g, t in zip(gains, tried, strict=True) if t is made.chosen or t in made.tied), default=-np.inf)
-    return made.chosen if own > -np.inf and gains[best] - own <= share * TIE else tried[best]
+    return made.chosen if gains[best] - own <= share * TIE else tried[best]
 
 
 def chosen_without(

@@ -94,19 +94,18 @@ class Workbench:
     def by_part(self, state: State) -> ByPart:
         """What each part tells of what a state has fitted."""
         if state not in self._by_part:
-            own = self.problem.scaled(self.scales(state))
-            self._by_part[state] = told_by_part(own, state.point, state.paths, self.parts)
+            self._by_part[state] = told_by_part(self._scaled(state), state.point, state.paths, self.parts)
         return self._by_part[state]
 
-    def scales(self, state: State) -> dict[str, float]:
-        """Scales of what a state has fitted and the vehicle has none for: terms, by their size."""
+    def _scaled(self, state: State) -> PredictionErrors:
+        """The problem with scales of what a state has fitted and the vehicle has none for: terms, by their size."""
         fitted = [p for p in state.paths if p not in state.plant.coefficients and not spec_at(state.plant, p).probe]
-        return {p: abs(value_at(state.plant, p)) or 1.0 for p in fitted}
+        return self.problem.scaled({p: abs(value_at(state.plant, p)) or 1.0 for p in fitted})
 
     def unseen(self, state: State, part: int) -> Plant:
         """The vehicle of a state as its paths are without a part of the record."""
         step, _ = self.by_part(state).refitted(np.arange(len(self.parts)) != part)
-        own = self.problem.scaled(self.scales(state))
+        own = self._scaled(state)
         vector = own.moved_vector(state.point.vector, state.paths, step)
         values = {p: float(vector[own.index[p]]) for p in state.paths}
         return replace_at(state.plant, values) if values else state.plant
