@@ -69,7 +69,7 @@ def effects_on_commands(
 ) -> type:
     """A group of the effects that a kind of actuator can have; all kinds take these from here.
 
-    probes: the smallest change worth detecting of each effect that there is, 0 for what no fit may free.  unit: of the
+    probes: a small change that matters of each effect that there is, 0 for what no fit may free.  unit: of the
     command, "1" for shares of its range.  span: of the bounds, over those of an angle.  slowest: largest slowness, s
     per unit.  titles: in place of the usual ones.  more: further fields, made by `param`.  module: where pickle looks
     for the class, by its name.
@@ -102,6 +102,32 @@ FIN_PROBES = {
     "slowness": 2.0,
 }
 ActuatorEffects = effects_on_commands("ActuatorEffects", __name__, "rad", FIN_PROBES)
+
+
+@dataclass(frozen=True)
+class ClockEffects:
+    """What a log's clocks do, of every vehicle: time passes in the vehicle and is written down by something else.
+
+    rate: a second of the vehicle is 1 + rate seconds of the log.  delay: by which all readings are behind the commands,
+    in seconds of the log, as where commands are stamped when they are sent and readings when they arrive.
+    """
+
+    rate: float = param(
+        0.0,
+        "1",
+        "rate error of the log's clock",
+        bounds=(-0.5, 1.0),
+        probe=0.01,
+        apart="the start and end of the log by another clock",
+    )
+    delay: float = param(
+        0.0,
+        "s",
+        "delay of all readings behind the commands",
+        bounds=(0.0, 20.0),
+        probe=0.2,
+        apart="a step of each command by itself",
+    )
 
 
 @dataclass(frozen=True)
@@ -176,6 +202,7 @@ class GliderEffects:
     current: CurrentEffects = part(CurrentEffects)
     discovered: GliderTerms = part(GliderTerms)
     sampling: GliderSampling = part(GliderSampling)
+    clock: ClockEffects = part(ClockEffects)
 
 
 @dataclass(frozen=True)
@@ -334,6 +361,7 @@ class BodyEffects:
     dvl_ground: VelocityLog = part(VelocityLog, "DVL over ground")
     dvl_water: VelocityLog = part(VelocityLog, "DVL through the water")
     sampling: SamplingEffects = part(SamplingEffects)
+    clock: ClockEffects = part(ClockEffects)
 
 
 @dataclass(frozen=True)
@@ -438,3 +466,4 @@ class FloatEffects:
     depth: FloatDepthSensor = part(FloatDepthSensor)
     discovered: FloatTerms = part(FloatTerms)
     sampling: FloatSampling = part(FloatSampling)
+    clock: ClockEffects = part(ClockEffects)

@@ -42,9 +42,9 @@ def param(
 ) -> Any:
     """A dataclass field that holds a float parameter.
 
-    title: words for a report.  bounds: the values that make physical sense.  probe: the smallest change worth
-    detecting, also the first step of a fit; 0 for a parameter that no fit may free.  apart: of an effect, what in a log
-    would set it apart from others that look alike.
+    title: words for a report.  bounds: the values that make physical sense.  probe: a small change that matters, by
+    which a fit takes its steps; 0 for a parameter that no fit may free.  apart: of an effect, what in a log would set
+    it apart from others that look alike.
     """
     return dataclasses.field(default=default, metadata={"spec": Spec(unit, title, default, bounds, probe, apart)})
 

@@ -147,7 +147,7 @@ def test_of_many_parameters_the_neighbours_of_an_unknown_one_are_listed():
         ValueError, match=r"Known: parts\.rudder\.lift, parts\.rudder\.moment, .*parts\.rudder\.wake\.drag_slip\.$"
     ):
         value_at(plant, "parts.rudder.lifting")
-    with pytest.raises(ValueError, match=r"Known: effects\.rudder, effects\.stern_plane, .*effects\.sampling\.$"):
+    with pytest.raises(ValueError, match=r"Known: effects\.rudder, effects\.stern_plane, .*effects\.clock\.$"):
         value_at(plant, "effects.rudders.offset")
     with pytest.raises(ValueError, match=r"Known: hull\.density, hull\.gravity.*, effects\.rudder, "):
         value_at(plant, "nothing")

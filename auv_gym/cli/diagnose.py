@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -56,6 +57,7 @@ def diagnose(
     again: Annotated[
         Path | None, typer.Option(help="A diagnosis.json of the same log: repeat it, vehicle and settings included.")
     ] = None,
+    timings: Annotated[bool, typer.Option("--timings", help="Say how long each step took.")] = False,
     next_experiment: Annotated[
         bool, typer.Option("--next-experiment", help="For a tie, write the campaign that would tell its effects apart.")
     ] = False,
@@ -89,7 +91,7 @@ def diagnose(
 
         require_render()
 
-        plant = load_vehicle(vehicle)
+        plant, began = load_vehicle(vehicle), perf_counter()
         progress(0.0, "reading the log")
         record = logs.read_log(
             log, mapping, cache_dir, needs_of(plant), cut_gaps, lambda f, text: progress(0.05 * f, text)
@@ -103,6 +105,8 @@ def diagnose(
                     f"--profile serves vehicles that feel the water's density; {plant.name} does not: drop it."
                 )
             record = with_density(record, read_profiles(profile))
+
+        read = perf_counter()
 
         def told(fraction: float, text: str) -> None:
             progress(0.05 + 0.85 * fraction, text)
@@ -122,6 +126,7 @@ def diagnose(
                 progress=told,
             )
         progress(0.9, "writing the report")
+        diagnosed = perf_counter()
         extras, planned = Extras(), []
         written = write_diagnosis(diagnosis, out, extras)
         if next_experiment:
@@ -143,6 +148,9 @@ def diagnose(
         output.print(_effect_table(diagnosis))
     if planned is not None and next_experiment:
         tell(planned)
+    if timings:
+        written_in = {"writing the report": perf_counter() - diagnosed}
+        output.print(_timings_table({"reading the log": read - began} | dict(diagnosis.seconds) | written_in))
     for failure in (*diagnosis.failures, *extras.failures):
         errors.print(f"[bold yellow]Note:[/] {escape(failure.text)}", soft_wrap=True)
     for path in (*written.values(), *(plan.file for plan in planned or [])):
@@ -186,6 +194,14 @@ def _error_table(diagnosis: Diagnosis) -> Table:
     for name in diagnosis.before.scores:
         unit = channel(name).unit
         shown.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages))
+    return shown
+
+
+def _timings_table(seconds: Mapping[str, float]) -> Table:
+    shown = table("Time", "step", "s>")
+    for step, time in seconds.items():
+        shown.add_row(step, f"{time:.1f}")
+    shown.add_row("together", f"{sum(seconds.values()):.1f}")
     return shown
 
 

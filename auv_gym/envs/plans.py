@@ -100,7 +100,9 @@ def make_episodes(
         tables.append(np.asarray(values, dtype=np.float64).ravel())
         return at
 
-    longest = {p: limits[1] for p, limits in ranges.items() if p.endswith(".dead_time")}
+    longest = {
+        p: limits[1] for p, limits in ranges.items() if p.endswith((".dead_time", ".clock.delay", ".clock.rate"))
+    }
     sized = replace(replace_at(owner, longest) if longest else owner, dt=scaled.least_dt)
     state_names = sized.states
     plan["derived_size"] = owner.derived.size

@@ -167,8 +167,9 @@ class Plant:
     @cached_property
     def history(self) -> int:
         """How many samples' commands the full state keeps: as many as the longest dead time reaches back, and one."""
-        dead_times = [value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")]
-        return max((ceil(t / self.dt - 1e-9) for t in dead_times), default=0) + 1
+        clock = self.effects.clock
+        longest = max((value_at(self, p) for p in list_paths(self) if p.endswith(".dead_time")), default=0.0)
+        return max(ceil(((1.0 + clock.rate) * longest + clock.delay) / self.dt - 1e-9), 0) + 1
 
     @cached_property
     def ages(self) -> np.ndarray:

@@ -69,7 +69,9 @@ def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
 
     shaped: (n, ACTUATORS) shaped commands, of which rows first..k are known; before row `first` its value is held.
     longest_step: s; 0 moves the actuators only, to find where they stand at the start of a window.
+    Times are those of the log; a second of the vehicle takes `pace` of them.
     """
+    pace, behind = 1.0 + p.effects.clock.rate, p.effects.clock.delay
     position = x[STATES : STATES + ACTUATORS]
     sensors = x[STATES + 2 * ACTUATORS : STATES + 2 * ACTUATORS + SENSORS]
     room = records.work(work)
@@ -80,7 +82,7 @@ def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
     while t < t1:
         t_next = t1
         for j in range(ACTUATORS):
-            dead_time = physics.actuator_times(j, p)[0]
+            dead_time = pace * physics.actuator_times(j, p)[0] + behind
             if dead_time > 0.0:
                 i = k
                 while i > first and times[i] + dead_time > t:
@@ -94,16 +96,17 @@ def interval(x, inputs, shaped, times, first, k, t0, t1, longest_step, p, work):
                 _, lag, slowness = physics.actuator_times(j, p)
                 way = abs(target[j] - position[j]) * slowness
                 if lag <= 0.0 and way > _ARRIVED:
-                    t_next = min(t_next, t + way)
+                    t_next = min(t_next, t + pace * way)
         pieces = 1
         if longest_step > 0.0:
             # a fit may try coefficients that are too quick for the vehicle's step; fifty times shorter will do
             step = max(min(longest_step, physics.stable_step(z, inputs, p)), 0.02 * longest_step)
-            pieces = max(ceil((t_next - t) / step - 1e-9), 1)
+            pieces = max(ceil((t_next - t) / (pace * step) - 1e-9), 1)
         h = (t_next - t) / pieces
         if pieces > BLOCK:
             pieces = BLOCK
             t_next = t + BLOCK * h
+        h /= pace
         for j in range(ACTUATORS):
             _, lags[j], slownesses[j] = physics.actuator_times(j, p)
             decays[j] = lag_progress(lags[j], h)
@@ -166,7 +169,7 @@ def drive(times, inputs, first, shaped, positions, p, work):
     still = True
     for j in range(ACTUATORS):
         dead_time, lag, slowness = physics.actuator_times(j, p)
-        still = still and dead_time <= 0.0 and lag <= 0.0 and slowness <= 0.0
+        still = still and dead_time + p.effects.clock.delay <= 0.0 and lag <= 0.0 and slowness <= 0.0
     for k in range(times.shape[0]):
         fresh = first[k] == k
         if fresh:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from time import perf_counter
+from typing import TypeVar
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
@@ -15,6 +18,7 @@ from identification.diagnosis.search.trials import Progress
 
 MOST_EFFECTS = 3
 DOUBT = 0.1  # standard deviation of a vehicle's own coefficients, relative
+T = TypeVar("T")
 
 
 def diagnose(
@@ -39,12 +43,21 @@ def diagnose(
     seed: of what resamples blocks.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
     """
-    asked = Asked(window, settle, seed, most, doubt, trust)
+    asked, seconds = Asked(window, settle, seed, most, doubt, trust), dict[str, float]()
+
+    def timed(step: str, run: Callable[[], T]) -> T:
+        begin = perf_counter()
+        found = run()
+        seconds[step] = perf_counter() - begin
+        return found
+
     progress(0.0, "looking for slips in the log")
-    log = check_log(record, plant, asked)
+    log = timed("checking the log", lambda: check_log(record, plant, asked))
     if log.slipped and not log.firm:
         trusting = diagnose(record, plant, **vars(replace(asked, trust=True)), source=source, progress=progress)
         if not trusting.unexplained:  # effects explain it to the noise, mislabelled or not
             return replace(trusting, asked=asked)
-    known = fit_known(log, progress)
-    return judge(log, known, search_effects(log, known, progress), source, progress)
+    known = timed("fitting what is known", lambda: fit_known(log, progress))
+    searched = timed("searching effects", lambda: search_effects(log, known, progress))
+    found = timed("judging", lambda: judge(log, known, searched, source, progress))
+    return replace(found, seconds=seconds)

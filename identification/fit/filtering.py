@@ -23,6 +23,10 @@ _DAMPING = 1e-5  # of the information, so that no step goes far where the record
 _TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each time
 _DESCENTS = 3  # steps of the parameters with the same gains
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
+LEAST_PROCESS = 1e-6  # of accelerations, in their units: ten times more are there
+# of the log-likelihood, for each acceleration that is there, half the 0.1 % point of chi-square with one degree of
+# freedom: weak random pushes that last would do for any steady effect, and then hide it
+COST = 5.4
 LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
 
 
@@ -128,9 +132,10 @@ class Filter(Stretches):
             data, before = (vectors * values) @ vectors.T, root.T @ root
             told = r + data @ (before @ r)
             away = (self.starts[w][self.live][free] - starts[w][self.live][free]) / units
-            step = np.linalg.solve(data + np.eye(len(free)), told + away)
+            inverse = (vectors / (values + 1.0)) @ vectors.T  # of data + I, however much the data tell
+            step = inverse @ (told + away)
             slope = every.means[w, :solid][free] * units  # other rows tell more, so that there is less to gain
-            promised += 0.5 * float(slope @ np.linalg.solve(data + np.eye(len(free)), slope))
+            promised += 0.5 * float(slope @ inverse @ slope)
             starts[w, self.live[free]] += step * units
             half = vectors * np.minimum(_LOOSE / np.sqrt(values + 1.0), 1.0)
             roots[w][own] = (units[:, None] * half).T
@@ -265,12 +270,22 @@ class Filter(Stretches):
         return total if np.isfinite(total) else -np.inf
 
     def objective(self, point: Point, paths: Sequence[str]) -> float:
-        """The same with what is known of the paths beforehand, and of correlation times."""
+        """The same with what is known of the paths beforehand, and of accelerations and their correlation times."""
         return (
             self.total(point)
             - 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
             + self._prior(point.logs)[0]
+            - self._cost(point.logs)
         )
+
+    def _cost(self, logs: np.ndarray) -> float:
+        """What accelerations must be worth to be there, of the log-likelihood."""
+        return COST * float(self._there(logs).sum())
+
+    def _there(self, logs: np.ndarray, least: float = 10.0 * LEAST_PROCESS) -> np.ndarray:
+        """Which accelerations are more than the least, in their units, (D,)."""
+        first, pushed = len(self.channels), len(self.pushed)
+        return np.exp(logs[first : first + pushed]) > least * np.array(self.unit)
 
     def _prior(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
         """Log-density of correlation times, which a vehicle's time scales bound, and its slope."""
@@ -350,12 +365,7 @@ class Filter(Stretches):
         Starts are fitted: with what they imitate taken out of the slopes of parameters, it makes no difference how far
         the filter lets them be off.
         """
-        starts = np.repeat(point.starts[None], len(self.live), axis=0)
-        probes = 0.1 * self._probes(self.live)  # as small as the steps of parameters that may act alike
-        for j, (i, probe) in enumerate(zip(self.live, probes, strict=True)):
-            starts[j, :, i] += probe
-        vectors = np.repeat(point.vector[None], len(self.live), axis=0)
-        columns, _ = self._by_start(self._changes(point, vectors, starts, probes))
+        columns, _ = self._run_starts(point)
         size = np.linalg.norm(columns, axis=1)
         kept = size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
         if not kept.any():
@@ -363,8 +373,22 @@ class Filter(Stretches):
         left, values, _ = np.linalg.svd((columns[kept] / size[kept, None]).T, full_matrices=False)
         return left[:, values > 1e-6 * values[0]]
 
-    def _linear_starts(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-        """Columns of the starts by the linearised filter: true enough for steps, and soon made; see `_by_start`."""
+    def _run_starts(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of the starts by the vehicle itself; see `_by_start`."""
+        starts = np.repeat(point.starts[None], len(self.live), axis=0)
+        probes = 0.1 * self._probes(self.live)  # as small as the steps of parameters that may act alike
+        for j, (i, probe) in enumerate(zip(self.live, probes, strict=True)):
+            starts[j, :, i] += probe
+        vectors = np.repeat(point.vector[None], len(self.live), axis=0)
+        return self._by_start(self._changes(point, vectors, starts, probes))
+
+    def _starts_for_steps(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of the starts for steps: by the linearised filter, which is soon made, where it is true enough.
+
+        What goes on from stretch to stretch is felt long after, where the vehicle is no longer on the filter's path.
+        """
+        if self.carried.any():
+            return self._run_starts(point)
         assert point.system is not None
         own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
         times = self._numbers(point.logs)[2]
@@ -399,7 +423,7 @@ class Filter(Stretches):
         if here.system is None:
             return here
         for _ in range(iterations):
-            starts, owners = self._linear_starts(here)
+            starts, owners = self._starts_for_steps(here)
             moving = [k for k, (stretches, _) in enumerate(owners) if not self._held_first[stretches].all()]
             starts, owners, count = starts[moving], [owners[k] for k in moving], len(paths)
             if not count + len(owners):

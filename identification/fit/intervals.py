@@ -159,9 +159,11 @@ class ByPart:
         return np.array(found)
 
     def _integrated(self, counted: np.ndarray) -> float:
-        normal = self.known + self.normals[counted].sum(axis=0) + 1e-12 * np.eye(len(self.known))
-        pull = self.known_pull + self.pulls[counted].sum(axis=0)
-        return 0.5 * float(pull @ np.linalg.solve(normal, pull) - np.linalg.slogdet(normal)[1])
+        normal = self.known + self.normals[counted].sum(axis=0)
+        pull, size = self.known_pull + self.pulls[counted].sum(axis=0), np.sqrt(np.diag(normal) + 1e-12)
+        values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+        values, along = np.maximum(values, 1e-12), vectors.T @ (pull / size)
+        return 0.5 * float((along**2 / values).sum() - np.log(values).sum()) - float(np.log(size).sum())
 
 
 def told_by_part(
@@ -178,7 +180,7 @@ def told_by_part(
         normals.append(own @ own.T)
         pulls.append(own @ errors[inside].ravel())
         scores.append(float(point.scores[inside].sum()))
-    known = (np.diag(rates**2), -rates * pulled, -0.5 * float((pulled**2).sum()))
+    known = (np.diag(rates**2), -rates * pulled, problem.objective(point, paths) - problem.total(point))
     return ByPart(np.array(normals), np.array(pulls), np.array(scores), *known)
 
 

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.fit.filtering import Filter, Point
+from identification.fit.filtering import LEAST_PROCESS, Filter, Point
 from identification.fit.kalman import System, run_filter, slopes_of
 
 # of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are
 # sought among the first guesses if they would be likelier stronger
-_FIRST_GUESSES, _LEAST_PROCESS, _FAINT = 10.0 ** np.arange(-5.0, 1.5), 1e-6, 1e-3
+_FIRST_GUESSES, _FAINT = 10.0 ** np.arange(-5.0, 1.5), 1e-3
 _NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)
-_SEEN = 5.4  # half the 0.1 % point of chi-square: what an acceleration must add to the log-likelihood to be stated
 NOISE_STEPS = 6  # to better noises, after each turn of a fit
 
 
@@ -48,16 +47,16 @@ class Noises(Filter):
                 f"The runs of {self.plant.name!r} are not finite from one sample of the record to the next: check its "
                 "parameters and the units of the record."
             )
-        return self._guessed(system, tried[int(np.nanargmax(likely))], range(len(self.pushed)))
+        return tried[int(np.nanargmax(likely))]
 
     def _likelihood(self, system: System, logs: np.ndarray) -> float:
-        """The log-likelihood of noises by the linearised filter."""
-        return float(self.counted @ run_filter(system, *self._numbers(logs)).scores)
+        """The log-likelihood of noises by the linearised filter, less the cost of accelerations that are there."""
+        return float(self.counted @ run_filter(system, *self._numbers(logs)).scores) - self._cost(logs)
 
     def _without_one(self, logs: np.ndarray, d: int) -> np.ndarray:
         """The noises with one acceleration that is hardly any."""
         less = logs.copy()
-        less[len(self.channels) + d] = np.log(_LEAST_PROCESS * self.unit[d])
+        less[len(self.channels) + d] = np.log(LEAST_PROCESS * self.unit[d])
         return less
 
     def _guessed(self, system: System, logs: np.ndarray, which: Iterable[int]) -> np.ndarray:
@@ -73,14 +72,18 @@ class Noises(Filter):
                     logs, best = more, reached
         return logs
 
-    def better_noise(self, point: Point, steps: int = NOISE_STEPS) -> np.ndarray:
-        """The noises of greatest likelihood for a point's parameters, linearised about its path.
+    def better_noise(
+        self, point: Point, steps: int = NOISE_STEPS, inverse: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The noises of greatest likelihood for a point's parameters, linearised about its path, and their curvature.
 
         Sought in units of the precision that the record's length gives each, in which the information is near the unit
         matrix: quasi-Newton steps (Nocedal and Wright 2006, ch. 6), each cut to what is possible.
+        inverse: of the curvature, in these units, as a search near by left it.
         """
+        inverse = np.eye(point.logs.size) if inverse is None else inverse
         if point.system is None:
-            return point.logs
+            return point.logs, inverse
         pushed = len(self.pushed)
 
         def slope_at(logs: np.ndarray) -> tuple[float, np.ndarray]:
@@ -89,16 +92,16 @@ class Noises(Filter):
 
         low = np.log(np.maximum(self.steps_of_readings, _LEAST_NOISE * self.floors))
         bounds = [(a, np.log(f) + _NOISE_RANGE) for a, f in zip(low, self.floors, strict=True)]
-        bounds += [(np.log(_LEAST_PROCESS * u), np.log(u) + _NOISE_RANGE) for u in self.unit]
+        bounds += [(np.log(LEAST_PROCESS * u), np.log(u) + _NOISE_RANGE) for u in self.unit]
         bounds += [self.slowness[2:]] * pushed
         limits = np.array(bounds)
         periods = float(self.durations.sum()) / np.exp(self.slowness[0])
         unit = np.sqrt(np.r_[2.0 * np.maximum(self.finite.sum(axis=0), 1), np.full(2 * pushed, max(periods, 1.0))])
         logs = np.clip(point.logs, *limits.T)
-        (value, slope), inverse = slope_at(logs), np.eye(logs.size)
-        back = self._revived(point, logs, slope)
-        if back is not logs:
-            logs, (value, slope) = back, slope_at(back)
+        value, slope = slope_at(logs)
+        other = self._faded(point, self._revived(point, logs, slope), slope)
+        if other is not logs:
+            logs, (value, slope), inverse = other, slope_at(other), np.eye(logs.size)
         for _ in range(steps):
             open_ = ~(((logs <= limits[:, 0]) & (slope < 0.0)) | ((logs >= limits[:, 1]) & (slope > 0.0)))
             way = np.where(open_, inverse @ np.where(open_, slope, 0.0), 0.0)
@@ -120,7 +123,7 @@ class Noises(Filter):
             gained, logs, value, slope = reached - value, there, reached, new
             if gained < _NOISE_GAIN:
                 break
-        return logs
+        return logs, inverse
 
     def _revived(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """The noises, accelerations that are hardly there brought back where that is likelier.
@@ -132,10 +135,18 @@ class Noises(Filter):
         assert point.system is not None
         return self._guessed(point.system, logs, faint) if faint.size else logs
 
-    def _there(self, logs: np.ndarray, least: float = 10.0 * _LEAST_PROCESS) -> np.ndarray:
-        """Which accelerations are more than the least, in their units, (D,)."""
+    def _faded(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
+        """The noises without those accelerations that would be likelier weaker, and likelier still not there at all."""
+        assert point.system is not None
         first, pushed = len(self.channels), len(self.pushed)
-        return np.exp(logs[first : first + pushed]) > least * np.array(self.unit)
+        fading = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < 0.0))
+        best = self._likelihood(point.system, logs) if fading.size else 0.0
+        for d in fading:
+            less = self._without_one(logs, int(d))
+            reached = self._likelihood(point.system, less)
+            if reached > best:
+                logs, best = less, reached
+        return logs
 
     def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
         """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,)."""
@@ -168,14 +179,16 @@ class Noises(Filter):
         if point.system is not None:
             whole = self._likelihood(point.system, point.logs)
             for d, name in enumerate(self.pushed):
-                if whole - self._likelihood(point.system, self._without_one(point.logs, d)) > _SEEN:
+                if self._there(point.logs)[d] and whole > self._likelihood(
+                    point.system, self._without_one(point.logs, d)
+                ):
                     stated[name] = (float(deviations[d]), float(times[d]))
         return Noise(dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True)), stated)
 
     def logs_of(self, noise: Noise) -> np.ndarray:
         """The logarithms of given noises."""
         process = [
-            noise.process.get(n, (_LEAST_PROCESS * u, np.exp(self.slowness[0])))
+            noise.process.get(n, (LEAST_PROCESS * u, np.exp(self.slowness[0])))
             for n, u in zip(self.pushed, self.unit, strict=True)
         ]
         values = [noise.measurement[n] for n in self.channels] + [p[0] for p in process] + [p[1] for p in process]

@@ -18,6 +18,7 @@ from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.noises import NOISE_STEPS, Noise, Noises
 
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
+_BEYOND = 1.0  # of the log-likelihood, for each row, that a better path will not bring
 _HALVINGS = 6
 _FIRST_NOISE_STEPS = 40  # to better noises, at first
 
@@ -42,11 +43,13 @@ class PredictionErrors(Noises):
         In turns: parameters with the filter's gains held, gains made anew, noises.  It ends where a turn raises the
         log-likelihood by less than `gain`.
         """
-        here = self.point(plant.vector, self.first_noise() if near is None else near.logs, near)
+        here, known = self.point(plant.vector, self.first_noise() if near is None else near.logs, near), None
         if noise:
-            here = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
+            here, known = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
         if noise and paths and self.pushed:
-            here = max(here, self._quieter(here, paths), key=lambda p: self.objective(p, paths))
+            there = self._quieter(here, paths)
+            if self.objective(there, paths) > self.objective(here, paths):
+                here, known = there, None
         for _ in range(iterations):
             before = self.objective(here, paths)
             there = self.descended(here, paths)
@@ -58,39 +61,37 @@ class PredictionErrors(Noises):
             else:
                 fresh = here
             if noise:
-                fresh = self._renewed(fresh, paths, NOISE_STEPS)
+                fresh, known = self._renewed(fresh, paths, NOISE_STEPS, known)
             gained = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
             if not gained > gain:
                 there = self._weaker(here, paths) if noise else here
                 if not self.objective(there, paths) > self.objective(here, paths) + gain:
                     break
-                here = there
+                here, known = there, None
         return here
 
     def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
-        """The likelier of what is reached from weaker accelerations: without some, or from much weaker ones."""
+        """The likelier of what is reached from weaker accelerations: without any, or from much weaker ones."""
         there = self._stilled(here, paths)
         if there is here and paths and self.pushed:
             there = self._quieter(here, paths)
         return there
 
     def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
-        """The point without those accelerations whose absence is likelier: a search in logarithms comes there late.
+        """The point without any accelerations, if that is likelier as the vehicle itself tells.
 
-        Without each as the linearised filter tells, and without any as the vehicle itself does.
+        The linearised filter, which the search of noises goes by, is far from it where these have carried it away.
         """
-        if here.system is None:
+        if here.system is None or not self.pushed:
             return here
-        logs, best, none = here.logs, self._likelihood(here.system, here.logs), here.logs
+        none = here.logs
         for d in range(len(self.pushed)):
-            less, none = self._without_one(logs, d), self._without_one(none, d)
-            reached = self._likelihood(here.system, less)
-            if reached > best:
-                logs, best = less, reached
-        tried = {tuple(t): t for t in (logs, none) if not np.array_equal(t, here.logs)}
-        points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
-        return max(points, key=lambda p: self.objective(p, paths))
+            none = self._without_one(none, d)
+        lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
+        if np.array_equal(none, here.logs) or lost > _BEYOND * len(self.rows):
+            return here
+        return max(here, self.point(here.vector, none, here), key=lambda p: self.objective(p, paths))
 
     def quieted(self, here: Point) -> Point:
         """The same parameters, what pushes the vehicle taken for much weaker."""
@@ -100,8 +101,11 @@ class PredictionErrors(Noises):
         return self.point(here.vector, logs, here)
 
     def renewed(self, point: Point, logs: np.ndarray, paths: Sequence[str]) -> Point:
-        """The parameters of a point with the noises that suit them best, sought from some that may."""
-        return self._renewed(self.point(point.vector, logs, point), paths, NOISE_STEPS)
+        """The parameters of a point with the noises that suit them best, sought from some that may, or its own."""
+        there = self._renewed(self.point(point.vector, logs, point), paths, NOISE_STEPS)[0]
+        if self.objective(point, paths) > self.objective(there, paths):
+            there = self._renewed(point, paths, NOISE_STEPS)[0]
+        return there
 
     def _quieter(self, here: Point, paths: Sequence[str]) -> Point:
         """The point that is reached if what pushes the vehicle is taken for much weaker at first.
@@ -113,13 +117,15 @@ class PredictionErrors(Noises):
             return here
         return self.renewed(there, here.logs, paths)
 
-    def _renewed(self, here: Point, paths: Sequence[str], steps: int) -> Point:
-        """The point with better noises, or itself."""
-        logs = self.better_noise(here, steps)
+    def _renewed(
+        self, here: Point, paths: Sequence[str], steps: int, known: np.ndarray | None = None
+    ) -> tuple[Point, np.ndarray]:
+        """The point with better noises, or itself, and their curvature; known: that of a point near by."""
+        logs, known = self.better_noise(here, steps, known)
         if np.array_equal(logs, here.logs):
-            return here
+            return here, known
         there = self.point(here.vector, logs, here)
-        return there if self.objective(there, paths) > self.objective(here, paths) else here
+        return (there if self.objective(there, paths) > self.objective(here, paths) else here), known
 
     def standard_errors(self, plant: Plant, paths: Sequence[str], noise: Noise) -> dict[str, float]:
         """Standard error of each path, in its unit, all of them fitted, these noises known; infinite if untold."""

@@ -136,13 +136,23 @@ class Stretches(Parameters):
         drop = self._size + np.flatnonzero(~kept)
         self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
         self._balance_kicks(np.delete(path, drop, axis=1))
-        self.unit = spread[self._pushed] / _SLOW  # of accelerations
+        self.unit = self._units(spread)
         floors = noise_floors(self.measured, self.stretch_of_row, self.finite)
         steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
         step = float(np.median(self.durations))
         centre, deviation = np.log(max(_USUAL_TIME[0], 3.0 * step)), _USUAL_TIME[1]
         self.slowness = (centre, deviation, np.log(0.5 * step), centre + 2.0 * deviation)  # slower ones are effects
+
+    def _units(self, spread: np.ndarray) -> np.ndarray:
+        """What accelerations are counted in: as change what they push in `_SLOW`; of drifts, the speed of a place."""
+        units = spread[self._pushed] / _SLOW
+        within = np.diff(self.stretch_of_row) == 0
+        for d, (name, i) in enumerate(zip(self.pushed, self._pushed, strict=True)):
+            if not name.endswith(("mps", "radps")):
+                speed = np.diff(self.first_path[:, i])[within] / self.durations[:-1][within]
+                units[d] = max(float(np.median(np.abs(speed))), 1e-9) if speed.size else units[d]
+        return units
 
     def _push_what_lasts(self, lasting: set[int]) -> None:
         """Put a place in the place of a velocity of which nothing is left after a sample, as in quasi-steady motion."""
@@ -162,7 +172,9 @@ class Stretches(Parameters):
         fine = np.isfinite(values)
         if fine.sum() < 3:
             return None
-        filled = np.interp(time, time[fine], values[fine])
+        step = np.diff(time, prepend=time[0] - 1.0)
+        elapsed = np.cumsum(np.where(step > 0.0, step, 1.0))  # each dive of a log may count its time from zero
+        filled = np.interp(elapsed, elapsed[fine], values[fine])
         if of is not None:
             return filled
         rate = np.zeros(len(filled))

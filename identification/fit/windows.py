@@ -50,7 +50,7 @@ def stretches_of(plant: Plant, record: Record) -> list[slice]:
         return _under(record, family.afloat, begin)
     found = []
     for segment, first in zip(record.segments, begin, strict=True):
-        settled = int(np.searchsorted(time, time[segment.start] + plant.settle))
+        settled = segment.start + int(np.searchsorted(time[segment], time[segment.start] + plant.settle))
         enough = time[segment.stop - 1] - time[segment.start] >= LEAST_LEFT * 2 * plant.settle
         found.append(slice(max(first, settled) if enough else first, segment.stop))
     return [s for s in found if s.stop - s.start >= LEAST_SAMPLES]
@@ -80,7 +80,8 @@ def _commanded(plant: Plant, inputs: np.ndarray, time: np.ndarray) -> int:
                     at[side, j] = shaped[side, j]
         apart = np.maximum(np.abs(at[1] - at[0]), np.abs(shaped[1] - shaped[0]))
         if np.all(apart <= UNTOLD * travel_of):
-            return int(np.searchsorted(time, time[k] + max(dead_times)))
+            clock = p.effects.clock
+            return int(np.searchsorted(time, time[k] + (1.0 + clock.rate) * max(dead_times) + clock.delay))
         if k + 1 < len(time):
             for side in (0, 1):
                 for j in range(count):

@@ -11,10 +11,10 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import TOGETHER, Candidate, candidates_of, screen
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.windows import free_run_windows, held_out
 from scripts.blind.kinds import effects_of, kind_of, known, log_of, outside_log
 from scripts.blind.logs import Conditions
 from scripts.blind.outside import SIZES, VISIBLE, excess
@@ -134,7 +134,7 @@ def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
         periods = {PERIOD_OF[p]: float(np.exp(rng.uniform(*np.log(PERIODS)))) for p in names if p in PERIOD_OF}
         shared = replace_at(plant, periods)
         clean = log_of(plant, case.conditions, seed)
-        detectable = detectable_sizes(shared, clean, names, case.window)
+        detectable = detectable_sizes(shared, clean, names)
         for path in names:
             value = _value(plant, path, detectable[path], rng)
             if value is None:
@@ -160,13 +160,12 @@ def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
     return None
 
 
-def detectable_sizes(plant: Plant, clean: Record, paths: list[str], window: float | None = None) -> dict[str, float]:
-    """Size by path that every other window of a clean log would show, the plant's coefficients and the others fitted.
+def detectable_sizes(plant: Plant, clean: Record, paths: list[str]) -> dict[str, float]:
+    """Size by path that a clean log would show, the plant's coefficients and the others fitted.
 
     Infinite where none would; in the parameter's unit.
     """
-    counted, others = held_out(plant, clean, free_run_windows(plant, clean, window or plant.window))
-    problem = PredictionErrors(plant, clean, [*counted, *others], counted=counted)
+    problem = PredictionErrors(plant, clean, [piece for part in parts_of(plant, clean) for piece in part])
     point = problem.solve(plant, plant.family.coefficients)
     bar = threshold(len(candidates_of(plant, clean)))
     sizes = {}

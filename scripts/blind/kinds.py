@@ -40,7 +40,9 @@ class Kind:
     hidden: Mapping[str, str] = field(default_factory=dict)
 
 
+_ONE_COMMAND = "with one command, its dead time does the same"
 _HIDDEN_IN_A_LAKE = {
+    "effects.clock.delay": _ONE_COMMAND,
     "effects.depth.bias": _NO_SURFACE,
     "effects.oil.pump_gain": _NO_OIL,
     "effects.oil.valve_gain": _NO_OIL,
@@ -49,6 +51,8 @@ _HIDDEN_IN_A_LAKE = {
     "effects.volume.expansion_lag": _NO_GROWTH,
 }
 _HIDDEN_AT_SEA = {
+    "effects.clock.delay": "what is logged of the oil is no command",
+    "effects.clock.rate": "without inertia it acts as the drag coefficients do, which are refitted",
     **{f"effects.piston.{name}": _NO_PISTON for name in ("gain", "backlash", "dead_time", "lag", "slowness")},
     "effects.piston.offset": f"{_NO_PISTON}, and {_OWN_VOLUME}",
     "effects.volume.offset": _OWN_VOLUME,
@@ -62,7 +66,14 @@ _HIDDEN_AT_SEA = {
     "effects.depth.lag": "in a steady dive the initial depth does the same; three probes are about the noise",
 }
 _KINDS = (
-    Kind("glider", glider_log, glider_outside, ("drag", "current", "fin", "clock"), 60.0),
+    Kind(
+        "glider",
+        glider_log,
+        glider_outside,
+        ("drag", "current", "fin", "clock"),
+        60.0,
+        hidden={"effects.clock.delay": _ONE_COMMAND},
+    ),
     Kind(
         "float_piston",
         lake_log,

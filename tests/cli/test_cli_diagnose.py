@@ -1,6 +1,7 @@
 """The command `auv-gym diagnose`: its files, and what it says to bad input."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -42,8 +43,10 @@ def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
     degrees = {"time_s": columns["time_s"], "heading_deg": np.rad2deg(columns["heading_rad"]) % 360.0}
     degrees["rudder_deg"] = np.rad2deg(columns["rudder_rad"])
     out = tmp_path / "out"
-    assert run(write_csv(tmp_path / "mission.csv", degrees), out, "--seed", "5") == 0
+    assert run(write_csv(tmp_path / "mission.csv", degrees), out, "--seed", "5", "--timings") == 0
     said = " ".join(capsys.readouterr().out.split())
+    for step in ("reading the log", "checking the log", "fitting what is known", "searching effects", "judging"):
+        assert re.search(rf"{step} \d+\.\d", said)
     assert "The vehicle lacks rudder deadband (half width)" in said
     content = json.loads((out / "diagnosis.json").read_text())
     assert content["verdict"] == "named"

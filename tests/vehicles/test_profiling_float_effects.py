@@ -278,6 +278,8 @@ DIRECTIONS = {
     "depth.bias": DEEPER,
     "depth.scale": DEEPER,
     "depth.lag": DEEPER,
+    "clock.rate": DEEPER,
+    "clock.delay": DEEPER,
 }
 # what a companion needs to be seen
 NEEDED = {"volume.expansion_lag": {"volume.expansion": 1e-6}, "water.heave_period": {"water.heave_sin": 0.02}}

@@ -9,6 +9,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
+from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round
@@ -24,9 +25,12 @@ BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it
 
 
 def effects_of(
-    bench: Workbench, state: State, rounds: Sequence[Round], sizes, survivals: Sequence[Survival]
+    bench: Workbench, state: State, rounds: Sequence[Round], sizes, survivals: Sequence[Survival], count: int
 ) -> tuple[list[Effect], list[tuple[str, ...]]]:
-    """The named effects with their intervals, and the groups that the record cannot tell apart."""
+    """The named effects with their intervals, and the groups that the record cannot tell apart.
+
+    count: of all candidates.
+    """
     effects, groups = [], []
     for r, survived in zip(rounds, survivals, strict=True):
         assert r.chosen is not None
@@ -35,6 +39,7 @@ def effects_of(
         others = tuple(dict.fromkeys([*(p for t in r.tied for p in t.candidate.paths), *rivals]))
         if others:
             groups.append((*own, *others))
+        bar = threshold(count + r.chosen.screening.tried - 1, len(r.chosen.candidate.free))
         period = r.chosen.candidate.period
         with_period = f" with a period of {value_at(state.plant, period):.3g} s" if period else ""
         for path in own:
@@ -46,7 +51,9 @@ def effects_of(
                     value=sizes[path][0],
                     neutral=spec.neutral,
                     unit=spec.unit,
-                    ci95=bench.interval(state, path),
+                    ci95=selected_interval(
+                        sizes[path][0], spec.neutral, bench.interval(state, path), r.evidence[0], bar
+                    ),
                     evidence_train=r.evidence[0],
                     evidence_held=r.evidence[1],
                     tied_with=others,
@@ -92,11 +99,7 @@ def coefficient_of(
 def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
     """Wrong coefficients as which an effect acts, each with that effect."""
     wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
-    return [
-        (effect, path)
-        for effect, path in plant.family.twins.items()
-        if path in wrong and abs(wrong[path].value / wrong[path].given - 1.0) > spec_at(plant, effect).probe
-    ]
+    return [(effect, path) for effect, path in plant.family.twins.items() if path in wrong]
 
 
 def twin_effects(groups, effects, found, bench: Workbench, state: State, count: int) -> list[Effect]:
@@ -113,7 +116,7 @@ def twin_effects(groups, effects, found, bench: Workbench, state: State, count: 
         spec = spec_at(bench.plant, path)
         shift = spec.neutral - 1.0  # gains are neutral at one, errors at zero
         value, (low, high) = shift + c.value / c.given, sorted(shift + v / c.given for v in c.ci95)
-        size = Size(abs(value - spec.neutral), spec.probe, at_limit(value, spec.bounds, spec.neutral))
+        size = Size(abs(value - spec.neutral), at_limit(value, spec.bounds, spec.neutral))
         put_back = replace_at(state.plant, c.path, c.given)
         before = bench.fit(put_back, [p for p in state.paths if p != c.path], state)
         passed = weighed(bench, before, state, [size], lambda half=(high - low) / 2.0: [half], threshold(count))

@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from auv_gym.model import Diverged
+from auv_gym.param import replace_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
@@ -82,7 +83,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         for p in known.coefficients
         if p in sizes
     )
-    effects, tied = effects_of(bench, state, rounds, sizes, survivals)
+    effects, tied = effects_of(bench, state, rounds, sizes, survivals, count)
+    effects = [replace(e, changes=_changes(e.path, e.neutral, after, record, log)) for e in effects]
     many = many_windows(log.every_window, log.steady)
     explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
     wrong = any(c.wrong for c in found)
@@ -158,6 +160,17 @@ def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Seque
     white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
     own = replace(plant, longest_step=log.plant.longest_step)
     return Stage(own, runs, every, fitted, runs.scores(record), white)
+
+
+def _changes(path: str, neutral: float, after: Stage, record: Record, log: CheckedLog) -> dict[str, float]:
+    """By how much free runs of a stage change, RMS by channel, where a parameter is put back to neutral."""
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):
+            without = free_runs(replace_at(after.plant, path, neutral), record, log.every_window, log.settle)
+    except Diverged:
+        return dict.fromkeys(after.every.channels, np.inf)
+    change = (without.model - after.every.model)[after.every.scored]
+    return dict(zip(after.every.channels, np.sqrt((change**2).mean(axis=0)).tolist(), strict=True))
 
 
 def _flown(plants: Sequence[Plant], record: Record, windows: Sequence[slice], settle: float) -> FreeRuns:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
@@ -25,6 +26,7 @@ from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
 
+SLIGHT = 1.0  # of a sensor's noise: an effect that changes free runs by less in every channel is said to change little
 WELL_CHOSEN = 0.8  # share of the halves of a log; an effect that fewer of them choose is said to be so
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
@@ -47,6 +49,7 @@ class Effect:
     """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it.
 
     frequency: share of the halves of the record that name it, or what it is tied with.
+    changes: by channel, in its unit, by how much free runs over the record's windows change without it, RMS.
     coefficient: what it is reported as, where it does nothing but change that one.
     """
 
@@ -60,7 +63,13 @@ class Effect:
     evidence_held: float
     tied_with: tuple[str, ...] = ()
     frequency: float = 1.0
+    changes: Mapping[str, float] = field(default_factory=dict)
     coefficient: AsCoefficient | None = None
+
+    @property
+    def name(self) -> str:
+        """What the matter is called."""
+        return self.title if self.coefficient is None else f"another {self.coefficient.title}"
 
     @property
     def told(self) -> str:
@@ -128,7 +137,7 @@ class Diagnosis:
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     noise: of the sensors and of the motion, as the filter found it.  coloured: channels whose one-step errors are not
     white even so.  loops: the closed loop with each of the vehicles.
-    failures: parts that could not be made.
+    failures: parts that could not be made.  seconds: that each step took.
     """
 
     verdict: Verdict
@@ -161,6 +170,7 @@ class Diagnosis:
     failures: tuple[Failure, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def plants(self) -> dict[str, Plant]:
@@ -171,6 +181,10 @@ class Diagnosis:
     def changed(self) -> bool:
         """Whether anything was added to the vehicle: named effects, or a term found in the data."""
         return bool(self.effects) or (self.discovery is not None and self.discovery.holds)
+
+    def noise_of(self, name: str) -> float:
+        """The standard deviation of a sensor's noise as the filter found it; infinite where it is not known."""
+        return self.noise.measurement.get(name, np.inf) if self.noise is not None else np.inf
 
     @property
     def unexplained(self) -> bool:
@@ -202,6 +216,7 @@ class Diagnosis:
             _sentence(self),
             _halves_sentence(self),
             _dropped_sentence(self),
+            _slight_sentence(self),
             _rest_sentence(self),
             _error_sentence(self),
             noise_sentence(self),
@@ -241,8 +256,7 @@ def _halves_sentence(d: Diagnosis) -> str:
     rare: dict[str, list[str]] = {}
     for e in d.effects:
         if e.frequency < WELL_CHOSEN:
-            title = e.title if e.coefficient is None else f"another {e.coefficient.title}"
-            rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(title)
+            rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(e.name)
     return " ".join(f"Only {share} of the halves of the log choose {_listed(t)}." for share, t in rare.items())
 
 
@@ -252,6 +266,21 @@ def _dropped_sentence(d: Diagnosis) -> str:
         return ""
     it = "it" if len(d.dropped) == 1 else "them"
     return f"The search also found {_listed(d.dropped_titles)}, but most halves of the log do not choose {it}."
+
+
+def _slight_sentence(d: Diagnosis) -> str:
+    """What is said of effects that are plainly there and practically nothing."""
+    told = []
+    for e in d.effects:
+        most = max(((size / d.noise_of(name), name) for name, size in e.changes.items()), default=(np.inf, ""))
+        if most[0] < SLIGHT:
+            name = most[1]
+            size, noise = quantity(e.changes[name], channel(name).unit), quantity(d.noise_of(name), channel(name).unit)
+            told.append(
+                f"{e.name[:1].upper()}{e.name[1:]} is seen, but changes little: free runs {d.reach} by {size} in "
+                f"{channel(name).label}, where the sensor's noise is {noise}, and less than that elsewhere."
+            )
+    return " ".join(told)
 
 
 def _limit_sentence(d: Diagnosis) -> str:
@@ -284,7 +313,9 @@ def _error_sentence(d: Diagnosis) -> str:
         if d.changed:
             parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:
-            parts.append(f"{label} {quantity(before.rmse, unit)}")
+            beyond = float(np.sqrt(max(before.rmse**2 - d.noise_of(name) ** 2, 0.0)))
+            told = f" ({quantity(beyond, unit)} beyond the sensor's noise)" if np.isfinite(beyond) else ""
+            parts.append(f"{label} {quantity(before.rmse, unit)}{told}")
     return f"Root mean square error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
 
 

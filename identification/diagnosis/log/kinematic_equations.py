@@ -18,6 +18,7 @@ GROUND, WATER = ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"), ("u_mps", "v_mps", "w_m
 SPAN = 1.0  # s, over which a measured angle or depth is differenced: short against lags, long against noise
 _POSITION = ("north_m", "east_m", "depth_m")
 _CURRENT = tuple(f"effects.current.{name}" for name in ("north", "east", "down"))
+_CLOCK = "effects.clock.rate"
 _SHEAR = ("effects.current.shear_north", "effects.current.shear_east")  # stated from the surface
 
 
@@ -109,7 +110,7 @@ def _attitude(m: Motion) -> list[Equation]:
         angle = m.at(f"{name}_rad")
         expected = m.integral(rate)
         columns = {f"effects.gyros.bias_{axis}": m.integral(b) for axis, b in zip("pqr", biases, strict=True)}
-        columns["effects.gyros.scale"] = -expected
+        columns["effects.gyros.scale"] = columns[_CLOCK] = -expected
         columns["effects.gyros.lag"] = np.r_[rate[:1], 0.5 * (rate[1:] + rate[:-1]), rate[-1:]]
         if m.has("p_radps", "q_radps"):
             columns["effects.gyros.misalignment"] = m.integral(turned)
@@ -161,7 +162,7 @@ def _track(m: Motion, names: Sequence[str], sensor: str) -> list[Equation]:
         if not m.has(name) or (name == "depth_m" and not m.has("pitch_rad")):
             continue
         expected = m.integral(velocity[k])
-        columns = {path: m.integral(rate[k]) for path, rate in rates.items()}
+        columns = {path: m.integral(rate[k]) for path, rate in rates.items()} | {_CLOCK: -expected}
         if name == "depth_m":
             columns["effects.depth.scale"] = expected
             columns["effects.depth.lag"] = -m.slope(m.at(name))

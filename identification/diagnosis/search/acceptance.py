@@ -18,8 +18,8 @@ INSIGNIFICANT = "not significant"
 UNREPEATED = "does not hold from one part of the log to the others"
 DIVERGES = "free runs diverge with it"
 LIMITED = "only helps at the limit of what is physical"
-SMALL = "smaller than its probe"  # no name of its own, but it may be what a tie is with
 UNSURE = "its size is too uncertain"
+GONE = "does nothing beside the others"
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,9 @@ TERM = Rule(6.6, 0.1)  # the 0.5 % point: terms are many, and none was expected
 
 @dataclass(frozen=True)
 class Size:
-    """How far a parameter is from neutral, the smallest distance worth naming, and whether it is at a bound."""
+    """How far a parameter is from neutral, and whether it is at a bound."""
 
     moved: float
-    probe: float
     limited: bool
 
 
@@ -84,8 +83,6 @@ def objection(claim: Claim, rule: Rule = EFFECT) -> str:
         return UNREPEATED
     if any(size.limited for size in claim.sizes):
         return LIMITED
-    if all(size.moved < size.probe for size in claim.sizes):
-        return SMALL
     if all(size.moved < SURE / 1.96 * half for size, half in zip(claim.sizes, claim.reach(), strict=True)):
         return UNSURE
     if not claim.flies():
@@ -110,9 +107,9 @@ def weighed(
 
 
 def effect_size(plant: Plant, path: str) -> Size:
-    """The size that a plant has at a path."""
+    """The size that a plant has at a path: what is sure is named however small it is, see `Effect.changes`."""
     spec, value = spec_at(plant, path), value_at(plant, path)
-    return Size(abs(value - spec.neutral), spec.probe, at_limit(value, spec.bounds, spec.neutral))
+    return Size(abs(value - spec.neutral), at_limit(value, spec.bounds, spec.neutral))
 
 
 def at_limit(value: float, bounds: tuple[float, float], neutral: float) -> bool:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
 from identification.diagnosis.log.kinematics import Mismatch
-from identification.diagnosis.search.acceptance import SMALL, Weighed
+from identification.diagnosis.search.acceptance import GONE, Weighed
 from identification.diagnosis.search.candidates import SEEN, Candidate
 from identification.diagnosis.search.ties import ALIKE, Likeness, cheaper_rival, least_cost_trial, likenesses, tied
-from identification.diagnosis.search.trials import Progress, Trial, gate, judged, trials_of
+from identification.diagnosis.search.trials import Progress, Trial, gate, judged, side_by_side, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 
 PLAIN = 100.0  # evidence by kinematics alone from which on a sensor's error is settled before forces are sought
+HOPELESS = 60.0  # evidence by which an effect is behind another one, at that one's noises, that theirs will not bring
 LEADERS = 3  # that a round may have one after the other
 
 
@@ -96,7 +98,7 @@ def selected(
         chosen = best
         others = [t for t in trials if t.candidate is not chosen.candidate]
         alike = likenesses(bench, chosen, others)
-        others = [_beside(bench, state, chosen, t, alike[t.candidate], count) for t in others]
+        others = side_by_side(partial(_beside, bench, state, chosen, alike, count), others)
         best = cheaper_rival(bench, chosen, [t for t in others if not t.objection and t not in accepted])
         trials = [chosen, *others]
         if best is chosen:
@@ -122,15 +124,21 @@ def _angles(alike: dict[Candidate, list[Likeness]]) -> dict[Candidate, float]:
 
 
 def _beside(
-    bench: Workbench, state: State, chosen: Trial, trial: Trial, alike: Sequence[Likeness], count: int
+    bench: Workbench,
+    state: State,
+    chosen: Trial,
+    alike: Mapping[Candidate, Sequence[Likeness]],
+    count: int,
+    trial: Trial,
 ) -> Trial:
     """A trial that is behind the chosen one, fitted again from the chosen solution if it acts alike; else as it is.
 
     Two effects with one signature explain a record equally well, and a fit of one of them that stopped early, or a
     screening that saw no trace of it where the other was missing, must not hide that.
     """
-    ways = [way for way in alike if way.cosine >= ALIKE]
-    if not ways or trial.screening.seen < SEEN or tied(bench, chosen, trial, alike):
+    own_alike = alike[trial.candidate]
+    ways = [way for way in own_alike if way.cosine >= ALIKE]
+    if not ways or trial.screening.seen < SEEN or tied(bench, chosen, trial, own_alike):
         return trial
     assert chosen.state is not None
     own, others = chosen.candidate.paths, trial.candidate.paths
@@ -143,8 +151,10 @@ def _beside(
         plant, paths = replace_at(chosen.state.plant, bounded), (*state.paths, *trial.candidate.free)
         point = bench.problem.point(plant.vector, chosen.state.point.logs, chosen.state.point)
         if np.isfinite(point.scores).all():
-            near = State(plant, paths, point)
-            found.append(judged(bench, state, trial.candidate, trial.screening, near, count))
+            point = bench.problem.descended(point, paths)
+            near = State(bench.problem.plant_at(point, paths), paths, point)
+            if bench.gain(near, chosen.state) < HOPELESS:
+                found.append(judged(bench, state, trial.candidate, trial.screening, near, count))
     return max(found, key=lambda t: (not t.objection, t.total))
 
 
@@ -173,21 +183,18 @@ def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count
         return Weighed(0.0, 0.0, ""), state
     own = [p for p in made.chosen.candidate.free if p in state.paths]
     if not own:
-        return Weighed(0.0, 0.0, SMALL), state
+        return Weighed(0.0, 0.0, GONE), state
     alone = set(state.paths) - set(own) == set(nominal.paths)
     without = nominal if alone else bench.without(state, own)
     return gate(bench, without, state, [(made.chosen.candidate, made.chosen.screening)], count), without
 
 
 def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:
-    """The state with components of a pair dropped whose size is within two standard errors and less than a probe."""
+    """The state with components of a pair dropped whose size is within two standard errors of neutral."""
     pairs = [paths for paths in groups if len(paths) > 1]
     sizes = bench.intervals(state) if pairs else {}
     idle = [
-        p
-        for paths in pairs
-        for p in paths
-        if abs(sizes[p][0] - spec_at(state.plant, p).neutral) < max(2.0 * sizes[p][1], spec_at(state.plant, p).probe)
+        p for paths in pairs for p in paths if abs(sizes[p][0] - spec_at(state.plant, p).neutral) < 2.0 * sizes[p][1]
     ]
     if not idle:
         return state

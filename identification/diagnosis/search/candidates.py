@@ -22,6 +22,7 @@ TOGETHER = (
 )
 # A period that means nothing while the amplitudes are zero is searched for, then fitted with them.
 PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
+COMMON_DELAY = "effects.clock.delay"
 MOST_PERIODS = 64
 SEEN = 1e-4  # share of a signature that must remain beside the coefficients' and the initial states' signatures
 GONE = 1e-5  # share of a signature below which nothing is left beside the initial states
@@ -76,6 +77,7 @@ def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]
         and spec_at(plant, path).probe > 0.0
         and value_at(plant, path) == spec_at(plant, path).neutral
         and not (record is not None and record.has(plant.family.measured.get(path, "time_s")))
+        and not (path == COMMON_DELAY and record is not None and _moved(plant, record) < 2)
     ]
     found, used = [], set()
     for path in free:
@@ -87,6 +89,11 @@ def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]
         if paths[0] not in PERIODS.values():
             found.append(Candidate(title, paths, PERIODS.get(paths[0], "")))
     return found
+
+
+def _moved(plant: Plant, record: Record) -> int:
+    """How many actuators the commands of a record move: the delay of one alone is its dead time."""
+    return sum(record.has(name) and bool(np.ptp(record[name]) > 0.0) for name in plant.family.actuators)
 
 
 def periods_of(record: Record) -> np.ndarray:
@@ -191,7 +198,7 @@ class _Regression:
         estimate = np.linalg.lstsq(gram, own @ self.left, rcond=1e-10)[0]
         deviations = np.sqrt(np.diag(np.linalg.pinv(gram, hermitian=True)))
         units = np.array([self.problem.scale(p) for p in candidate.paths])
-        sizes = np.maximum(np.sqrt(self.threshold), 1.0 / deviations) * deviations * units + 1.645 * deviations * units
+        sizes = (np.sqrt(self.threshold) + 1.645) * deviations * units
         return Screening(candidate, estimate, float(estimate @ (own @ self.left)), seen, sizes)
 
     def _imitation(self, signature: np.ndarray, power: float) -> str:

@@ -20,6 +20,7 @@ from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State, Workbench
 
 MAJORITY = 0.5  # of the halves, more than which must see something where an effect is named
+SEEN_BY_HALF = 0.5  # of its share of the bar, that a half must see: half of what just passes is seen as often as not
 RIVAL = 0.1  # of the halves, from which on what they choose instead belongs to the tie
 
 
@@ -61,7 +62,7 @@ def survival(bench: Workbench, made: Round, before: State, count: int) -> Surviv
 
 
 def preferred(bench: Workbench, made: Round, before: State, count: int, counted: np.ndarray) -> Trial | None:
-    """The trial of a round that some parts, (K,) bool, would choose; None if nothing reaches their share of the bar.
+    """The trial of a round that some parts, (K,) bool, would choose; None if nothing is seen by them.
 
     It is the chosen one as long as none leads it, or what it is tied with, by the share of `TIE` that is theirs: parts
     that tell two effects apart less well than the whole record do not contradict it.
@@ -72,7 +73,7 @@ def preferred(bench: Workbench, made: Round, before: State, count: int, counted:
     share, start = float(np.mean(counted)), bench.by_part(before).refitted(counted)[1]
     gains = [2.0 * (bench.by_part(_state(t)).refitted(counted)[1] - start) - t.price for t in tried]
     best = int(np.argmax(gains))
-    if gains[best] < share * threshold(count, len(tried[best].candidate.free)):
+    if gains[best] < SEEN_BY_HALF * share * threshold(count, len(tried[best].candidate.free)):
         return None
     own = max((g for g, t in zip(gains, tried, strict=True) if t is made.chosen or t in made.tied), default=-np.inf)
     return made.chosen if gains[best] - own <= share * TIE else tried[best]

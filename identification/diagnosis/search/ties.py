@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.param import spec_at, value_at
-from identification.diagnosis.search.acceptance import SMALL, UNREPEATED
+from identification.diagnosis.search.acceptance import UNREPEATED
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import Workbench
@@ -108,7 +108,7 @@ def tied(bench: Workbench, best: Trial, other: Trial, alike: Sequence[Likeness])
     Also where their signatures differ by less than that: a fit that stopped a little early is no difference.  One that
     only the parts refused belongs to the tie if it explains the whole as well as the best.
     """
-    if other.state is None or other.objection not in ("", SMALL, UNREPEATED):
+    if other.state is None or other.objection not in ("", UNREPEATED):
         return False
     if other.objection == UNREPEATED:
         return bool(_extra_cost(bench, best, other).sum() <= 0.0)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
+from auv_gym.compiled import threads
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
@@ -15,15 +18,18 @@ from identification.diagnosis.search.candidates import SEEN, Candidate, Screenin
 from identification.diagnosis.search.workbench import State, Workbench, given_values
 
 LEAST_TRACE = 0.2  # of the bar: what a candidate must promise before it is fitted
-SHORT_LIST, FINALISTS = 10, 3
+SHORT_LIST, HERE, FINALISTS = 10, 5, 3  # by the most that any state promises, by the state as it is, and after steps
 CLOSE, CLOSER = 0.5, 0.8  # of the best one's evidence: nearer ones are on the list, or finalists, however many
 FIRST_ITERATIONS, ITERATIONS = 2, 12  # of the short list, and then of the finalists
+TRIAL_GAIN = 0.1  # of the log-likelihood, that a turn of a finalist's fit must bring: a tie is 4.5 wide
 NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than others"
 UNSTABLE = "no stable run with it"
 UNSEEN = "cannot be seen in this record"
 
 Progress = Callable[[float, str], None]
+T = TypeVar("T")
+S = TypeVar("S")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,17 +71,22 @@ def trials_of(
     count: of all candidates.  plain: paths that are fitted to the end whatever they promise.
     """
     progress(0.0, "screening")
-    screened, bases = _screened(bench, state, left, threshold(count))
-    listed = _short_list(screened, threshold(count), plain)
-    begun = []
-    for number, screening in enumerate(listed):
-        progress(0.2 + 0.4 * number / len(listed), screening.candidate.title)
-        begun.append((screening, _begun(bench, state, bases[screening.candidate], screening)))
-    finalists = _finalists(bench, state, begun, plain)
-    trials = []
-    for number, (screening, first) in enumerate(finalists):
-        progress(0.6 + 0.4 * number / len(finalists), screening.candidate.title)
-        trials.append(judged(bench, state, screening.candidate, screening, first, count))
+    screened, bases, here = _screened(bench, state, left, threshold(count))
+    listed = _short_list(screened, here, threshold(count), plain)
+
+    progress(0.2, "trying what is promising")
+
+    def begin(screening: Screening) -> tuple[Screening, State]:
+        return screening, _begun(bench, state, bases[screening.candidate], screening)
+
+    begun = side_by_side(begin, listed)
+    progress(0.6, "fitting what is left of it")
+
+    def fit(finalist: tuple[Screening, State]) -> Trial:
+        screening, first = finalist
+        return judged(bench, state, screening.candidate, screening, first, count)
+
+    trials = side_by_side(fit, _finalists(bench, state, begun, plain))
     done = {t.candidate for t in trials}
     gain = {s.candidate: bench.gain(state, first) if first.finite else -np.inf for s, first in begun}
     for screening in screened:
@@ -91,10 +102,16 @@ def trials_of(
     return sorted(trials, key=lambda t: -t.total)
 
 
+def side_by_side(run: Callable[[T], S], items: Sequence[T]) -> list[S]:
+    """What `run` makes of each item, as many at once as there are threads."""
+    with ThreadPoolExecutor(threads()) as pool:
+        return list(pool.map(run, items))
+
+
 def _screened(
     bench: Workbench, state: State, left: Sequence[Candidate], bar: float
-) -> tuple[list[Screening], dict[Candidate, State]]:
-    """The screening of each candidate, most promising first, and the state in which it promised that.
+) -> tuple[list[Screening], dict[Candidate, State], list[Candidate]]:
+    """The screening of each candidate, most promising first, the state in which it promised that, and the first here.
 
     From the state; from it with the coefficients as given, since those that were fitted without the missing effect may
     be so wrong that its signature at them means nothing; and from it with less process noise, which may have grown to
@@ -103,18 +120,21 @@ def _screened(
     problem = bench.problem
     found: dict[Candidate, Screening] = {}
     bases: dict[Candidate, State] = {}
+    here: list[Candidate] = []
     for base in (state, *with_given_coefficients(bench, state), *_quieted(bench, state)):
         # what a poorer base leaves is not evidence for a candidate
         less = 0.0 if base.quiet else 2.0 * (problem.total(state.point) - problem.total(base.point))
         errors = (base.point.errors**2 * problem.counted[:, None]).sum() / max(problem.count, 1) if base.quiet else 1.0
-        for s in screen(problem, base.point, state.paths, left, bar):
+        promising = screen(problem, base.point, state.paths, left, bar)
+        here = here or [s.candidate for s in promising[:HERE]]
+        for s in promising:
             s = replace(s, evidence=s.evidence / max(float(errors), 1.0) - less)
             if s.candidate not in found:
                 found[s.candidate], bases[s.candidate] = s, base
             elif s.evidence > found[s.candidate].evidence:
                 # the detectable size rests on the noise as it was found
                 found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
-    return sorted(found.values(), key=lambda s: -s.evidence), bases
+    return sorted(found.values(), key=lambda s: -s.evidence), bases, here
 
 
 def _quieted(bench: Workbench, state: State) -> list[State]:
@@ -130,15 +150,23 @@ def with_given_coefficients(bench: Workbench, state: State) -> list[State]:
     given = given_values(bench.plant, state)
     if not given:
         return []
-    other = bench.fit(replace_at(state.plant, given), (), state)
+    plant, problem = replace_at(state.plant, given), bench.problem
+    point = problem.renewed(problem.point(plant.vector, state.point.logs, state.point), state.point.logs, ())
+    other = State(plant, (), point)
     return [other] if other.finite else []
 
 
-def _short_list(screened: Sequence[Screening], bar: float, plain: Collection[str]) -> list[Screening]:
-    """The candidates that are worth a fit, most promising first."""
+def _short_list(
+    screened: Sequence[Screening], here: Collection[Candidate], bar: float, plain: Collection[str]
+) -> list[Screening]:
+    """The candidates that are worth a fit, most promising first.
+
+    here: those that promise most from the state as it is.  Where random accelerations are taken for weaker than they
+    are, what they do looks like many effects, and these would be all of the list.
+    """
     worth = [s for s in screened if s.evidence >= LEAST_TRACE * bar]  # none for what cannot be seen
     best = worth[0].evidence if worth else 0.0
-    known = [not set(plain).isdisjoint(s.candidate.paths) for s in worth]
+    known = [s.candidate in here or not set(plain).isdisjoint(s.candidate.paths) for s in worth]
     return [s for i, s in enumerate(worth) if i < SHORT_LIST or s.evidence >= CLOSE * best or known[i]]
 
 
@@ -174,7 +202,7 @@ def judged(
     bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
 ) -> Trial:
     """The trial of a candidate fitted from a state near by."""
-    after = bench.problem.solve(near.plant, near.paths, near.point, ITERATIONS)
+    after = bench.problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
     reached = State(bench.problem.plant_at(after, near.paths), near.paths, after)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)

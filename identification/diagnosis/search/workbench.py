@@ -136,9 +136,9 @@ class Workbench:
 
     def costs(self, state: State) -> np.ndarray:
         """Minus twice the objective in each of `BLOCKS` equal times of the record, (B,); what is known shared out."""
-        scores = np.bincount(self.block_of_row, state.point.scores, minlength=BLOCKS)
-        known = self.problem.pulls(state.point.vector, state.paths)[0]
-        return -2.0 * scores + float((known**2).sum()) / BLOCKS
+        p, scores = self.problem, np.bincount(self.block_of_row, state.point.scores, minlength=BLOCKS)
+        known = p.total(state.point) - p.objective(state.point, state.paths)
+        return 2.0 * (known / BLOCKS - scores)
 
     def flies(self, plant: Plant, settle: float | None = None) -> bool:
         """Whether free runs stay finite."""

@@ -7,8 +7,9 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.fit.greybox import GreyBox
+from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.shooting import Shooting, unknown_states
-from identification.fit.windows import free_run_windows
+from identification.fit.windows import free_run_windows, stretches_of
 
 DRAG, OFFSET = "hull.drag_quadratic", "effects.volume.offset"
 TRUTH = {DRAG: 280.0, "effects.volume.compressibility": 1e-7}
@@ -168,3 +169,31 @@ def test_other_scales_change_the_units_of_slopes_and_nothing_else():
     # a difference quotient over twice the change bends a little
     assert other.raw == pytest.approx(2.0 * one.raw, rel=1e-2)
     assert problem.linearise(point, [DRAG], sigma).raw == pytest.approx(one.raw, rel=1e-12)
+
+
+def filtered() -> PredictionErrors:
+    plant, record = load_vehicle("mermaid"), dives()
+    return PredictionErrors(plant, record, stretches_of(plant, record))
+
+
+def test_each_dive_of_a_log_may_count_its_time_from_zero():
+    """The path about which a filter is first linearised is that of the readings."""
+    problem = filtered()
+    assert np.diff(problem.record.time).min() < 0.0
+    np.testing.assert_allclose(problem.first_path[:, 0], problem.measured[:, 0], atol=1e-9)
+
+
+def test_steps_take_what_goes_on_between_stretches_by_the_vehicle_itself():
+    """From a drag that is wrong, to where an error of a volume shows as the vehicle moves, not as the filter does."""
+    problem = filtered()
+    assert problem.carried.any()
+    wrong = problem.point(replace_at(problem.plant, DRAG, 230.0).vector, problem.first_noise())
+    far = problem.with_gains(wrong, replace_at(problem.plant, DRAG, 330.0).vector)
+    columns, owners = problem._starts_for_steps(far)
+    volumes = [(c, stretches) for c, (stretches, state) in zip(columns, owners, strict=True) if state == 2]
+    assert len(volumes) == len(VOLUMES)
+    for column, stretches in volumes:
+        moved, size = far.starts.copy(), 1e-7
+        moved[stretches, 2] += size
+        change = far.errors - problem.with_gains(far, far.vector, moved).errors
+        np.testing.assert_allclose(column, change.ravel() / size, atol=1e-4 * np.abs(column).max())

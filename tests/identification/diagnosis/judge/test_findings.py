@@ -1,5 +1,7 @@
 """Effects with their intervals: by the profile of the likelihood at corners, all else refitted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,8 +23,10 @@ def test_at_the_ends_of_a_profile_the_log_likelihood_has_fallen_by_the_quantile(
     bench = Workbench(QUICK, record, parts_of(QUICK, record), 0.1)
     paths = (*QUICK.family.coefficients, path)
     state = bench.fit(replace_at(bench.plant, path, value), paths)
-    rounds = [round_of(trial_of(Candidate(path, (path,)), state))]
-    ((effect,), _) = effects_of(bench, state, rounds, bench.intervals(state), [Survival(0.9, {})])
+    rounds = [
+        replace(round_of(trial_of(Candidate(path, (path,)), state)), evidence=(1000.0, 900.0))
+    ]  # far above the bar
+    ((effect,), _) = effects_of(bench, state, rounds, bench.intervals(state), [Survival(0.9, {})], 18)
     low, high = effect.ci95
     assert low < effect.value < high
     assert high - low < value

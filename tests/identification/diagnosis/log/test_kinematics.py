@@ -15,7 +15,7 @@ from identification.experiments.missions import run_mission
 PROBES = 4.0
 SLOW = pytest.mark.slow
 EXACT = (  # linear in the effect but for what is of second order
-    *("gyros.bias_r", "depth.scale", "dvl_ground.scale", "current.north"),
+    *("gyros.bias_r", "depth.scale", "dvl_ground.scale", "current.north", "clock.rate"),
     *(
         pytest.param(name, marks=SLOW)
         for name in (

@@ -44,7 +44,7 @@ def sure(**changes) -> Claim:
         train=100.0,
         held=50.0,
         bar=20.0,
-        sizes=[Size(5.0, 1.0, False)],
+        sizes=[Size(5.0, False)],
         reach=lambda: [1.0],
         flies=lambda: True,
     )
@@ -63,8 +63,7 @@ def sure(**changes) -> Claim:
         ({"train": 1000.0, "held": 19.9}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 20.1}, ""),
         ({"flies": lambda: False}, "free runs diverge with it"),
-        ({"sizes": [Size(5.0, 1.0, True)]}, "only helps at the limit of what is physical"),
-        ({"sizes": [Size(0.99, 1.0, False)]}, "smaller than its probe"),
+        ({"sizes": [Size(5.0, True)]}, "only helps at the limit of what is physical"),
         ({"reach": lambda: [1.96 * 5.0 / 3.01]}, ""),  # three standard errors
         ({"reach": lambda: [1.96 * 5.0 / 2.99]}, "its size is too uncertain"),
     ],
@@ -76,10 +75,10 @@ def test_every_reason_to_refuse_is_given_when_it_is_the_only_one(changes, reason
 
 
 def test_one_component_of_two_is_enough_but_none_may_be_at_a_limit():
-    small, large = Size(0.1, 1.0, False), Size(5.0, 1.0, False)
+    small, large = Size(0.1, False), Size(5.0, False)
     assert objection(sure(sizes=[small, large], reach=lambda: [1.0, 1.0])) == ""
     assert objection(sure(sizes=[large, replace(small, limited=True)], reach=lambda: [1.0, 1.0])) == acceptance.LIMITED
-    assert objection(sure(sizes=[small, small], reach=lambda: [1.0, 1.0])) == acceptance.SMALL
+    assert objection(sure(sizes=[small, small], reach=lambda: [1.0, 1.0])) == acceptance.UNSURE
 
 
 def test_a_term_needs_more_in_the_held_out_windows():
@@ -94,14 +93,14 @@ def test_what_is_costly_is_asked_only_of_what_passed_all_else():
         raise AssertionError("asked in vain")
 
     assert objection(sure(held=-1.0, reach=never, flies=never)) == acceptance.UNREPEATED
-    assert objection(sure(sizes=[Size(0.5, 1.0, False)], reach=never, flies=never)) == acceptance.SMALL
+    assert objection(sure(sizes=[Size(0.5, True)], reach=never, flies=never)) == acceptance.LIMITED
     assert objection(sure(reach=lambda: [10.0], flies=never)) == acceptance.UNSURE
 
 
 def test_a_filter_that_never_came_to_an_end_is_no_evidence():
     lost = State(PLANT, (OFFSET,), point_of([0.0, -np.inf]))
     bench = Table({frozenset(): (0.0, 0.0), frozenset({OFFSET}): (100.0, 100.0)})
-    found = acceptance.weighed(bench, state_of(PLANT), lost, [Size(5.0, 1.0, False)], lambda: [1.0], 20.0)
+    found = acceptance.weighed(bench, state_of(PLANT), lost, [Size(5.0, False)], lambda: [1.0], 20.0)
     assert not lost.finite
     assert (found.total, found.objection) == (0.0, acceptance.DIVERGES)
 
@@ -138,8 +137,8 @@ def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of
     assert asked(threshold(COUNT + 49, 2) + 0.1, replace(screening, tried=50)) == ""
     assert asked(100.0, error=2.0) == acceptance.UNSURE
     assert asked(100.0, stable=False) == acceptance.DIVERGES
-    after = with_probes(dict.fromkeys(both.paths, 0.5))
-    assert asked(100.0) == acceptance.SMALL
+    after = with_probes(dict.fromkeys(both.paths, 0.5))  # however small
+    assert asked(100.0) == ""
 
 
 def pair(together=(200.0, 100.0), first=(20.0, 1.0), second=(90.0, 80.0)):
@@ -186,11 +185,13 @@ def test_an_effect_without_a_component_left_is_not_named():
     assert [r.chosen.candidate for r in rounds] == [A, B]
 
 
-def test_a_component_within_two_errors_or_less_than_a_probe_is_dropped():
+def test_a_component_within_two_errors_is_dropped():
     north, east = "effects.current.north", "effects.current.east"
-    state = with_probes({north: 5.0, east: 0.9, OFFSET: 0.1})
+    state = with_probes({north: 5.0, east: 0.19, OFFSET: 0.1})
     kept = without_idle_parts(Table({}), state, [(north, east), (OFFSET,)])
     assert set(kept.paths) == {north, OFFSET}
+    small = without_idle_parts(Table({}), with_probes({north: 5.0, east: 0.21}), [(north, east)])
+    assert set(small.paths) == {north, east}
     loose = without_idle_parts(Table({}, error=2.0), with_probes({north: 5.0, east: 3.9}), [(north, east)])
     assert loose.paths == (north,)
 

@@ -57,8 +57,8 @@ def test_what_every_part_shows_survives():
     assert found.rivals == ()
 
 
-def test_a_half_needs_half_of_the_evidence():
-    each = threshold(COUNT) / 6.0
+def test_a_half_needs_half_of_its_share_of_the_evidence():
+    each = 0.5 * threshold(COUNT) / 6.0
     assert Parts([1.01 * each] * 6, [0.0] * 6).found.frequency == 1.0
     none = Parts([0.99 * each] * 6, [0.0] * 6).found
     assert (none.frequency, none.holds) == (0.0, False)

@@ -41,7 +41,6 @@ class Costs:
     [
         (8.9, "", True),
         (9.1, "", False),
-        (6.0, acceptance.SMALL, True),
         (6.0, acceptance.UNREPEATED, False),
         (-0.1, acceptance.UNREPEATED, True),
         (6.0, acceptance.INSIGNIFICANT, False),

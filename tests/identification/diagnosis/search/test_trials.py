@@ -136,7 +136,8 @@ def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_mor
     monkeypatch.setattr(trials, "with_given_coefficients", lambda bench, state: [given])
     monkeypatch.setattr(trials, "_quieted", lambda bench, state: [])
     monkeypatch.setattr(trials, "screen", screened)
-    _, bases = trials._screened(bench, state, only, 10.0)
+    _, bases, here = trials._screened(bench, state, only, 10.0)
+    assert here == only
     assert bases[only[0]] is {"given": given, "fitted": state}[taken]
 
 
@@ -160,7 +161,7 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
     monkeypatch.setattr(trials, "with_given_coefficients", lambda bench, state: [])
     monkeypatch.setattr(trials, "_quieted", lambda bench, state: [quieted])
     monkeypatch.setattr(trials, "screen", screened)
-    (found,), bases = trials._screened(bench, state, only, 10.0)
+    (found,), bases, _ = trials._screened(bench, state, only, 10.0)
     assert bases[only[0]] is {"quieted": quieted, "fitted": state}[taken]
     assert found.evidence == pytest.approx(max(promised / 4.0, 5.0))
     assert found.detectable[0] == 0.01  # of the noises as they are
@@ -173,9 +174,32 @@ def screened_of(path: str, estimate: float = 0.0, evidence: float = 0.0) -> Scre
 def test_on_the_short_list_are_the_ten_best_and_whatever_is_near_the_best_or_plain():
     promised = [100.0, *[60.0] * 11, 49.0, 48.0, 1.9]
     screened = [screened_of(f"effects.{k}", evidence=e) for k, e in enumerate(promised)]
-    listed = trials._short_list(screened, 10.0, ("effects.13", "effects.14"))
+    listed = trials._short_list(screened, (), 10.0, ("effects.13", "effects.14"))
     assert [s.evidence for s in listed] == [*promised[:12], 48.0]  # the last is less than a fifth of the bar
-    assert trials._short_list(screened[10:], 10.0, ()) == screened[10:14]
+    assert trials._short_list(screened[10:], (), 10.0, ()) == screened[10:14]
+    here = [screened[12].candidate, screened[14].candidate]
+    listed = trials._short_list(screened, here, 10.0, ())
+    assert [s.evidence for s in listed] == [*promised[:12], 49.0]
+
+
+def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_accelerations_promise(start, monkeypatch):
+    bench, state, candidates = start
+    quieted = replace(state, point=replace(state.point, scores=state.point.scores - 1e3), quiet=True)
+
+    def screened(problem, point, fitted, left, bar):
+        size = 30.0 if point is state.point else 1000.0
+        order = left if point is state.point else left[::-1]
+        return [
+            Screening(c, np.zeros(len(c.paths)), size - k, 1.0, np.zeros(len(c.paths))) for k, c in enumerate(order)
+        ]
+
+    monkeypatch.setattr(trials, "with_given_coefficients", lambda bench, state: [])
+    monkeypatch.setattr(trials, "_quieted", lambda bench, state: [quieted])
+    monkeypatch.setattr(trials, "screen", screened)
+    found, _, here = trials._screened(bench, state, candidates, 10.0)
+    assert here == candidates[: trials.HERE]
+    listed = [s.candidate for s in trials._short_list(found, here, 10.0, ())]
+    assert {*here, *candidates[-trials.SHORT_LIST :]} <= set(listed)
 
 
 def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():

@@ -1,0 +1,57 @@
+"""Intervals of effects that are reported because they were found to be significant.
+
+An effect whose evidence just passes the bar is more often over- than underestimated: had the noise gone the other way,
+it would not have been named.  The interval conditions on having passed (a truncated normal), and is cut to what holds
+for all candidates at once, so that it never contains what the gate has excluded.
+Source: the hybrid interval of Andrews, Kitagawa and McCloskey 2024, Quarterly Journal of Economics 139, pages 305-358.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import optimize, stats
+
+from identification.diagnosis.search.bars import FALSE_ALARM
+
+MISSED = 0.05  # probability that an interval does not hold the truth
+
+
+def selected_interval(
+    value: float, neutral: float, limits: tuple[float, float], evidence: float, bar: float
+) -> tuple[float, float]:
+    """The 95 % interval of an effect that is named because its evidence passed a bar.
+
+    limits: the 95 % interval without a choice.  evidence: twice the gain in log-likelihood by the effect, the square of
+    its size in standard errors.
+    """
+    size, least = float(np.sqrt(max(evidence, bar))), float(np.sqrt(bar))
+    low, high = conditional_limits(size, least)
+    usual = float(stats.norm.isf(0.5 * MISSED))
+    inner, outer = (limits[0], limits[1]) if value >= neutral else (limits[1], limits[0])
+    near = value - (value - inner) * (size - low) / usual
+    far = value + (outer - value) * (high - size) / usual
+    return (min(near, far, value), max(near, far, value))
+
+
+def conditional_limits(size: float, least: float) -> tuple[float, float]:
+    """Limits of the mean of a unit normal of which `size` was seen, and which is seen only beyond `least`.
+
+    A share `FALSE_ALARM` of what may be missed goes to limits without the condition, at that level for all candidates,
+    beyond which nothing is; these are `least` away.
+    """
+    tail = 0.5 * (MISSED - FALSE_ALARM)
+    bounds = (size - least, size + least)
+
+    def beyond(mean: float, aim: float) -> float:
+        """Probability that more is seen than was, if anything is; less the aim."""
+        seen = stats.norm.logsf(size - mean)
+        passed = np.logaddexp(stats.norm.logsf(least - mean), stats.norm.logcdf(-least - mean))
+        return float(np.exp(seen - passed)) - aim
+
+    def limit(aim: float) -> float:
+        ends = [beyond(b, aim) for b in bounds]
+        if ends[0] * ends[1] > 0.0:
+            return bounds[0] if ends[0] > 0.0 else bounds[1]
+        return float(optimize.root_scalar(beyond, args=(aim,), bracket=bounds).root)
+
+    return limit(tail), limit(1.0 - tail)
