@@ -15,15 +15,8 @@ REACH = 5.0  # standard deviations by which a fit may move a coefficient; farthe
 # scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to a
 # thousandth, since what they are off by moves those estimates far that act nearly alike
 STEP, _STEP_ABOUT_CORNERS = 0.01, 0.1
-_KINKED = (
-    "deadband",
-    "backlash",
-    "dead_time",
-    "delay",
-    "lag",
-    "slowness",
-    "lost_travel",
-)  # what comes last in their paths
+# what comes last in their paths
+_KINKED = frozenset(["deadband", "backlash", "dead_time", "delay", "lag", "slowness", "lost_travel"])
 
 
 class Vector(Protocol):

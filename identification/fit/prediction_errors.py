@@ -79,19 +79,24 @@ class PredictionErrors(Noises):
         return there
 
     def _stilled(self, here: Point, paths: Sequence[str]) -> Point:
-        """The point without any accelerations, if that is likelier as the vehicle itself tells.
+        """The point without those accelerations whose absence is likelier, at what they cost.
 
-        The linearised filter, which the search of noises goes by, is far from it where these have carried it away.
+        Without each as the linearised filter tells, and without any as the vehicle itself does: that filter is far from
+        it where accelerations have carried it away.
         """
         if here.system is None or not self.pushed:
             return here
-        none = here.logs
-        for d in range(len(self.pushed)):
-            none = self._without_one(none, d)
-        lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
-        if np.array_equal(none, here.logs) or lost > _BEYOND * len(self.rows):
-            return here
-        return max(here, self.point(here.vector, none, here), key=lambda p: self.objective(p, paths))
+        logs, best, none = here.logs, self._likelihood(here.system, here.logs), here.logs
+        whole = best
+        for d in np.flatnonzero(self._there(here.logs)):
+            less, none = self._without_one(logs, int(d)), self._without_one(none, int(d))
+            reached = self._likelihood(here.system, less)
+            if reached > best:
+                logs, best = less, reached
+        far = whole - self._likelihood(here.system, none) > _BEYOND * len(self.rows)
+        tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
+        points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
+        return max(points, key=lambda p: self.objective(p, paths))
 
     def quieted(self, here: Point) -> Point:
         """The same parameters, what pushes the vehicle taken for much weaker."""
