@@ -25,6 +25,7 @@ from auv_gym.writing import replacing, writable_folder
 from identification.diagnosis import diagnose
 from identification.diagnosis.result_files import as_json
 from identification.diagnosis.wording import interval, quantity
+from scripts.studies.harness import Sheet
 from scripts.studies.runs import write_json
 
 
@@ -87,14 +88,8 @@ def row_of(log: Log, said: dict) -> list[str]:
     return [log.name, str(said["samples"]), verdict, "; ".join(names), "; ".join(sizes), seconds]
 
 
-def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """A table of the rows below `HEADS`."""
-    lines: list[Sequence[str]] = [HEADS, ["---"] * len(HEADS), *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path, help="folder of measured logs")
     parser.add_argument("--out", type=Path, required=True, help="folder for what was found, and for real_logs.md")
     parser.add_argument("--only", default="", help="logs whose name contains this")
@@ -109,7 +104,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             errors.print(f"diagnosing {log.name}")
             write_json(kept, diagnosed(log, args.data))
         rows.append(row_of(log, json.loads(kept.read_text(encoding="utf-8"))))
-    text = markdown(rows)
+    text = Sheet("real_logs", "Measured logs", HEADS, rows).markdown()
     with replacing(folder / "real_logs.md") as aside:
         aside.write_text(text, encoding="utf-8")
     output.print(text, markup=False, soft_wrap=True)

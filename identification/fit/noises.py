@@ -139,11 +139,16 @@ class Noises(Filter):
         """The noises without those accelerations that would be likelier weaker, and likelier still not there at all."""
         assert point.system is not None
         first, pushed = len(self.channels), len(self.pushed)
-        fading = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < 0.0))
-        best = self._likelihood(point.system, logs) if fading.size else 0.0
-        for d in fading:
+        return self._thinned(
+            point.system, logs, np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < 0.0))
+        )
+
+    def _thinned(self, system: System, logs: np.ndarray, which: np.ndarray) -> np.ndarray:
+        """The noises without those of these accelerations whose absence the linearised filter finds likelier."""
+        best = self._likelihood(system, logs) if which.size else 0.0
+        for d in which:
             less = self._without_one(logs, int(d))
-            reached = self._likelihood(point.system, less)
+            reached = self._likelihood(system, less)
             if reached > best:
                 logs, best = less, reached
         return logs

@@ -86,14 +86,12 @@ class PredictionErrors(Noises):
         """
         if here.system is None or not self.pushed:
             return here
-        logs, best, none = here.logs, self._likelihood(here.system, here.logs), here.logs
-        whole = best
-        for d in np.flatnonzero(self._there(here.logs)):
-            less, none = self._without_one(logs, int(d)), self._without_one(none, int(d))
-            reached = self._likelihood(here.system, less)
-            if reached > best:
-                logs, best = less, reached
-        far = whole - self._likelihood(here.system, none) > _BEYOND * len(self.rows)
+        there, none = np.flatnonzero(self._there(here.logs)), here.logs
+        logs = self._thinned(here.system, here.logs, there)
+        for d in there:
+            none = self._without_one(none, int(d))
+        lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
+        far = lost > _BEYOND * len(self.rows)
         tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
         points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
         return max(points, key=lambda p: self.objective(p, paths))

@@ -3,7 +3,8 @@
 import json
 
 from scripts import real_logs
-from scripts.real_logs import Log, main, markdown, row_of
+from scripts.real_logs import HEADS, Log, main, row_of
+from scripts.studies.harness import Sheet
 
 SAID = {
     "verdict": "tied",
@@ -35,7 +36,7 @@ def test_logs_that_are_not_there_are_left_out_and_kept_diagnoses_are_not_made_ag
     monkeypatch.setattr(real_logs, "diagnosed", lambda log, data: SAID)
     assert main(["--out", str(tmp_path)]) == 0
     assert "three is left out" in capsys.readouterr().err
-    table = markdown([row_of(Log("one, two", "slocum"), SAID)])
+    table = Sheet("", "Measured logs", HEADS, [row_of(Log("one, two", "slocum"), SAID)]).markdown()
     assert (tmp_path / "real_logs.md").read_text() == table
     kept = tmp_path / "one_two.json"
     kept.write_text(json.dumps(SAID | {"samples": 7}))
