@@ -19,6 +19,7 @@ _SHORTER = 0.3  # of a step to another linearisation that is worse
 _NO_START = 1e-9  # of the slopes by starts, below which one does nothing
 _LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
 _LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
+_OTHER_NOISE = 0.7  # of its logarithm: noises that differ more tell of starts with another precision
 _DAMPING = 1e-5  # of the information, so that no step goes far where the record tells next to nothing
 _TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each time
 _DESCENTS = 3  # steps of the parameters with the same gains
@@ -105,18 +106,15 @@ class Filter(Stretches):
 
     def _better_starts(
         self, system: System, made: Pass, logs: np.ndarray, starts: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The likeliest starts, roots of `_LOOSE` times their deviations, and the most that better starts can gain.
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The likeliest starts, and roots of `_LOOSE` times their deviations.
 
         A filter that begins so keeps near its linearisation.  How wide it begins does not matter: in a linear system
         its likelihood is that of the likeliest start but for a constant, whatever the model.
         """
         telling = self._telling
         slopes = slopes_of(system, made, telling, *self._numbers(logs))
-        every = slopes
-        if not np.array_equal(telling, self.counted):
-            every = slopes_of(system, made, self.counted, *self._numbers(logs))
-        starts, roots, solid, promised = starts.copy(), np.zeros_like(system.start), len(self.live), 0.0
+        starts, roots, solid = starts.copy(), np.zeros_like(system.start), len(self.live)
         for w in range(len(self.stretches)):
             free = np.flatnonzero(~self._fixed(w))
             own = np.ix_(free, free)
@@ -134,12 +132,10 @@ class Filter(Stretches):
             away = (self.starts[w][self.live][free] - starts[w][self.live][free]) / units
             inverse = (vectors / (values + 1.0)) @ vectors.T  # of data + I, however much the data tell
             step = inverse @ (told + away)
-            slope = every.means[w, :solid][free] * units  # other rows tell more, so that there is less to gain
-            promised += 0.5 * float(slope @ inverse @ slope)
             starts[w, self.live[free]] += step * units
             half = vectors * np.minimum(_LOOSE / np.sqrt(values + 1.0), 1.0)
             roots[w][own] = (units[:, None] * half).T
-        return starts, roots, promised
+        return starts, roots
 
     @property
     def _held_first(self) -> np.ndarray:
@@ -166,9 +162,12 @@ class Filter(Stretches):
         path, starts, roots = (
             (self.first_path, self.starts, self._widest) if near is None else (near.path, near.starts, near.roots)
         )
+        first, renewed = near is None, near is None or bool(np.abs(logs - near.logs).max(initial=0.0) > _OTHER_NOISE)
         best, highest, came, share = None, -np.inf, (path, starts), 1.0
-        for _ in range(_LINEARISATIONS if near is not None else _FIRST_LINEARISATIONS):
-            found, linear = self._about(vector, logs, path, starts, roots, near is None and best is None)
+        for _ in range(_FIRST_LINEARISATIONS if first else _LINEARISATIONS):
+            anew = first and best is None
+            found, linear = self._about(vector, logs, path, starts, roots, anew, renewed)
+            renewed = first
             total = self.total(found)
             if total > highest:
                 gained, best, highest = total - highest, found, total
@@ -185,11 +184,18 @@ class Filter(Stretches):
         return best or self._nowhere(vector, logs)
 
     def _about(
-        self, vector: np.ndarray, logs: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray, anew: bool
+        self,
+        vector: np.ndarray,
+        logs: np.ndarray,
+        path: np.ndarray,
+        starts: np.ndarray,
+        roots: np.ndarray,
+        anew: bool,
+        renewed: bool,
     ) -> tuple[Point, float]:
         """The filter linearised about a path, from the likeliest starts, and its log-likelihood if all were linear.
 
-        anew: whether the starts may be far from likely.
+        anew: whether the starts may be far from likely.  renewed: whether how well they are known may have changed.
         """
         system = self._system(vector, path, starts, roots)
         if not (np.isfinite(system.a).all() and np.isfinite(system.error).all()):
@@ -197,14 +203,15 @@ class Filter(Stretches):
         made = run_filter(system, *self._numbers(logs))
         if not np.isfinite(made.scores).all():
             return self._nowhere(vector, logs), -np.inf
-        better, roots, promised = self._better_starts(system, made, logs, starts)
-        starts = better if anew else np.where(self._held_first[:, None], better, starts)
-        system = replace(system, start=roots, origin=self._origin(path, starts))
-        made = run_filter(system, *self._numbers(logs))
+        if renewed or self._held_first.any():
+            better, roots = self._better_starts(system, made, logs, starts)
+            starts = better if anew else np.where(self._held_first[:, None], better, starts)
+            system = replace(system, start=roots, origin=self._origin(path, starts))
+            made = run_filter(system, *self._numbers(logs))
         found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
         if not (np.isfinite(found.path).all() and np.isfinite(found.scores).all()):
             return self._nowhere(vector, logs), -np.inf
-        there = self.descended(found, ()) if anew or promised > LEAST_GAIN else found
+        there = self.descended(found, ())
         if there is not found:
             system = replace(system, origin=self._origin(path, there.starts))
             found, made = replace(there, system=system), run_filter(system, *self._numbers(logs))

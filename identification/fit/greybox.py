@@ -95,12 +95,10 @@ class GreyBox:
                 f"GreyBox needs at least {SAMPLES_PER_UNKNOWN} samples per unknown ({unknowns} unknowns), got "
                 f"{given.count}: record longer, choose longer windows or free fewer parameters."
             )
-        brisker = brisk(self.plant, record, windows)
-        if brisker is self.plant:
-            return self._result(given, self._likeliest(given), paths, windows)
-        problem = PredictionErrors(brisker, record, windows, process=self.process)
+        problem = brisk(given)
         point = self._likeliest(problem)
-        if moved_by_steps(given, point) > MOST_MOVED:  # the record is more precise than its readings' curves tell
+        # the record may be more precise than a first guess of its noises tells
+        if problem is not given and moved_by_steps(given, point) > MOST_MOVED:
             problem, point = given, self._likeliest(given)
         return self._result(problem, point, paths, windows)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -38,8 +39,7 @@ class Noises(Filter):
         logs = np.log(self.floors)
         if not self.pushed:
             return logs
-        system = self._system(self.plant.vector, self.first_path, self.starts, self._widest)
-        times = np.full(len(self.pushed), self.slowness[0])
+        system, times = self._first_system, np.full(len(self.pushed), self.slowness[0])
         tried = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
         likely = np.array([self._likelihood(system, t) for t in tried])
         if not np.isfinite(likely).any():
@@ -48,6 +48,17 @@ class Noises(Filter):
                 "parameters and the units of the record."
             )
         return tried[int(np.nanargmax(likely))]
+
+    def first_point(self) -> Point:
+        """The plant's values with the noises to begin with, its gains those of the path along which all begins."""
+        logs = self.first_noise()
+        made = run_filter(self._first_system, *self._numbers(logs))
+        gains = self._whole(made.gains)
+        return self._followed(self.plant.vector, logs, self.starts, gains, made.whiten, self._first_system)
+
+    @cached_property
+    def _first_system(self) -> System:
+        return self._system(self.plant.vector, self.first_path, self.starts, self._widest)
 
     def _likelihood(self, system: System, logs: np.ndarray) -> float:
         """The log-likelihood of noises by the linearised filter, less the cost of accelerations that are there."""
@@ -64,7 +75,7 @@ class Noises(Filter):
         best = self._likelihood(system, logs)
         for d in which:
             strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
-            for share in _FIRST_GUESSES:
+            for share in _FIRST_GUESSES[_FIRST_GUESSES > _FAINT]:
                 more = logs.copy()
                 more[[strength, time]] = np.log(share * self.unit[d]), self.slowness[0]
                 reached = self._likelihood(system, more)
@@ -79,9 +90,9 @@ class Noises(Filter):
 
         Sought in units of the precision that the record's length gives each, in which the information is near the unit
         matrix: quasi-Newton steps (Nocedal and Wright 2006, ch. 6), each cut to what is possible.
-        inverse: of the curvature, in these units, as a search near by left it.
+        inverse: of the curvature, in these units, as a search near by left it, which has brought back what is missing.
         """
-        inverse = np.eye(point.logs.size) if inverse is None else inverse
+        fresh, inverse = inverse is None, np.eye(point.logs.size) if inverse is None else inverse
         if point.system is None:
             return point.logs, inverse
         pushed = len(self.pushed)
@@ -99,7 +110,7 @@ class Noises(Filter):
         unit = np.sqrt(np.r_[2.0 * np.maximum(self.finite.sum(axis=0), 1), np.full(2 * pushed, max(periods, 1.0))])
         logs = np.clip(point.logs, *limits.T)
         value, slope = slope_at(logs)
-        other = self._faded(point, self._revived(point, logs, slope), slope)
+        other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope)
         if other is not logs:
             logs, (value, slope), inverse = other, slope_at(other), np.eye(logs.size)
         for _ in range(steps):

@@ -46,15 +46,11 @@ class PredictionErrors(Noises):
         here, known = self.point(plant.vector, self.first_noise() if near is None else near.logs, near), None
         if noise:
             here, known = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
-        if noise and paths and self.pushed:
-            there = self._quieter(here, paths)
-            if self.objective(there, paths) > self.objective(here, paths):
-                here, known = there, None
         for _ in range(iterations):
             before = self.objective(here, paths)
             there = self.descended(here, paths)
             for _ in range(_HALVINGS):
-                fresh = self.point(there.vector, there.logs, there)
+                fresh = here if there is here else self.point(there.vector, there.logs, there)
                 if self.objective(fresh, paths) > before - gain or not paths:
                     break
                 there = self.with_gains(here, here.vector + 0.4 * (there.vector - here.vector))

@@ -2,47 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
 
-from auv_gym.plant import Plant
-from auv_gym.records.record import Record
 from identification.fit.filtering import Point
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.residual import noise_floors
 from identification.fit.shooting import Shooting
 
 # standard errors: a change d of what is predicted moves no parameter by more than |d / sigma| of them (Cauchy and
-# Schwarz), sigma being what a fit says of the errors; before a fit, by free runs and the readings' noise about a smooth
-# curve, a filter's errors being less than what free runs gather
+# Schwarz), sigma being what a fit says of the errors, or before it what its first guess says
 MOST_MOVED, _MOST_BEFORE = 0.1, 0.3
 _PARTS = (1, 2, 4, 8)  # of a sample
-_WORTH = 4.0  # times longer, from which on steps save more than it may cost to find out after a fit that they were not
+_WORTH = 2.0  # times longer, from which on steps save more than it may cost to find out after a fit that they were not
 
 
-def brisk(plant: Plant, record: Record, windows: Sequence[slice]) -> Plant:
-    """The plant with the longest step, up to a sample, that hardly moves free runs; as it is if little is saved."""
-    problem = Shooting(plant, record, windows)
-    noise = readings_noise(problem)
-    given, starts = problem.point(plant.vector, problem.first_guess).residual, problem.first_guess
+def brisk(problem: PredictionErrors) -> PredictionErrors:
+    """The problem with the longest step, up to a sample, that hardly moves a filter; as it is if little is saved."""
+    point = None
     for parts in _PARTS:
-        step = record.sample_interval / parts
-        if step < _WORTH * plant.longest_step:
-            return plant
-        faster = replace(plant, longest_step=step)
-        moved = Shooting(faster, record, windows).point(plant.vector, starts).residual - given
-        with np.errstate(over="ignore", invalid="ignore"):
-            far = float(np.sqrt((np.where(problem.finite, moved / noise, 0.0) ** 2).sum()))
-        if far < _MOST_BEFORE:  # False where a run is not finite
+        step = problem.record.sample_interval / parts
+        if step < 0.99 * _WORTH * problem.plant.longest_step:  # samples are not apart to the last digit
+            break
+        point = problem.first_point() if point is None else point
+        if not np.isfinite(point.scores).all():
+            break
+        faster = in_steps(problem, step)
+        if moved_by_steps(faster, point) < _MOST_BEFORE:  # False where a run is not finite
             return faster
-    return plant
+    return problem
 
 
-def moved_by_steps(fine: PredictionErrors, point: Point) -> float:
-    """Standard errors by which a point that was found with long steps may be off, by the problem with fine ones."""
-    return float(np.linalg.norm(fine.counted_errors(fine.with_gains(point, point.vector)) - fine.counted_errors(point)))
+def in_steps(problem: PredictionErrors, longest: float) -> PredictionErrors:
+    """The problem with its plant integrated in steps of at most so many seconds."""
+    other = copy(problem)
+    other.plant = replace(problem.plant, longest_step=longest)
+    return other
+
+
+def moved_by_steps(other: PredictionErrors, point: Point) -> float:
+    """Standard errors by which a point may be off that was found with other steps than those of this problem."""
+    change = other.counted_errors(other.with_gains(point, point.vector)) - other.counted_errors(point)
+    return float(np.linalg.norm(change))
 
 
 def readings_noise(problem: Shooting) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.param import replace_at, value_at
 from identification.diagnosis.search.stability import Selection, select
 from identification.diagnosis.search.ties import TIE
-from identification.diagnosis.search.trials import with_given_coefficients
+from identification.diagnosis.search.trials import FIRST_ITERATIONS, ITERATIONS, TRIAL_GAIN, with_given_coefficients
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of
@@ -21,7 +21,6 @@ BLOCKS, LEAST_BLOCK = 24, 8  # blocks to resample, if they hold as many samples
 TINY = 1e-6  # size of a term, in its unit, for its signature: far below any effect, far above rounding
 CONTENDERS = 5  # terms that are fitted in earnest, of those whose signature promises most
 KIN = 0.5  # cosine to the leading term from which on a term contends with it
-FIRST_ITERATIONS, ITERATIONS = 2, 12  # of each contender's fit, and then of those near the best
 NEAR = 0.1  # share of the best one's gain in cost within which a contender is fitted to the end
 
 
@@ -110,14 +109,17 @@ def _best(
     problem = bench.problem.scaled(scales)
     first: dict[int, State] = {}
     for k in [lead, *kin][:CONTENDERS]:
-        begun = _begun(problem, bench, state, base, library[k], float(selection.estimate[k]) * scales[library[k]])
+        begun = _begun(problem, state, base, library[k], float(selection.estimate[k]) * scales[library[k]])
         if begun is not None:
             first[k] = begun
     if not first:
         return None
-    gains = {k: bench.gain(state, after) for k, after in first.items()}
+    gains = {k: bench.gain(base, after) for k, after in first.items()}
     near = max(gains.values()) * (1.0 - NEAR) - TIE
-    ended = {k: _fitted(problem, after, ITERATIONS) for k, after in first.items() if gains[k] >= near}
+    ended = {k: _fitted(problem, after) for k, after in first.items() if gains[k] >= near}
+    ended = {k: after for k, after in ended.items() if after.finite}
+    if not ended:
+        return None
     total = {k: bench.gain(state, after) for k, after in ended.items()}
     tied = [k for k in ended if max(total.values()) - total[k] < TIE]
     tied.sort(key=lambda k: (_degree(library[k]), k))
@@ -125,23 +127,21 @@ def _best(
     return Found(library[tied[0]], ended[tied[0]], float(selection.frequency[tied[0]]), alike, scales)
 
 
-def _begun(
-    problem: PredictionErrors, bench: Workbench, state: State, base: State, path: str, size: float
-) -> State | None:
-    """A few iterations from a base with a term of what its signature promises, or less; None if that gains nothing."""
+def _begun(problem: PredictionErrors, state: State, base: State, path: str, size: float) -> State | None:
+    """A few steps from a base, its gains held, with a term of what its signature promises, or less; None if lost."""
     paths = (*state.paths, path)
-    for share in (1.0, 0.2, 0.02):
-        plant = replace_at(base.plant, path, share * size)
-        point = problem.point(plant.vector, base.point.logs, base.point)
-        if np.isfinite(point.scores).all():
-            after = _fitted(problem, State(plant, paths, point), FIRST_ITERATIONS)
-            if after.finite and bench.gain(state, after) > 0.0:
-                return after
-    return None
+    plants = [replace_at(base.plant, path, share * size) for share in (1.0, 0.2, 0.02)]
+    points = [problem.with_gains(base.point, plant.vector) for plant in plants]
+    finite = [p for p in points if np.isfinite(p.scores).all()]
+    if not finite:
+        return None
+    best = max(finite, key=lambda p: problem.objective(p, paths))
+    point = problem.descended(best, paths, FIRST_ITERATIONS)
+    return State(problem.plant_at(point, paths), paths, point)
 
 
-def _fitted(problem: PredictionErrors, near: State, iterations: int) -> State:
-    point = problem.solve(near.plant, near.paths, near.point, iterations)
+def _fitted(problem: PredictionErrors, near: State) -> State:
+    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
     return State(problem.plant_at(point, near.paths), near.paths, point)
 
 

@@ -76,19 +76,25 @@ def trials_of(
 
     progress(0.2, "trying what is promising")
 
-    def begin(screening: Screening) -> tuple[Screening, State]:
-        return screening, _begun(bench, state, bases[screening.candidate], screening)
+    def begin(screening: Screening) -> Begun:
+        return _begun(bench, state, bases[screening.candidate], screening)
 
     begun = side_by_side(begin, listed)
     progress(0.6, "fitting what is left of it")
 
-    def fit(finalist: tuple[Screening, State]) -> Trial:
-        screening, first = finalist
-        return judged(bench, state, screening.candidate, screening, first, count)
+    def fit(finalist: Begun) -> Trial:
+        near, paths = finalist.state, finalist.state.paths
+        if near.quiet:
+            near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
+        return judged(bench, state, finalist.screening.candidate, finalist.screening, near, count)
 
-    trials = side_by_side(fit, _finalists(bench, state, begun, plain))
+    finalists = _finalists(begun, plain)
+    trials = side_by_side(fit, finalists)
     done = {t.candidate for t in trials}
-    gain = {s.candidate: bench.gain(state, first) if first.finite else -np.inf for s, first in begun}
+    # with too little process noise all promise too much: what finalists keep of it tells by how much
+    both = [(t.train, b.promise) for b, t in zip(finalists, trials, strict=True) if b.state.quiet and b.promise > 0.0]
+    kept = float(np.clip(max((train / promise for train, promise in both), default=1.0), 0.0, 1.0))
+    gain = {b.screening.candidate: b.promise * (kept if b.state.quiet else 1.0) for b in begun}
     for screening in screened:
         if screening.candidate not in done:
             reached = gain.get(screening.candidate, screening.evidence)
@@ -124,17 +130,24 @@ def _screened(
     for base in (state, *with_given_coefficients(bench, state), *_quieted(bench, state)):
         # what a poorer base leaves is not evidence for a candidate
         less = 0.0 if base.quiet else 2.0 * (problem.total(state.point) - problem.total(base.point))
-        errors = (base.point.errors**2 * problem.counted[:, None]).sum() / max(problem.count, 1) if base.quiet else 1.0
         promising = screen(problem, base.point, state.paths, left, bar)
         here = here or [s.candidate for s in promising[:HERE]]
         for s in promising:
-            s = replace(s, evidence=s.evidence / max(float(errors), 1.0) - less)
+            s = replace(s, evidence=s.evidence / _misjudged(bench, base) - less)
             if s.candidate not in found:
                 found[s.candidate], bases[s.candidate] = s, base
             elif s.evidence > found[s.candidate].evidence:
                 # the detectable size rests on the noise as it was found
                 found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
     return sorted(found.values(), key=lambda s: -s.evidence), bases, here
+
+
+def _misjudged(bench: Workbench, base: State) -> float:
+    """How much too large evidence beside a state is, whose process noise is taken for weaker than suits it."""
+    if not base.quiet:
+        return 1.0
+    squares = float((base.point.errors**2 * bench.problem.counted[:, None]).sum())
+    return max(squares / max(bench.problem.count, 1), 1.0)
 
 
 def _quieted(bench: Workbench, state: State) -> list[State]:
@@ -170,7 +183,16 @@ def _short_list(
     return [s for i, s in enumerate(worth) if i < SHORT_LIST or s.evidence >= CLOSE * best or known[i]]
 
 
-def _begun(bench: Workbench, state: State, base: State, screening: Screening) -> State:
+@dataclass(frozen=True, eq=False)
+class Begun:
+    """A candidate's state after few steps; promise: twice the gain in log-likelihood there."""
+
+    screening: Screening
+    state: State
+    promise: float
+
+
+def _begun(bench: Workbench, state: State, base: State, screening: Screening) -> Begun:
     """The candidate's state after steps with the gains of a state without it, from its likeliest first values."""
     problem, candidate = bench.problem, screening.candidate
     paths = (*state.paths, *candidate.free)
@@ -182,20 +204,17 @@ def _begun(bench: Workbench, state: State, base: State, screening: Screening) ->
     finite = [p for p in points if np.isfinite(p.scores).all()]  # NaN would win against everything after it
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
-    if base.quiet:
-        point = problem.renewed(point, state.point.logs, paths)
-    return State(problem.plant_at(point, paths), paths, point)
+    first = State(problem.plant_at(point, paths), paths, point, base.quiet)
+    promise = bench.gain(base if base.quiet else state, first) / _misjudged(bench, base) if first.finite else -np.inf
+    return Begun(screening, first, promise)
 
 
-def _finalists(
-    bench: Workbench, state: State, begun: Sequence[tuple[Screening, State]], plain: Collection[str]
-) -> list[tuple[Screening, State]]:
-    """Those of the short list that are fitted to the end: by evidence in all windows."""
-    gains = {id(first): bench.gain(state, first) for _, first in begun if first.finite}
-    finite = sorted((b for b in begun if b[1].finite), key=lambda b: -gains[id(b[1])])
-    best = gains[id(finite[0][1])] if finite else 0.0
-    known = [not set(plain).isdisjoint(s.candidate.paths) for s, _ in finite]
-    return [b for i, b in enumerate(finite) if i < FINALISTS or gains[id(b[1])] >= CLOSER * best or known[i]]
+def _finalists(begun: Sequence[Begun], plain: Collection[str]) -> list[Begun]:
+    """Those of the short list that are fitted to the end: by what they promise."""
+    finite = sorted((b for b in begun if np.isfinite(b.promise)), key=lambda b: -b.promise)
+    best = finite[0].promise if finite else 0.0
+    known = [not set(plain).isdisjoint(b.screening.candidate.paths) for b in finite]
+    return [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
 
 
 def judged(

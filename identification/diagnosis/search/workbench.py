@@ -47,7 +47,7 @@ class Workbench:
 
     One filter goes through all of it, and fits count all of it; what each part tells by itself says whether what was
     found foretells the part from the others.
-    plant: as given, integrated in the longest steps that hardly move its free runs (`identification.fit.steps`).
+    plant: as given, integrated in the longest steps that hardly move its filter (`identification.fit.steps`).
     doubt: standard deviation of its coefficients, relative.  windows: of free runs, by default the parts' pieces.
     """
 
@@ -61,9 +61,9 @@ class Workbench:
     ):
         pieces = sorted((piece for part in parts for piece in part), key=lambda w: w.start)
         self.windows = tuple(windows) or tuple(pieces)
-        self.plant = brisk(plant, record, self.windows)
         self.record, self.parts, self.doubt = record, tuple(parts), doubt
-        self.problem = PredictionErrors(self.plant, record, pieces, doubt=doubt)
+        self.problem = brisk(PredictionErrors(plant, record, pieces, doubt=doubt))
+        self.plant = self.problem.plant
         self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()

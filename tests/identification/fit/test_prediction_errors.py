@@ -391,3 +391,23 @@ def test_likelihood_ratios_on_clean_logs_follow_chi_square(vehicle, fitted, effe
         above = float(np.mean(np.array(ratios) > stats.chi2.ppf(share, 1)))
         spread = np.sqrt(share * (1.0 - share) / 500)
         assert above == pytest.approx(1.0 - share, abs=3.5 * spread), share
+
+
+def test_how_well_starts_are_known_follows_the_noises(pushed):
+    """One with far weaker accelerations is as likely, sought from one with stronger ones, as sought from readings."""
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    near = problem.solve(GLIDER, ())
+    logs = near.logs.copy()
+    logs[len(problem.channels) : len(problem.channels) + len(problem.pushed)] -= np.log(30.0)
+    there, afresh = problem.point(GLIDER.vector, logs, near), problem.point(GLIDER.vector, logs)
+    assert problem.total(there) == pytest.approx(problem.total(afresh), abs=0.01)
+
+
+def test_a_fit_is_tried_with_weak_accelerations_where_strong_ones_took_the_part_of_an_effect():
+    """A dead time of 4 s, from 0.1 s on: its slope there points the wrong way as long as accelerations are strong."""
+    path, log = "effects.rudder.dead_time", glider_log(0, 0.0005, **{OFFSET: 0.0, "effects.rudder.dead_time": 4.0})
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    without = problem.solve(GLIDER, COEFFICIENTS)
+    plant = replace_at(problem.plant_at(without, COEFFICIENTS), path, 0.1)
+    found = problem.plant_at(problem.solve(plant, (*COEFFICIENTS, path), without), (path,))
+    assert value_at(found, path) == pytest.approx(4.0, abs=0.2)

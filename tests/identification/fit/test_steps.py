@@ -1,7 +1,5 @@
 """Steps of integration that are longer where that moves no estimate."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -10,38 +8,42 @@ from auv_gym.plant import load_vehicle
 from identification.experiments.missions import run_mission
 from identification.fit import greybox
 from identification.fit.greybox import GreyBox
-from identification.fit.steps import MOST_MOVED, brisk
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.steps import MOST_MOVED, brisk, in_steps
 from identification.fit.windows import free_run_windows
 
 
 def logged(vehicle: str, duration: float = 60.0):
     plant = load_vehicle(vehicle)
     record = run_mission(plant, np.random.default_rng(1), duration=duration)
-    return plant, record, free_run_windows(plant, record, 20.0)
+    return plant, PredictionErrors(plant, record, free_run_windows(plant, record, 20.0), doubt=0.1)
 
 
 def test_a_steady_torpedo_is_integrated_in_steps_of_a_sample():
-    plant, record, windows = logged("vt690")
-    assert brisk(plant, record, windows).longest_step == pytest.approx(record.sample_interval)
+    plant, problem = logged("vt690")
+    faster = brisk(problem)
+    assert faster.plant.longest_step == pytest.approx(problem.record.sample_interval)
+    assert problem.plant.longest_step == plant.longest_step
 
 
 def test_an_unstable_one_in_shorter_steps():
-    plant, record, windows = logged("remus100")
-    assert plant.longest_step <= brisk(plant, record, windows).longest_step < record.sample_interval
+    plant, problem = logged("remus100")
+    assert plant.longest_step <= brisk(problem).plant.longest_step < problem.record.sample_interval
 
 
 def test_steps_shorter_than_given_ones_are_not_tried():
-    plant, record, windows = logged("vt690")
-    coarse = replace(plant, longest_step=record.sample_interval)
-    assert brisk(coarse, record, windows) is coarse
+    _, problem = logged("vt690")
+    coarse = in_steps(problem, problem.record.sample_interval)
+    assert brisk(coarse) is coarse
 
 
 def test_longer_steps_move_no_estimate_and_are_not_kept_in_the_fitted_plant(monkeypatch):
-    plant, record, windows = logged("vt690", 30.0)
+    plant, problem = logged("vt690", 30.0)
+    record = problem.record
     free = ["hull.yaw.ur", "hull.pitch.uq"]
     found = GreyBox(plant, free, window=20.0).fit(record)
-    assert found.model.longest_step == plant.longest_step < brisk(plant, record, windows).longest_step
-    monkeypatch.setattr(greybox, "brisk", lambda plant, record, windows: plant)
+    assert found.model.longest_step == plant.longest_step < brisk(problem).plant.longest_step
+    monkeypatch.setattr(greybox, "brisk", lambda problem: problem)
     fine = GreyBox(plant, free, window=20.0).fit(record)
     for path in free:
         assert abs(found[path].value - fine[path].value) < MOST_MOVED * fine[path].error

@@ -13,7 +13,7 @@ from identification.diagnosis.search.candidates import Candidate, Screening, can
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
-from tests.identification.diagnosis.stand_ins import Table, state_of
+from tests.identification.diagnosis.stand_ins import state_of
 from tests.identification.gliders import QUICK
 
 OFFSET, GAIN, LAG = "effects.rudder.offset", "effects.rudder.gain", "effects.rudder.lag"
@@ -60,6 +60,28 @@ def test_one_that_gains_far_less_after_a_few_steps_is_not_fitted_to_the_end(trie
     assert sum(t.state is not None for t in tried.values()) < 7
 
 
+def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, monkeypatch):
+    bench, state, candidates = start
+    begun, nears = {}, {}
+
+    def begin(*args):
+        begun[args[-1].candidate] = own(*args)
+        return begun[args[-1].candidate]
+
+    def kept(bench, state, candidate, screening, near, count):
+        nears[candidate] = near
+        return trials.Trial(candidate, near, 1.0, 1.0, screening, "")
+
+    own = trials._begun
+    monkeypatch.setattr(trials, "_begun", begin)
+    monkeypatch.setattr(trials, "judged", kept)
+    trials_of(bench, state, candidates, len(candidates), quiet)
+    renewed = [c for c in nears if begun[c].state.quiet]
+    assert renewed
+    for candidate in renewed:
+        assert bench.gain(begun[candidate].state, nears[candidate]) > 10.0
+
+
 def test_one_that_was_fitted_and_gains_little_is_not_significant(tried):
     little = [t for t in tried.values() if t.objection == "not significant"]
     assert little
@@ -87,7 +109,7 @@ def test_one_without_a_stable_run_is_refused(start, monkeypatch):
 
     def diverged(bench, state, base, screening):
         lost = replace(state.point, scores=np.full_like(state.point.scores, -np.inf))
-        return State(state.plant, (*state.paths, *screening.candidate.free), lost)
+        return trials.Begun(screening, State(state.plant, (*state.paths, *screening.candidate.free), lost), -np.inf)
 
     monkeypatch.setattr(trials, "_begun", diverged)
     only = [c for c in candidates if OFFSET in c.paths]
@@ -117,8 +139,8 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
     other.problem = Losing()
     begun = trials._begun(other, state, state, screening)
     assert len(lost) > 1
-    assert begun.finite
-    assert value_at(begun.plant, OFFSET) == pytest.approx(value_at(whole.plant, OFFSET), rel=0.2)
+    assert begun.state.finite
+    assert value_at(begun.state.plant, OFFSET) == pytest.approx(value_at(whole.state.plant, OFFSET), rel=0.2)
 
 
 @pytest.mark.parametrize("poorer, taken", [(0.0, "given"), (1.5, "given"), (2.5, "fitted")])
@@ -206,11 +228,8 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
     paths = (OFFSET, GAIN, LAG, "effects.yaw.moment", "effects.compass.lag", "effects.compass.bias")
 
     def finalists(reached, plain=()):
-        gains = {frozenset({p}): (gain, 0.0) for p, gain in zip(paths, reached, strict=True)}
-        bench = Table({frozenset(): (0.0, 0.0)} | gains)
-        begun = [(screened_of(p), state_of(QUICK, p)) for p in paths]
-        found = trials._finalists(bench, state_of(QUICK), begun, plain)  # type: ignore[arg-type]
-        return [s.candidate.paths[0] for s, _ in found]
+        begun = [trials.Begun(screened_of(p), state_of(QUICK, p), r) for p, r in zip(paths, reached, strict=True)]
+        return [b.screening.candidate.paths[0] for b in trials._finalists(begun, plain)]
 
     assert finalists([79.0, 81.0, 82.0, 83.0, 100.0, 10.0]) == [paths[k] for k in (4, 3, 2, 1)]
     assert finalists([1.0, 2.0, 3.0, 4.0, 100.0, 0.0], (paths[5],)) == [paths[k] for k in (4, 3, 2, 5)]

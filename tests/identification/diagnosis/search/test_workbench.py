@@ -77,12 +77,14 @@ def test_what_is_known_of_coefficients_holds_those_that_the_log_does_not_tell(lo
 
 def test_a_vehicle_without_a_part_has_the_parameters_that_the_others_give(log, bench):
     paths, far = QUICK.family.coefficients, []
-    state = bench.fit(QUICK, paths)
+    point = bench.problem.solve(QUICK, paths, gain=1e-4)
+    state = State(bench.problem.plant_at(point, paths), paths, point)
     for part in (1, 2, 3, 4):  # without the first, its start would be another
         unseen, own = bench.unseen(state, part), bench.parts[part]
         others = [piece for other in bench.parts if other is not own for piece in other]
         fewer = PredictionErrors(bench.plant, log[2], [*others, *own], doubt=0.1, counted=others)
-        there = fewer.solve(state.plant, paths, state.point, noise=False)
+        near = fewer.point(state.point.vector, state.point.logs)
+        there = fewer.solve(state.plant, paths, near, noise=False, gain=1e-4)
         for path in paths:
             error, value = bench.intervals(state)[path][1], value_at(state.plant, path)
             moved = there.vector[fewer.index[path]] - value
