@@ -15,6 +15,7 @@ import numpy as np
 from auv_gym.compiled import threads
 from auv_gym.model import check_finite, inputs_of
 from auv_gym.param import list_paths, pack, replace_at, spec_at, value_at
+from auv_gym.plant.charts import Chart
 from auv_gym.plant.rollout import Programs, bind_family, scratch_for
 from auv_gym.records.record import Record
 from auv_gym.vehicles import Family
@@ -265,7 +266,7 @@ class Plant:
     ) -> None:
         after = np.empty((0, runs.rows, starts.shape[2])) if after is None else after
         windows = (runs.begin, runs.stop, c.carried, c.constant)
-        times = (runs.times, runs.inputs, runs.first, self.longest_step)
+        times = (runs.times, runs.inputs, runs.first, runs.references, self.longest_step)
         self.programs.rollout(vectors, starts, *windows, *times, c.measured, c.gains, c.kicks, c.decays, y, after)
 
     def follow_many(
@@ -328,7 +329,10 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class Runs:
-    """Windows of a record in the form the compiled rollout takes, made once for a whole fit."""
+    """Windows of a record in the form the compiled rollout takes, made once for a whole fit.
+
+    references: (n, 4), of a chart in which starts and outputs have attitudes, see `Chart`; (0, 4) for Euler angles.
+    """
 
     begin: np.ndarray
     stop: np.ndarray
@@ -336,9 +340,10 @@ class Runs:
     inputs: np.ndarray
     first: np.ndarray
     rows: int
+    references: np.ndarray
 
     @classmethod
-    def over(cls, plant: Plant, record: Record, windows: Sequence[slice]) -> Runs:
+    def over(cls, plant: Plant, record: Record, windows: Sequence[slice], chart: Chart | None = None) -> Runs:
         first = np.empty(record.time.size, dtype=np.int64)
         for segment in record.segments:
             first[segment] = segment.start
@@ -347,7 +352,9 @@ class Runs:
                 raise ValueError(f"A window must lie inside a segment of the record, got rows {w.start} to {w.stop}.")
         begin = np.array([w.start for w in windows], dtype=np.int64)
         stop = np.array([w.stop for w in windows], dtype=np.int64)
-        return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, int((stop - begin).sum()))
+        references = (chart or Chart.off()).references
+        rows = int((stop - begin).sum())
+        return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, rows, references)
 
 
 def check_coefficient_deviation(parameters: Any, path: str, deviation: Any) -> None:

@@ -21,6 +21,8 @@ import numpy as np
 from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import lag_progress, travel
+from auv_gym.physics.rotations import into_chart, out_of_chart
+from auv_gym.records.attitude import ANGLES
 from auv_gym.vehicles.family import Family, RightHandSide
 
 _ARRIVED = 1e-9  # s before its target where an actuator counts as there
@@ -38,6 +40,7 @@ class Records:
 physics: RightHandSide = OPEN
 records: Records = OPEN
 STATES = INTEGRATED = ACTUATORS = SENSORS = OUTPUTS = INPUTS = PARAMETERS = DERIVED = WORK = BLOCK = MOVES = 0
+ATTITUDE = SENSED = -1  # where roll, pitch and heading begin among the states and among the outputs; -1 where not
 
 
 def rk4(h, inputs, p, room):
@@ -189,7 +192,7 @@ def drive(times, inputs, first, shaped, positions, p, work):
 
 
 def rollout(
-    vectors, starts, begin, stop, carried, constant, times, inputs, first, longest_step,
+    vectors, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
     measured, gains, kicks, decays, y, after,
 ):  # fmt: skip
     """Outputs of runs over windows of a record, for several parameter vectors, into y; free, or corrected at every row.
@@ -198,6 +201,8 @@ def rollout(
     vectors: (S, n_parameters), or longer by a table.  starts: (S or 1, W, F), F = STATES + SENSORS + D; or with states
     alone, (S or 1, W, STATES), where sensors start settled.
     begin, stop: (W,) rows.  times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
+    references: (n, 4), quaternions from which attitudes are seen at each row, as rotation vectors, in starts, y, after
+    and all that is added to them; (0, 4) for Euler angles.
     carried: (W,), whether the `constant` states (STATES,) go on from the window before.
     measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
     kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after the interval.
@@ -216,6 +221,8 @@ def rollout(
     push = np.empty(pushed)
     error = np.empty(OUTPUTS)
     corrected = gains.shape[0] > 0
+    charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0
+    attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
     for s in range(vectors.shape[0]):
         physics.derive(vectors[s], derived)
         p = records.parameters(derived)
@@ -227,6 +234,8 @@ def rollout(
             for i in range(STATES):
                 if not (carried[w] and constant[i]):
                     x[i] = start[i]
+            if charted:
+                out_of_chart(references[k], attitude)
             for j in range(ACTUATORS):
                 x[STATES + j] = positions[k, j]
                 x[STATES + ACTUATORS + j] = 0.0
@@ -241,6 +250,10 @@ def rollout(
                 push[j] = start[size + j]
             while k < stop[w]:
                 physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
+                if charted:
+                    into_chart(references[k], y[s, row, SENSED : SENSED + 3])
+                    into_chart(references[k], attitude)
+                chart = k
                 if corrected:
                     for c in range(OUTPUTS):
                         reading = measured[row, c]
@@ -258,7 +271,12 @@ def rollout(
                     duration = times[k + 1] - times[k]
                     for j in range(pushed):
                         x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
+                    if charted:
+                        out_of_chart(references[k], attitude)
                     interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], longest_step, p, work)
+                    if charted:
+                        chart = k + 1
+                        into_chart(references[chart], attitude)
                     for j in range(pushed):
                         x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
                         push[j] *= decays[row, j]
@@ -269,6 +287,8 @@ def rollout(
                         after[s, row, STATES + i] = sensors[i]
                     for j in range(pushed):
                         after[s, row, size + j] = push[j]
+                if charted:
+                    out_of_chart(references[chart], attitude)
                 row += 1
                 k += 1
 
@@ -300,6 +320,12 @@ def _work_type(family: Family) -> np.dtype:
     return np.dtype((np.record, [(name, np.float64, shape) for name, shape in rows.items()]))
 
 
+def _attitude_in(names: tuple[str, ...]) -> int:
+    """Where roll, pitch and heading begin, in this order, or -1."""
+    at = names.index(ANGLES[0]) if ANGLES[0] in names else -1
+    return at if names[at : at + 3] == ANGLES else -1
+
+
 _BOUND: dict[str, Programs] = {}
 
 
@@ -320,6 +346,8 @@ def bind_family(family: Family) -> Programs:
         "WORK": scratch_for(family).size,
         "BLOCK": family.block,
         "MOVES": int(family.moves),
+        "ATTITUDE": _attitude_in(family.states),
+        "SENSED": _attitude_in(family.outputs),
     }
     views = Records(parameters=family.view, work=view_as(_work_type(family), f"{program}_work"))
     known: dict[str, Any] = {**sizes, "physics": namespace(family.hooks), "records": namespace(views)}

@@ -11,10 +11,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from auv_gym.channels import wrap
+
+ANGLES: Final = ("roll_rad", "pitch_rad", "heading_rad")
 QUATERNION: Final = ("quaternion_w", "quaternion_x", "quaternion_y", "quaternion_z")
 QUATERNION_ENU_FLU: Final = (
     *("quaternion_enu_flu_w", "quaternion_enu_flu_x", "quaternion_enu_flu_y", "quaternion_enu_flu_z"),
 )
+STEEP = 1.0  # rad of pitch, from which on rates of heading are about twice those of the body, 1/cos(1) = 1.85
 _LEAST = 0.5  # norm below which four numbers are no attitude, but a message that was never filled in
 
 
@@ -61,6 +65,43 @@ def interpolated(at: np.ndarray, time: np.ndarray, quaternion: np.ndarray) -> np
     between = Slerp(time, Rotation.from_quat(quaternion, scalar_first=True))
     result = between(np.clip(at, time[0], time[-1])).as_quat(scalar_first=True)
     return continuous(result)
+
+
+def turns_far(roll: np.ndarray, pitch: np.ndarray) -> bool:
+    """Whether attitudes, (n,), leave the region in which Euler angles go on smoothly: steep pitch, or roll that jumps.
+
+    Past the vertical roll and heading jump by half a turn, and an angle that is wrapped by a whole one.
+    """
+    steep = np.abs(wrap(pitch)) > STEEP
+    jumps = np.abs(np.diff(roll)) > 0.5 * np.pi
+    return bool(steep.any() or jumps.any())
+
+
+def from_angles(roll: ArrayLike, pitch: ArrayLike, heading: ArrayLike) -> np.ndarray:
+    """Quaternions, (n, 4), of roll, pitch and heading, rad, (n,) each; each lies next to the one before."""
+    from scipy.spatial.transform import Rotation
+
+    turned = Rotation.from_euler("ZYX", np.column_stack([heading, pitch, roll]))
+    return continuous(turned.as_quat(scalar_first=True))
+
+
+def turns(quaternion: np.ndarray) -> np.ndarray:
+    """The turn from each attitude to the next, (n - 1, 3), rad, as rotation vectors about the body axes."""
+    from scipy.spatial.transform import Rotation
+
+    attitude = Rotation.from_quat(quaternion, scalar_first=True)
+    return (attitude[:-1].inv() * attitude[1:]).as_rotvec()
+
+
+def unrolled(quaternion: np.ndarray) -> np.ndarray:
+    """The sum of all turns up to each attitude, (n, 3), rad: what gyros without errors would integrate to."""
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(turns(quaternion), axis=0)])
+
+
+def interpolated_angles(at: np.ndarray, time: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """Roll, pitch and heading, (m, 3), at other times along the shortest turns between rows of a table, (n, 3)."""
+    quaternion = interpolated(at, time, from_angles(*table.T))
+    return np.unwrap(np.column_stack(angles(quaternion)), axis=0)
 
 
 def angles(quaternion: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from auv_gym.channels import Channel, channel
-from auv_gym.records.attitude import QUATERNION, interpolated
+from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, interpolated, turns_far
 from auv_gym.records.record import RARER, gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
@@ -247,10 +247,24 @@ def _brought(stream: Stream, names: Iterable[str], base: Stream, spacing: float)
     if set(QUATERNION) <= set(names):
         table = np.column_stack([stream.values[name] for name in QUATERNION])
         brought |= dict(zip(QUATERNION, _at(stream, table, None, base, spacing).T, strict=True))
+    if set(ANGLES) <= set(names):
+        table = _quaternions(np.column_stack([stream.values[name] for name in ANGLES]))
+        if table is not None:
+            brought |= dict(zip(ANGLES, angles(_at(stream, table, None, base, spacing)), strict=True))
     for name in names:
         if name not in brought:
             brought[name] = _at(stream, stream.values[name], channel(name), base, spacing)
     return brought
+
+
+def _quaternions(table: np.ndarray) -> np.ndarray | None:
+    """Roll, pitch and heading, (n, 3), as quaternions where the attitude turns far, else None."""
+    known = np.isfinite(table).all(axis=1)
+    if not turns_far(*table[known, :2].T):
+        return None
+    found = np.full((len(table), 4), np.nan)
+    found[known] = from_angles(*table[known].T)
+    return found
 
 
 def _rarer(stream: Stream, names: Iterable[str], spacing: float) -> dict[str, float]:

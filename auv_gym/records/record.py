@@ -13,7 +13,7 @@ import numpy as np
 
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, channel
 from auv_gym.param import did_you_mean
-from auv_gym.records.attitude import QUATERNION, interpolated
+from auv_gym.records.attitude import ANGLES, QUATERNION, interpolated, interpolated_angles, turns_far
 from auv_gym.writing import replacing
 
 if TYPE_CHECKING:
@@ -268,8 +268,9 @@ class Record:
         """The record at even steps of dt, s, from the start of each segment; never across a gap between segments.
 
         Inputs, commands and flags keep their last value, all else is interpolated linearly (angles are continuous
-        already).  Nothing is filtered: smooth first when dt is much longer than the interval.  Values between readings
-        tell nothing new, so that a channel keeps its `interval_of` where dt is shorter.
+        already), attitudes that turn far along the shortest turn.  Nothing is filtered: smooth first when dt is much
+        longer than the interval.  Values between readings tell nothing new, so that a channel keeps its `interval_of`
+        where dt is shorter.
         """
         if not (dt > 0.0 and np.isfinite(dt)):
             raise ValueError(f"resample needs a positive step in s, got {dt}.")
@@ -300,6 +301,11 @@ class Record:
             attitude = np.column_stack([self[name] for name in QUATERNION])
             turned = np.concatenate([interpolated(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)])
             for name, values in zip(QUATERNION, turned.T, strict=True):
+                variables[name] = ("time_s", values, variables[name][2])
+        if set(ANGLES) <= set(variables) and any(turns_far(*self.matrix(ANGLES)[o, :2].T) for o in origins):
+            attitude = self.matrix(ANGLES)
+            turned = [interpolated_angles(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)]
+            for name, values in zip(ANGLES, np.concatenate(turned).T, strict=True):
                 variables[name] = ("time_s", values, variables[name][2])
         variables["segment"] = ("time_s", np.repeat(np.arange(len(grids)), [grid.size for grid in grids]))
         attrs = {**self.dataset.attrs, _LABELS: [self.labels[k] for k in kept]}

@@ -27,12 +27,12 @@ from auv_gym.model import (
 )
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.models.spliced import Spliced, splice
-from auv_gym.plant import Plant
+from auv_gym.plant import Chart, Plant
 from auv_gym.records.record import Record
 from controllers.controller import Controller
 from identification.experiments.driving import Run, Steps, drive
 from identification.fit.shooting import Shooting
-from identification.fit.validation import FreeRuns, Score, head_windows
+from identification.fit.validation import FreeRuns, Score, free_runs, head_windows
 from identification.fit.windows import free_run_windows
 from identification.recursive.diving_model import DivingModel, settled_starts
 
@@ -71,7 +71,8 @@ class OpenLoop:
         values = {channel_name: self.record[channel_name][rows] for channel_name in self.record.names}
         if name is not None:
             run = self.runs[name]
-            values |= {c: self.record[c][rows] - run.residual[:, i] for i, c in enumerate(run.channels)}
+            near = self.record.matrix(run.channels)[rows] - run.residual if run.signals is None else run.model
+            values |= dict(zip(run.channels, near.T, strict=True))
         return Record.from_arrays(self.record.time[rows], values, window)
 
 
@@ -156,7 +157,12 @@ def _shortest(record: Record, windows: Sequence[slice]) -> float:
 
 
 def free_runs_of(model: Model, record: Record, windows: Sequence[slice], settle: float) -> FreeRuns:
-    """Free runs of any model over windows, each from a start fitted to its first `settle` seconds; raises Diverged."""
+    """Free runs of any model over windows, each from a start fitted to its first `settle` seconds; raises Diverged.
+
+    Of a plant whose attitude turns far, attitudes are compared as rotations; see `FreeRuns`.
+    """
+    if isinstance(model, Plant) and Chart.along(model.family, record).on:
+        return free_runs(model, record, windows, settle)
     heads = head_windows(record, windows, settle)
     starts = fitted_starts(model, record, heads)
     y = _free(model, record, windows, starts)
@@ -176,7 +182,8 @@ def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.nd
     `initial` has it, and one of a model with `start_spread` near that, within some of these.
     """
     if isinstance(model, Plant):
-        return Shooting(model, record, heads).solve(model, ()).starts
+        problem = Shooting(model, record, heads)
+        return problem.euler_starts(problem.solve(model, ()).starts)
     if isinstance(model, DivingModel):
         return settled_starts(model, record, heads, np.inf)
     measured = outputs_of(model, record)

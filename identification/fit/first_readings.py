@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from auv_gym.plant import Plant
+from auv_gym.plant import Chart, Plant
+from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
@@ -15,7 +16,10 @@ RATE_SAMPLES = 4  # at a window's start, from which a rate is guessed
 
 
 class Windows(Protocol):
-    """Windows of a record and the readings in them: measured and finite, (rows, C), of these channels."""
+    """Windows of a record and the readings in them: logged, signals and finite, (rows, C), of these channels.
+
+    See `identification.fit.shooting.Shooting`.
+    """
 
     plant: Plant
     record: Record
@@ -23,35 +27,41 @@ class Windows(Protocol):
     offsets: np.ndarray
     channels: tuple[str, ...]
     columns: np.ndarray
-    measured: np.ndarray
+    chart: Chart
+    logged: np.ndarray
+    signals: np.ndarray
     finite: np.ndarray
 
 
 def first_readings(problem: Windows) -> np.ndarray:
     """States at the starts of a problem's windows, shape (W, n_states).
 
-    Measured where they are measured; rates of measured signals from their first samples; else zero.
+    Measured where they are measured; rates of measured signals from their first samples; else zero.  In a chart, rates
+    about the body axes follow from the turns between attitudes, and attitudes are those that the chart has.
     """
-    family = problem.plant.family
+    family, chart = problem.plant.family, problem.chart
     starts = np.zeros((len(problem.windows), len(family.states)))
     for w, offset in enumerate(problem.offsets):
         times = problem.record.time[problem.windows[w]]
         past = times - times[0]
         full = np.full(len(family.outputs), np.nan)
-        full[problem.columns] = problem.measured[offset]
+        full[problem.columns] = problem.logged[offset]
         starts[w] = problem.plant.initial(full)[: len(family.states)]
+        if chart.on:
+            starts[w] = chart.seen(starts[[w]], [problem.windows[w].start])[0]
         rows = slice(offset, offset + int(np.searchsorted(past, LINE)))
         for name in family.states:
             told = next((n for n in (name, family.nearly.get(name)) if n in problem.channels), None)
             c = problem.channels.index(told) if told else 0
             fine = problem.finite[rows, c]
             if told and fine.sum() >= LEAST_LINE:
-                line = _line(past[: len(fine)][fine], problem.measured[rows, c][fine])
-                starts[w, family.states.index(name)] = line[1]
+                line = _line(past[: len(fine)][fine], problem.signals[rows, c][fine])
+                begun = problem.signals[offset, c] if chart.on and name in ANGLES else 0.0
+                starts[w, family.states.index(name)] = line[1] - begun
         head = slice(offset, offset + min(RATE_SAMPLES, len(times)))
         for rate, angle in RATES.items():
             if rate in family.states and rate not in problem.channels and angle in problem.channels:
-                values = problem.measured[head, problem.channels.index(angle)]
+                values = problem.signals[head, problem.channels.index(angle)]
                 starts[w, family.states.index(rate)] = _line(past[: len(values)], values)[0]
     return starts
 

@@ -19,7 +19,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.model import outputs_of
 from auv_gym.param import spec_at, value_at
-from auv_gym.plant import Plant, Runs
+from auv_gym.plant import Chart, Plant, Runs
 from auv_gym.records.record import Record
 from identification.fit.blocks import Blocks, block_step
 from identification.fit.first_readings import first_readings
@@ -75,7 +75,9 @@ class Linearisation:
 class Shooting(Parameters):
     """Measured outputs of a record in windows, and the runs of a plant that shall meet them.
 
-    channels: the plant's outputs that the record holds.  start_states: indices of the states that they reveal.
+    channels: the plant's outputs that the record holds.  measured: (rows, C), what the runs shall meet.  logged: what
+    the record holds, and signals: what moves with the vehicle; these three differ in attitudes that are seen in a
+    `Chart`, in which starts are then, too.  start_states: indices of the states that they reveal.
     doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own
     (`Plant.deviation`); fits hold them to their values by it.
     shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
@@ -97,7 +99,8 @@ class Shooting(Parameters):
             )
         super().__init__(plant, doubt, scales)
         self.record, self.windows = record, tuple(windows)
-        self.runs = Runs.over(plant, record, windows)
+        self.chart = Chart.along(plant.family, record)
+        self.runs = Runs.over(plant, record, windows, self.chart)
         self.channels = tuple(name for name in plant.outputs if record.has(name))
         if not self.channels:
             raise ValueError(
@@ -108,7 +111,9 @@ class Shooting(Parameters):
         self.columns = np.array(columns)
         self.angles = np.array([channel(name).angle for name in self.channels])
         rows = np.concatenate([np.arange(w.start, w.stop) for w in windows])
-        self.measured = outputs_of(plant, record)[rows][:, columns]
+        self.logged = outputs_of(plant, record)[rows][:, columns]
+        self.measured = self.chart.readings(self.channels, self.logged)
+        self.signals = self.chart.signals(self.channels, self.logged, rows)
         self.finite = np.isfinite(self.measured)
         self.counts = self.finite.sum(axis=0)
         lengths = self.runs.stop - self.runs.begin
@@ -157,6 +162,10 @@ class Shooting(Parameters):
         for state, _ in self.shared:
             starts[:, state] = found[first, state][self.segments]
         return starts
+
+    def euler_starts(self, starts: np.ndarray) -> np.ndarray:
+        """The states of a point at the windows' starts as the plant itself takes them, (W, n_states)."""
+        return self.chart.kept(starts, self.runs.begin)
 
     def point(self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str] = ()) -> Point:
         """The residuals and the cost of one parameter vector with these starts; paths: those that are fitted."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from auv_gym.model import outputs_of
-from auv_gym.plant import Correction, Plant, Runs
+from auv_gym.plant import Chart, Correction, Plant, Runs
+from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 from identification.fit.first_readings import RATES
 from identification.fit.parameters import Parameters
@@ -19,6 +21,7 @@ from identification.fit.validation import head_windows
 _PROBE, _SMALL = 1e-4, 1e-6  # change of a state for its slopes, rad, m or m/s; of one in m^3
 _WIDE = 3.0  # deviations of a state over the record that it may be off by where a stretch begins
 _UNTOLD = (0.3, 0.05)  # of a state that no channel tells: share of its first guess, and the least, in SI units
+_TURNED = 1.0  # rad about each axis, that an attitude in a chart may be off by: more and it is none of this record's
 _SHARED = 100.0  # scales by which a state that nobody knows may be off
 _SLOW = 10.0  # s, in which an acceleration would make the velocities of the record; where a search for noises begins
 _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their readings lag behind
@@ -32,7 +35,8 @@ class Stretches(Parameters):
     """Measured outputs of a record over stretches, and the runs of a plant from one row to the next.
 
     windows: neighbouring ones are one stretch, which the filter goes through; of vehicles with `stepped` inputs each is
-    a stretch.  A channel whose readings are all the same is taken as not measured.
+    a stretch.  A channel whose readings are all the same is taken as not measured.  Where the attitude turns far, its
+    states and readings are rotation vectors about the body axes, see `auv_gym.plant.Chart`.
     process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
     counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
     doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own.
@@ -54,9 +58,13 @@ class Stretches(Parameters):
         family = plant.family
         windows = sorted(windows, key=lambda w: w.start)
         self.stretches = _joined(windows, record) if process and not family.stepped else list(windows)
-        self.runs = Runs.over(plant, record, self.stretches)
+        self.chart = Chart.along(family, record)
+        self.runs = Runs.over(plant, record, self.stretches, self.chart)
         self.rows = np.concatenate([np.arange(w.start, w.stop) for w in self.stretches])
-        self.channels = tuple(n for n in plant.outputs if record.has(n) and _varies(record[n][self.rows]))
+        kept = ANGLES if self.chart.on else ()
+        self.channels = tuple(
+            n for n in plant.outputs if record.has(n) and (n in kept or _varies(record[n][self.rows]))
+        )
         if not self.channels:
             raise ValueError(
                 f"Plant {plant.name!r} needs at least one of {', '.join(plant.outputs)} in the record, with readings "
@@ -69,13 +77,13 @@ class Stretches(Parameters):
         for c, name in enumerate(plant.outputs):
             if record.has(name):  # what lies between readings tells nothing new
                 self.every[~record.readings(name)[self.rows], c] = np.nan
+        self.signals = self.chart.signals(plant.outputs, self.every, self.rows)[:, self.columns]
+        self.every = self.chart.readings(plant.outputs, self.every)
         self.measured = self.every[:, self.columns]
         self.finite = np.isfinite(self.measured)
         self.stretch_of_row = np.repeat(np.arange(len(lengths)), lengths)
         self.counted = self.within(windows if counted is None else counted)
-        self._by_row = Runs(
-            self.rows, self.rows + 1, self.runs.times, self.runs.inputs, self.runs.first, len(self.rows)
-        )
+        self._by_row = replace(self.runs, begin=self.rows, stop=self.rows + 1)
         self.durations = self._durations()
         self._size = len(family.states) + len(family.sensors)
         shared = unknown_states(plant)
@@ -118,6 +126,8 @@ class Stretches(Parameters):
                 path[:, s] = told
                 floor = noise_floor(told, self.stretch_of_row)
                 spread[s] = max(_WIDE * float(np.std(told)), 10.0 * floor, 1e-6)
+                if self.chart.on and name in ANGLES:
+                    spread[s] = _TURNED
             elif not self.resting[s] and name not in family.shared:
                 spread[s] = max(_UNTOLD[0] * float(np.abs(guess[:, s]).max()), _UNTOLD[1])
             if self._shared[s]:
@@ -137,7 +147,7 @@ class Stretches(Parameters):
         self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
         self._balance_kicks(np.delete(path, drop, axis=1))
         self.unit = self._units(spread)
-        floors = noise_floors(self.measured, self.stretch_of_row, self.finite)
+        floors = noise_floors(self.signals, self.stretch_of_row, self.finite)
         steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
         step = float(np.median(self.durations))
@@ -150,7 +160,9 @@ class Stretches(Parameters):
         within = np.diff(self.stretch_of_row) == 0
         for d, (name, i) in enumerate(zip(self.pushed, self._pushed, strict=True)):
             if not name.endswith(("mps", "radps")):
-                speed = np.diff(self.first_path[:, i])[within] / self.durations[:-1][within]
+                seen = self.chart.on and name in ANGLES
+                place = self.chart.turned[self.rows, ANGLES.index(name)] if seen else self.first_path[:, i]
+                speed = np.diff(place)[within] / self.durations[:-1][within]
                 units[d] = max(float(np.median(np.abs(speed))), 1e-9) if speed.size else units[d]
         return units
 
@@ -168,7 +180,9 @@ class Stretches(Parameters):
         angle = RATES.get(name)
         if of is None and angle not in self.channels:
             return None
-        values = self.measured[:, self.channels.index(of or angle or "")]
+        if of in ANGLES and self.chart.on:
+            return np.zeros(len(self.rows))
+        values = self.signals[:, self.channels.index(of or angle or "")]
         fine = np.isfinite(values)
         if fine.sum() < 3:
             return None

@@ -10,8 +10,11 @@ from scipy import stats
 
 from auv_gym.channels import channel, wrap
 from auv_gym.plant import Plant
+from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 from identification.fit.shooting import Shooting
+
+_TURNS = ("turn about the bow axis", "turn about the starboard axis", "turn about the downward axis")
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,9 @@ class FreeRuns:
     """Free runs over windows: rows of the record, model outputs and residuals, by channel (rows, C).
 
     scored: rows past the samples to which the initial states were fitted.  readings: (rows, C), see `Record.readings`;
-    None if all are.
+    None if all are.  signals: (rows, C), where the attitude turns far (`auv_gym.plant.Chart`), what was measured as
+    turns about the body axes: the residuals of roll, pitch and heading are then the turns from the model's attitude
+    to the measured one, about the bow, the starboard and the downward axis; else None.  The model's angles stay angles.
     """
 
     channels: tuple[str, ...]
@@ -47,13 +52,20 @@ class FreeRuns:
     residual: np.ndarray
     scored: np.ndarray
     readings: np.ndarray | None = None
+    signals: np.ndarray | None = None
+
+    def label(self, name: str) -> str:
+        """Words for what the residual of a channel is an error of."""
+        turned = self.signals is not None and name in ANGLES
+        return _TURNS[ANGLES.index(name)] if turned else channel(name).label
 
     def scores(self, record: Record) -> dict[str, Score]:
         """A score for each channel, over the scored rows."""
         result = {}
         for c, name in enumerate(self.channels):
             keep = self.scored & np.isfinite(self.residual[:, c])
-            result[name] = score(record[name][self.rows[keep]], self.residual[keep, c])
+            told = record[name][self.rows] if self.signals is None else self.signals[:, c]
+            result[name] = score(told[keep], self.residual[keep, c])
         return result
 
 
@@ -79,7 +91,9 @@ def joined_runs(parts: Sequence[FreeRuns]) -> FreeRuns:
     readings = np.concatenate(told)[order] if len(told) == len(parts) else None
     model, residual = (np.concatenate([getattr(p, name) for p in parts])[order] for name in ("model", "residual"))
     scored = np.concatenate([p.scored for p in parts])[order]
-    return FreeRuns(parts[0].channels, rows[order], numbers, model, residual, scored, readings)
+    turned = [p.signals for p in parts if p.signals is not None]
+    signals = np.concatenate(turned)[order] if len(turned) == len(parts) else None
+    return FreeRuns(parts[0].channels, rows[order], numbers, model, residual, scored, readings, signals)
 
 
 def head_windows(record: Record, windows: Sequence[slice], settle: float) -> list[slice]:
@@ -98,11 +112,15 @@ def fitted_runs(plant: Plant, record: Record, windows: Sequence[slice]) -> FreeR
 
 
 def _runs(problem: Shooting, plant: Plant, starts: np.ndarray, scored: np.ndarray) -> FreeRuns:
-    model = plant.run(problem.record, problem.windows, starts)[:, problem.columns]
+    model = plant.run(problem.record, problem.windows, problem.euler_starts(starts))[:, problem.columns]
     residual = problem.point(plant.vector, starts).residual
     rows = np.concatenate([np.arange(w.start, w.stop) for w in problem.windows])
     readings = np.stack([problem.record.readings(name)[rows] for name in problem.channels], axis=1)
-    return FreeRuns(problem.channels, rows, problem.window_of_row, model, residual, scored, readings)
+    signals = problem.signals if problem.chart.on else None
+    if problem.chart.on:  # whole turns mean nothing there, and half of one is jumped at each passage of the vertical
+        angles = [problem.channels.index(name) for name in ANGLES]
+        model[:, angles] = problem.logged[:, angles] - wrap(problem.logged[:, angles] - model[:, angles])
+    return FreeRuns(problem.channels, rows, problem.window_of_row, model, residual, scored, readings, signals)
 
 
 def score(measured: np.ndarray, residual: np.ndarray) -> Score:

@@ -179,7 +179,7 @@ def growth_figure(d: Diagnosis) -> Figure:
             tops.append(min(np.nanmax(shown_values(name, error)), 2.5 * max(tops)))
         axes.set_xlim(0.0, d.window)
         axes.set_ylim(0.0, 1.08 * max(tops))
-        axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (root mean square)", loc="left")
+        axes.set_title(f"error of {d.after.unseen.label(name)}, {unit_label(name)} (root mean square)", loc="left")
         axes.set_xlabel("time since the window's start, s")
     handles, labels = panels[0].get_legend_handles_labels()
     handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
@@ -225,7 +225,7 @@ def residual_figure(d: Diagnosis) -> Figure:
                 **{**look, "linewidth": 0.75 * look["linewidth"]},
             )
         axes.axhline(0.0, color=INK, linewidth=0.7)
-        axes.set_title(f"residual of {channel(name).label}, {unit_label(name)}", loc="left")
+        axes.set_title(f"residual of {d.after.fitted.label(name)}, {unit_label(name)}", loc="left")
         axes.margins(x=0.0)
     panels[-1].set_xlabel(clock.label)
     handles, labels = panels[0].get_legend_handles_labels()
@@ -251,7 +251,7 @@ def autocorrelation_figure(d: Diagnosis) -> Figure:
         axes.set_xlim(0.0, lags[-1] + d.record.sample_interval)
         axes.axhline(0.0, color=INK, linewidth=0.7)
         axes.set_ylim(-1.0, 1.0)
-        axes.set_title(f"autocorrelation, {channel(name).label}", loc="left")
+        axes.set_title(f"autocorrelation, {d.after.fitted.label(name)}", loc="left")
         axes.set_xlabel("lag, s")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=4)
     return figure
@@ -303,7 +303,7 @@ def correlate_figure(d: Diagnosis) -> Figure:
         axes.axhline(0.0, color=INK, linewidth=0.7)
         spread = np.quantile(np.abs(rate), 0.995)
         axes.set_ylim(-1.15 * spread, 1.15 * spread)
-        axes.set_title(f"rate of the residual of {channel(name).label}, {_rate_unit(name)}", loc="left")
+        axes.set_title(f"rate of the residual of {d.after.fitted.label(name)}, {_rate_unit(name)}", loc="left")
         axes.set_xlabel(f"{signal_label(label)} (correlation {value:+.2f})")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=2)
     return figure

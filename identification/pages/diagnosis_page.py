@@ -215,7 +215,7 @@ def _errors(d: Diagnosis) -> list[dict[str, Any]]:
         unit, given, after = channel(name).unit, d.given.scores[name], d.after.scores[name]
         rows.append(
             {
-                "name": channel(name).label,
+                "name": d.after.unseen.label(name),
                 "given": amount(given.rmse, unit),
                 "unit": amount(after.rmse, unit).partition(" ")[2],
                 "before": amount(before.rmse, unit),
@@ -323,7 +323,7 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
                 text += f"Of all logged signals its rate goes most with {signal}, {words} ({value})."
             else:
                 text += f"Its rate goes with no logged signal to speak of (most with {signal}: {value})."
-        texts.append((channel(name).label, text))
+        texts.append((d.after.fitted.label(name), text))
     return texts
 
 

@@ -170,6 +170,8 @@ def _changes(path: str, neutral: float, after: Stage, record: Record, log: Check
     except Diverged:
         return dict.fromkeys(after.every.channels, np.inf)
     change = (without.model - after.every.model)[after.every.scored]
+    if without.signals is not None:  # angles jump at the vertical, turns do not
+        change = np.nan_to_num((after.every.residual - without.residual)[after.every.scored])
     return dict(zip(after.every.channels, np.sqrt((change**2).mean(axis=0)).tolist(), strict=True))
 
 

@@ -309,7 +309,7 @@ def _error_sentence(d: Diagnosis) -> str:
     parts = []
     for name, before in d.before.scores.items():
         after = d.after.scores[name]
-        label, unit = channel(name).label, channel(name).unit
+        label, unit = d.after.unseen.label(name), channel(name).unit
         if d.changed:
             parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:

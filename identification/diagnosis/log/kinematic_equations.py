@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from auv_gym.physics.frames import euler_rates, velocity_ned
+from auv_gym.records.attitude import ANGLES, from_angles, interpolated_angles, turns_far, unrolled
 from auv_gym.records.record import Record
 
 GROUND, WATER = ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"), ("u_mps", "v_mps", "w_mps")
@@ -50,8 +52,20 @@ class Motion:
     def at(self, name: str) -> np.ndarray:
         return self.record[name] if self.record.has(name) else np.zeros(len(self.record))
 
+    @cached_property
+    def far(self) -> bool:
+        """Whether the attitude was measured and turns far, so that angles cannot be averaged or differenced."""
+        return self.has(*ANGLES) and turns_far(self.record["roll_rad"], self.record["pitch_rad"])
+
+    @cached_property
+    def _turned_halfway(self) -> np.ndarray:
+        time = self.record.time
+        return interpolated_angles(0.5 * (time[1:] + time[:-1]), time, self.record.matrix(ANGLES))
+
     def middle(self, name: str) -> np.ndarray:
         """Shape (n - 1,)."""
+        if name in ANGLES and self.far:
+            return self._turned_halfway[:, ANGLES.index(name)]
         values = self.at(name)
         return values[:-1] if name in self.held else 0.5 * (values[1:] + values[:-1])
 
@@ -75,7 +89,9 @@ def segment_equations(record: Record, held: Sequence[str]) -> list[Equation]:
     """The equations that the channels of one segment allow."""
     m = Motion(record, tuple(held))
     found = []
-    if m.has("roll_rad", "pitch_rad") or m.has("heading_rad", "r_radps"):
+    if m.far:
+        found += _turns(m)
+    elif m.has("roll_rad", "pitch_rad") or m.has("heading_rad", "r_radps"):
         found += _attitude(m)
     tracks = [(names, sensor) for names, sensor in ((GROUND, "dvl_ground"), (WATER, "dvl_water")) if m.has(names[0])]
     if m.has("heading_rad"):
@@ -125,6 +141,25 @@ def _attitude(m: Motion) -> list[Equation]:
     return found
 
 
+def _turns(m: Motion) -> list[Equation]:
+    """Turns of the measured attitude about the body axes against gyros, where it goes through the vertical."""
+    turned = unrolled(from_angles(*m.record.matrix(ANGLES).T))
+    p, q, r = (m.middle(name) for name in ("p_radps", "q_radps", "r_radps"))
+    axes = (("bow", "p", p, -q), ("starboard", "q", q, p), ("downward", "r", r, 0.0 * r))
+    found = []
+    for k, (axis, symbol, rate, across) in enumerate(axes):
+        if not m.has(f"{symbol}_radps"):
+            continue
+        expected = m.integral(rate)
+        columns = {f"effects.gyros.bias_{symbol}": -m.integral(np.ones(len(rate)))}
+        columns["effects.gyros.scale"] = columns[_CLOCK] = -expected
+        columns["effects.gyros.lag"] = np.r_[rate[:1], 0.5 * (rate[1:] + rate[:-1]), rate[-1:]]
+        if m.has("p_radps", "q_radps"):
+            columns["effects.gyros.misalignment"] = m.integral(across)
+        found.append(Equation(f"turns about the {axis} axis against gyros", turned[:, k] - expected, columns))
+    return found
+
+
 def _turned(m: Motion, v: np.ndarray) -> np.ndarray:
     """Body vectors (3, n - 1) in north, east, down by the measured attitude."""
     return np.stack(velocity_ned(*v, *(m.middle(name) for name in ("roll_rad", "pitch_rad", "heading_rad"))))
@@ -154,7 +189,8 @@ def _track(m: Motion, names: Sequence[str], sensor: str) -> list[Equation]:
     rates["effects.compass.bias"] = -swing
     rates["effects.compass.deviation_sin"] = -np.sin(heading) * swing
     rates["effects.compass.deviation_cos"] = -np.cos(heading) * swing
-    rates["effects.compass.lag"] = np.gradient(heading, np.arange(heading.size)) / np.diff(m.record.time) * swing
+    if not m.far:  # a compass that passes the vertical swings round, however little the vehicle turns
+        rates["effects.compass.lag"] = np.gradient(heading, np.arange(heading.size)) / np.diff(m.record.time) * swing
     if m.has("pitch_rad"):
         rates["effects.inclinometer.pitch_bias"] = -across
     found = []

@@ -13,7 +13,8 @@ from auv_gym.channels import channel
 from auv_gym.model import outputs_of
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.physics.frames import velocity_ned
-from auv_gym.plant import Plant, Runs
+from auv_gym.plant import Chart, Plant, Runs
+from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 from identification.diagnosis.log.slips import Slip, possible_slips, undone
 from identification.fit.first_readings import RATES
@@ -192,7 +193,7 @@ def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: 
         if problem.counts[c] == 0:
             continue
         error = float(np.nanmean(point.residual[:, c] ** 2)) if known else np.inf
-        match.add(name, problem.measured[:, c], error, problem.window_of_row)
+        match.add(name, problem.signals[:, c], error, problem.window_of_row)
         match.noise[name] = error / noise_floor(point.residual[:, c], problem.window_of_row) ** 2
     if "depth_m" not in plant.outputs:
         _sink(match, record, problem.window_of_row)
@@ -273,23 +274,28 @@ def _ranked(
 
 def _glance(record: Record, plant: Plant, stray: Sequence[str]) -> Match:
     """A match without any fit: the runs start from what is measured; a mean error counts for stray signals only."""
-    measured, names = outputs_of(plant, record), plant.family.states
+    logged, names, chart = outputs_of(plant, record), plant.family.states, Chart.along(plant.family, record)
+    signals = chart.signals(plant.outputs, logged, np.arange(len(record)))
     starts = np.zeros((1, len(record.segments), len(names)))
     for w, part in enumerate(record.segments):
-        starts[0, w] = plant.initial(measured[part.start])[: len(names)]
+        starts[0, w] = plant.initial(logged[part.start])[: len(names)]
         for rate, signal in RATES.items():
             if rate in names and not record.has(rate) and record.has(signal):
                 head = slice(part.start, part.start + 4)
-                starts[0, w, names.index(rate)] = np.polyfit(record.time[head], record[signal][head], 1)[0]
-    residual = measured - plant.run_many(Runs.over(plant, record, record.segments), plant.vector[None], starts)[0]
+                angle = chart.on and signal in ANGLES
+                values = signals[head, plant.outputs.index(signal)] if angle else record[signal][head]
+                starts[0, w, names.index(rate)] = np.polyfit(record.time[head], values, 1)[0]
+    starts[0] = chart.seen(starts[0], [part.start for part in record.segments])
+    runs = Runs.over(plant, record, record.segments, chart)
+    residual = chart.readings(plant.outputs, logged) - plant.run_many(runs, plant.vector[None], starts)[0]
     window = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
     match = Match(plant)
     for c, name in enumerate(plant.outputs):
-        if record.has(name) and np.isfinite(measured[:, c]).any():
+        if record.has(name) and np.isfinite(signals[:, c]).any():
             parts = [residual[s, c] for s in record.segments]
             still = name in stray
             error = float(np.mean([np.nanmean(e**2) if still else np.nanvar(e) for e in parts]))
-            match.add(name, measured[:, c], error, window)
+            match.add(name, signals[:, c], error, window)
     if "depth_m" not in plant.outputs:
         _sink(match, record, window)
     return match

@@ -1,0 +1,57 @@
+"""Rotation vectors about body axes, and attitudes as they are seen from a reference attitude.
+
+A rotation vector, rad, points along the axis of a rotation and is as long as its angle.  Seen from a reference R, an
+attitude A is the vector of R^T A: its parts are small turns about the bow, the starboard and the downward axis where A
+is near R, wherever the bow points.  Quaternions are [eta, e1, e2, e3] as in `frames`.
+Source: Sola 2017, "Quaternion kinematics for the error-state Kalman filter", eqs. (101) and (105).
+"""
+
+from math import atan2, cos, sin, sqrt
+
+from auv_gym.compiled import compiled, outlined
+from auv_gym.physics.frames import euler_angles_of, quaternion_of, rotation_of
+
+
+@compiled
+def turned(e0, e1, e2, e3, a, b, c):
+    """The attitude of a quaternion turned by a rotation vector [a b c] about its own axes."""
+    half = 0.5 * sqrt(a * a + b * b + c * c)
+    share = 0.5 * sin(half) / half if half > 0.0 else 0.5
+    f0, f1, f2, f3 = cos(half), share * a, share * b, share * c
+    return (
+        e0 * f0 - e1 * f1 - e2 * f2 - e3 * f3,
+        e0 * f1 + e1 * f0 + e2 * f3 - e3 * f2,
+        e0 * f2 - e1 * f3 + e2 * f0 + e3 * f1,
+        e0 * f3 + e1 * f2 - e2 * f1 + e3 * f0,
+    )
+
+
+@compiled
+def turn_between(e0, e1, e2, e3, f0, f1, f2, f3):
+    """The rotation vector, of at most half a turn, by which the first attitude turns to the second."""
+    d0 = e0 * f0 + e1 * f1 + e2 * f2 + e3 * f3
+    d1 = e0 * f1 - e1 * f0 - e2 * f3 + e3 * f2
+    d2 = e0 * f2 + e1 * f3 - e2 * f0 - e3 * f1
+    d3 = e0 * f3 - e1 * f2 + e2 * f1 - e3 * f0
+    if d0 < 0.0:  # q and -q are one attitude
+        d0, d1, d2, d3 = -d0, -d1, -d2, -d3
+    size = sqrt(d1 * d1 + d2 * d2 + d3 * d3)
+    scale = 2.0 * atan2(size, d0) / size if size > 0.0 else 2.0
+    return scale * d1, scale * d2, scale * d3
+
+
+@outlined
+def into_chart(reference, attitude):
+    """Roll, pitch and heading, (3,), into the rotation vector from a reference quaternion, (4,), to them, in place."""
+    f0, f1, f2, f3 = quaternion_of(attitude[0], attitude[1], attitude[2])
+    e0, e1, e2, e3 = reference[0], reference[1], reference[2], reference[3]
+    attitude[0], attitude[1], attitude[2] = turn_between(e0, e1, e2, e3, f0, f1, f2, f3)
+
+
+@outlined
+def out_of_chart(reference, attitude):
+    """A rotation vector from a reference quaternion, (4,), into the roll, pitch and heading that it leads to."""
+    e0, e1, e2, e3 = reference[0], reference[1], reference[2], reference[3]
+    f0, f1, f2, f3 = turned(e0, e1, e2, e3, attitude[0], attitude[1], attitude[2])
+    r11, r12, r13, r21, r22, r23, r31, _, _ = rotation_of(f0, f1, f2, f3)
+    attitude[0], attitude[1], attitude[2] = euler_angles_of(r11, r12, r13, r21, r22, r23, r31)
