@@ -11,6 +11,7 @@ from auv_gym.vehicles.glider import linear_yaw_coefficients
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.kinematics import kinematic_findings
 from identification.experiments.missions import run_mission
+from tests.identification.tumbler import flown, tumbler
 
 PROBES = 4.0
 SLOW = pytest.mark.slow
@@ -133,3 +134,16 @@ def test_a_gliders_current_shows_against_its_track():
     drifted = run_mission(replace_at(glider, "effects.current.east", 0.08), np.random.default_rng(1))
     found = {m.path: m for m in kinematic_findings(drifted, glider).mismatches}
     assert any(path == "effects.current.east" or "effects.current.east" in m.tied for path, m in found.items())
+
+
+@pytest.mark.parametrize("name, size", [("bias_q", 0.03), ("misalignment", 0.08), ("", 0.0)])
+def test_gyros_are_judged_by_turns_where_a_vehicle_goes_through_the_vertical(name, size):
+    true = tumbler()
+    log = flown(replace_at(true, f"effects.gyros.{name}", size) if name else true, 5, seconds=240.0)
+    found = kinematic_findings(log, true)
+    axes = ("bow", "starboard", "downward")
+    assert found.equations == tuple(f"turns about the {axis} axis against gyros" for axis in axes)
+    assert [m.path for m in found.mismatches] == ([f"effects.gyros.{name}"] if name else [])
+    for mismatch in found.mismatches:
+        assert mismatch.ci95[0] < size < mismatch.ci95[1]
+    assert {c.path for c in found.clears} > {"effects.gyros.bias_p", "effects.gyros.bias_r", "effects.gyros.scale"}
