@@ -152,7 +152,7 @@ def _turns(m: Motion) -> list[Equation]:
             continue
         expected = m.integral(rate)
         columns = {f"effects.gyros.bias_{symbol}": -m.integral(np.ones(len(rate)))}
-        columns["effects.gyros.scale"] = columns[_CLOCK] = -expected
+        columns |= dict.fromkeys(("effects.gyros.scale", _CLOCK), -expected)
         columns["effects.gyros.lag"] = np.r_[rate[:1], 0.5 * (rate[1:] + rate[:-1]), rate[-1:]]
         if m.has("p_radps", "q_radps"):
             columns["effects.gyros.misalignment"] = m.integral(across)
