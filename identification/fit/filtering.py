@@ -23,6 +23,7 @@ _OTHER_NOISE = 0.7  # of its logarithm: noises that differ more tell of starts w
 _DAMPING = 1e-5  # of the information, so that no step goes far where the record tells next to nothing
 _TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each time
 _DESCENTS = 3  # steps of the parameters with the same gains
+_AWAY = 1e100  # a slope of a run that has run away: its square would be no number
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
 LEAST_PROCESS = 1e-6  # of accelerations, in their units: ten times more are there
 # of the log-likelihood, for each acceleration that is there, half the 0.1 % point of chi-square with one degree of
@@ -328,7 +329,7 @@ class Filter(Stretches):
         y, _ = self._follow(vectors, starts, point.gains, point.logs, False)
         with np.errstate(invalid="ignore", over="ignore"):
             change = (y - (self.measured - point.innovations)[None]) / steps[:, None, None]
-        change[~(np.isfinite(change) & self.finite)] = 0.0
+        change[~((np.abs(change) < _AWAY) & self.finite)] = 0.0
         return np.einsum("rmc,prc->prm", point.whiten, change)
 
     def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:

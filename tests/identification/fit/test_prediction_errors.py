@@ -178,6 +178,17 @@ def test_a_log_tells_no_more_at_a_higher_rate(pushed):
         assert value_at(other, path) == pytest.approx(value_at(plant, path), abs=0.3 * error)
 
 
+def test_a_run_that_has_run_away_has_no_slope(pushed, monkeypatch):
+    """Numbers of which the squares are none would end a regression, or a fit, in an error."""
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.point(GLIDER.vector, problem.first_noise())
+    y, after = problem._follow(point.vector[None], point.starts, point.gains, point.logs, False)
+    y[0, -3:] = 1e200
+    monkeypatch.setattr(problem, "_follow", lambda *arguments: (y, after))
+    columns = problem.columns_of(point, moves_of(PATHS[:1]))
+    assert np.isfinite((columns**2).sum())
+
+
 def test_a_wrong_start_is_corrected_and_costs_no_likelihood(pushed):
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     logs = problem.solve(GLIDER, ()).logs
