@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.deciding import DOUBT, MOST_EFFECTS
 from identification.diagnosis.judge.judging import judge
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.log.checking import Asked, check_log
@@ -16,8 +17,6 @@ from identification.diagnosis.search.known import fit_known
 from identification.diagnosis.search.searching import search_effects
 from identification.diagnosis.search.trials import Progress
 
-MOST_EFFECTS = 3
-DOUBT = 0.1  # standard deviation of a vehicle's own coefficients, relative
 T = TypeVar("T")
 
 

@@ -16,12 +16,11 @@ from auv_gym.plant import Plant, save_vehicle
 from auv_gym.records.record import Record
 from auv_gym.vehicles import Body, Part, family_named
 from auv_gym.writing import replacing, writable_folder
+from identification.deciding import SIMILAR
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.verdict import Diagnosis, Stage
 from identification.diagnosis.search.trials import Progress
-
-SIMILAR = 60.0  # degrees between signatures below which the angle is told
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Extras | None = None) -> dict[str, Path]:

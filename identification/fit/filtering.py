@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.kalman import Pass, System, run_filter, slopes_of, start_slopes
 from identification.fit.parameters import moves_of
 from identification.fit.stretches import Stretches
@@ -25,10 +26,6 @@ _TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each tim
 _DESCENTS = 3  # steps of the parameters with the same gains
 _AWAY = 1e100  # a slope of a run that has run away: its square would be no number
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
-LEAST_PROCESS = 1e-6  # of accelerations, in their units: ten times more are there
-# of the log-likelihood, for each acceleration that is there, half the 0.1 % point of chi-square with one degree of
-# freedom: weak random pushes that last would do for any steady effect, and then hide it
-COST = 5.4
 LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
 
 

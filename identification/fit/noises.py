@@ -8,7 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from identification.fit.filtering import LEAST_PROCESS, Filter, Point
+from identification.deciding import LEAST_PROCESS
+from identification.fit.filtering import Filter, Point
 from identification.fit.kalman import System, run_filter, slopes_of
 
 # of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are

@@ -10,8 +10,8 @@ import numpy as np
 
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.plant import Plant
+from identification.deciding import REACH
 
-REACH = 5.0  # standard deviations by which a fit may move a coefficient; farther, it would stand in for an effect
 # scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to a
 # thousandth, since what they are off by moves those estimates far that act nearly alike
 STEP, _STEP_ABOUT_CORNERS = 0.01, 0.1

@@ -9,6 +9,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
+from identification.deciding import BEYOND, LEAST_CHANGE, REACH, SURPRISE
 from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
@@ -17,11 +18,6 @@ from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.parameters import REACH
-
-LEAST_CHANGE = 0.02  # of a coefficient, from which on it may count as wrong
-SURPRISE = 1.96  # standard deviations that a vehicle states, from which on a coefficient is not what it was said to be
-BEYOND = 0.2  # change of a coefficient from which on the effect that acts as it does is as likely
 
 
 def effects_of(

@@ -12,19 +12,14 @@ from scipy import stats
 
 from auv_gym.channels import channel
 from auv_gym.records.record import Record
+from identification.deciding import BINS, LEAST_EXCHANGED, LEAST_GROWTH, LEAST_POWER, LEVEL, MOST_OF_ERROR
 from identification.diagnosis.judge.spectrum import Rhythm, residual_period
 from identification.diagnosis.wording import quantity
 from identification.fit.residual import noise_floors
 from identification.fit.validation import FreeRuns
 
-LEVEL = 0.05  # probability of any false statement about one residual
-BINS = 6  # with as many samples each
-LEAST_WINDOWS = 6  # for which windows can be exchanged or compared
 PERMUTATIONS = 4000
 DRAWS = 1000
-MOST = 0.5  # share of the squared error from which on it is most of it
-LEAST_POWER = 0.05  # share of the power around a period that is worth a word
-LEAST_GROWTH = 1.5  # ratio of the last to the first part of a run that is worth a word
 PARTS = 8  # of a run, for its growth
 _TRACK = ("north_m", "east_m")  # where a vehicle is says little, and when it was there says the same
 
@@ -95,7 +90,9 @@ class Habitat:
         parts = []
         if len(self.channels) > 1 and 1.0 - self.certain < self.level:
             share = self.channels[self.channel]
-            parts.append(f"{'most' if share > MOST else f'the largest part, {100 * share:.0f} %,'} of it is in {name}")
+            parts.append(
+                f"{'most' if share > MOST_OF_ERROR else f'the largest part, {100 * share:.0f} %,'} of it is in {name}"
+            )
         parts += [s.words for s in self.found[:2]]
         text = ", ".join(parts)
         later = []
@@ -166,7 +163,7 @@ def _shares(squares: np.ndarray, window: np.ndarray, signals: dict[str, np.ndarr
     # row a: the squared errors of window b as they would fall on the samples of window a
     moved = [np.stack([squares[b][np.arange(a.size) * b.size // a.size] for b in members]) for a in members]
     orders = [np.arange(count)]
-    if count >= LEAST_WINDOWS:
+    if count >= LEAST_EXCHANGED:
         orders += [rng.permutation(count) for _ in range(PERMUTATIONS)]
     orders = np.array(orders)
     found = []
@@ -231,7 +228,7 @@ def _growth(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Growth | Non
     """The error by time since the window began, and a signed-rank test over the windows; None for few windows."""
     members = [np.flatnonzero(window == w) for w in range(int(window.max()) + 1)]
     members = [m for m in members if m.size >= PARTS]
-    if len(members) < LEAST_WINDOWS:
+    if len(members) < LEAST_EXCHANGED:
         return None
     parts = np.array([[np.mean(e[p] ** 2) for p in np.array_split(m, PARTS)] for m in members])
     spans = np.array([time[m[-1]] - time[m[0]] for m in members])

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from identification.deciding import EXPLAINED, MANY_WINDOWS
 from identification.diagnosis.judge.verdict import Stage, Verdict
 from identification.fit.residual import noise_floors
-
-MANY_WINDOWS = 8  # whose free runs say enough of how far a vehicle is off
-EXPLAINED = 0.5  # share of the excess error that named effects must remove to count as the explanation
 
 
 def explained_share(before: Stage, after: Stage, many: bool) -> float:

@@ -11,9 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize, stats
 
-from identification.diagnosis.search.bars import FALSE_ALARM
-
-MISSED = 0.05  # probability that an interval does not hold the truth
+from identification.deciding import FALSE_ALARM, MISSED
 
 
 def selected_interval(

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize, stats
 
-LEAST_SAMPLES = 32  # of a window, for a spectrum
-UNEVEN = 0.1  # share by which sampling intervals may differ
-SLOWEST = 2  # periods that a window must hold
+from identification.deciding import LEAST_FOR_SPECTRUM, SLOWEST, UNEVEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +38,7 @@ def residual_period(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Rhyt
     members = [m for m in members if m.size > 0.7 * longest]
     n = min(m.size for m in members)
     steps = np.concatenate([np.diff(time[m]) for m in members])
-    if n < LEAST_SAMPLES or np.ptp(steps) > UNEVEN * np.median(steps):
+    if n < LEAST_FOR_SPECTRUM or np.ptp(steps) > UNEVEN * np.median(steps):
         return None
     line = np.vander(np.linspace(-1.0, 1.0, n), 2)
     taper = np.hanning(n + 2)[1:-1]

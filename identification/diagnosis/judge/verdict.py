@@ -11,6 +11,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.deciding import SLIGHT, STABLE
 from identification.diagnosis.extras import Failure
 from identification.diagnosis.judge.closing import ClosedLoop
 from identification.diagnosis.judge.habitat import Habitat
@@ -25,9 +26,6 @@ from identification.diagnosis.wording import interval, quantity
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
-
-SLIGHT = 1.0  # of a sensor's noise: an effect that changes free runs by less in every channel is said to change little
-WELL_CHOSEN = 0.8  # share of the halves of a log; an effect that fewer of them choose is said to be so
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
 
@@ -255,7 +253,7 @@ def _halves_sentence(d: Diagnosis) -> str:
     """What is said of effects that many halves of the log do not choose."""
     rare: dict[str, list[str]] = {}
     for e in d.effects:
-        if e.frequency < WELL_CHOSEN:
+        if e.frequency < STABLE:
             rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(e.name)
     return " ".join(f"Only {share} of the halves of the log choose {_listed(t)}." for share, t in rare.items())
 

@@ -9,15 +9,12 @@ import numpy as np
 from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_excitation, check_ranges
 from auv_gym.records.record import Record
-from identification.diagnosis.log.parts import MOST_PARTS, Part, parts_of, windows_of
+from identification.deciding import LEAST_WINDOWS, MOST_GROWTH, MOST_PARTS, SETTLE_SHARE
+from identification.diagnosis.log.parts import Part, parts_of, windows_of
 from identification.diagnosis.log.plausibility import Doubt, log_doubts
 from identification.fit.shooting import Shooting
 from identification.fit.steps import readings_noise
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
-
-LEAST_WINDOWS = 4
-SETTLE_SHARE = 0.2  # of a window that is shorter than the vehicle's
-MOST_GROWTH = 60.0  # of noise at the start of a free run; beyond, fits of the start end in the nearest valley
 
 
 @dataclass(frozen=True)

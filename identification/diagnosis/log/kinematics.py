@@ -11,16 +11,18 @@ from scipy import stats
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.deciding import (
+    CLEARED,
+    FEWEST_BLOCKS,
+    KINEMATIC_BLOCK,
+    LEAST_OF_BLOCK,
+    NEARLY,
+    PLAINLY,
+    TIE,
+    WORTH_TELLING,
+)
 from identification.diagnosis.log.kinematic_equations import Equation, segment_equations
 
-BLOCK = 20.0  # s, over which signals are integrated; each block has a constant of its own
-LEAST = 12  # samples of a block
-FEWEST = 4  # blocks that an interval takes
-SURE = 4.0  # standard errors, of a scatter over many blocks, from which kinematics speaks of an effect
-SUPPORTED = SURE**2  # the same as evidence
-NEARLY = 0.8  # share of the most evidence that makes another effect a rival
-TIED = 9.0  # difference in evidence below which two effects are not told apart
-CLEARED = 3.0  # probes within which the interval of a sensor that is cleared lies
 MOST = 6
 
 
@@ -81,7 +83,8 @@ class _System:
 def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
     """What kinematics supports and what it clears, of the sensor effects and currents that the plant knows.
 
-    Effects are taken up one by one, the one with the most evidence first, while that is at least `SUPPORTED`, and sure.
+    Effects are taken up one by one, the one with the most evidence first, while that is as much as `PLAINLY` standard
+    errors make, and sure.
     Intervals come from the scatter of the blocks, so that they allow for noise of any colour within a block.
     """
     system = _system(record, plant)
@@ -95,12 +98,12 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
         rest = [k for k in rest if _sensible(plant, system.paths[k], _estimate(system, [*chosen, k], k)[0])]
         evidence = {k: _evidence(system, chosen, k) for k in rest}
         top = max(rest, key=lambda k: evidence[k], default=None)
-        if top is None or evidence[top] < SUPPORTED or not _sure(system, [*chosen, top]):
+        if top is None or evidence[top] < PLAINLY**2 or not _sure(system, [*chosen, top]):
             break
         # among those that do nearly as much the likelihood decides: it sees the equations that weigh little
         loss = {k: _loss(system, [*chosen, k]) for k in rest if evidence[k] > NEARLY * evidence[top]}
         best = min(loss, key=lambda k: loss[k])
-        ties.append([k for k in loss if k != best and loss[k] < loss[best] + TIED])
+        ties.append([k for k in loss if k != best and loss[k] < loss[best] + TIE])
         gains.append(evidence[best])
         chosen.append(best)
     mismatches = [
@@ -121,7 +124,7 @@ def kinematic_findings(record: Record, plant: Plant) -> Kinematics:
 def _sensible(plant: Plant, path: str, value: float) -> bool:
     """Whether a value is worth telling, and one that the effect can have."""
     spec = spec_at(plant, path)
-    return abs(value) > 0.5 * spec.probe and spec.bounds[0] <= value <= spec.bounds[1]
+    return abs(value) > WORTH_TELLING * spec.probe and spec.bounds[0] <= value <= spec.bounds[1]
 
 
 def _mismatch(system: _System, plant: Plant, chosen: list[int], k: int, tied: Sequence[int], gain: float) -> Mismatch:
@@ -152,7 +155,7 @@ def _system(record: Record, plant: Plant) -> _System | None:
         mask[block] = True
         for equation in segment_equations(record.select(mask), plant.inputs):
             parts.setdefault(equation.title, []).append((equation, block))
-    parts = {title: found for title, found in parts.items() if len(found) >= FEWEST}
+    parts = {title: found for title, found in parts.items() if len(found) >= FEWEST_BLOCKS}
     moved = {p for found in parts.values() for e, _ in found for p, c in e.columns.items() if np.ptp(c) > 0.0}
     paths = tuple(p for p in known if p in moved)
     if not paths:
@@ -165,7 +168,7 @@ def _system(record: Record, plant: Plant) -> _System | None:
 
 
 def _blocks(record: Record) -> list[slice]:
-    samples = max(round(BLOCK / record.sample_interval), LEAST)
+    samples = max(round(KINEMATIC_BLOCK / record.sample_interval), LEAST_OF_BLOCK)
     return [slice(a, a + samples) for s in record.segments for a in range(s.start, s.stop - samples + 1, samples)]
 
 
@@ -175,7 +178,7 @@ def _whitened(found: list[tuple[Equation, slice]], paths: tuple[str, ...]) -> tu
     for equation, block in found:
         x = np.stack([equation.columns.get(p, np.zeros(len(equation.rest))) for p in paths], axis=1)
         keep = np.isfinite(equation.rest) & np.isfinite(x).all(axis=1)
-        if keep.sum() < LEAST // 2:
+        if keep.sum() < LEAST_OF_BLOCK // 2:
             continue
         xs.append(x[keep] - x[keep].mean(axis=0))
         ys.append(equation.rest[keep] - equation.rest[keep].mean())
@@ -243,8 +246,8 @@ def _evidence(system: _System, chosen: Sequence[int], k: int) -> float:
 
 
 def _sure(system: _System, chosen: Sequence[int]) -> bool:
-    """Whether the last of these effects is as surely not chance as `SURE` says, for a scatter over these few blocks."""
-    bar = stats.t.isf(stats.norm.sf(SURE), _freedom(system))
+    """Whether the last of these effects is as surely not chance as `PLAINLY` says, by a scatter over few blocks."""
+    bar = stats.t.isf(stats.norm.sf(PLAINLY), _freedom(system))
     return bool(_errors(system, chosen) > bar)
 
 

@@ -12,10 +12,9 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.deciding import MOST_PARTS
 from identification.fit.shooting import unknown_states
 from identification.fit.windows import LEAST_SAMPLES, cut, stretches_of
-
-MOST_PARTS = 6  # three halves' worth: twenty ways to leave out a half, and five sixths to fit without any one part
 
 Part = tuple[slice, ...]
 

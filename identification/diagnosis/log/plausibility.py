@@ -16,25 +16,28 @@ from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import Chart, Plant, Runs
 from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
+from identification.deciding import (
+    ALONE,
+    BAD,
+    CLEAN,
+    FACTOR,
+    FASTEST,
+    FLOOR,
+    FOREIGN,
+    MOSTLY,
+    POOR,
+    SLIP_GAIN,
+    SLIP_LEFT,
+)
 from identification.diagnosis.log.slips import Slip, possible_slips, undone
 from identification.fit.first_readings import RATES
 from identification.fit.residual import noise_floor
 from identification.fit.shooting import Shooting
 from identification.fit.windows import held_out
 
-GAIN = 4.0  # factor in squared error by which a slip must beat the record as declared
-LEFT = 0.25  # mean error that a slip may leave, see `Match.total`
-POOR = 0.1  # error from which a run is poor: squared, over the signal's variance in a window
-ALONE = 0.2  # error from which a sensor may have slipped by itself: less than knots make, (1 - 0.514)^2
-BAD = 0.5  # error from which a sensor is wrong still, and a signal that hardly moves is stray
-FOREIGN = 0.55  # mean error from which a log is of another vehicle
-CLEAN = 2.0  # squared error over the noise's variance up to which an undone slip leaves nothing else to explain
-FLOOR = 0.01  # mean error below which there is nothing to gain
-FACTOR = 3.0  # by which a coefficient may differ from its given value
 ROWS, PIECES, SHORTLIST = 80, 4, 3
 DIVES = 4  # of a log, where each is taken whole
-FASTEST, STEEPEST = 15.0, 0.5 * np.pi + 0.1  # m/s, rad; beyond, a channel is not what it says
-MOSTLY = 4.0  # variance of a signal over its noise's up to which it is mostly noise
+STEEPEST = 0.5 * np.pi + 0.1  # rad; beyond, a channel is no pitch
 _WILD = 9.0  # error of a run that has left the finite numbers
 
 
@@ -120,7 +123,7 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
         here = _match(changed.select(masks[0]), plant, paths)
         there = _match(changed.select(masks[1]), here.plant)
         gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
-        if gain >= GAIN and max(here.total, there.total) <= LEFT:
+        if gain >= SLIP_GAIN and max(here.total, there.total) <= SLIP_LEFT:
             noise = max(error for match in (here, there) for error in (0.0, *match.noise.values()))
             found.append((there.total, gain, slip, not slip.scales or noise <= CLEAN))
     if found:

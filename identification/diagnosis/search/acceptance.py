@@ -9,9 +9,9 @@ import numpy as np
 
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
+from identification.deciding import EFFECT_LEAST, EFFECT_SHARE, SURE, TERM_LEAST, TERM_SHARE
 from identification.diagnosis.search.workbench import State, Workbench
 
-SURE = 3.0  # standard errors, with the residual's colour, by which a size must differ from neutral
 EDGE = 1e-6  # of the span between a parameter's bounds
 
 INSIGNIFICANT = "not significant"
@@ -33,8 +33,8 @@ class Rule:
     share: float
 
 
-EFFECT = Rule(2.7, 0.02)  # the 5 % point of one parameter, one-sided
-TERM = Rule(6.6, 0.1)  # the 0.5 % point: terms are many, and none was expected
+EFFECT = Rule(EFFECT_LEAST, EFFECT_SHARE)
+TERM = Rule(TERM_LEAST, TERM_SHARE)
 
 
 @dataclass(frozen=True)

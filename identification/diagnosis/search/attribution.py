@@ -9,15 +9,14 @@ from functools import partial
 import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
+from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SEEN
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.acceptance import GONE, Weighed
-from identification.diagnosis.search.candidates import SEEN, Candidate
-from identification.diagnosis.search.ties import ALIKE, Likeness, cheaper_rival, least_cost_trial, likenesses, tied
+from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.ties import Likeness, cheaper_rival, least_cost_trial, likenesses, tied
 from identification.diagnosis.search.trials import Progress, Trial, gate, judged, side_by_side, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 
-PLAIN = 100.0  # evidence by kinematics alone from which on a sensor's error is settled before forces are sought
-HOPELESS = 60.0  # evidence by which an effect is behind another one, at that one's noises, that theirs will not bring
 LEADERS = 3  # that a round may have one after the other
 
 
@@ -194,7 +193,7 @@ def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[st
     pairs = [paths for paths in groups if len(paths) > 1]
     sizes = bench.intervals(state) if pairs else {}
     idle = [
-        p for paths in pairs for p in paths if abs(sizes[p][0] - spec_at(state.plant, p).neutral) < 2.0 * sizes[p][1]
+        p for paths in pairs for p in paths if abs(sizes[p][0] - spec_at(state.plant, p).neutral) < IDLE * sizes[p][1]
     ]
     if not idle:
         return state

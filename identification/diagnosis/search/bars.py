@@ -2,7 +2,7 @@
 
 from scipy import stats
 
-FALSE_ALARM = 1e-3  # probability of any false name on a log without a missing effect, over all candidates
+from identification.deciding import FALSE_ALARM
 
 
 def threshold(candidates: int, parameters: int = 1) -> float:

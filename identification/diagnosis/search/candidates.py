@@ -10,6 +10,7 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.deciding import ALIKE, ONLY_STARTS, SEEN
 from identification.fit.filtering import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
@@ -24,8 +25,6 @@ TOGETHER = (
 PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
 COMMON_DELAY = "effects.clock.delay"
 MOST_PERIODS = 64
-SEEN = 1e-4  # share of a signature that must remain beside the coefficients' and the initial states' signatures
-GONE = 1e-5  # share of a signature below which nothing is left beside the initial states
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken about a corner, in place of `STEP`
 
 
@@ -187,7 +186,7 @@ class _Regression:
         unseen = ""
         if not np.all(full > 1e-12):
             seen, unseen = 0.0, "changes nothing that was measured"
-        elif np.all(full - ((whole @ self.starts) ** 2).sum(axis=1) < GONE * full):
+        elif np.all(full - ((whole @ self.starts) ** 2).sum(axis=1) < ONLY_STARTS * full):
             seen, unseen = 0.0, "the initial states do the same"
         elif seen < SEEN:
             unseen = self._imitation(whole[0], full[0])
@@ -203,6 +202,6 @@ class _Regression:
 
     def _imitation(self, signature: np.ndarray, power: float) -> str:
         overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.tall]
-        if max(overlap, default=0.0) > 0.9:
+        if max(overlap, default=0.0) > ALIKE:
             return f"{self.fitted[int(np.argmax(overlap))]} does the same"
         return "what is fitted already does the same"

@@ -9,12 +9,12 @@ import numpy as np
 
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
+from identification.deciding import MOST_TERMS
 from identification.diagnosis.search.acceptance import TERM, Claim, effect_size, objection
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.terms import Found, search, term_interval
 from identification.diagnosis.search.workbench import State, Workbench
 
-MOST_TERMS = 2
 _PER = {
     "depth": "metre of depth", "time": "second", "temperature": "kelvin", "pitch": "radian of pitch",
     "the rudder angle": "radian of rudder",

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from identification.deciding import EXCESS, WHITE
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.validation import whiteness
-
-WHITE = 1e-4  # p value of the whiteness test below which a residual is coloured
-EXCESS = 0.01  # of the variance: colour that predicts less of it is left to the noise
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from identification.deciding import FEW_STATES
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
@@ -14,8 +15,6 @@ from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State
-
-FEW_STATES = 4  # that the filter follows, up to which effects are exchanged for each other where something is left
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-ALIKE = 0.9  # cosine between two regressors from which on either stands for both in the count
-LEFT = 1e-4  # share of a regressor's power that must remain beside the nuisances and those chosen before it
-CHANCE = 0.05  # probability with which a half without any effect would still choose something
+from identification.deciding import ALIKE, CHANCE, SEEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +45,7 @@ def select(
     sizes = np.array([(blocks == b).sum() for b in np.unique(blocks)])
     whole = _swept(grams.sum(axis=0), len(nuisance))
     power, cross = np.diag(whole)[:count], whole[:count, count]
-    seen = power > LEFT * np.maximum((columns**2).sum(axis=1), 1e-300)
+    seen = power > SEEN * np.maximum((columns**2).sum(axis=1), 1e-300)
     safe = np.where(seen, power, np.inf)
     root = np.sqrt(np.where(seen, power, 1.0))
     cosine = np.where(np.outer(seen, seen), whole[:count, :count] / np.outer(root, root), np.eye(count))
@@ -82,7 +80,7 @@ def _forward(gram: np.ndarray, seen: np.ndarray, size: int, most: int, bar: floa
     found: list[int] = []
     for _ in range(most):
         power = np.diag(gram)[:count]
-        open_ = seen & (power > LEFT * first)
+        open_ = seen & (power > SEEN * first)
         gains = np.where(open_, gram[:count, count] ** 2 / np.where(open_, power, 1.0), 0.0)
         best = int(np.argmax(gains))
         left = max(gram[count, count] - gains[best], 1e-300)

@@ -12,16 +12,12 @@ from itertools import combinations
 
 import numpy as np
 
+from identification.deciding import MAJORITY, RIVAL, SEEN_BY_HALF, TIE
 from identification.diagnosis.search.acceptance import DIVERGES, LIMITED
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.ties import TIE
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import State, Workbench
-
-MAJORITY = 0.5  # of the halves, more than which must see something where an effect is named
-SEEN_BY_HALF = 0.5  # of its share of the bar, that a half must see: half of what just passes is seen as often as not
-RIVAL = 0.1  # of the halves, from which on what they choose instead belongs to the tie
 
 
 @dataclass(frozen=True, eq=False)

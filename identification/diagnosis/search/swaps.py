@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from identification.deciding import HOPEFUL
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.attribution import Round, selected
 from identification.diagnosis.search.bars import threshold
@@ -12,7 +13,6 @@ from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.trials import Trial, gate
 from identification.diagnosis.search.workbench import State, Workbench
 
-HOPEFUL = 3  # refused trials beside which a second effect is sought
 SWEEPS = 2  # over all chosen effects, at most
 
 

@@ -8,20 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.param import replace_at, value_at
+from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
 from identification.diagnosis.search.stability import Selection, select
-from identification.diagnosis.search.ties import TIE
 from identification.diagnosis.search.trials import FIRST_ITERATIONS, ITERATIONS, TRIAL_GAIN, with_given_coefficients
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 
-STABLE = 0.8  # share of the halves that must choose a term
-BLOCKS, LEAST_BLOCK = 24, 8  # blocks to resample, if they hold as many samples
 TINY = 1e-6  # size of a term, in its unit, for its signature: far below any effect, far above rounding
-CONTENDERS = 5  # terms that are fitted in earnest, of those whose signature promises most
-KIN = 0.5  # cosine to the leading term from which on a term contends with it
-NEAR = 0.1  # share of the best one's gain in cost within which a contender is fitted to the end
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,16 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.param import spec_at, value_at
+from identification.deciding import EQUAL, PRICE, SAME, SEEN, TIE
 from identification.diagnosis.search.acceptance import UNREPEATED
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import Workbench
-
-ALIKE = 0.9  # cosine between two signatures from which on one effect is fitted again where the other one succeeded
-SAME = 4e-6  # 1 - cosine^2 between signatures below which two effects count as one: their slopes are true to 0.2 %
-LITTLE = 1e-4  # of a signature, below which what others leave of it tells nothing
-EQUAL = 0.01  # evidence between two candidates that stopped fits alone may make
-TIE = 9.0  # evidence between two candidates below which a record does not tell them apart: three standard errors
 
 
 @dataclass(frozen=True)
@@ -64,7 +59,7 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
             theirs = rest[rows]
             least = min(size, float(np.linalg.norm(theirs)))
             most = max(whole, float(np.linalg.norm(columns[rows])))
-            if least < 1e-9 or (fitted and least < LITTLE * most) or not set(beside).isdisjoint(t.candidate.paths):
+            if least < 1e-9 or (fitted and least < SEEN * most) or not set(beside).isdisjoint(t.candidate.paths):
                 continue
             share = np.linalg.lstsq(theirs.T, rest[0], rcond=1e-10)[0]
             cosine = min(float(np.linalg.norm(share @ theirs)) / size, 1.0)
@@ -82,7 +77,7 @@ def least_cost_trial(bench: Workbench, accepted: Sequence[Trial]) -> Trial:
     Of trials that differ by no more than a fit leaves open, the first one in the order of the vehicle's parameters.
     """
     top = max(accepted, key=lambda t: t.total)
-    costs = [float(_extra_cost(bench, top, t).sum()) + 2.0 * len(t.candidate.paths) for t in accepted]
+    costs = [float(_extra_cost(bench, top, t).sum()) + PRICE * len(t.candidate.paths) for t in accepted]
     near = [t for t, cost in zip(accepted, costs, strict=True) if cost <= min(costs) + EQUAL]
     return min(near, key=lambda t: bench.problem.index[t.candidate.paths[0]])
 

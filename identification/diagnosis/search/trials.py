@@ -12,14 +12,12 @@ import numpy as np
 from auv_gym.compiled import threads
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
+from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE, PRICE, SEEN, SHORT_LIST
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import SEEN, Candidate, Screening, screen
+from identification.diagnosis.search.candidates import Candidate, Screening, screen
 from identification.diagnosis.search.workbench import State, Workbench, given_values
 
-LEAST_TRACE = 0.2  # of the bar: what a candidate must promise before it is fitted
-SHORT_LIST, HERE, FINALISTS = 10, 5, 3  # by the most that any state promises, by the state as it is, and after steps
-CLOSE, CLOSER = 0.5, 0.8  # of the best one's evidence: nearer ones are on the list, or finalists, however many
 FIRST_ITERATIONS, ITERATIONS = 2, 12  # of the short list, and then of the finalists
 TRIAL_GAIN = 0.1  # of the log-likelihood, that a turn of a finalist's fit must bring: a tie is 4.5 wide
 NO_TRACE = "leaves no trace in the residual"
@@ -50,7 +48,7 @@ class Trial:
     @property
     def price(self) -> float:
         """What a second component or a sought period is expected to gain by chance."""
-        return 2.0 * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
+        return PRICE * (len(self.candidate.paths) - 1 + float(np.log(self.screening.tried)))
 
     @property
     def total(self) -> float:

@@ -12,6 +12,7 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.deciding import BLOCKS, FAR_FROM_GIVEN
 from identification.diagnosis.log.parts import block_numbers
 from identification.estimate import half_width
 from identification.fit.filtering import Point
@@ -19,9 +20,6 @@ from identification.fit.intervals import ByPart, Information, information_of, in
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import brisk
 from identification.fit.validation import free_runs
-
-BLOCKS = 24  # of a record, whose evidence is compared one by one: far longer each than a filter remembers
-FAR_FROM_GIVEN = 0.1  # change of a coefficient from which on a search also begins at its given value
 
 
 @dataclass(frozen=True, eq=False)

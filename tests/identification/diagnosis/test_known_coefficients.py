@@ -9,10 +9,10 @@ import pytest
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
+from identification.deciding import REACH
 from identification.diagnosis import again, diagnose, write_diagnosis
 from identification.diagnosis.search import known
 from identification.experiments.heading_control import closed_loop
-from identification.fit.parameters import REACH
 from identification.fit.prediction_errors import PredictionErrors
 from tests.identification.diagnosis.stand_ins import state_of
 

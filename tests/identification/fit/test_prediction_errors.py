@@ -10,9 +10,9 @@ from auv_gym.model import outputs_of, simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
+from identification.deciding import COST
 from identification.experiments.missions import run_mission
 from identification.fit import stretches
-from identification.fit.filtering import COST
 from identification.fit.greybox import GreyBox
 from identification.fit.intervals import information_of, profile_interval
 from identification.fit.kalman import run_filter

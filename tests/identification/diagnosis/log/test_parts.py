@@ -5,8 +5,9 @@ import pytest
 
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record, concat
+from identification.deciding import MOST_PARTS
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.log.parts import MOST_PARTS, block_numbers, parts_of, windows_of
+from identification.diagnosis.log.parts import block_numbers, parts_of, windows_of
 from identification.experiments.missions import run_mission
 from identification.fit.windows import stretches_of
 from tests.identification.gliders import QUICK

@@ -5,8 +5,9 @@ import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from identification.deciding import BAD, FACTOR, SLIP_GAIN
 from identification.diagnosis import diagnose
-from identification.diagnosis.log.plausibility import BAD, FACTOR, GAIN, Match
+from identification.diagnosis.log.plausibility import Match
 from identification.diagnosis.log.slips import Slip, possible_slips, slipped, undone
 from scripts.studies.slips import doubts, log_of
 
@@ -48,7 +49,7 @@ def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
     wrong = slipped(record, slip, plant)
     (doubt,) = doubts(wrong, plant)
     assert doubt.text == slip.text
-    assert doubt.gain >= GAIN
+    assert doubt.gain >= SLIP_GAIN
     assert doubt.channels == slip.channels
     mended = undone(wrong, doubt.slip, plant)
     for name in slip.channels:

@@ -6,9 +6,10 @@ import pytest
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
+from identification.deciding import SEEN
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import candidates
-from identification.diagnosis.search.candidates import COMMON_DELAY, SEEN, Candidate, candidates_of, periods_of, screen
+from identification.diagnosis.search.candidates import COMMON_DELAY, Candidate, candidates_of, periods_of, screen
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, value_at
+from identification.deciding import TIE
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import survival as module
 from identification.diagnosis.search.attribution import Round, selected
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.survival import Survival, chosen_without, survival
-from identification.diagnosis.search.ties import TIE
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
 from tests.identification.diagnosis.stand_ins import state_of, trial_of

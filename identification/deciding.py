@@ -1,0 +1,192 @@
+"""The constants that decide what a diagnosis says, in one place: bars, levels, widths, shares and smallest sizes.
+
+The text below each says what it decides and where it comes from: a probability, a derivation, or "convention", where
+another value would do as well.  What only governs how numbers are computed (steps, iterations, tolerances) is where it
+is used.  `python -m scripts.what_decides` writes the table of them in docs/diagnosis.md.
+"""
+
+# Shared: probabilities and widths that several steps use
+
+FALSE_ALARM = 1e-3
+"""Probability of any false name on a log without a missing effect, over all candidates.  Source: chosen."""
+MISSED = 0.05
+"""Probability that an interval does not hold the truth.  Source: the usual 95 % interval."""
+SURE = 3.0
+"""Standard errors by which a size must differ from neutral.  Source: convention (0.3 %, two-sided)."""
+TIE = 9.0
+"""Evidence between two explanations below which a log does not tell them apart.  Source: `SURE` squared."""
+PRICE = 2.0
+"""Evidence that each parameter more must bring where models are compared.  Source: Akaike 1974."""
+
+# Check: is the log itself right?
+
+MOST_PARTS = 6
+"""Parts of a log.  Source: gives twenty halves of three parts, and five sixths to fit without any one part."""
+LEAST_WINDOWS = 4
+"""Fewest windows of free runs in a log.  Source: convention."""
+SETTLE_SHARE = 0.2
+"""Share of a short window to which its start is fitted.  Source: convention."""
+MOST_GROWTH = 60.0
+"""Most growth of the first reading's noise in a window.  Source: beyond it, fits of starts end in a wrong minimum."""
+SLIP_GAIN = 4.0
+"""Factor in squared error that undoing a slip must gain.  Source: convention, measured by `scripts.studies.slips`."""
+SLIP_LEFT = 0.25
+"""Most error that undoing a slip may leave, over the signal's variance.  Source: as `SLIP_GAIN`."""
+POOR = 0.1
+"""Error from which a run is poor, over the signal's variance.  Source: as `SLIP_GAIN`."""
+ALONE = 0.2
+"""Error from which one sensor may have slipped by itself.  Source: less than knots make, (1 - 0.514)^2."""
+BAD = 0.5
+"""Error from which a sensor is still wrong, and a signal that hardly moves is stray.  Source: as `SLIP_GAIN`."""
+FOREIGN = 0.55
+"""Mean error from which a log is of another vehicle.  Source: as `SLIP_GAIN`."""
+CLEAN = 2.0
+"""Squared error over the noise's variance up to which an undone slip leaves nothing else.  Source: convention."""
+FLOOR = 0.01
+"""Mean error below which there is nothing to gain.  Source: convention."""
+FACTOR = 3.0
+"""Factor by which a coefficient may differ from its given value while slips are sought.  Source: convention."""
+MOSTLY = 4.0
+"""Variance of a signal over its noise's up to which it is mostly noise.  Source: half of its deviation is noise."""
+FASTEST = 15.0
+"""Speed, m/s, beyond which a channel is not what it says.  Source: no vehicle of these kinds is faster."""
+KINEMATIC_BLOCK = 20.0
+"""Time over which kinematics integrates, s; each block has a constant of its own.  Source: convention."""
+LEAST_OF_BLOCK = 12
+"""Fewest samples of such a block.  Source: convention."""
+FEWEST_BLOCKS = 4
+"""Fewest blocks for an interval.  Source: leaves three degrees of freedom."""
+PLAINLY = 4.0
+"""Standard errors from which kinematics names a sensor.  Source: `FALSE_ALARM` over 16 sensor effects, two-sided."""
+WORTH_TELLING = 0.5
+"""Probes from which a sensor's error is worth telling.  Source: convention."""
+NEARLY = 0.8
+"""Share of the most evidence that makes another sensor effect a rival.  Source: convention."""
+CLEARED = 3.0
+"""Probes within which the interval of a sensor must lie to clear it.  Source: convention."""
+
+# Fit: what is known of the vehicle, and what pushes it
+
+DOUBT = 0.1
+"""Relative standard deviation of a coefficient that states none, `--doubt`.  Source: convention."""
+REACH = 5.0
+"""Standard deviations by which a fit may move a coefficient; more would hide an effect.  Source: convention."""
+COST = 5.4
+"""Log-likelihood that each acceleration must bring, or weak pushes that last would hide a steady effect.
+Source: half the 0.1 % point of chi-square with one degree of freedom."""
+LEAST_PROCESS = 1e-6
+"""Size of an acceleration, in its unit; ten times more count as there.  Source: far below any that matters."""
+
+# Search: which candidates are tried
+
+SEEN = 1e-4
+"""Share of a signature's power that must remain beside what imitates it.  Source: a hundredth of its size."""
+ONLY_STARTS = 1e-5
+"""Share of a signature's power below which starts alone imitate it.  Source: above the rounding of slopes."""
+LEAST_TRACE = 0.2
+"""Share of the bar that a candidate must promise to be fitted.  Source: convention."""
+SHORT_LIST = 10
+"""Candidates that are begun, however little they promise.  Source: convention, time."""
+HERE = 5
+"""Of these, candidates that promise most from the state as it is.  Source: half of `SHORT_LIST`."""
+CLOSE = 0.5
+"""Share of the best promise from which more are begun.  Source: convention."""
+FINALISTS = 3
+"""Candidates that are fitted to the end.  Source: convention, time."""
+CLOSER = 0.8
+"""Share of the best promise from which more are fitted to the end.  Source: convention."""
+HOPELESS = 60.0
+"""Evidence by which an effect is behind at the noises of another, too much to make up.  Source: convention."""
+FAR_FROM_GIVEN = 0.1
+"""Relative change of a coefficient from which a search also begins at its given value.  Source: `DOUBT`."""
+PLAIN = 100.0
+"""Evidence by kinematics that settles a sensor before forces are sought.  Source: ten standard errors, squared."""
+MOST_EFFECTS = 3
+"""Most effects that are named, `--most`.  Source: convention."""
+HOPEFUL = 3
+"""Refused trials beside which a second effect is sought.  Source: convention, time."""
+FEW_STATES = 4
+"""States of the filter up to which effects are exchanged for each other.  Source: time; with more it takes minutes."""
+
+# Search: what is accepted, and what is tied with it
+
+EFFECT_LEAST = 2.7
+"""Evidence for an effect that parts must foretell of each other.  Source: 5 % point of one parameter, one-sided."""
+EFFECT_SHARE = 0.02
+"""Share of the evidence for an effect that parts must foretell of each other.  Source: convention."""
+TERM_LEAST = 6.6
+"""The same for a term; terms are many, and none is expected.  Source: 0.5 % point of one parameter, one-sided."""
+TERM_SHARE = 0.1
+"""Share of the evidence for a term that parts must foretell of each other.  Source: convention."""
+IDLE = 2.0
+"""Standard errors within which one of two components is dropped.  Source: `MISSED`, two-sided, rounded."""
+ALIKE = 0.9
+"""Cosine from which two signatures are alike.  Source: convention (26 degrees)."""
+SAME = 4e-6
+"""1 - cosine^2 below which two signatures are the same.  Source: slopes are true to 0.2 %."""
+EQUAL = 0.01
+"""Evidence between two fits that is due to where they stopped.  Source: twice the gain at which a fit stops."""
+MAJORITY = 0.5
+"""Share of the halves of a log, more than which must see something.  Source: most of them."""
+SEEN_BY_HALF = 0.5
+"""Share of the bar's part that a half must see.  Source: a half sees what just passes as often as not."""
+RIVAL = 0.1
+"""Share of the halves of a log whose choice joins a tie.  Source: two of twenty; one may be chance."""
+
+# Search: whether something is left, and terms for it
+
+WHITE = 1e-4
+"""p value of the whiteness test below which errors are coloured.  Source: `FALSE_ALARM` over ten channels."""
+EXCESS = 0.01
+"""Share of the variance that the colour of errors must predict.  Source: convention."""
+STABLE = 0.8
+"""Share of the halves that must choose a term; an effect that fewer choose is said to be so.  Source: convention."""
+CHANCE = 0.05
+"""Probability that a half without any term chooses one.  Source: the usual level."""
+KIN = 0.5
+"""Cosine to the leading term from which a term contends with it.  Source: convention (60 degrees)."""
+CONTENDERS = 5
+"""Terms that are begun.  Source: convention, time."""
+NEAR = 0.1
+"""Share of the best gain within which a term is fitted to the end.  Source: convention."""
+BLOCKS = 24
+"""Blocks of a log that are compared or resampled.  Source: each far longer than a filter remembers."""
+LEAST_BLOCK = 8
+"""Fewest samples of such a block.  Source: convention."""
+MOST_TERMS = 2
+"""Most terms that are found.  Source: convention."""
+
+# Judge: the verdict, and what is said beside it
+
+EXPLAINED = 0.5
+"""Share of the excess error that named effects must remove.  Source: most of it."""
+MANY_WINDOWS = 8
+"""Windows from which free runs say how far a vehicle is off.  Source: convention."""
+LEAST_CHANGE = 0.02
+"""Relative change from which a coefficient counts as wrong.  Source: convention."""
+SURPRISE = 1.96
+"""Stated standard deviations from which a coefficient counts as wrong.  Source: `MISSED`, two-sided."""
+BEYOND = 0.2
+"""Relative change of a coefficient from which the effect that acts alike is as likely.  Source: twice `DOUBT`."""
+SLIGHT = 1.0
+"""Change of free runs, over the noise of a reading, that is called little.  Source: less than one reading shows."""
+SIMILAR = 60.0
+"""Degrees between signatures below which a result file has the angle.  Source: convention."""
+LEVEL = 0.05
+"""Probability of any false statement about where a residual is.  Source: the usual level."""
+BINS = 6
+"""Bins over which a residual is spread, with as many samples each.  Source: convention."""
+LEAST_EXCHANGED = 6
+"""Fewest windows that are exchanged or compared.  Source: their 720 orders resolve `LEVEL`."""
+MOST_OF_ERROR = 0.5
+"""Share of the squared error that is called most of it.  Source: a half."""
+LEAST_POWER = 0.05
+"""Share of the power around a period that is worth a sentence.  Source: convention."""
+LEAST_GROWTH = 1.5
+"""Growth of the error within a run that is worth a sentence.  Source: convention."""
+LEAST_FOR_SPECTRUM = 32
+"""Fewest samples of a window for a spectrum.  Source: convention."""
+UNEVEN = 0.1
+"""Relative difference of sampling intervals that a spectrum allows.  Source: convention."""
+SLOWEST = 2
+"""Fewest periods that a window must hold.  Source: a single one may be a drift."""
