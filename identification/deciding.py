@@ -5,6 +5,8 @@ another value would do as well.  What only governs how numbers are computed (ste
 is used.  `python -m scripts.what_decides` writes the table of them in docs/diagnosis.md.
 """
 
+from math import erfc, sqrt
+
 # Shared: probabilities and widths that several steps use
 
 FALSE_ALARM = 1e-3
@@ -15,6 +17,9 @@ SURE = 3.0
 """Standard errors by which a size must differ from neutral.  Source: convention (0.3 %, two-sided)."""
 TIE = 9.0
 """Evidence between two explanations below which a log does not tell them apart.  Source: `SURE` squared."""
+LEAST_PROBABLE = 0.5 * erfc(sqrt(TIE / 8.0))
+"""Probability from which an explanation is one of a tie.
+Source: share of the halves of a log that prefer the worse of two explanations that differ by `TIE`."""
 PRICE = 2.0
 """Evidence that each parameter more must bring where models are compared.  Source: Akaike 1974."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
@@ -128,6 +129,7 @@ def diagnose(
         progress(0.9, "writing the report")
         diagnosed = perf_counter()
         extras, planned = Extras(), []
+        diagnosis = replace(diagnosis, planned=next_experiment)
         written = write_diagnosis(diagnosis, out, extras)
         if next_experiment:
             planned = extras.attempt(
@@ -209,11 +211,15 @@ def _effect_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.param import spec_at
     from identification.diagnosis.wording import interval, quantity
 
-    shown = table("Effects", "effect", "value>", "95 % interval>", "not told apart from")
+    weighed = any(effect.members for effect in diagnosis.effects)
+    heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else []), "not told apart from"]
+    shown = table("Effects", *heads)
     for effect in diagnosis.effects:
         told = effect.coefficient or effect  # an effect that does nothing but change a coefficient is told as that
         size, limits = quantity(told.value, told.unit), interval(told.ci95, told.unit)
         others = [path for path in effect.tied_with if path != told.path]
-        alike = ", ".join(spec_at(diagnosis.given.plant, path).title for path in others)
-        shown.add_row(told.title, size, limits, alike)
+        odds = {m.path: f" ({100.0 * m.probability:.0f} %)" for m in effect.members}
+        alike = ", ".join(spec_at(diagnosis.given.plant, path).title + odds.get(path, "") for path in others)
+        own = "" if effect.probability is None else f"{100.0 * effect.probability:.0f} %"
+        shown.add_row(told.title, size, limits, *([own] if weighed else []), alike)
     return shown

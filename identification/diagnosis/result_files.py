@@ -84,11 +84,14 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "frequency": e.frequency if e.path in searched else None,
                 "changes": {name: _finite(size) for name, size in e.changes.items()},
                 "tied_with": list(e.tied_with),
+                "probability": e.probability,
+                "members": [_plain(asdict(m)) for m in e.members],
                 "coefficient": _plain(asdict(e.coefficient)) if e.coefficient else None,
             }
             for e in d.effects
         ],
         "tied": [list(group) for group in d.tied],
+        "common_prediction": [_plain(asdict(c)) for c in d.common],
         "dropped": list(d.dropped),
         "error": {
             **metric,

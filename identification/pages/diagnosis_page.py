@@ -412,6 +412,7 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
             "neutral_label": "value as given",
             "evidence": (number(e.evidence_train), number(e.evidence_held)),
             "halves": halves,
+            "probability": _percent(e.probability) if e.members else "",
             "alternatives": [_alternative(d, p, titles) for p in e.tied_with if p != c.path],
         }
     return {
@@ -425,8 +426,14 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
         "neutral_label": "neutral value",
         "evidence": (number(e.evidence_train), number(e.evidence_held)),
         "halves": halves,
+        "probability": _percent(e.probability) if e.members else "",
         "alternatives": [_alternative(d, p, titles) for p in e.tied_with],
     }
+
+
+def _percent(probability: float | None) -> str:
+    """A probability for people, or nothing."""
+    return "" if probability is None else f"{100.0 * probability:.0f} %"
 
 
 def _dropped(d: Diagnosis) -> str:
@@ -443,12 +450,11 @@ def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, s
     if moved is not None:
         value = f"{amount(moved.value, moved.unit)} instead of {amount(moved.given, moved.unit)}"
         return {"title": titles.get(path, path), "path": path, "value": value}
-    tried = (t for r in d.rounds for t in (*r.tied, *r.trials) if path in t.candidate.paths and t.state is not None)
-    trial = next(tried, None)
-    if trial is None or trial.state is None:
+    member = next((m for e in d.effects for m in e.members if m.path == path), None)
+    if member is None:
         return {"title": titles.get(path, path), "path": path, "value": ""}
-    spec = spec_at(trial.state.plant, path)
-    value = amount(value_at(trial.state.plant, path), spec.unit, sign=spec.neutral == 0.0)
+    size = amount(member.value, member.unit, sign=member.neutral == 0.0)
+    value = f"{size} ({span(member.ci95, member.unit)}), {_percent(member.probability)}"
     return {"title": titles.get(path, path), "path": path, "value": value}
 
 
@@ -466,6 +472,7 @@ def _ties(d: Diagnosis, titles: dict[str, str]) -> list[dict[str, Any]]:
     return [
         {
             "members": listed([titles.get(p, p) for p in group], "or"),
+            "common": next((c.words(d.titles, d.reach) for c in d.common if next(iter(c.members)) == group[0]), ""),
             "apart": [(titles.get(p, p), apart[p]) for p in group if apart[p]],
         }
         for group in d.tied

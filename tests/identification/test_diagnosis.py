@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -133,10 +134,20 @@ def test_a_moment_and_a_rudder_offset_tie_unless_the_rudder_meets_its_stop():
     result = diagnose(quiet.with_channels({"heading_rad": heading}), load_vehicle("slocum"))
     assert result.verdict == "tied"
     assert {"effects.yaw.moment", "effects.rudder.offset"} <= set(result.tied[0])
+    (effect,) = result.effects
+    equal = {effect.path: effect.probability} | {m.path: m.probability for m in effect.members}
+    assert sum(equal.values()) == pytest.approx(1.0, abs=1e-6)
+    assert equal["effects.yaw.moment"] == pytest.approx(equal["effects.rudder.offset"], rel=0.2)
+    (common,) = result.common
+    assert common.spread["heading_rad"] < 0.1 * DEGREE
+    assert "--next-experiment" in result.summary()
+    assert "--next-experiment" not in replace(result, planned=True).summary()
     # a closed loop that drives the rudder into its stop, where an offset does nothing, tells them apart
     result = diagnose(log_of(yaw__moment=0.012), load_vehicle("slocum"))
     assert [e.path for e in result.effects] == ["effects.yaw.moment"]
     assert result.verdict == "named"
+    assert result.effects[0].probability > 0.95
+    assert "--next-experiment" not in result.summary()
 
 
 def test_a_current_needs_a_track_to_be_seen():

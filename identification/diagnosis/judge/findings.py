@@ -11,28 +11,35 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import BEYOND, LEAST_CHANGE, REACH, SURPRISE
 from identification.diagnosis.judge.selected import selected_interval
-from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect
+from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect, Member
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Screening
+from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import State, Workbench
 
 
 def effects_of(
-    bench: Workbench, state: State, rounds: Sequence[Round], sizes, survivals: Sequence[Survival], count: int
+    bench: Workbench,
+    state: State,
+    rounds: Sequence[Round],
+    sizes,
+    survivals: Sequence[Survival],
+    count: int,
+    found: Explanations = UNWEIGHED,
 ) -> tuple[list[Effect], list[tuple[str, ...]]]:
     """The named effects with their intervals, and the groups that the record cannot tell apart.
 
-    count: of all candidates.
+    count: of all candidates.  found: all sets of effects that explain the record.
     """
     effects, groups = [], []
     for r, survived in zip(rounds, survivals, strict=True):
         assert r.chosen is not None
         own = tuple(p for p in r.chosen.candidate.paths if p in state.paths)
-        rivals = [p for p in survived.rivals if p not in state.paths]
-        others = tuple(dict.fromkeys([*(p for t in r.tied for p in t.candidate.paths), *rivals]))
+        others = tuple(dict.fromkeys(p for t in r.tied for p in t.candidate.paths))
+        members = tuple(m for m in (_member(bench, found, path) for path in others) if m is not None)
         if others:
             groups.append((*own, *others))
         bar = threshold(count + r.chosen.screening.tried - 1, len(r.chosen.candidate.free))
@@ -54,9 +61,22 @@ def effects_of(
                     evidence_held=r.evidence[1],
                     tied_with=others,
                     frequency=survived.frequency,
+                    probability=found.probability(path) if found.sets else None,
+                    members=members,
                 )
             )
     return effects, groups
+
+
+def _member(bench: Workbench, found: Explanations, path: str) -> Member | None:
+    """A member of a tie, with its size in the likeliest set that has it."""
+    best = found.best_with(path)
+    if best is None:
+        return None
+    spec, (value, _, half) = spec_at(best.state.plant, path), bench.intervals(best.state)[path]
+    low, high = spec.bounds
+    limits = (max(value - half, min(low, value)), min(value + half, max(high, value)))
+    return Member(path, spec.title, found.probability(path), value, spec.neutral, spec.unit, limits)
 
 
 def as_coefficients(plant: Plant, effects: Sequence[Effect]) -> list[Effect]:

@@ -26,6 +26,7 @@ from identification.diagnosis.judge.findings import (
 from identification.diagnosis.judge.habitat import residual_habitat
 from identification.diagnosis.judge.judgement import explained_share, many_windows, verdict_of
 from identification.diagnosis.judge.verdict import Diagnosis, Stage
+from identification.diagnosis.judge.weighing import common_predictions, rounds_told, weigh
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of, screen
@@ -57,10 +58,16 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
             survivals.append(found)
         else:
             dropped.append(made.chosen)
+    held = rounds
     if dropped:
         state = bench.without(state, [p for t in dropped for p in t.candidate.free if p in state.paths])
         state = state if rounds else nominal
         left = what_is_left(bench, state, searched.library)
+    progress(0.82, "weighing what explains the log as well")
+    weighed = weigh(known, searched, state, held, survivals, asked.most)
+    if weighed.state is not state:
+        state, left = weighed.state, what_is_left(bench, weighed.state, searched.library)
+    rounds, survivals = weighed.rounds, weighed.survivals
     progress(0.84, "scoring free runs")
     parts = range(len(log.parts))
 
@@ -83,8 +90,9 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         for p in known.coefficients
         if p in sizes
     )
-    effects, tied = effects_of(bench, state, rounds, sizes, survivals, count)
+    effects, tied = effects_of(bench, state, weighed.tied, sizes, survivals, count, weighed.found)
     effects = [replace(e, changes=_changes(e.path, e.neutral, after, record, log)) for e in effects]
+    common = common_predictions(effects, tied, weighed.found, state, lambda plant: _every(plant, record, log))
     many = many_windows(log.every_window, log.steady)
     explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
     wrong = any(c.wrong for c in found)
@@ -125,7 +133,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         tied=tuple(tied),
         coefficients=found,
         detectable=detectable_effects(plant, screening, rounds, {e.path for e in effects}),
-        rounds=searched.rounds,
+        rounds=rounds_told(searched, held, weighed),
         dropped=tuple(t.candidate.paths[0] for t in dropped),
         state=state,
         screening=screening,
@@ -144,6 +152,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         coloured=left.coloured,
         source=source,
         versions=_versions(),
+        common=common,
     )
     loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, diagnosis.plants), ())
     return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
@@ -162,12 +171,19 @@ def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Seque
     return Stage(own, runs, every, fitted, runs.scores(record), white)
 
 
-def _changes(path: str, neutral: float, after: Stage, record: Record, log: CheckedLog) -> dict[str, float]:
-    """By how much free runs of a stage change, RMS by channel, where a parameter is put back to neutral."""
+def _every(plant: Plant, record: Record, log: CheckedLog) -> FreeRuns | None:
+    """Free runs over every window, or None where they diverge."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):
-            without = free_runs(replace_at(after.plant, path, neutral), record, log.every_window, log.settle)
+            return free_runs(plant, record, log.every_window, log.settle)
     except Diverged:
+        return None
+
+
+def _changes(path: str, neutral: float, after: Stage, record: Record, log: CheckedLog) -> dict[str, float]:
+    """By how much free runs of a stage change, RMS by channel, where a parameter is put back to neutral."""
+    without = _every(replace_at(after.plant, path, neutral), record, log)
+    if without is None:
         return dict.fromkeys(after.every.channels, np.inf)
     change = (without.model - after.every.model)[after.every.scored]
     if without.signals is not None:  # angles jump at the vertical, turns do not

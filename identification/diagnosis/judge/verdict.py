@@ -14,6 +14,7 @@ from auv_gym.records.record import Record
 from identification.deciding import SLIGHT, STABLE
 from identification.diagnosis.extras import Failure
 from identification.diagnosis.judge.closing import ClosedLoop
+from identification.diagnosis.judge.common import Common
 from identification.diagnosis.judge.habitat import Habitat
 from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.log.kinematics import Kinematics
@@ -43,12 +44,27 @@ class AsCoefficient:
 
 
 @dataclass(frozen=True)
+class Member:
+    """An effect that may be the cause in place of a named one: its probability, and its size if it is the cause."""
+
+    path: str
+    title: str
+    probability: float
+    value: float
+    neutral: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
 class Effect:
     """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it.
 
     frequency: share of the halves of the record that name it, or what it is tied with.
     changes: by channel, in its unit, by how much free runs over the record's windows change without it, RMS.
     coefficient: what it is reported as, where it does nothing but change that one.
+    probability: of all sets of effects that explain the record nearly as well, those that have it; None where it was
+    found by a coefficient's change.  members: what it is tied with, the same of each.
     """
 
     path: str
@@ -63,6 +79,8 @@ class Effect:
     frequency: float = 1.0
     changes: Mapping[str, float] = field(default_factory=dict)
     coefficient: AsCoefficient | None = None
+    probability: float | None = None
+    members: tuple[Member, ...] = ()
 
     @property
     def name(self) -> str:
@@ -135,6 +153,7 @@ class Diagnosis:
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     noise: of the sensors and of the motion, as the filter found it.  coloured: channels whose one-step errors are not
     white even so.  loops: the closed loop with each of the vehicles.
+    common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
     failures: parts that could not be made.  seconds: that each step took.
     """
 
@@ -165,6 +184,8 @@ class Diagnosis:
     noise: Noise | None = None
     coloured: tuple[str, ...] = ()
     loops: tuple[ClosedLoop, ...] = ()
+    common: tuple[Common, ...] = ()
+    planned: bool = False
     failures: tuple[Failure, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
@@ -190,6 +211,19 @@ class Diagnosis:
         return self.verdict == "unexplained" or self.discovery is not None
 
     @property
+    def titles(self) -> dict[str, str]:
+        """What effects and coefficients are called, by path."""
+        named = {x.path: x.title for e in self.effects for x in (*e.members, e)}
+        others = {x.path: x.title for x in self.detectable} | {c.path: c.title for c in self.coefficients}
+        return others | named
+
+    @property
+    def probabilities(self) -> dict[str, float]:
+        """The probability of each named effect and of what it is tied with, by path."""
+        members = {m.path: m.probability for e in self.effects for m in e.members}
+        return members | {e.path: e.probability for e in self.effects if e.probability is not None}
+
+    @property
     def dropped_titles(self) -> list[str]:
         """The effects that the search found and most halves of the record do not choose, in words."""
         titles = {r.chosen.candidate.paths[0]: r.chosen.candidate.title for r in self.rounds if r.chosen}
@@ -212,6 +246,7 @@ class Diagnosis:
         """The verdict in plain words, with the error before and after."""
         parts = [
             _sentence(self),
+            _common_sentence(self),
             _halves_sentence(self),
             _dropped_sentence(self),
             _slight_sentence(self),
@@ -243,10 +278,25 @@ def _sentence(d: Diagnosis) -> str:
         return text + (f" Part of it looks like {_listed(names)}." if names else "")
     if d.verdict == "named":
         return f"The vehicle lacks {_listed(names)}."
-    titles = {e.path: e.title for e in d.effects} | {x.path: x.title for x in d.detectable}
-    titles |= {c.path: c.title for c in d.coefficients}
-    groups = [" or ".join(titles.get(p, p) for p in group) for group in d.tied]
+    titles, odds = d.titles, d.probabilities
+    groups = [" or ".join(titles.get(p, p) + _odds(odds, p) for p in group) for group in d.tied]
     return f"The vehicle lacks {_listed(names)}. This record cannot tell apart: {'; '.join(groups)}."
+
+
+def _odds(odds: Mapping[str, float], path: str) -> str:
+    """A probability in brackets, where there is one."""
+    if path not in odds:
+        return ""
+    percent = 100.0 * odds[path]
+    return " (under 1 %)" if percent < 1.0 else " (over 99 %)" if percent > 99.0 else f" ({percent:.0f} %)"
+
+
+def _common_sentence(d: Diagnosis) -> str:
+    """What the members of each tie agree on, and what would tell them apart."""
+    told = [common.words(d.titles, d.reach) for common in d.common]
+    if told and not d.planned:
+        told.append("With --next-experiment, a diagnosis plans the experiment that tells them apart.")
+    return " ".join(told)
 
 
 def _halves_sentence(d: Diagnosis) -> str:

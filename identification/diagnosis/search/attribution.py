@@ -8,12 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.param import spec_at
 from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SEEN
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.acceptance import GONE, Weighed
 from identification.diagnosis.search.candidates import Candidate
-from identification.diagnosis.search.ties import Likeness, cheaper_rival, least_cost_trial, likenesses, tied
+from identification.diagnosis.search.ties import Likeness, cheaper_rival, imitations, least_cost_trial, likenesses, tied
 from identification.diagnosis.search.trials import Progress, Trial, gate, judged, side_by_side, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 
@@ -140,14 +140,8 @@ def _beside(
     if not ways or trial.screening.seen < SEEN or tied(bench, chosen, trial, own_alike):
         return trial
     assert chosen.state is not None
-    own, others = chosen.candidate.paths, trial.candidate.paths
-    found = [trial]
-    for way in ways:
-        values = {p: value_at(state.plant, p) for p in own}
-        values |= {p: spec_at(state.plant, p).neutral + x for p, x in zip(others, way.sizes, strict=True)}
-        values |= {p: value_at(chosen.state.plant, p) + move for p, move in way.moves.items()}
-        bounded = {p: float(np.clip(value, *spec_at(state.plant, p).bounds)) for p, value in values.items()}
-        plant, paths = replace_at(chosen.state.plant, bounded), (*state.paths, *trial.candidate.free)
+    found, paths = [trial], (*state.paths, *trial.candidate.free)
+    for plant in imitations(chosen, trial, ways):
         point = bench.problem.point(plant.vector, chosen.state.point.logs, chosen.state.point)
         if np.isfinite(point.scores).all():
             point = bench.problem.descended(point, paths)

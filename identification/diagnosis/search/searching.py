@@ -47,8 +47,7 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     state, rounds = confirmed(bench, nominal, state, rounds, len(candidates))
     library = library_of(state.plant)
     left = what_is_left(bench, state, library)
-    followed = sum(i < len(bench.plant.family.states) for i in bench.problem.live)
-    if rounds and left and followed <= FEW_STATES:  # elsewhere it takes minutes
+    if rounds and left and bench.followed <= FEW_STATES:  # elsewhere it takes minutes
         progress(0.8, "trying other effects in each one's place")
         again, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
         again, rounds = confirmed(bench, nominal, again, rounds, len(candidates))

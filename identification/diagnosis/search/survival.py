@@ -42,10 +42,15 @@ class Survival:
         return tuple(path for path, share in self.instead.items() if share >= RIVAL)
 
 
+def halves_of(parts: Sequence[object]) -> list[np.ndarray]:
+    """All halves of a record's parts, each which of them are in it, (K,) bool."""
+    number = len(parts)
+    return [np.isin(np.arange(number), part) for part in combinations(range(number), max(number // 2, 1))]
+
+
 def survival(bench: Workbench, made: Round, before: State, count: int) -> Survival:
     """What all halves of the parts choose in a round whose trials were fitted beside a state."""
-    number = len(bench.parts)
-    halves = [np.isin(np.arange(number), part) for part in combinations(range(number), max(number // 2, 1))]
+    halves = halves_of(bench.parts)
     found, instead = 0, dict[str, float]()
     for half in halves:
         best = preferred(bench, made, before, count, half)

@@ -10,8 +10,8 @@ import numpy as np
 from auv_gym.param import replace_at, value_at
 from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
 from identification.diagnosis.search.stability import Selection, select
-from identification.diagnosis.search.trials import FIRST_ITERATIONS, ITERATIONS, TRIAL_GAIN, with_given_coefficients
-from identification.diagnosis.search.workbench import State, Workbench
+from identification.diagnosis.search.trials import FIRST_ITERATIONS, with_given_coefficients
+from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors

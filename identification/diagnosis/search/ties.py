@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_gym.param import spec_at, value_at
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
 from identification.deciding import EQUAL, PRICE, SAME, SEEN, TIE
 from identification.diagnosis.search.acceptance import UNREPEATED
 from identification.diagnosis.search.candidates import Candidate
@@ -68,6 +69,18 @@ def likenesses(bench: Workbench, chosen: Trial, others: Sequence[Trial]) -> dict
             sizes = [float(scale * x) * problem.scale(p) for p, x in zip(t.candidate.paths, share, strict=True)]
             evidence = float((1.0 - cosine**2) * (scale * size) ** 2)
             found[t.candidate].append(Likeness(cosine, tuple(sizes), evidence, moves))
+    return found
+
+
+def imitations(chosen: Trial, other: Trial, ways: Sequence[Likeness]) -> list[Plant]:
+    """The vehicle of the chosen trial with another effect in its place that does nearly the same, for each way."""
+    assert chosen.state is not None
+    here, found = chosen.state.plant, []
+    for way in ways:
+        values = {p: spec_at(here, p).neutral for p in chosen.candidate.paths}
+        values |= {p: spec_at(here, p).neutral + x for p, x in zip(other.candidate.paths, way.sizes, strict=True)}
+        values |= {p: value_at(here, p) + move for p, move in way.moves.items()}
+        found.append(replace_at(here, {p: float(np.clip(v, *spec_at(here, p).bounds)) for p, v in values.items()}))
     return found
 
 

@@ -16,10 +16,9 @@ from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE,
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen
-from identification.diagnosis.search.workbench import State, Workbench, given_values
+from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench, given_values
 
-FIRST_ITERATIONS, ITERATIONS = 2, 12  # of the short list, and then of the finalists
-TRIAL_GAIN = 0.1  # of the log-likelihood, that a turn of a finalist's fit must bring: a tie is 4.5 wide
+FIRST_ITERATIONS = 2  # of the short list
 NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than others"
 UNSTABLE = "no stable run with it"

@@ -21,6 +21,9 @@ from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import brisk
 from identification.fit.validation import free_runs
 
+ITERATIONS = 12  # of a trial's fit
+TRIAL_GAIN = 0.1  # of the log-likelihood, that a turn of a trial's fit must bring: a tie is 4.5 wide
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -66,10 +69,43 @@ class Workbench:
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
 
+    @property
+    def followed(self) -> int:
+        """How many states of the vehicle the filter follows."""
+        return sum(i < len(self.plant.family.states) for i in self.problem.live)
+
     def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
         """The likeliest state over the paths and the noises, from the plant's values on."""
         point = self.problem.solve(plant, paths, near.point if near else None)
         return State(self.problem.plant_at(point, paths) if paths else plant, tuple(paths), point)
+
+    def fit_from(
+        self, starts: Sequence[tuple[Plant, State]], paths: Sequence[str], rival: State, hopeless: float
+    ) -> State:
+        """The likeliest state that is reached from the likeliest of several plants, each with a state near it.
+
+        rival: a state that it is compared with; where it is behind that by `hopeless` once its parameters have settled,
+        the noises that suit it are not sought.
+        """
+        points = [self.problem.point(plant.vector, near.point.logs, near.point) for plant, near in starts]
+        best = max(points, key=lambda p: self.problem.objective(p, paths))  # minus infinity where a filter is lost
+        point = self.problem.descended(best, paths)
+        settled = State(self.problem.plant_at(point, paths), tuple(paths), point)
+        if self.gain(settled, rival) > hopeless:
+            return settled
+        point = self.problem.solve(settled.plant, paths, point, ITERATIONS, gain=TRIAL_GAIN)
+        return State(self.problem.plant_at(point, paths), tuple(paths), point)
+
+    def worth(self, state: State, paths: Sequence[str]) -> float:
+        """The evidence for some of a state's paths, all else refitted to second order, but for the noises."""
+        own = self._scaled(state)
+        rows = [state.paths.index(p) for p in paths]
+        moved = [(value_at(state.plant, p) - spec_at(state.plant, p).neutral) / own.scale(p) for p in paths]
+        told = self.by_part(state)
+        normal = told.known + told.normals.sum(axis=0)
+        size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
+        spread = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True) / np.outer(size, size)
+        return float(np.array(moved) @ np.linalg.pinv(spread[np.ix_(rows, rows)], hermitian=True) @ np.array(moved))
 
     def without(self, state: State, paths: Sequence[str]) -> State:
         """The state fitted again with effects at their neutral values and no longer free."""

@@ -1,0 +1,118 @@
+"""Which of the sets of effects that explain a record is reported, and what else it may be."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from auv_gym.plant import Plant
+from identification.deciding import FEW_STATES
+from identification.diagnosis.judge.common import Common, common_prediction
+from identification.diagnosis.judge.verdict import Effect
+from identification.diagnosis.search.attribution import Round, confirmed, selected
+from identification.diagnosis.search.explanations import (
+    Explanation,
+    Explanations,
+    explanation,
+    explanations,
+    likeliest,
+    tied_rounds,
+)
+from identification.diagnosis.search.known import Known
+from identification.diagnosis.search.remainder import what_is_left
+from identification.diagnosis.search.searching import Searched
+from identification.diagnosis.search.survival import Survival, survival
+from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.workbench import State
+from identification.fit.validation import FreeRuns
+
+
+@dataclass(frozen=True, eq=False)
+class Weighed:
+    """The effects that are reported.
+
+    rounds: where each was tried.  survivals: what halves of the record say of each.  found: all explanations.
+    """
+
+    state: State
+    rounds: tuple[Round, ...]
+    survivals: tuple[Survival, ...]
+    found: Explanations
+
+    @property
+    def tied(self) -> tuple[Round, ...]:
+        """The rounds, each with the ties that all explanations leave."""
+        return tied_rounds(self.found, self.rounds, self.survivals)
+
+
+def weigh(
+    known: Known, searched: Searched, state: State, rounds: Sequence[Round], survivals: Sequence[Survival], most: int
+) -> Weighed:
+    """The likeliest set of effects that passes the gate, its ties by the probabilities of all sets.
+
+    state, rounds, survivals: what the search has chosen, and what halves of the record say of it.
+    """
+    bench, nominal, count = known.bench, searched.nominal, len(searched.candidates)
+    if not rounds:
+        return Weighed(state, (), (), Explanations(()))
+
+    def told(made: Round) -> Survival:
+        return survival(bench, made, made.before or nominal, count)
+
+    def search(near: State, beside: Sequence[Trial]) -> Round | None:
+        if bench.followed > FEW_STATES or not what_is_left(bench, near, searched.library):
+            return None
+        used = {t.candidate for t in beside}
+        left = [c for c in searched.candidates if c not in used]
+        return selected(bench, near, left, count, searched.kinematics.mismatches)
+
+    def passes(other: Explanation) -> Explanation | None:
+        if _overruled(searched, rounds, other):
+            return None
+        fitted = bench.fit(other.state.plant, other.state.paths, other.state)
+        after, kept = confirmed(bench, nominal, fitted, other.rounds, count)
+        if len(kept) < len(other.rounds) or not all(told(made).holds for made in kept):
+            return None
+        return explanation(bench, after, kept)
+
+    found = explanations(bench, state, rounds, survivals, most, search)
+    reported, found = likeliest(found, rounds, passes)
+    if reported.state is not state:
+        rounds, survivals = reported.rounds, [told(made) for made in reported.rounds]
+    return Weighed(reported.state, tuple(rounds), tuple(survivals), found)
+
+
+def rounds_told(searched: Searched, held: Sequence[Round], weighed: Weighed) -> tuple[Round, ...]:
+    """The rounds of the search with their ties; those of another set that is reported come first."""
+    if all(a is b for a, b in zip(held, weighed.rounds, strict=False)) and len(held) == len(weighed.rounds):
+        now = {id(made): tied for made, tied in zip(held, weighed.tied, strict=True)}
+        return tuple(now.get(id(made), made) for made in searched.rounds)
+    return (*weighed.tied, *(made for made in searched.rounds if not any(made is own for own in held)))
+
+
+def _overruled(searched: Searched, rounds: Sequence[Round], other: Explanation) -> bool:
+    """Whether kinematics supports a chosen effect that another set has not: what sensors show, no force may replace."""
+    shown = {path for m in searched.kinematics.mismatches for path in (m.path, *m.tied)}
+    chosen = [r.chosen.candidate for r in rounds if r.chosen is not None]
+    return any(not shown.isdisjoint(c.paths) and c not in other.candidates for c in chosen)
+
+
+def common_predictions(
+    effects: Sequence[Effect],
+    groups: Sequence[tuple[str, ...]],
+    found: Explanations,
+    state: State,
+    fly: Callable[[Plant], FreeRuns | None],
+) -> tuple[Common, ...]:
+    """The common prediction of each tie of effects, each member in the likeliest set that has it.
+
+    groups: paths, a named effect first.  state: that is reported.  fly: see `common_prediction`.
+    """
+    named, told = {e.path: e for e in effects}, []
+    for group in groups:
+        effect = named[group[0]]
+        sets = [(m, found.best_with(m.path)) for m in effect.members]
+        members = [(m.path, m.probability, made.state.plant) for m, made in sets if made is not None]
+        if members:
+            told.append(common_prediction([(effect.path, effect.probability or 0.0, state.plant), *members], fly))
+    return tuple(told)

@@ -1,0 +1,303 @@
+"""The sets of effects that explain a record, each with its probability: the ties of a diagnosis.
+
+What one effect does beside others may need other ones.  So each member of a tie takes the chosen effect's place in the
+final model, where all is fitted again from the likeliest of several starts; effects that it makes needless are left
+out, and where it is far behind there, though it was not in its own round, one more round is searched beside it.
+A set weighs exp(-cost / 2), its cost being minus twice the objective and `PRICE` for each parameter, all sets as likely
+beforehand (Burnham and Anderson 2002, Model Selection and Multimodel Inference, sec. 2.9).  No set is quite right, and
+the weights of a whole record are then far too sure: half of it may prefer what the other half refutes.  So weights are
+those of each half, its evidence counted as if all of the record were like it, averaged over all halves.
+Source: bagged posteriors, Huggins and Miller 2023, Bayesian Analysis 18, pages 79-104.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from identification.deciding import ALIKE, HOPELESS, LEAST_PROBABLE, PRICE, TIE
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.survival import Survival, halves_of
+from identification.diagnosis.search.ties import imitations, likenesses
+from identification.diagnosis.search.trials import Trial, side_by_side
+from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
+
+STOPPED = 2.0 * TRIAL_GAIN  # of the cost, that trials differ by since their fits stop early
+
+Search = Callable[[State, Sequence[Trial]], Round | None]
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """A set of effects, fitted together.
+
+    rounds: where each was tried.  cost: see above.  halves: (H,), the cost that each half of the record tells.
+    """
+
+    state: State
+    rounds: tuple[Round, ...]
+    cost: float
+    halves: np.ndarray
+
+    @property
+    def trials(self) -> tuple[Trial, ...]:
+        """The effects as they were tried."""
+        return tuple(r.chosen for r in self.rounds if r.chosen is not None)
+
+    @property
+    def candidates(self) -> frozenset[Candidate]:
+        """The effects."""
+        return frozenset(t.candidate for t in self.trials)
+
+
+@dataclass(frozen=True, eq=False)
+class Explanations:
+    """Sets of effects that explain one record, those that cost least first."""
+
+    sets: tuple[Explanation, ...]
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """The probability of each set, (n,), equally likely beforehand."""
+        cost = np.array([s.halves for s in self.sets])
+        weight = np.exp(-0.5 * (cost - cost.min(axis=0)))
+        return (weight / weight.sum(axis=0)).mean(axis=1)
+
+    def probability(self, path: str) -> float:
+        """The probability of the sets that have an effect at a path."""
+        return float(sum(w for s, w in zip(self.sets, self.weights, strict=True) if path in s.state.paths))
+
+    def best_with(self, path: str) -> Explanation | None:
+        """The likeliest set that has an effect at a path."""
+        return next((s for s in self.sets if path in s.state.paths), None)
+
+    def without(self, refused: Explanation) -> Explanations:
+        """The other sets."""
+        return Explanations(tuple(s for s in self.sets if s is not refused))
+
+
+UNWEIGHED = Explanations(())
+
+
+def explanations(
+    bench: Workbench,
+    state: State,
+    rounds: Sequence[Round],
+    survivals: Sequence[Survival],
+    most: int,
+    search: Search = lambda state, beside: None,
+) -> Explanations:
+    """All sets that explain a record nearly as well as the one that rounds have chosen.
+
+    rounds: that have chosen an effect each, fitted together in the state.  survivals: what halves of the record say of
+    them.  most: effects in a set.  search: one round beside a state and the trials it has; None where it finds nothing.
+    """
+    first = explanation(bench, state, rounds)
+    found = {first.candidates: first}
+
+    def keep(made: Explanation) -> None:
+        known = found.get(made.candidates)
+        if known is None or made.cost < known.cost:
+            found[made.candidates] = made
+
+    singles: list[list[Explanation]] = []
+    for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True)):
+        others = [t for t in rivals_of_round(made, survived) if t.candidate not in first.candidates]
+        replaced = _replaced(bench, first, number, others)
+        for own in replaced:
+            keep(own)
+            for less in _needing_less(bench, own, number, first.cost):
+                keep(less)
+        singles.append(replaced)
+        for own in _behind(replaced, first, found):
+            for other in _searched(bench, own, number, first, most, search):
+                keep(other)
+    for several in _combined(first, singles, min(s.cost for s in found.values())):
+        keep(_joined(bench, several))
+    return Explanations(tuple(sorted(found.values(), key=lambda s: s.cost)))
+
+
+def rivals_of_round(made: Round, survived: Survival) -> list[Trial]:
+    """The fitted trials of a round that may take the chosen one's place: tied with it, or chosen by halves instead."""
+    preferred = [t for t in made.trials if not set(survived.rivals).isdisjoint(t.candidate.paths)]
+    members = {t.candidate: t for t in (*made.tied, *preferred) if t.state is not None and t is not made.chosen}
+    return list(members.values())
+
+
+def likeliest(
+    found: Explanations, first: Sequence[Round], passes: Callable[[Explanation], Explanation | None]
+) -> tuple[Explanation, Explanations]:
+    """The set that is reported, and all that are left: the likeliest that passes the gate, or the chosen one.
+
+    passes: the set as it passes the gate, or None.  One that is likelier by no more than stopped fits may make it does
+    not take the chosen one's place.
+    """
+    own = next(s for s in found.sets if s.candidates == {r.chosen.candidate for r in first if r.chosen is not None})
+    for other in found.sets:
+        if other is own or other.cost >= own.cost - STOPPED:
+            break
+        passed = passes(other)
+        if passed is not None:
+            rest = found.without(other).sets
+            return passed, Explanations(tuple(sorted((passed, *rest), key=lambda s: s.cost)))
+        found = found.without(other)
+    return own, found
+
+
+def tied_rounds(found: Explanations, rounds: Sequence[Round], survivals: Sequence[Survival]) -> tuple[Round, ...]:
+    """The rounds, each tied with the trials that are as probable in its effect's place as `LEAST_PROBABLE`."""
+    used, told = {r.chosen.candidate for r in rounds if r.chosen is not None}, []
+    for made, survived in zip(rounds, survivals, strict=True):
+        others = [t for t in rivals_of_round(made, survived) if t.candidate not in used]
+        members = [t for t in others if found.probability(t.candidate.paths[0]) >= LEAST_PROBABLE]
+        told.append(replace(made, tied=tuple(members)))
+    return tuple(told)
+
+
+def explanation(bench: Workbench, state: State, rounds: Sequence[Round]) -> Explanation:
+    """The set of what rounds have chosen, fitted in a state, with its cost."""
+    trials = [r.chosen for r in rounds if r.chosen is not None]
+    free = sum(p in state.paths for t in trials for p in t.candidate.free)
+    price = PRICE * (free + sum(float(np.log(t.screening.tried)) for t in trials))
+    halves = halves_of(bench.parts)
+    if not state.finite:
+        return Explanation(state, tuple(rounds), np.inf, np.full(len(halves), np.inf))
+    told = bench.by_part(state)
+    parts = [told.refitted(half)[1] - told.known_score for half in halves]
+    share = np.mean(halves, axis=1)
+    return Explanation(
+        state,
+        tuple(rounds),
+        float(bench.costs(state).sum()) + price,
+        price - 2.0 * (np.array(parts) / share + told.known_score),
+    )
+
+
+def _replaced(bench: Workbench, first: Explanation, number: int, others: Sequence[Trial]) -> list[Explanation]:
+    """The chosen set with each of the others in one effect's place, fitted again."""
+    if not others:
+        return []
+    made, chosen = first.rounds[number], first.trials[number]
+    kept = [p for p in first.state.paths if p not in chosen.candidate.free]
+    alike = likenesses(bench, replace(chosen, state=first.state), others)
+
+    def fit(other: Trial) -> Explanation:
+        assert other.state is not None
+        paths = (*kept, *(p for p in other.candidate.free if p not in kept))
+        rounds = [*first.rounds]
+        rounds[number] = replace(made, chosen=other, tied=(chosen, *(t for t in made.tied if t is not other)))
+        if set(other.state.paths) == set(paths):  # nothing came after it: the trial is that set already
+            return explanation(bench, other.state, rounds)
+        ways = [way for way in alike[other.candidate] if way.cosine >= ALIKE]
+        starts = [(plant, first.state) for plant in imitations(replace(chosen, state=first.state), other, ways)]
+        beside = {p: value_at(first.state.plant, p) for p in paths if p not in other.state.paths}
+        starts.append((replace_at(other.state.plant, beside), other.state))
+        own = {p: value_at(other.state.plant, p) for p in other.candidate.free}
+        out = {p: spec_at(first.state.plant, p).neutral for p in chosen.candidate.paths}
+        starts.append((replace_at(first.state.plant, out | own), first.state))
+        return explanation(bench, bench.fit_from(starts, paths, first.state, HOPELESS), rounds)
+
+    return side_by_side(fit, others)
+
+
+def _needing_less(bench: Workbench, own: Explanation, number: int, cost: float) -> Iterator[Explanation]:
+    """The set without effects that the one in a round's place makes needless, one after the other.
+
+    Only where that could make the set one that matters.
+    """
+    while len(own.rounds) > 1 and own.cost - PRICE * len(own.rounds) < cost + TIE:
+        keep = own.trials[min(number, len(own.trials) - 1)]
+        worth = {}
+        for i, trial in enumerate(own.trials):
+            free = [p for p in trial.candidate.free if p in own.state.paths]
+            if trial is not keep and free:
+                worth[i] = bench.worth(own.state, free)
+        idle = min(worth, key=lambda i: worth[i], default=None)
+        if idle is None or worth[idle] >= TIE:
+            return
+        out = own.trials[idle].candidate.free
+        state = bench.without(own.state, [p for p in out if p in own.state.paths])
+        less = explanation(bench, state, [r for i, r in enumerate(own.rounds) if i != idle])
+        if less.cost >= own.cost:
+            return
+        number -= idle < number
+        own = less
+        yield own
+
+
+def _behind(replaced: Sequence[Explanation], first: Explanation, found: dict) -> list[Explanation]:
+    """Sets with another effect that lost beside what came after it, though nothing was sought beside it yet."""
+    least = {}
+    for made in found.values():
+        for candidate in made.candidates - first.candidates:
+            least[candidate] = min(made.cost, least.get(candidate, np.inf))
+    return [s for s in replaced if all(least[c] > first.cost + TIE for c in s.candidates - first.candidates)]
+
+
+def _searched(
+    bench: Workbench, own: Explanation, number: int, first: Explanation, most: int, search: Search
+) -> Iterator[Explanation]:
+    """Sets of what one more round finds beside an effect and those before it, and with those after it that fit in."""
+    if number + 1 == len(own.rounds):
+        return
+    earlier, member = own.rounds[: number + 1], own.trials[number]
+    assert member.state is not None
+    if set(member.state.paths) & {p for t in first.trials for p in t.candidate.free} != {
+        p for t in own.trials[:number] for p in t.candidate.free if p in member.state.paths
+    }:
+        return  # it was tried beside effects that are gone
+    again = search(member.state, own.trials[: number + 1])
+    if again is None or again.chosen is None or again.chosen.state is None:
+        return
+    made = explanation(bench, again.chosen.state, [*earlier, again])
+    yield made
+    while len(made.rounds) < most:
+        later = [
+            r for r in own.rounds[number + 1 :] if r.chosen is not None and r.chosen.candidate not in made.candidates
+        ]
+        more = [_joined(bench, [made, replace(first, rounds=(r,))]) for r in later]
+        best = min(more, key=lambda s: s.cost, default=made)
+        if best.cost >= made.cost:
+            return
+        made = best
+        yield made
+
+
+def _combined(
+    first: Explanation, singles: Sequence[Sequence[Explanation]], least: float
+) -> Iterator[list[Explanation]]:
+    """Several effects replaced at once, as far as the sum of what each costs is a tie: the set and its ingredients."""
+    for choice in product(*([None, *own] for own in singles)):
+        taken = [(i, s) for i, s in enumerate(choice) if s is not None]
+        if len(taken) < 2 or first.cost + sum(s.cost - first.cost for _, s in taken) > least + TIE:
+            continue
+        rounds = [*first.rounds]
+        for i, s in taken:
+            rounds[i] = s.rounds[i]
+        if len({r.chosen.candidate for r in rounds if r.chosen is not None}) == len(rounds):
+            begun = replace(taken[0][1], rounds=tuple(rounds))
+            yield [begun, *(replace(s, rounds=(s.rounds[i],)) for i, s in taken[1:])]
+
+
+def _joined(bench: Workbench, several: Sequence[Explanation]) -> Explanation:
+    """The first set with the effects of the others, each at the value it has there, fitted together."""
+    state, rounds = several[0].state, list(several[0].rounds)
+    values: dict[str, float] = {}
+    for other in several[1:]:
+        values |= {p: value_at(other.state.plant, p) for t in other.trials for p in t.candidate.free}
+        known = {r.chosen.candidate for r in rounds if r.chosen is not None}
+        rounds += [r for r in other.rounds if r.chosen is not None and r.chosen.candidate not in known]
+    trials = [r.chosen for r in rounds if r.chosen is not None]
+    wanted = [p for t in trials for p in t.candidate.free]
+    gone = [p for p in state.paths if p not in state.plant.coefficients and p not in wanted]
+    out = {p: spec_at(state.plant, p).neutral for p in gone}
+    paths = tuple(dict.fromkeys([*(p for p in state.paths if p not in out), *wanted]))
+    plant: Plant = replace_at(state.plant, out | values)
+    return explanation(bench, bench.fit_from([(plant, state)], paths, state, HOPELESS), rounds)

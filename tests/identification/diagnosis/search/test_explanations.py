@@ -1,0 +1,258 @@
+"""All sets of effects that explain a record, and how probable each is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, spec_at, value_at
+from identification.deciding import LEAST_PROBABLE, PRICE, TIE
+from identification.diagnosis.log.parts import parts_of
+from identification.diagnosis.search import explanations as module
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.explanations import (
+    STOPPED,
+    Explanation,
+    Explanations,
+    explanations,
+    likeliest,
+    tied_rounds,
+)
+from identification.diagnosis.search.survival import Survival
+from identification.diagnosis.search.workbench import Workbench
+from identification.experiments.missions import run_mission
+from tests.identification.diagnosis.stand_ins import PLANT, state_of, trial_of
+from tests.identification.gliders import QUICK
+
+A, B, C, D, E = (
+    f"effects.{name}"
+    for name in ("rudder.offset", "rudder.deadband", "yaw.moment", "yaw.roll_moment", "rudder.backlash")
+)
+SURVIVED = Survival(1.0, {})
+
+
+class Told:
+    """What the parts tell; a refit changes nothing."""
+
+    known_score = 0.0
+
+    def __init__(self, evidence):
+        self.evidence = evidence
+
+    def refitted(self, counted):
+        return np.zeros(0), 0.5 * float(self.evidence[counted].sum())
+
+
+class Sets:
+    """A workbench of six parts in which twice the log-likelihood depends only on which effects a model has.
+
+    likely: a number, of which each part tells a sixth, or six numbers.
+    """
+
+    parts = range(6)
+
+    def __init__(self, likely: Mapping[str, object]):
+        told = {names: np.asarray(v, dtype=float) for names, v in likely.items()}
+        self.likely = {frozenset(names): v if v.ndim else np.full(6, v / 6.0) for names, v in told.items()}
+
+    def _of(self, state):
+        return self.likely.get(frozenset(state.paths), np.full(6, -1e4))
+
+    def costs(self, state):
+        return -self._of(state)
+
+    def by_part(self, state):
+        return Told(self._of(state))
+
+    def fit_from(self, starts, paths, rival, hopeless):
+        return state_of(starts[0][0], *paths)
+
+    def without(self, state, paths):
+        return state_of(state.plant, *(p for p in state.paths if p not in paths))
+
+    def worth(self, state, paths):
+        return float(self._of(state).sum() - self._of(self.without(state, paths)).sum())
+
+
+@pytest.fixture(autouse=True)
+def no_slopes(monkeypatch):
+    monkeypatch.setattr(module, "likenesses", lambda bench, chosen, others: {t.candidate: [] for t in others})
+
+
+def round_of(path, *tied, before=()):
+    """A round that chose an effect beside some, and what ties with it there."""
+    chosen, *others = (trial_of(Candidate(p, (p,)), state_of(PLANT, *before, p)) for p in (path, *tied))
+    return Round((chosen, *others), chosen, tuple(others), {}, before=state_of(PLANT, *before))
+
+
+def weighed(likely, *rounds, search=lambda state, beside: None, most=3) -> Explanations:
+    """The explanations of a record; likely: by the names of the effects, as paths."""
+    paths = tuple(r.chosen.candidate.paths[0] for r in rounds)
+    return explanations(Sets(likely), state_of(PLANT, *paths), rounds, [SURVIVED] * len(rounds), most, search)  # type: ignore[arg-type]
+
+
+def odds(found: Explanations, *paths):
+    assert found.weights.sum() == pytest.approx(1.0)
+    return [found.probability(p) for p in paths]
+
+
+def test_two_that_do_the_same_are_equally_probable():
+    assert odds(weighed({(A,): 100.0, (C,): 100.0}, round_of(A, C)), A, C) == pytest.approx([0.5, 0.5])
+
+
+def test_three_members_share_the_probability():
+    found = weighed({(A,): 100.0, (C,): 100.0, (D,): 100.0}, round_of(A, C, D))
+    assert odds(found, A, C, D) == pytest.approx([1 / 3] * 3)
+    assert {t.candidate.paths[0] for t in tied_rounds(found, [round_of(A, C, D)], [SURVIVED])[0].tied} == {C, D}
+
+
+def test_the_weight_is_that_of_the_evidence():
+    one, other = odds(weighed({(A,): 100.0, (C,): 96.0}, round_of(A, C)), A, C)
+    assert other / one == pytest.approx(np.exp(-2.0))
+
+
+def test_a_record_that_tells_them_apart_leaves_one():
+    made = round_of(A, C)
+    found = weighed({(A,): 100.0, (C,): 75.0}, made)
+    assert odds(found, A)[0] > 0.999
+    assert tied_rounds(found, [made], [SURVIVED])[0].tied == ()
+
+
+def test_each_of_two_effects_may_be_in_a_tie():
+    """All four sets are there, also the one with both of them replaced."""
+    likely = {(A, B): 100.0, (C, B): 100.0, (A, E): 100.0, (C, E): 100.0}
+    found = weighed(likely, round_of(A, C), round_of(B, E, before=(A,)))
+    assert len(found.sets) == 4
+    assert found.weights == pytest.approx([0.25] * 4)
+    assert odds(found, A, B, C, E) == pytest.approx([0.5] * 4)
+
+
+def test_effects_that_a_member_makes_needless_are_left_out():
+    found = weighed({(A, B): 100.0, (C, B): 101.0, (C,): 100.5}, round_of(A, C), round_of(B, before=(A,)))
+    assert frozenset(p for c in found.sets[0].candidates for p in c.paths) == {C}
+    assert found.sets[0].cost == pytest.approx(PRICE - 100.5)
+    assert odds(found, B)[0] < 0.7
+
+
+def test_a_member_is_not_lost_because_nothing_was_searched_beside_it():
+    """Beside the moment it takes backlash and not the deadband that the search found beside the offset."""
+    likely = {(A, B): 100.0, (C, B): 60.0, (C, E): 100.0}
+    rounds = round_of(A, C), round_of(B, before=(A,))
+    assert odds(weighed(likely, *rounds), C)[0] < 1e-6
+    asked = []
+
+    def search(state, beside):
+        asked.append((state.paths, [t.candidate.paths[0] for t in beside]))
+        return round_of(E, before=(C,))
+
+    found = weighed(likely, *rounds, search=search)
+    assert asked == [((C,), [C])]
+    assert odds(found, A, C, E) == pytest.approx([0.5, 0.5, 0.5])
+
+
+def test_later_effects_are_added_to_what_was_searched_up_to_the_most():
+    likely = {(A, B, D): 100.0, (C, B, D): 40.0, (C, E): 80.0, (C, E, D): 110.0}
+    rounds = round_of(A, C), round_of(B, before=(A,)), round_of(D, before=(A, B))
+    found = weighed(likely, *rounds, search=lambda state, beside: round_of(E, before=(C,)))
+    assert found.sets[0].cost == pytest.approx(3 * PRICE - 110.0)
+    fewer = weighed(likely, *rounds, search=lambda state, beside: round_of(E, before=(C,)), most=2)
+    assert fewer.best_with(E).cost == pytest.approx(2 * PRICE - 80.0)
+
+
+def test_halves_that_disagree_leave_a_tie_whatever_the_sum_says():
+    """One part speaks for the first by 60, each other for the second by 4: 40 ahead, half of the halves against."""
+    made = round_of(A, C)
+    found = weighed({(A,): [60.0, 0, 0, 0, 0, 0], (C,): [0.0, 4, 4, 4, 4, 4]}, made)
+    assert odds(found, A, C) == pytest.approx([0.5, 0.5], abs=0.01)
+    assert tied_rounds(found, [made], [SURVIVED])[0].tied == made.tied
+
+
+def test_what_halves_choose_instead_is_weighed_too():
+    made = replace(round_of(A, C), tied=())
+    likely = Sets({(A,): 100.0, (C,): 99.0})
+    told = [Survival(0.8, {C: 0.2})]
+    found = explanations(likely, made.chosen.state, [made], told, 3)  # type: ignore[arg-type]
+    assert odds(found, C)[0] > 0.3
+    assert tied_rounds(found, [made], told)[0].tied == made.trials[1:]
+
+
+def test_the_least_probability_is_that_of_halves_that_prefer_the_worse_of_two_by_a_tie():
+    """Evidence of the parts scatters by twice its root, as that of a right model does; together it is a tie's."""
+    parts = np.random.default_rng(0).normal(0.0, np.sqrt(4.0 * TIE / 6.0), (20000, 6))
+    parts += (TIE - parts.sum(axis=1, keepdims=True)) / 6.0
+    assert (parts[:, :3].sum(axis=1) < 0.0).mean() == pytest.approx(LEAST_PROBABLE, abs=0.005)
+
+
+def passing(*refused):
+    """A gate that refuses sets with these effects."""
+
+    def passes(made: Explanation) -> Explanation | None:
+        return None if any(not set(refused).isdisjoint(c.paths) for c in made.candidates) else made
+
+    return passes
+
+
+def test_the_set_that_explains_more_than_the_chosen_one_is_reported_if_it_passes_the_gate():
+    rounds = [round_of(A, C, D), round_of(B, before=(A,))]
+    found = weighed({(A, B): 100.0, (C, B): 106.0, (D, B): 103.0}, *rounds)
+    reported, left = likeliest(found, rounds, passing())
+    assert reported.state.paths == (B, C)
+    assert left.sets[0] is reported
+    reported, left = likeliest(found, rounds, passing(C))
+    assert reported.state.paths == (B, D)
+    assert odds(left, C) == [0.0]
+    reported, left = likeliest(found, rounds, passing(C, D))
+    assert reported.state.paths == (A, B)
+    assert odds(left, A) == [1.0]
+
+
+def test_what_stopped_fits_may_make_is_no_reason_to_report_another_set():
+    rounds = [round_of(A, C), round_of(B, before=(A,))]
+    for more, paths in ((0.9 * STOPPED, (A, B)), (1.1 * STOPPED, (B, C))):
+        found = weighed({(A, B): 100.0, (C, B): 100.0 + more}, *rounds)
+        assert likeliest(found, rounds, passing())[0].state.paths == paths
+
+
+def test_a_lost_filter_is_no_explanation(monkeypatch):
+    lost = state_of(PLANT, C)
+    lost.point.scores[:] = -np.inf
+    made = round_of(A, C)
+    found = weighed({(A,): 100.0}, replace(made, tied=(trial_of(Candidate(C, (C,)), lost),)))
+    assert odds(found, A, C) == [1.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def glider():
+    record = run_mission(replace_at(QUICK, {A: 0.05, B: 0.03}), np.random.default_rng(5), duration=900.0)
+    bench = Workbench(QUICK, record, parts_of(QUICK, record), 0.1)
+    plant = replace_at(bench.plant, {A: 0.05, B: 0.03})
+    return bench, bench.fit(plant, (*QUICK.family.coefficients, A, B))
+
+
+def test_what_an_effect_is_worth_is_the_square_of_its_size_in_standard_errors(glider):
+    bench, state = glider
+    without = bench.without(state, [A])
+    assert bench.worth(state, [A]) > bench.gain(without, state)  # where accelerations may take its part
+    assert bench.worth(state, [A, B]) > bench.worth(state, [A]) > bench.worth(without, []) == 0.0
+    own = bench.by_part(state)
+    spread = np.linalg.inv(own.known + own.normals.sum(axis=0))
+    row = state.paths.index(A)
+    size = (value_at(state.plant, A) - spec_at(state.plant, A).neutral) / bench.problem.scale(A)
+    assert bench.worth(state, [A]) == pytest.approx(size**2 / spread[row, row], rel=1e-6)
+
+
+def test_a_fit_begins_at_the_likeliest_start_and_is_not_finished_where_it_is_hopeless(glider):
+    bench, state = glider
+    far = replace_at(state.plant, {A: -0.3})
+    again = bench.fit_from([(far, state), (state.plant, state)], state.paths, state, 60.0)
+    assert bench.gain(state, again) == pytest.approx(0.0, abs=0.5)
+    only = tuple(p for p in state.paths if p != A)
+    start = [(replace_at(state.plant, A, 0.0), state)]
+    settled, fitted = (bench.fit_from(start, only, state, hopeless) for hopeless in (1.0, np.inf))
+    assert np.array_equal(settled.point.logs, state.point.logs)
+    assert not np.array_equal(fitted.point.logs, state.point.logs)
+    assert bench.gain(settled, fitted) > 0.0
