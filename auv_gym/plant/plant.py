@@ -113,12 +113,18 @@ class Plant:
         own = self.family.coefficients
         return (*own, *(path for path in self.deviations if path not in own))
 
+    @cached_property
+    def doubted(self) -> tuple[str, ...]:
+        """The paths of all coefficients that are known to some deviation only, those of a first fit before the others."""
+        first = self.coefficients
+        return (*first, *(path for path in self.family.doubted(self.parameters) if path not in first))
+
     def deviation(self, path: str, doubt: float) -> float:
         """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
 
         doubt: relative, of coefficients that have none of their own; 0 holds all of them, infinite frees all of them.
         """
-        if np.isinf(doubt) or path not in self.coefficients:
+        if np.isinf(doubt) or path not in self.doubted:
             return np.inf
         if doubt == 0.0:
             return 0.0

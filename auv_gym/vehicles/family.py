@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,10 @@ def _no_problem(parameters: Any) -> str:
 
 def _no_coefficients(parameters: Any) -> Mapping[str, tuple[str, Callable[[float, float], float]]]:
     return {}
+
+
+def _none_doubted(parameters: Any) -> Sequence[str]:
+    return ()
 
 
 def _no_doubts(parameters: Any) -> list[str]:
@@ -86,6 +90,8 @@ class Family:
     differences: tuple[float, ...] = (1e-2,)
     # where an input that is not required comes from: the parameter at a path; otherwise zero
     constants: Mapping[str, str] = field(default_factory=dict)
+    # of these parameters, the paths of further coefficients that are known no better than those a first fit frees
+    doubted: Callable[[Any], Sequence[str]] = _none_doubted
     # effects that act as a coefficient does
     twins: Mapping[str, str] = field(default_factory=dict)
     # of these parameters, the effects that do nothing but change one coefficient: its path, and its value from the

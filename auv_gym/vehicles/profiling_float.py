@@ -264,6 +264,7 @@ FLOAT_PISTON = Family(
     sensors=("depth_lag_m",),
     outputs=("depth_m", "depth_rate_mps"),
     coefficients=("hull.drag_quadratic", "hull.drag_linear"),
+    doubted=lambda parameters: ("hull.added_mass",) if parameters.hull.added_mass else (),
     twins={"effects.drag.quadratic": "hull.drag_quadratic", "effects.drag.linear": "hull.drag_linear"},
     ranges={
         "depth_m": (_ABOVE, inf),

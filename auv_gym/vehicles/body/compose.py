@@ -18,7 +18,7 @@ import numpy as np
 from auv_gym.channels import declare_input
 from auv_gym.compiled import bind, view_as
 from auv_gym.effects import BodyEffects
-from auv_gym.param import list_paths, pack, part, record_type
+from auv_gym.param import list_paths, pack, part, record_type, value_at
 from auv_gym.vehicles.body import blocks, derived as derived_numbers, dynamics, sums
 from auv_gym.vehicles.body.hull import Hull
 from auv_gym.vehicles.body.kinds import Command, PartKind, part_kind
@@ -39,6 +39,9 @@ _HULL_COEFFICIENTS = (
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
     *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
 )
+
+# of the hull, where coefficients are that a first fit does not free, but that are known no better
+_DOUBTED = ("i_xx", "i_yy", "i_zz", "added_mass.", *(f"{axis}." for axis in _AXES), "cross_flow.drag")
 
 
 @dataclass(frozen=True)
@@ -210,6 +213,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         },
         derived=n_derived,
         problem=problem,
+        doubted=lambda parameters: doubted_in(parts, parameters),
         coefficients_of=lambda parameters: coefficients_of(parts, parameters),
         doubts=lambda parameters: places_outside(parts, parameters),
         view=view,
@@ -390,6 +394,13 @@ def places_outside(parts: Sequence[Part], parameters: Any) -> list[str]:
                     f"{length:g} m long: check its unit and sign"
                 )
     return found
+
+
+def doubted_in(parts: Sequence[Part], parameters: Any) -> list[str]:
+    """The paths of all hydrodynamic coefficients and inertias that are not zero: what tables are off by."""
+    hull = [f"hull.{path}" for path in list_paths(parameters.hull) if path.startswith(_DOUBTED)]
+    own = [f"parts.{part_.name}.{name}" for part_ in parts for name in part_.found.doubted]
+    return [path for path in (*hull, *own) if value_at(parameters, path) != 0.0]
 
 
 def coefficients_of(parts: Sequence[Part], parameters: Any) -> dict[str, tuple[str, Callable[[float, float], float]]]:

@@ -115,7 +115,16 @@ def coefficient_of(
 def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
     """Wrong coefficients as which an effect acts, each with that effect."""
     wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
-    return [(effect, path) for effect, path in plant.family.twins.items() if path in wrong]
+    same = {effect: path for effect, (path, _) in plant.family.coefficients_of(plant.parameters).items()}
+    return [(effect, path) for effect, path in (same | dict(plant.family.twins)).items() if path in wrong]
+
+
+def size_as_effect(plant: Plant, effect: str, given: float, value: float) -> float:
+    """The size of an effect that makes of a given coefficient this value; all of these are linear in their size."""
+    neutral = spec_at(plant, effect).neutral  # gains are neutral at one, errors at zero
+    _, law = plant.family.coefficients_of(plant.parameters).get(effect, ("", lambda c, size: c * (1.0 - neutral + size)))
+    none, one = law(given, 0.0), law(given, 1.0)
+    return (value - none) / (one - none)
 
 
 def twin_effects(groups, effects, found, bench: Workbench, state: State, count: int) -> list[Effect]:
@@ -130,8 +139,8 @@ def twin_effects(groups, effects, found, bench: Workbench, state: State, count: 
         if any(e.path == path for e in effects) or abs(c.value / c.given - 1.0) <= BEYOND:
             continue
         spec = spec_at(bench.plant, path)
-        shift = spec.neutral - 1.0  # gains are neutral at one, errors at zero
-        value, (low, high) = shift + c.value / c.given, sorted(shift + v / c.given for v in c.ci95)
+        value = size_as_effect(bench.plant, path, c.given, c.value)
+        low, high = sorted(size_as_effect(bench.plant, path, c.given, v) for v in c.ci95)
         size = Size(abs(value - spec.neutral), at_limit(value, spec.bounds, spec.neutral))
         put_back = replace_at(state.plant, c.path, c.given)
         before = bench.fit(put_back, [p for p in state.paths if p != c.path], state)

@@ -8,9 +8,11 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from identification.diagnosis.log.checking import CheckedLog
-from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.trials import TRIAL_GAIN, Progress
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.parameters import moves_of
+
+HELD = 0.5  # standard errors by which coefficients that are held may together move an estimate, at the very most
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +38,18 @@ def fit_known(log: CheckedLog, progress: Progress) -> Known:
     bench = Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window)
     progress(0.02, "filtering with the vehicle as given")
     given = bench.fit(bench.plant, ())
-    coefficients = _free_coefficients(bench, given)
+    first = _first_coefficients(bench, given)
+    if log.slipped:
+        return Known(bench, first, given, given)
     progress(0.03, "refitting the coefficients")
-    nominal = bench.fit(bench.plant, () if log.slipped else coefficients, given)
-    return Known(bench, coefficients, given, nominal)
+    near = bench.fit(bench.plant, first, given, gain=TRIAL_GAIN)
+    further = _further_coefficients(bench, near)
+    nominal = bench.fit(near.plant, (*first, *further), near)
+    return Known(bench, (*first, *further), given, nominal)
 
 
-def _free_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:
-    """The coefficients that the record's inputs excite, and that are not known exactly."""
+def _first_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:
+    """Those of a first fit that the record's inputs excite, and that are not known exactly."""
     plant, problem = bench.plant, bench.problem
     paths = tuple(p for p in plant.coefficients if plant.deviation(p, bench.doubt) > 0.0)
     if not paths or not given.finite:
@@ -51,3 +57,21 @@ def _free_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:
     columns = problem.columns_of(given.point, moves_of(paths))
     free = tuple(p for p, own in zip(paths, columns, strict=True) if np.abs(own).max() > 1e-6)
     return free or paths
+
+
+def _further_coefficients(bench: Workbench, state: State) -> tuple[str, ...]:
+    """The other doubted coefficients, without those that could not matter even all together.
+
+    A coefficient that is one deviation off, and held, moves no estimate by more standard errors than it moves the
+    errors of prediction by their deviations, root sum square over the record (Cauchy and Schwarz).
+    """
+    plant, problem = bench.plant, bench.problem
+    paths = [p for p in plant.doubted if p not in state.paths and 0.0 < plant.deviation(p, bench.doubt) < np.inf]
+    if not paths or not state.finite:
+        return ()
+    rates = problem.pulls(state.point.vector, paths)[1]
+    columns = problem.columns_of(state.point, moves_of(paths))
+    squares = (columns**2).sum(axis=(1, 2)) / rates**2
+    order = np.argsort(squares)
+    held = {paths[k] for k, whole in zip(order, np.cumsum(squares[order]), strict=True) if whole < HELD**2}
+    return tuple(p for p in paths if p not in held)

@@ -15,7 +15,7 @@ from auv_gym.records.record import Record
 from identification.deciding import BLOCKS, FAR_FROM_GIVEN
 from identification.diagnosis.log.parts import block_numbers
 from identification.estimate import half_width
-from identification.fit.filtering import Point
+from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import brisk
@@ -74,9 +74,11 @@ class Workbench:
         """How many states of the vehicle the filter follows."""
         return sum(i < len(self.plant.family.states) for i in self.problem.live)
 
-    def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None) -> State:
-        """The likeliest state over the paths and the noises, from the plant's values on."""
-        point = self.problem.solve(plant, paths, near.point if near else None)
+    def fit(
+        self, plant: Plant, paths: Sequence[str], near: State | None = None, gain: float = LEAST_GAIN
+    ) -> State:
+        """The likeliest state over the paths and the noises, from the plant's values on; gain: see `solve`."""
+        point = self.problem.solve(plant, paths, near.point if near else None, gain=gain)
         return State(self.problem.plant_at(point, paths) if paths else plant, tuple(paths), point)
 
     def fit_from(

@@ -53,12 +53,46 @@ def test_only_what_the_inputs_excite_and_nobody_knows_exactly_is_refitted():
             return np.array([[[0.0], [sizes[path]]] for path, _ in moves])
 
         bench = SimpleNamespace(plant=vehicle, doubt=doubt, problem=SimpleNamespace(columns_of=columns_of))
-        return known._free_coefficients(bench, state_of(vehicle))
+        return known._first_coefficients(bench, state_of(vehicle))
 
     assert free(BARE) == (moving,)
     assert free(BARE, sizes=dict.fromkeys(told, 1.0)) == (moving, still)
     assert free(replace(BARE, deviations={moving: 0.0}), sizes=dict.fromkeys(told, 1.0)) == (still,)
     assert free(BARE, doubt=0.0) == ()
+
+
+def test_doubted_coefficients_are_all_that_a_vehicle_has():
+    torpedo, drifter = load_vehicle("npsauv"), load_vehicle("qiandao_float")
+    assert {"hull.i_yy", "hull.added_mass.m_qdot", "hull.roll.up", "parts.rudder.lift", "parts.propeller.t_nn"} <= set(
+        torpedo.doubted
+    )
+    assert torpedo.doubted[: len(torpedo.coefficients)] == torpedo.coefficients
+    assert all(value_at(torpedo, path) for path in torpedo.doubted)
+    assert not any(path.startswith(("hull.mass", "hull.density", "effects.")) for path in torpedo.doubted)
+    assert drifter.doubted == (*drifter.coefficients, "hull.added_mass")
+    assert torpedo.deviation("hull.i_yy", 0.1) == pytest.approx(0.1 * torpedo.hull.i_yy)
+    assert torpedo.deviation("hull.mass", 0.1) == np.inf
+
+
+def test_further_coefficients_are_refitted_unless_together_they_could_not_matter():
+    torpedo = replace(load_vehicle("npsauv"), deviations={})
+    further = [path for path in torpedo.doubted if path not in torpedo.coefficients]
+    told = dict.fromkeys(further, 0.0) | {further[0]: 0.45, further[1]: 0.3, further[2]: 0.3}  # per deviation
+
+    def free(vehicle, doubt=0.1, sizes=told):
+        problem = SimpleNamespace(
+            pulls=lambda vector, paths: (np.zeros(len(paths)), np.full(len(paths), 0.5)),
+            columns_of=lambda point, moves: np.array([[[0.5 * sizes[path]], [0.0]] for path, _ in moves]),
+        )
+        bench = SimpleNamespace(plant=vehicle, doubt=doubt, problem=problem)
+        return known._further_coefficients(bench, state_of(vehicle, *vehicle.coefficients))
+
+    assert free(torpedo) == (further[0],)  # each by itself could be held, and two of them, not all three
+    assert free(torpedo, sizes=dict.fromkeys(further, 0.0)) == ()
+    assert free(torpedo, sizes=dict.fromkeys(further, 10.0)) == tuple(further)
+    assert free(replace(torpedo, deviations={further[0]: 0.0})) == ()
+    assert free(torpedo, doubt=0.0) == ()
+    assert free(torpedo, doubt=np.inf) == ()  # of what nothing is known, nothing is held
 
 
 def test_a_fit_stays_within_five_deviations(log):

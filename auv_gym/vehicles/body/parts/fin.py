@@ -123,6 +123,7 @@ def _form(axis: Role, force: Any, damping: Any) -> PartKind:
         damping=damping,
         with_hull=True,
         coefficients=("lift_slope",),
+        doubted=("lift_slope", "drag", "induced"),
         same={"lost": ("area", lambda given, size: given * (1.0 - size))},
         sketch=_sketch(axis),
         place=("x", "y", "z"),

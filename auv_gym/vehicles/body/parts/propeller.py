@@ -195,6 +195,7 @@ def _form(suffix: str, channel: str = "") -> PartKind:
         wake=wake,
         in_wake=in_wake,
         numbers=("has_table",),
+        doubted=("t_nn", "t_nu", "q_nn", "q_nu", "t_cc", "torque_arm"),
         same={"torque": ("torque_arm", lambda given, size: given + size)},
     )
 

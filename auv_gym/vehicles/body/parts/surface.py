@@ -167,6 +167,7 @@ def _form(axis: Role, force: Any, in_wake: Any) -> PartKind:
         times=times,
         with_hull=True,
         coefficients=("moment",),
+        doubted=("lift", "moment", "drag", "drag_rate", "drag_slip"),
         sketch=_sketch(axis),
     )
 

@@ -129,6 +129,7 @@ KIND = PartKind(
     problem_with_hull=_alone,
     with_hull=True,
     coefficients=("drag_0", "lift_1", "pitch"),
+    doubted=("drag_2", "side", "roll", "roll_rate", "pitch_rate", "yaw", "yaw_rate"),
     sketch=_sketch,
     place=("x", "y", "z"),
     polar=_polar,

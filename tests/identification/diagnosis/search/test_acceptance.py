@@ -10,7 +10,7 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
 from identification.diagnosis.judge import judging
-from identification.diagnosis.judge.findings import coefficient_of, twin_effects
+from identification.diagnosis.judge.findings import coefficient_of, size_as_effect, twin_effects
 from identification.diagnosis.search import acceptance, searching, swaps
 from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
@@ -254,6 +254,14 @@ def test_an_effect_told_from_a_coefficient_passes_the_gate_too(held, named):
         assert effects[0].value == pytest.approx(1.5)
         assert effects[0].ci95 == pytest.approx((1.46, 1.54))
         assert (effects[0].evidence_train, effects[0].evidence_held) == (100.0, held)
+
+
+def test_what_a_coefficient_comes_to_is_a_size_of_the_effect_that_acts_as_it_does():
+    torpedo = load_vehicle("npsauv")
+    assert size_as_effect(PLANT, "effects.rudder.gain", 2.0, 3.0) == pytest.approx(1.5)  # neutral at one
+    assert size_as_effect(torpedo, "effects.hull.damping_surge", -2.0, -2.4) == pytest.approx(0.2)
+    assert size_as_effect(torpedo, "effects.hull.added_mass_yaw", -10.0, -7.0) == pytest.approx(-0.3)
+    assert size_as_effect(torpedo, "effects.propeller.torque", 0.01, 0.04) == pytest.approx(0.03)
 
 
 @pytest.fixture(scope="module")
