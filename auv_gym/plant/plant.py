@@ -119,6 +119,12 @@ class Plant:
         first = self.coefficients
         return (*first, *(path for path in self.family.doubted(self.parameters) if path not in first))
 
+    @property
+    def twins(self) -> dict[str, str]:
+        """The effects that act as a coefficient does, with the coefficient's path."""
+        same = {effect: path for effect, (path, _) in self.family.coefficients_of(self.parameters).items()}
+        return same | dict(self.family.twins)
+
     def deviation(self, path: str, doubt: float) -> float:
         """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
 

@@ -43,7 +43,7 @@ _GROUPS = (
 FAMILIES: Mapping[str, Group] = {group.name: group for group in _GROUPS}
 KINDS = {"none": 0.16, "one": 0.3, "two": 0.14, "one_wrong": 0.14, "none_wrong": 0.1, "outside": 0.16}
 EFFECTS = {"none": 0, "one": 1, "two": 2, "one_wrong": 1, "none_wrong": 0, "outside": 0}
-WRONG = 0.1  # of a coefficient
+WRONG = 0.1  # of a coefficient, standard deviation
 MULTIPLES = (2.0, 6.0)  # of the detectable size
 PERIOD_OF = dict.fromkeys(("effects.water.heave_sin", "effects.water.heave_cos"), "effects.water.heave_period")
 PERIODS = (120.0, 600.0)  # s
@@ -123,7 +123,7 @@ def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
     seed = int(rng.integers(2**31))
     believed, wrong = plant, {}
     if case.kind.endswith("_wrong"):
-        given = {p: value_at(plant, p) * (1.0 + rng.choice([-WRONG, WRONG])) for p in plant.family.coefficients}
+        given = {p: value_at(plant, p) * (1.0 + WRONG * rng.standard_normal()) for p in plant.doubted}
         believed = replace_at(plant, given)
         wrong = {p: (value_at(plant, p), given[p]) for p in given}
     values, detectable, shared = {}, {}, plant
@@ -161,16 +161,20 @@ def _outside(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
 
 
 def detectable_sizes(plant: Plant, clean: Record, paths: list[str]) -> dict[str, float]:
-    """Size by path that a clean log would show, the plant's coefficients and the others fitted.
+    """Size by path that a clean log would show, the others fitted, and all coefficients as far as they are doubted.
 
-    Infinite where none would; in the parameter's unit.
+    Infinite where none would, as of what acts as a coefficient does; in the parameter's unit.
     """
-    problem = PredictionErrors(plant, clean, [piece for part in parts_of(plant, clean) for piece in part])
+    pieces = [piece for part in parts_of(plant, clean) for piece in part]
+    problem = PredictionErrors(plant, clean, pieces, doubt=WRONG)
     point = problem.solve(plant, plant.family.coefficients)
     bar = threshold(len(candidates_of(plant, clean)))
     sizes = {}
     for path in paths:
-        fitted = [*plant.family.coefficients, *(p for p in paths if p != path)]
+        if plant.twins.get(path) in plant.doubted:
+            sizes[path] = np.inf
+            continue
+        fitted = [*plant.doubted, *(p for p in paths if p != path)]
         candidate = Candidate(spec_at(plant, path).title, (path,))
         (found,) = screen(problem, point, fitted, [candidate], bar)
         sizes[path] = float(found.detectable[0])

@@ -115,8 +115,7 @@ def coefficient_of(
 def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[str, ...]]:
     """Wrong coefficients as which an effect acts, each with that effect."""
     wrong = {c.path: c for c in found if c.wrong and c.given != 0.0}
-    same = {effect: path for effect, (path, _) in plant.family.coefficients_of(plant.parameters).items()}
-    return [(effect, path) for effect, path in (same | dict(plant.family.twins)).items() if path in wrong]
+    return [(effect, path) for effect, path in plant.twins.items() if path in wrong]
 
 
 def size_as_effect(plant: Plant, effect: str, given: float, value: float) -> float:

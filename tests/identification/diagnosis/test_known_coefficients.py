@@ -14,6 +14,8 @@ from identification.diagnosis import again, diagnose, write_diagnosis
 from identification.diagnosis.search import known
 from identification.experiments.heading_control import closed_loop
 from identification.fit.prediction_errors import PredictionErrors
+from scripts.blind.kinds import log_of
+from scripts.blind.logs import Conditions
 from tests.identification.diagnosis.stand_ins import state_of
 
 BARE = replace(load_vehicle("slocum"), deviations={})
@@ -128,3 +130,12 @@ def test_the_files_keep_what_was_known_and_say_which_logs_were_seen(log, tmp_pat
     paths["diagnosis.json"].write_text(json.dumps(content))
     with pytest.raises(ValueError, match=r"no diagnosis\.json of this version"):
         again(paths["diagnosis.json"], log)
+
+
+def test_a_torpedo_with_wrong_inertias_lacks_nothing():
+    torpedo = replace(load_vehicle("vt690"), deviations={}, window=25.0, settle=5.0)
+    wrong = ("hull.i_yy", "hull.added_mass.m_qdot", "hull.added_mass.y_vdot", "parts.stern_plane.lift")
+    believed = replace_at(torpedo, {path: 1.15 * value_at(torpedo, path) for path in wrong})
+    said = diagnose(log_of(torpedo, Conditions(1.0, 1.0, 100.0), 5), believed)
+    assert said.verdict in ("none", "coefficients"), said.summary()
+    assert {"hull.added_mass.m_qdot", "hull.added_mass.y_vdot"} <= {c.path for c in said.coefficients}
