@@ -76,6 +76,9 @@ DOUBT = 0.1
 """Relative standard deviation of a coefficient that states none, `--doubt`.  Source: convention."""
 REACH = 5.0
 """Standard deviations by which a fit may move a coefficient; more would hide an effect.  Source: convention."""
+HELD = 0.5
+"""Standard errors by which coefficients that are held may together move an estimate, at the most.
+Source: convention, a bound by Cauchy and Schwarz; what they really move it by is far less."""
 COST = 5.4
 """Log-likelihood that each acceleration must bring, or weak pushes that last would hide a steady effect.
 Source: half the 0.1 % point of chi-square with one degree of freedom."""

@@ -115,7 +115,7 @@ class Plant:
 
     @cached_property
     def doubted(self) -> tuple[str, ...]:
-        """The paths of all coefficients that are known to some deviation only, those of a first fit before the others."""
+        """The paths of all coefficients that are not known exactly, those of a first fit before the others."""
         first = self.coefficients
         return (*first, *(path for path in self.family.doubted(self.parameters) if path not in first))
 

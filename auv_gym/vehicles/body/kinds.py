@@ -161,8 +161,8 @@ class PartKind:
     Functions that a kind does not need are None. with_hull: whether its forces are added to those of the hull, as those
     of the flow are, or to the loads, as those of a drive are; it changes the order of a sum.
     slot: kinds of one slot share their compiled code.  order: of the kinds in a vehicle.
-    coefficients: parameters that a first fit frees, of the first part of the kind.  doubted: others, of every part, that
-    are known about as well as these.  twins: effects that act as a
+    coefficients: parameters that a first fit frees, of the first part of the kind.  doubted: those of every part that
+    are known no better than these.  twins: effects that act as a
     parameter of the part does.  same: effects that do nothing but change one parameter: its name, and its value from
     the given one and the effect's size.
     choice, variants: the key of a part's table that chooses one of several forms.

@@ -120,8 +120,9 @@ def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[
 
 def size_as_effect(plant: Plant, effect: str, given: float, value: float) -> float:
     """The size of an effect that makes of a given coefficient this value; all of these are linear in their size."""
-    neutral = spec_at(plant, effect).neutral  # gains are neutral at one, errors at zero
-    _, law = plant.family.coefficients_of(plant.parameters).get(effect, ("", lambda c, size: c * (1.0 - neutral + size)))
+    shift = 1.0 - spec_at(plant, effect).neutral  # gains are neutral at one, errors at zero
+    scaled = ("", lambda coefficient, size: coefficient * (shift + size))
+    _, law = plant.family.coefficients_of(plant.parameters).get(effect, scaled)
     none, one = law(given, 0.0), law(given, 1.0)
     return (value - none) / (one - none)
 

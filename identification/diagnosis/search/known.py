@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.plant import Plant
+from identification.deciding import HELD
 from identification.diagnosis.log.checking import CheckedLog
-from identification.diagnosis.search.trials import TRIAL_GAIN, Progress
-from identification.diagnosis.search.workbench import State, Workbench
+from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 from identification.fit.parameters import moves_of
-
-HELD = 0.5  # standard errors by which coefficients that are held may together move an estimate, at the very most
 
 
 @dataclass(frozen=True, eq=False)

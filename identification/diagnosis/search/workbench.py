@@ -74,9 +74,7 @@ class Workbench:
         """How many states of the vehicle the filter follows."""
         return sum(i < len(self.plant.family.states) for i in self.problem.live)
 
-    def fit(
-        self, plant: Plant, paths: Sequence[str], near: State | None = None, gain: float = LEAST_GAIN
-    ) -> State:
+    def fit(self, plant: Plant, paths: Sequence[str], near: State | None = None, gain: float = LEAST_GAIN) -> State:
         """The likeliest state over the paths and the noises, from the plant's values on; gain: see `solve`."""
         point = self.problem.solve(plant, paths, near.point if near else None, gain=gain)
         return State(self.problem.plant_at(point, paths) if paths else plant, tuple(paths), point)
