@@ -1,6 +1,6 @@
 """Write the table of the constants that decide a diagnosis (identification/deciding.py) into docs/diagnosis.md.
 
-python -m scripts.what_decides
+python -m scripts.pages.what_decides
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 from identification import deciding
 
-PAGE = Path(__file__).parents[1] / "docs" / "diagnosis.md"
+PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
 BEGIN, END = "<!-- table of what decides: begin -->", "<!-- table of what decides: end -->"
 
 

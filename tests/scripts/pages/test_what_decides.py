@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from identification import deciding
-from scripts import what_decides
-from scripts.what_decides import PAGE, constants, with_table
+from scripts.pages import what_decides
+from scripts.pages.what_decides import PAGE, constants, with_table
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 def test_the_table_on_the_page_is_that_of_the_module():
     page = PAGE.read_text(encoding="utf-8")
-    assert with_table(page) == page, "run: python -m scripts.what_decides"
+    assert with_table(page) == page, "run: python -m scripts.pages.what_decides"
 
 
 def test_each_constant_has_a_step_and_a_source():

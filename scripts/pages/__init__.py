@@ -1,0 +1,1 @@
+"""Tables in the documentation that come from the code."""
