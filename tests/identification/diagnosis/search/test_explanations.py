@@ -217,11 +217,11 @@ def test_what_stopped_fits_may_make_is_no_reason_to_report_another_set():
         assert likeliest(found, rounds, passing())[0].state.paths == paths
 
 
-def test_a_lost_filter_is_no_explanation(monkeypatch):
+def test_a_lost_filter_is_no_explanation():
     lost = state_of(PLANT, C)
     lost.point.scores[:] = -np.inf
     made = round_of(A, C)
-    found = weighed({(A,): 100.0}, replace(made, tied=(trial_of(Candidate(C, (C,)), lost),)))
+    found = weighed({(A,): 100.0, (C,): 100.0}, replace(made, tied=(trial_of(Candidate(C, (C,)), lost),)))
     assert odds(found, A, C) == [1.0, 0.0]
 
 
