@@ -5,7 +5,9 @@ another value would do as well.  What only governs how numbers are computed (ste
 is used.  `python -m scripts.pages.what_decides` writes the table of them in docs/diagnosis.md.
 """
 
-from math import erfc, sqrt
+from math import sqrt
+
+from scipy.stats import chi2, norm
 
 # Shared: probabilities and widths that several steps use
 
@@ -15,9 +17,9 @@ MISSED = 0.05
 """Probability that an interval does not hold the truth.  Source: the usual 95 % interval."""
 SURE = 3.0
 """Standard errors by which a size must differ from neutral.  Source: convention (0.3 %, two-sided)."""
-TIE = 9.0
+TIE = SURE**2
 """Evidence between two explanations below which a log does not tell them apart.  Source: `SURE` squared."""
-LEAST_PROBABLE = 0.5 * erfc(sqrt(TIE / 8.0))
+LEAST_PROBABLE = float(norm.sf(0.5 * sqrt(TIE)))
 """Probability from which an explanation is one of a tie.
 Source: share of the halves of a log that prefer the worse of two explanations that differ by `TIE`."""
 PRICE = 2.0
@@ -105,7 +107,7 @@ CLOSER = 0.8
 """Share of the best promise from which more are fitted to the end.  Source: convention."""
 HOPELESS = 60.0
 """Evidence by which an effect is behind at the noises of another, too much to make up.  Source: convention."""
-FAR_FROM_GIVEN = 0.1
+FAR_FROM_GIVEN = DOUBT
 """Relative change of a coefficient from which a search also begins at its given value.  Source: `DOUBT`."""
 PLAIN = 100.0
 """Evidence by kinematics that settles a sensor before forces are sought.  Source: ten standard errors, squared."""
@@ -118,11 +120,11 @@ FEW_STATES = 4
 
 # Search: what is accepted, and what is tied with it
 
-EFFECT_LEAST = 2.7
+EFFECT_LEAST = float(chi2.isf(0.1, 1))
 """Evidence for an effect that parts must foretell of each other.  Source: 5 % point of one parameter, one-sided."""
 EFFECT_SHARE = 0.02
 """Share of the evidence for an effect that parts must foretell of each other.  Source: convention."""
-TERM_LEAST = 6.6
+TERM_LEAST = float(chi2.isf(0.01, 1))
 """The same for a term; terms are many, and none is expected.  Source: 0.5 % point of one parameter, one-sided."""
 TERM_SHARE = 0.1
 """Share of the evidence for a term that parts must foretell of each other.  Source: convention."""
@@ -143,14 +145,12 @@ RIVAL = 0.1
 
 # Search: whether something is left, and terms for it
 
-WHITE = 1e-4
+WHITE = FALSE_ALARM / 10.0
 """p value of the whiteness test below which errors are coloured.  Source: `FALSE_ALARM` over ten channels."""
 EXCESS = 0.01
 """Share of the variance that the colour of errors must predict.  Source: convention."""
 STABLE = 0.8
 """Share of the halves that must choose a term; an effect that fewer choose is said to be so.  Source: convention."""
-CHANCE = 0.05
-"""Probability that a half without any term chooses one.  Source: the usual level."""
 KIN = 0.5
 """Cosine to the leading term from which a term contends with it.  Source: convention (60 degrees)."""
 CONTENDERS = 5
@@ -172,16 +172,16 @@ MANY_WINDOWS = 8
 """Windows from which free runs say how far a vehicle is off.  Source: convention."""
 LEAST_CHANGE = 0.02
 """Relative change from which a coefficient counts as wrong.  Source: convention."""
-SURPRISE = 1.96
+SURPRISE = float(norm.isf(0.5 * MISSED))
 """Stated standard deviations from which a coefficient counts as wrong.  Source: `MISSED`, two-sided."""
-BEYOND = 0.2
+BEYOND = 2.0 * DOUBT
 """Relative change of a coefficient from which the effect that acts alike is as likely.  Source: twice `DOUBT`."""
 SLIGHT = 1.0
 """Change of free runs, over the noise of a reading, that is called little.  Source: less than one reading shows."""
 SIMILAR = 60.0
 """Degrees between signatures below which a result file has the angle.  Source: convention."""
 LEVEL = 0.05
-"""Probability of any false statement about where a residual is.  Source: the usual level."""
+"""Probability of any false statement about where a residual is, and of a term in a half without.  Source: usual."""
 BINS = 6
 """Bins over which a residual is spread, with as many samples each.  Source: convention."""
 LEAST_EXCHANGED = 6

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from identification.deciding import ALIKE, CHANCE, SEEN
+from identification.deciding import ALIKE, LEVEL, SEEN
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ def select(
     root = np.sqrt(np.where(seen, power, 1.0))
     cosine = np.where(np.outer(seen, seen), whole[:count, :count] / np.outer(root, root), np.eye(count))
     variance = whole[count, count] / residual.size
-    bar = float(stats.chi2.isf(CHANCE / max(count, 1), 1))
+    bar = float(stats.chi2.isf(LEVEL / max(count, 1), 1))
     chosen = np.zeros((2 * draws, count), dtype=bool)
     for draw in range(draws):
         order = rng.permutation(len(grams))
