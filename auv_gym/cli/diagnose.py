@@ -190,9 +190,7 @@ def _error_table(diagnosis: Diagnosis) -> Table:
 
     stages = [diagnosis.given, diagnosis.before, *([diagnosis.after] if diagnosis.changed else [])]
     heads = ["as given>", "before>" if diagnosis.changed else "refitted>", "after>"][: len(stages)]
-    shown = table(
-        f"Root mean square error of free runs {diagnosis.reach} in unseen {diagnosis.unseen_words}", "channel", *heads
-    )
+    shown = table(f"RMS error of free runs {diagnosis.reach} in unseen {diagnosis.unseen_words}", "channel", *heads)
     for name in diagnosis.before.scores:
         unit = channel(name).unit
         shown.add_row(name, *(quantity(stage.scores[name].rmse, unit) for stage in stages))
@@ -212,7 +210,7 @@ def _effect_table(diagnosis: Diagnosis) -> Table:
     from identification.diagnosis.wording import interval, quantity
 
     weighed = any(effect.members for effect in diagnosis.effects)
-    heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else []), "not told apart from"]
+    heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else []), "could also be"]
     shown = table("Effects", *heads)
     for effect in diagnosis.effects:
         told = effect.coefficient or effect  # an effect that does nothing but change a coefficient is told as that

@@ -21,3 +21,10 @@ def interval(limits: tuple[float, float], unit: str) -> str:
     """A 95 % interval with its unit, angles in degrees for people."""
     low, high = (quantity(v, unit) for v in limits)
     return f"{low.split(' ')[0]} to {high}"
+
+
+def sized(title: str, size: str, limits: str, *more: str) -> str:
+    """A title with its size and interval in words; what the title has in brackets joins the interval's."""
+    name, _, remark = title.removesuffix(")").partition(" (")
+    told = [f"95 % interval {limits}", *more, *([remark] if remark else [])]
+    return f"{name}{'' if name.endswith(' by') else ','} {size} ({', '.join(told)})"

@@ -76,7 +76,7 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         diagnosis_figures.residual_figure,
         "Residual of {first} and of all other outputs over time.",
         "Measured minus model, with starts fitted to whole windows. Noise looks like grass; waves and slopes are "
-        "something that the model lacks.",
+        "something that the model is missing.",
     ),
     (
         "habitat",
@@ -95,8 +95,8 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         "inputs",
         diagnosis_figures.input_correlation_figure,
         "Correlation of the residual of {left} with each input at positive and negative lags.",
-        "Whether the residual of {left} follows an input. A peak right of zero is a response that the model lacks; one "
-        "left of zero comes with control, which moves {input} after {first} has gone astray.",
+        "Whether the residual of {left} follows an input. A peak right of zero is a response that is missing in the "
+        "model; one left of zero comes with control, which moves {input} after {first} has gone astray.",
     ),
     (
         "correlate",

@@ -204,7 +204,7 @@ def residual_drawings(tests: Mapping[str, Mapping[str, Any]]) -> list[Drawing]:
                 "input-correlation",
                 "Correlation of residuals with inputs at lags of either sign.",
                 "Whether the residual follows an input. Right of zero beyond the band: a response that the model "
-                "lacks; left of it: feedback, which moves the input after the output has gone astray.",
+                "is missing; left of it: feedback, which moves the input after the output has gone astray.",
             )
         )
     return drawings

@@ -37,7 +37,7 @@ _RUNS = (
 )
 _BAND = (
     " Shaded: where 95 % of fits to other records of this length would run, by what the parameters are unsure of; it "
-    "holds neither disturbances nor what the model lacks."
+    "holds neither disturbances nor what the model is missing."
 )
 _TESTS = (
     "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "

@@ -47,7 +47,7 @@ def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
     said = " ".join(capsys.readouterr().out.split())
     for step in ("reading the log", "checking the log", "fitting what is known", "searching effects", "judging"):
         assert re.search(rf"{step} \d+\.\d", said)
-    assert "The vehicle lacks rudder deadband (half width)" in said
+    assert "The model is missing an effect: rudder deadband, " in said
     content = json.loads((out / "diagnosis.json").read_text())
     assert content["verdict"] == "named"
     assert content["seed"] == 5

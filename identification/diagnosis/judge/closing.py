@@ -190,7 +190,7 @@ def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray]) -> Closed
     unit = channel(name).unit
     said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
     words = (
-        f"In closed loop {channel(name).label} kept its set point to {quantity(_rms(logged), unit)} in the log; the "
+        f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in the log; the "
         f"model's run differs from that by {said['before']} before and {said['after']} after."
     )
     tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}

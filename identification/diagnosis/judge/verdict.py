@@ -23,7 +23,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.workbench import State
-from identification.diagnosis.wording import interval, quantity
+from identification.diagnosis.wording import interval, quantity, sized
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
@@ -92,9 +92,9 @@ class Effect:
         """What is the matter, its size and its interval, in words."""
         c = self.coefficient
         if c is None:
-            return f"{self.title} ({quantity(self.value, self.unit)}, 95 % interval {interval(self.ci95, self.unit)})"
-        size = f"{quantity(c.value, c.unit)}, 95 % interval {interval(c.ci95, c.unit)}"
-        return f"another {c.title} ({size}, given {quantity(c.given, c.unit)})"
+            return sized(self.title, quantity(self.value, self.unit), interval(self.ci95, self.unit))
+        given = f"given {quantity(c.given, c.unit)}"
+        return sized(f"another {c.title}", quantity(c.value, c.unit), interval(c.ci95, c.unit), given)
 
 
 @dataclass(frozen=True)
@@ -264,23 +264,27 @@ def _sentence(d: Diagnosis) -> str:
         doubt = d.doubts[0]
         return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."
     if d.verdict == "none":
-        return "No effect is missing that this record could show."
+        return "The model explains this log: no known effect is missing."
     wrong = [
-        f"{c.title} ({quantity(c.value, c.unit)}, 95 % interval {interval(c.ci95, c.unit)}, given "
-        f"{quantity(c.given, c.unit)})"
+        sized(c.title, quantity(c.value, c.unit), interval(c.ci95, c.unit), f"given {quantity(c.given, c.unit)}")
         for c in d.coefficients
         if c.wrong
     ]
     if d.verdict == "coefficients":
-        return f"No effect is missing that this record could show, but coefficients were wrong: {_listed(wrong)}."
+        return (
+            "With corrected coefficients the model explains this log: no known effect is missing. "
+            f"Corrected: {'; '.join(wrong)}."
+        )
     if d.verdict == "unexplained":
-        text = "The log and the vehicle disagree, and no effect known here explains it."
-        return text + (f" Part of it looks like {_listed(names)}." if names else "")
+        text = "The log and the model disagree, and no known effect explains it."
+        return text + (f" Part of the difference looks like {'; '.join(names)}." if names else "")
+    count = "an effect" if len(names) == 1 else f"{len(names)} effects"
+    missing = f"The model is missing {count}: {'; '.join(names)}."
     if d.verdict == "named":
-        return f"The vehicle lacks {_listed(names)}."
+        return missing
     titles, odds = d.titles, d.probabilities
     groups = [" or ".join(titles.get(p, p) + _odds(odds, p) for p in group) for group in d.tied]
-    return f"The vehicle lacks {_listed(names)}. This record cannot tell apart: {'; '.join(groups)}."
+    return f"{missing} This log cannot tell apart: {'; '.join(groups)}."
 
 
 def _odds(odds: Mapping[str, float], path: str) -> str:
@@ -364,7 +368,7 @@ def _error_sentence(d: Diagnosis) -> str:
             beyond = float(np.sqrt(max(before.rmse**2 - d.noise_of(name) ** 2, 0.0)))
             told = f" ({quantity(beyond, unit)} beyond the sensor's noise)" if np.isfinite(beyond) else ""
             parts.append(f"{label} {quantity(before.rmse, unit)}{told}")
-    return f"Root mean square error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
+    return f"RMS error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
 
 
 def noise_sentence(d: Diagnosis) -> str:
