@@ -26,6 +26,7 @@ from identification.deciding import (
     FOREIGN,
     MOSTLY,
     POOR,
+    REACH,
     SLIP_GAIN,
     SLIP_LEFT,
 )
@@ -145,7 +146,8 @@ def _foreign(plant: Plant, *matches: Match) -> Doubt:
     does = "moves" if len(names) == 1 else "move"
     text = (
         f"this does not look like a log of {plant.name}: {signals} {does} otherwise, whatever its coefficients within "
-        f"a factor of {FACTOR:g}, and no single slip of sign, unit, column or clock mends it"
+        f"a factor of {FACTOR:g} (more where its file says how little is known), and no single slip of sign, unit, "
+        "column or clock mends it"
     )
     mend = "check that log and vehicle belong together; if they do, check signs, units and columns of all channels"
     return Doubt(text, tuple(names), 1.0, mend)
@@ -154,6 +156,11 @@ def _foreign(plant: Plant, *matches: Match) -> Doubt:
 def _free(plant: Plant) -> tuple[str, ...]:
     """The coefficients that a fit may change by a factor."""
     return tuple(p for p in plant.coefficients if value_at(plant, p) != 0.0)
+
+
+def _factor(plant: Plant, path: str) -> float:
+    """The factor by which a coefficient may differ here: more than `FACTOR` where it is known less well."""
+    return max(FACTOR, 1.0 + REACH * plant.deviations.get(path, 0.0) / abs(value_at(plant, path)))
 
 
 def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:
@@ -209,9 +216,10 @@ def _fitted(problem: Shooting, plant: Plant, paths: Sequence[str], iterations: i
     held = {}
     for path in paths:
         given, ratio = value_at(plant, path), value_at(found, path) / value_at(plant, path)
-        if not 1.0 / FACTOR <= ratio <= FACTOR:
+        factor = _factor(plant, path)
+        if not 1.0 / factor <= ratio <= factor:
             low, high = spec_at(plant, path).bounds
-            held[path] = float(np.clip(given * (FACTOR if ratio > FACTOR else 1.0 / FACTOR), low, high))
+            held[path] = float(np.clip(given * (factor if ratio > factor else 1.0 / factor), low, high))
     if held:
         rest = [p for p in paths if p not in held]
         point = problem.solve(replace_at(found, held), (), max_iterations=iterations)

@@ -1,5 +1,7 @@
 """Doubts about a log: slips are named, honest logs pass."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,10 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.deciding import BAD, FACTOR, SLIP_GAIN
 from identification.diagnosis import diagnose
-from identification.diagnosis.log.plausibility import Match
+from identification.diagnosis.log.plausibility import Match, _fitted
 from identification.diagnosis.log.slips import Slip, possible_slips, slipped, undone
+from identification.fit.shooting import Shooting
+from identification.fit.windows import free_run_windows
 from scripts.studies.slips import doubts, log_of
 
 
@@ -161,6 +165,19 @@ def test_a_coefficient_within_its_factor_is_no_slip(logs):
     low, high = spec_at(plant, path).bounds
     strong = float(np.clip(0.7 * FACTOR * value_at(plant, path), low, high))
     assert doubts(log_of(replace_at(plant, path, strong)), plant) == ()
+
+
+def test_a_coefficient_that_is_hardly_known_may_differ_by_more():
+    plant, path = replace(load_vehicle("slocum"), deviations={}), "hull.n_delta"
+    log = log_of(replace_at(plant, path, 2.0 * FACTOR * value_at(plant, path)))
+
+    def found(deviations):
+        vehicle = replace(plant, deviations=deviations)
+        problem = Shooting(vehicle, log, free_run_windows(vehicle, log, vehicle.window))
+        return value_at(_fitted(problem, vehicle, [path], 10)[0], path) / value_at(plant, path)
+
+    assert found({}) == pytest.approx(FACTOR)
+    assert found({path: abs(value_at(plant, path))}) == pytest.approx(2.0 * FACTOR, rel=0.1)
 
 
 def test_a_mended_record_keeps_how_far_apart_its_readings_are(logs):
