@@ -126,18 +126,34 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
         gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
         if gain >= SLIP_GAIN and max(here.total, there.total) <= SLIP_LEFT:
             noise = max(error for match in (here, there) for error in (0.0, *match.noise.values()))
-            found.append((there.total, gain, slip, not slip.scales or noise <= CLEAN))
+            firm = not slip.scales or noise <= CLEAN
+            found.append(_Mended(there.total, _moved(plant, here.plant, paths), gain, slip, firm))
     if found:
-        return (_doubt(sorted(found, key=lambda item: item[0])),)
+        return (_doubt(found),)
     if min(declared.total, before.total) > FOREIGN:
         return (_foreign(plant, declared, before),)
     return ()
 
 
-def _doubt(found: list[tuple[float, float, Slip, bool]]) -> Doubt:
-    least, gain, slip, firm = found[0]
-    instead = tuple(other.text for total, _, other, _ in found[1:] if total <= 1.3 * least + 0.3 * FLOOR)
-    return Doubt(slip.text, slip.channels, gain, slip.mend, slip, instead, firm)
+@dataclass(frozen=True)
+class _Mended:
+    """A slip that explains a log: the error left, how far the coefficients moved to it, and what undoing it gains."""
+
+    left: float
+    moved: float
+    gain: float
+    slip: Slip
+    firm: bool
+
+
+def _doubt(found: Sequence[_Mended]) -> Doubt:
+    """The slip that leaves least; of those that leave as little, the one that needs the least change of the vehicle."""
+    least = min(each.left for each in found)
+    equal = [each for each in found if each.left <= 1.3 * least + 0.3 * FLOOR]
+    first, *others = sorted(equal, key=lambda each: each.moved)
+    slip = first.slip
+    instead = tuple(other.slip.text for other in others)
+    return Doubt(slip.text, slip.channels, first.gain, slip.mend, slip, instead, first.firm)
 
 
 def _foreign(plant: Plant, *matches: Match) -> Doubt:
@@ -161,6 +177,12 @@ def _free(plant: Plant) -> tuple[str, ...]:
 def _factor(plant: Plant, path: str) -> float:
     """The factor by which a coefficient may differ here: more than `FACTOR` where it is known less well."""
     return max(FACTOR, 1.0 + REACH * plant.deviations.get(path, 0.0) / abs(value_at(plant, path)))
+
+
+def _moved(given: Plant, fitted: Plant, paths: Sequence[str]) -> float:
+    """The farthest that a fit moved a coefficient, as a share of the way to the most that it may differ by."""
+    ratios = {p: max(value_at(fitted, p) / value_at(given, p), 1e-9) for p in paths}
+    return max((abs(np.log(ratio)) / np.log(_factor(given, p)) for p, ratio in ratios.items()), default=0.0)
 
 
 def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: float) -> np.ndarray:
