@@ -113,8 +113,8 @@ PLAIN = 100.0
 """Evidence by kinematics that settles a sensor before forces are sought.  Source: ten standard errors, squared."""
 MOST_EFFECTS = 3
 """Most effects that are named, `--most`.  Source: convention."""
-HOPEFUL = 3
-"""Refused trials beside which a second effect is sought.  Source: convention, time."""
+PAIRS = 3
+"""Pairs of effects that are fitted to the end.  Source: convention, time."""
 FEW_STATES = 4
 """States of the filter up to which effects are exchanged for each other.  Source: time; with more it takes minutes."""
 

@@ -283,6 +283,10 @@ class Filter(Stretches):
             - self._cost(point.logs)
         )
 
+    def is_pushed(self, point: Point) -> bool:
+        """Whether random accelerations have any part in a point."""
+        return bool(self._there(point.logs).any())
+
     def _cost(self, logs: np.ndarray) -> float:
         """What accelerations must be worth to be there, of the log-likelihood."""
         return COST * float(self._there(logs).sum())

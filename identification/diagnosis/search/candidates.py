@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -55,6 +56,7 @@ class Screening:
     seen: share of the signature that neither coefficients nor initial states can imitate.
     detectable: (len(paths),), the size in the parameters' units that this record would show with 95 % probability.
     unseen: why it cannot be seen, or "".  period: s, the best one of the `tried`; NaN where it has none.
+    beside: by what the regression moves each of the fitted parameters with it, in their scales; none where unseen.
     """
 
     candidate: Candidate
@@ -65,6 +67,7 @@ class Screening:
     unseen: str = ""
     period: float = np.nan
     tried: int = 1
+    beside: np.ndarray = field(default_factory=lambda: np.empty(0))
 
 
 def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]:
@@ -127,6 +130,17 @@ def screen(
     return sorted(result, key=lambda s: -s.evidence)
 
 
+def screen_pairs(
+    problem: PredictionErrors, point: Point, fitted: Sequence[str], candidates: Sequence[Candidate], threshold: float
+) -> list[tuple[Screening, tuple[Screening, Screening]]]:
+    """Regression of the filter's errors on each two signatures at once: the pair, as one candidate, and its members.
+
+    Most promising first.  threshold: see `screen`.  Pairs are left out whose signatures are one, or that would have an
+    effect that works in one direction do so in the other; periods are not sought.
+    """
+    return _Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period])
+
+
 def _best_period(regression: _Regression, candidate: Candidate, point: Point) -> Screening:
     """The screening of a candidate at the period that promises most evidence."""
     problem = regression.problem
@@ -156,11 +170,52 @@ class _Regression:
         starts = problem.start_basis(point)
         self.starts = np.vstack([starts, np.zeros((len(fitted), starts.shape[1]))])
         residual = np.r_[problem.counted_errors(point).ravel(), -pulled]
-        self.basis = np.linalg.qr(np.hstack([self.starts, self.tall.T]))[0]
+        self.residual = residual
+        self.basis, self.triangle = np.linalg.qr(np.hstack([self.starts, self.tall.T]))
         self.left = residual - self.basis @ (self.basis.T @ residual)
 
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
         """A screening for each candidate, in their order; vector: from where the signatures are taken."""
+        found: dict[Candidate, Screening] = {}
+        for one, *_ in self._signed(candidates, vector):
+            candidate = one.candidate
+            if candidate not in found:
+                found[candidate] = one
+            elif one.evidence > found[candidate].evidence:
+                found[candidate] = replace(one, detectable=found[candidate].detectable)
+        return [found[c] for c in candidates]
+
+    def pairs(self, candidates: Sequence[Candidate]) -> list[tuple[Screening, tuple[Screening, Screening]]]:
+        """See `screen_pairs`."""
+        seen = [(one, rest, whole) for one, rest, whole in self._signed(candidates) if not one.unseen]
+        found: dict[frozenset[Candidate], tuple[Screening, tuple[Screening, Screening]]] = {}
+        for (a, own_a, whole_a), (b, own_b, whole_b) in combinations(seen, 2):
+            if a.candidate is b.candidate:
+                continue
+            own, paths = np.vstack([own_a, own_b]), (*a.candidate.paths, *b.candidate.paths)
+            gram, told = own @ own.T, own @ self.left
+            size = np.sqrt(np.diag(gram))
+            alike = np.linalg.eigvalsh(gram / np.outer(size, size))[0]
+            if alike < SEEN:  # one minus the cosine of two
+                continue
+            estimate = np.linalg.solve(gram, told)
+            if any(e < 0.0 for p, e in zip(paths, estimate, strict=True) if kinked(p)):
+                continue
+            evidence, key = float(estimate @ told), frozenset((a.candidate, b.candidate))
+            if key not in found or evidence > found[key][0].evidence:
+                both = Candidate(f"{a.candidate.title} and {b.candidate.title}", paths)
+                sizes, beside = (
+                    np.r_[a.detectable, b.detectable],
+                    self._beside(estimate @ np.vstack([whole_a, whole_b])),
+                )
+                whole = Screening(both, estimate, evidence, float(alike), sizes, beside=beside)
+                found[key] = whole, (a, b)
+        return sorted(found.values(), key=lambda item: -item[0].evidence)
+
+    def _signed(
+        self, candidates: Sequence[Candidate], vector: np.ndarray | None = None
+    ) -> list[tuple[Screening, np.ndarray, np.ndarray]]:
+        """A screening for each candidate and step, its signature without what others imitate, and whole, (paths, n)."""
         groups = [(c, step) for c in candidates for step in (KINKED_STEPS if c.kinked else (STEP,))]
         if not groups:
             return []
@@ -168,17 +223,12 @@ class _Regression:
         signatures = self.problem.counted_flat(self.problem.columns_of(self.point, moves, vector))
         signatures = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
         rest = signatures - (signatures @ self.basis) @ self.basis.T
-        found: dict[Candidate, Screening] = {}
-        row = 0
-        for candidate, _ in groups:
-            span = slice(row, row + len(candidate.paths))
-            row = span.stop
-            one = self._one(candidate, rest[span], signatures[span])
-            if candidate not in found:
-                found[candidate] = one
-            elif one.evidence > found[candidate].evidence:
-                found[candidate] = replace(one, detectable=found[candidate].detectable)
-        return [found[c] for c in candidates]
+        ends = np.cumsum([len(c.paths) for c, _ in groups])
+        spans = [slice(end - len(c.paths), end) for (c, _), end in zip(groups, ends, strict=True)]
+        return [
+            (self._one(c, rest[s], signatures[s]), rest[s], signatures[s])
+            for (c, _), s in zip(groups, spans, strict=True)
+        ]
 
     def _one(self, candidate: Candidate, own: np.ndarray, whole: np.ndarray) -> Screening:
         size, full = np.einsum("ij,ij->i", own, own), np.einsum("ij,ij->i", whole, whole)
@@ -198,7 +248,15 @@ class _Regression:
         deviations = np.sqrt(np.diag(np.linalg.pinv(gram, hermitian=True)))
         units = np.array([self.problem.scale(p) for p in candidate.paths])
         sizes = (np.sqrt(self.threshold) + 1.645) * deviations * units
-        return Screening(candidate, estimate, float(estimate @ (own @ self.left)), seen, sizes)
+        evidence = float(estimate @ (own @ self.left))
+        return Screening(candidate, estimate, evidence, seen, sizes, beside=self._beside(estimate @ whole))
+
+    def _beside(self, imitated: np.ndarray) -> np.ndarray:
+        """By what the fitted parameters move, in their scales, where an effect changes the errors by this much."""
+        if not len(self.fitted):
+            return np.empty(0)
+        rest = self.basis.T @ (self.residual - imitated)
+        return np.linalg.lstsq(self.triangle, rest, rcond=1e-12)[0][-len(self.fitted) :]
 
     def _imitation(self, signature: np.ndarray, power: float) -> str:
         overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.tall]

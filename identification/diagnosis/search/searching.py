@@ -47,9 +47,15 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     state, rounds = confirmed(bench, nominal, state, rounds, len(candidates))
     library = library_of(state.plant)
     left = what_is_left(bench, state, library)
+    second = Reconsidering(bench, candidates, most, kinematics.mismatches)
+    again = state
+    if rounds and (left or bench.problem.is_pushed(state.point)):
+        progress(0.8, "trying pairs of effects")
+        again, rounds = second.paired(state, rounds)
     if rounds and left and bench.followed <= FEW_STATES:  # elsewhere it takes minutes
-        progress(0.8, "trying other effects in each one's place")
-        again, rounds = Reconsidering(bench, candidates, most, kinematics.mismatches).improved(state, rounds)
+        progress(0.85, "trying other effects in each one's place")
+        again, rounds = second.swapped(again, rounds)
+    if again is not state:
         again, rounds = confirmed(bench, nominal, again, rounds, len(candidates))
         if again is not state:
             state = again

@@ -17,6 +17,7 @@ from identification.diagnosis.search.acceptance import Weighed, effect_size, wei
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench, given_values
+from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # of the short list
 NO_TRACE = "leaves no trace in the residual"
@@ -79,14 +80,8 @@ def trials_of(
     begun = side_by_side(begin, listed)
     progress(0.6, "fitting what is left of it")
 
-    def fit(finalist: Begun) -> Trial:
-        near, paths = finalist.state, finalist.state.paths
-        if near.quiet:
-            near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
-        return judged(bench, state, finalist.screening.candidate, finalist.screening, near, count)
-
     finalists = _finalists(begun, plain)
-    trials = side_by_side(fit, finalists)
+    trials = side_by_side(lambda finalist: _finished(bench, state, finalist, count), finalists)
     done = {t.candidate for t in trials}
     # with too little process noise all promise too much: what finalists keep of it tells by how much
     both = [(t.train, b.promise) for b, t in zip(finalists, trials, strict=True) if b.state.quiet and b.promise > 0.0]
@@ -103,6 +98,11 @@ def trials_of(
             size = reached if np.isfinite(reached) else 0.0
             trials.append(Trial(screening.candidate, None, size, 0.0, screening, reason))
     return sorted(trials, key=lambda t: -t.total)
+
+
+def tried_from(bench: Workbench, state: State, base: State, screening: Screening, count: int) -> Trial:
+    """The trial of a candidate, against a state, that is fitted from the base that it was screened from."""
+    return _finished(bench, state, _begun(bench, state, base, screening), count)
 
 
 def side_by_side(run: Callable[[T], S], items: Sequence[T]) -> list[S]:
@@ -124,7 +124,7 @@ def _screened(
     found: dict[Candidate, Screening] = {}
     bases: dict[Candidate, State] = {}
     here: list[Candidate] = []
-    for base in (state, *with_given_coefficients(bench, state), *_quieted(bench, state)):
+    for base in (state, *with_given_coefficients(bench, state), *quieted(bench, state)):
         # what a poorer base leaves is not evidence for a candidate
         less = 0.0 if base.quiet else 2.0 * (problem.total(state.point) - problem.total(base.point))
         promising = screen(problem, base.point, state.paths, left, bar)
@@ -147,7 +147,7 @@ def _misjudged(bench: Workbench, base: State) -> float:
     return max(squares / max(bench.problem.count, 1), 1.0)
 
 
-def _quieted(bench: Workbench, state: State) -> list[State]:
+def quieted(bench: Workbench, state: State) -> list[State]:
     """The state with less process noise."""
     if not bench.problem.pushed:
         return []
@@ -194,16 +194,30 @@ def _begun(bench: Workbench, state: State, base: State, screening: Screening) ->
     problem, candidate = bench.problem, screening.candidate
     paths = (*state.paths, *candidate.free)
     period = {candidate.period: screening.period} if candidate.period else {}
-    points = []
-    for values in _first_values(base.plant, screening):
-        plant = replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | period)
-        points.append(problem.with_gains(base.point, plant.vector))
+    vectors = [
+        replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | period).vector
+        for values in _first_values(base.plant, screening)
+    ]
+    if screening.beside.size:  # where little of its signature is its own, the fitted ones must move with it
+        moved = replace_at(base.plant, period).vector
+        vectors.append(
+            problem.moved_vector(moved, (*state.paths, *candidate.paths), np.r_[screening.beside, screening.estimate])
+        )
+    points = [problem.with_gains(base.point, vector) for vector in vectors]
     finite = [p for p in points if np.isfinite(p.scores).all()]  # NaN would win against everything after it
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
     first = State(problem.plant_at(point, paths), paths, point, base.quiet)
     promise = bench.gain(base if base.quiet else state, first) / _misjudged(bench, base) if first.finite else -np.inf
     return Begun(screening, first, promise)
+
+
+def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial:
+    """The trial of a candidate that was begun, with the noises that suit it."""
+    near, paths = begun.state, begun.state.paths
+    if near.quiet:
+        near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
+    return judged(bench, state, begun.screening.candidate, begun.screening, near, count)
 
 
 def _finalists(begun: Sequence[Begun], plain: Collection[str]) -> list[Begun]:
@@ -253,9 +267,7 @@ def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]
         values = []
         for path, estimate in zip(screening.candidate.paths, screening.estimate, strict=True):
             spec = spec_at(plant, path)
-            side = 1.0 if estimate >= 0.0 or spec.bounds[0] >= spec.neutral else -1.0
-            if screening.candidate.kinked:
-                side = 1.0
+            side = 1.0 if estimate >= 0.0 or spec.bounds[0] >= spec.neutral or kinked(path) else -1.0
             size = np.clip(abs(estimate), 1.0, 12.0) if far else 1.0
             values.append(float(np.clip(spec.neutral + side * size * spec.probe, *spec.bounds)))
         starts.append(tuple(values))

@@ -11,7 +11,7 @@ from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
 from identification.diagnosis.judge import judging
 from identification.diagnosis.judge.findings import coefficient_of, size_as_effect, twin_effects
-from identification.diagnosis.search import acceptance, searching, swaps
+from identification.diagnosis.search import acceptance, searching
 from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
 from identification.diagnosis.search.bars import threshold
@@ -196,43 +196,6 @@ def test_a_component_within_two_errors_is_dropped():
     assert loose.paths == (north,)
 
 
-@pytest.mark.parametrize(
-    "likely, found",
-    [
-        ({}, {OFFSET, LAG}),
-        ({"together": (200.0, 52.4)}, set()),  # the first one's held-out evidence beside the second is -27.6
-        ({"together": (95.0, 84.0), "second": (90.0, 80.0)}, set()),  # the second one alone does nearly as well
-        ({"together": (200.0, 0.0), "second": (20.0, -20.0)}, set()),  # the pair as a whole does not hold
-    ],
-)
-def test_a_pair_is_taken_up_only_if_it_passes_as_one_change_and_by_members(monkeypatch, likely, found):
-    bench, state, start = pair(**likely)
-    first = trial_of(A, with_probes({OFFSET: 5.0}, *COEFFICIENTS), acceptance.UNREPEATED, (20.0, 5.0))
-    second = trial_of(B, state)
-    monkeypatch.setattr(swaps, "selected", lambda bench, near, left, count, sensors: round_of(second))
-    search = Reconsidering(bench, (A, B), 3, ())
-    after, rounds = search._paired(start, [Round((first,), None, (), {})])
-    assert {p for p in after.paths if p.startswith("effects.")} == found
-    assert {r.chosen.candidate.paths[0] for r in rounds if r.chosen} == found
-
-
-def test_a_pair_is_sought_beside_what_is_still_there(monkeypatch):
-    """A trial that was fitted beside an effect that has been taken out since would bring it back unseen."""
-    bench, state, start = pair()
-    stale = trial_of(A, with_probes({OFFSET: 5.0, MOMENT: 1.0}, *COEFFICIENTS), "", (90.0, 50.0))
-    fresh = Round((trial_of(A, None, acceptance.INSIGNIFICANT),), None, (), {})
-    monkeypatch.setattr(swaps, "selected", lambda bench, near, left, count, sensors: fresh)
-    search = Reconsidering(bench, (A, B, C), 3, ())
-    after, rounds = search._paired(start, [Round((stale,), None, (), {})])
-    assert after is start
-    assert not any(r.chosen for r in rounds)
-    anew = round_of(trial_of(B, with_probes({LAG: 5.0}, *COEFFICIENTS)))
-    monkeypatch.setattr(swaps, "selected", lambda bench, near, left, count, sensors: anew)
-    after, rounds = search._paired(start, [Round((stale,), None, (), {})])
-    assert after.paths == (*COEFFICIENTS, LAG)
-    assert rounds == [anew]
-
-
 @pytest.mark.parametrize("held, named", [(40.0, True), (-27.6, False)])
 def test_an_effect_told_from_a_coefficient_passes_the_gate_too(held, named):
     gain, path = "effects.rudder.gain", "hull.n_delta"
@@ -294,11 +257,12 @@ def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkey
     monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     asked = []
 
-    def improved(self, state, rounds):
+    def swapped(self, state, rounds):
         asked.append(state)
         return with_idle(self.bench, state, rounds)
 
-    monkeypatch.setattr(Reconsidering, "improved", improved)
+    monkeypatch.setattr(Reconsidering, "swapped", swapped)
+    monkeypatch.setattr(Reconsidering, "paired", lambda self, state, rounds: (state, rounds))
     heading = offset_log.without(["north_m", "east_m"])  # second thoughts are only for filters of few states
     found = diagnose(heading, load_vehicle("slocum"))
     assert len(asked) == 1

@@ -36,7 +36,7 @@ def test_a_wrong_effect_gives_way(search):
     reconsidering, start = search
     first = begun(reconsidering, start, WRONG)
     assert first.chosen.state is not None
-    state, rounds = reconsidering.improved(first.chosen.state, [first])
+    state, rounds = reconsidering.swapped(first.chosen.state, [first])
     assert [r.chosen.candidate.paths for r in rounds] == [(TRUE,)]
     assert WRONG not in state.paths
     assert value_at(state.plant, WRONG) == 0.0
@@ -46,7 +46,7 @@ def test_a_wrong_effect_gives_way(search):
 def test_a_right_effect_stays_as_it_is(search):
     reconsidering, start = search
     first = begun(reconsidering, start, TRUE)
-    state, rounds = reconsidering.improved(first.chosen.state, [first])
+    state, rounds = reconsidering.swapped(first.chosen.state, [first])
     assert state is first.chosen.state
     assert rounds == [first]
 

@@ -1,0 +1,53 @@
+"""Two effects that show only together: pairs screened by regression, the most promising ones fitted.
+
+Where two effects are missing, coefficients and process noise take what one of them leaves, and each by itself then
+explains next to nothing. With the coefficients as given and little process noise, both are to be seen at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from identification.deciding import PAIRS
+from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.candidates import Candidate, Screening, screen_pairs
+from identification.diagnosis.search.trials import (
+    Trial,
+    gate,
+    quieted,
+    side_by_side,
+    tried_from,
+    with_given_coefficients,
+)
+from identification.diagnosis.search.workbench import State, Workbench
+
+
+def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: int) -> tuple[Trial, Trial] | None:
+    """The likeliest pair that passes the gate as one change, and each of the two beside the other; None without one.
+
+    The trials hold the state with both.  left: what is not fitted yet, of `count` candidates, for the bar.
+    """
+    many = count * (count - 1) // 2
+    base = (*with_given_coefficients(bench, state), state)[0]
+    base = (*quieted(bench, base), base)[0]
+    promising = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2))[:PAIRS]
+    found = []
+    for whole in side_by_side(lambda pair: tried_from(bench, state, base, pair[0], many), promising):
+        if whole.objection or whole.state is None:
+            continue
+        parts = next(parts for pair, parts in promising if pair.candidate is whole.candidate)
+        members = [_beside(bench, whole.state, one, count) for one in parts]
+        if not any(t.objection for t in members):
+            found.append((whole.total, members))
+    if not found:
+        return None
+    first, second = max(found, key=lambda item: item[0])[1]
+    return first, second
+
+
+def _beside(bench: Workbench, both: State, one: Screening, count: int) -> Trial:
+    """One of a pair judged beside the other."""
+    without = bench.without(both, one.candidate.paths)
+    told = gate(bench, without, both, [(one.candidate, one)], count)
+    return Trial(one.candidate, both, told.train, told.held, replace(one, evidence=told.train), told.objection)

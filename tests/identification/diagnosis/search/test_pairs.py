@@ -1,0 +1,148 @@
+"""Two effects that show only together: how pairs are screened, and what the best one must pass."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, value_at
+from identification.diagnosis import diagnose
+from identification.diagnosis.log.parts import parts_of
+from identification.diagnosis.search import pairs
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen, screen_pairs
+from identification.diagnosis.search.pairs import best_pair
+from identification.diagnosis.search.swaps import Reconsidering
+from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.workbench import Workbench
+from identification.experiments.missions import run_mission
+from tests.identification.diagnosis.stand_ins import PLANT, Table, state_of, trial_of, with_probes
+from tests.identification.gliders import QUICK
+
+OFFSET, LAG, MOMENT = "effects.rudder.offset", "effects.compass.lag", "effects.yaw.moment"
+A, B, C = (Candidate(path, (path,)) for path in (OFFSET, LAG, MOMENT))
+COUNT = 18  # candidates
+COEFFICIENTS = PLANT.family.coefficients
+TRUE = {"effects.rudder.deadband": 0.12, "effects.rudder.lost_travel": 0.25}
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A glider's log with a rudder that has a deadband and saturates early."""
+    return run_mission(replace_at(QUICK, TRUE), np.random.default_rng(2), duration=1200.0)
+
+
+@pytest.fixture(scope="module")
+def screened(log):
+    bench = Workbench(QUICK, log, parts_of(QUICK, log), 0.1)
+    state = bench.fit(QUICK, QUICK.family.coefficients)
+    candidates = candidates_of(QUICK, log)
+    return bench, state, candidates, screen_pairs(bench.problem, state.point, state.paths, candidates, 10.0)
+
+
+def test_a_pair_promises_at_least_what_each_of_it_does(screened):
+    bench, state, candidates, found = screened
+    alone = {s.candidate: s.evidence for s in screen(bench.problem, state.point, state.paths, candidates, 10.0)}
+    best = max(alone.values())
+    assert found[0][0].evidence >= best
+    assert [w.evidence for w, _ in found] == sorted((w.evidence for w, _ in found), reverse=True)
+    smooth = [(w, parts) for w, parts in found if not any(s.candidate.kinked for s in parts)]
+    assert smooth
+    for whole, parts in smooth:
+        assert whole.candidate.paths == parts[0].candidate.paths + parts[1].candidate.paths
+        assert whole.evidence >= max(alone[s.candidate] for s in parts) - 1e-6
+
+
+def test_no_pair_has_an_effect_in_the_direction_that_it_cannot_have(screened):
+    *_, found = screened
+    kinked = [
+        estimate
+        for whole, parts in found
+        for candidate in (s.candidate for s in parts)
+        if candidate.kinked
+        for path, estimate in zip(whole.candidate.paths, whole.estimate, strict=True)
+        if path in candidate.paths
+    ]
+    assert kinked
+    assert min(kinked) >= 0.0
+
+
+def test_two_that_do_the_same_are_no_pair(screened):
+    """An offset of the rudder and a constant moment turn the vehicle alike."""
+    bench, state, candidates, _ = screened
+    alike = [c for c in candidates if set(c.paths) <= {OFFSET, "effects.yaw.moment", LAG}]
+    found = screen_pairs(bench.problem, state.point, (), [*alike, Candidate("twin", (OFFSET,))], 10.0)
+    assert frozenset((OFFSET,)) not in {frozenset(w.candidate.paths) for w, _ in found}
+    assert found
+
+
+def test_two_effects_of_one_rudder_are_both_named(log):
+    found = diagnose(log, QUICK)
+    assert {e.path for e in found.effects} == set(TRUE)
+    for path, size in TRUE.items():
+        assert value_at(found.after.plant, path) == pytest.approx(size, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "likely, found",
+    [
+        ({}, {OFFSET, LAG}),
+        ({"together": (200.0, 52.4)}, set()),  # the first one's evidence from parts beside the second is -27.6
+        ({"together": (95.0, 84.0), "second": (90.0, 80.0)}, set()),  # the second one alone does nearly as well
+        ({"together": (200.0, 0.0), "second": (20.0, -20.0)}, set()),  # the pair as a whole does not hold
+    ],
+)
+def test_a_pair_is_taken_up_only_if_it_passes_as_one_change_and_by_members(monkeypatch, likely, found):
+    bench, both = promising(monkeypatch, **likely)
+    pair = best_pair(bench, state_of(PLANT, *COEFFICIENTS), (A, B), COUNT)
+    assert {p for t in pair or () for p in t.candidate.paths} == found
+    assert all(t.state is both for t in pair or ())
+
+
+def test_a_pair_is_for_the_search_that_has_room_for_two(monkeypatch):
+    bench, both = promising(monkeypatch)
+    start, last = state_of(PLANT, *COEFFICIENTS), Round((), None, (), {})
+    monkeypatch.setattr(Reconsidering, "swapped", lambda self, state, rounds, new: (state, rounds))
+    after, rounds = Reconsidering(bench, (A, B, C), 2, ()).paired(start, [last])
+    assert {p for p in after.paths if p.startswith("effects.")} == {OFFSET, LAG}
+    assert [r.chosen.candidate for r in rounds] == [A, B]
+    before = Round((), trial_of(C, start), (), {})
+    assert Reconsidering(bench, (A, B, C), 2, ()).paired(start, [before, last]) == (start, [before, last])
+
+
+def test_of_a_pair_each_is_compared_with_all_others_in_its_place(monkeypatch):
+    """So that what is tied with it is found, and what does better beside the other one."""
+    bench, both = promising(monkeypatch)
+    asked = []
+
+    def selected(self, state, chosen):
+        asked.append((set(state.paths), [t.candidate for t in chosen]))
+        (own,) = {A, B} - {t.candidate for t in chosen}
+        trial = Trial(own, both, 100.0, 90.0, trial_of(own).screening, "")
+        return Round((trial,), trial, (trial_of(C, both),), {})
+
+    monkeypatch.setattr(Reconsidering, "_selected", selected)
+    last = Round((), None, (), {})
+    _, rounds = Reconsidering(bench, (A, B, C), 3, ()).paired(state_of(PLANT, *COEFFICIENTS), [last])
+    assert asked == [({*COEFFICIENTS, LAG}, [B]), ({*COEFFICIENTS, OFFSET}, [A])]
+    assert [[t.candidate for t in r.tied] for r in rounds] == [[C], [C]]
+
+
+def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(90.0, 80.0)):
+    """A table of two effects whose pair is all that the screening finds, and the state with both."""
+    likely = {frozenset(): (0.0, 0.0), frozenset({OFFSET}): first, frozenset({LAG}): second}
+    bench = Table(likely | {frozenset({OFFSET, LAG}): together})
+    object.__setattr__(bench, "problem", None)
+    both = with_probes({OFFSET: 5.0, LAG: 5.0}, *COEFFICIENTS)
+    whole = Screening(Candidate("both", (OFFSET, LAG)), np.ones(2), 50.0, 1.0, np.ones(2))
+    parts = tuple(replace(whole, candidate=c) for c in (A, B))
+    monkeypatch.setattr(pairs, "with_given_coefficients", lambda bench, state: [])
+    monkeypatch.setattr(pairs, "quieted", lambda bench, state: [])
+    monkeypatch.setattr(pairs, "screen_pairs", lambda *_: [(whole, parts)])
+
+    def tried(bench, state, base, screening, count):
+        said = pairs.gate(bench, state, both, [(screening.candidate, screening)], count)
+        return Trial(screening.candidate, both, said.train, said.held, screening, said.objection)
+
+    monkeypatch.setattr(pairs, "tried_from", tried)
+    return bench, both
