@@ -128,7 +128,7 @@ def bind(
 
 
 def namespace(functions: Any) -> Any:
-    """A dataclass's fields in the form in which `bind` takes them together: templates call `hooks.command(t, e)`."""
+    """A dataclass's fields in the form in which `bind` takes them together: templates call `hooks.aim(...)`."""
     found = types.ModuleType(type(functions).__name__)  # whose attributes numba knows as constants
     vars(found).update({field.name: getattr(functions, field.name) for field in fields(functions)})
     return found

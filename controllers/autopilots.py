@@ -21,8 +21,9 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
     """The controller of a vehicle for its targets; all that it needs of the vehicle it takes from the plant.
 
     kind: "pid", "s_plane" or "gpc".  targets: channels, by default depth, heading and speed of a torpedo, a glider's
-    heading, a float's depth; `pitch_rad` in the place of depth.  settings: of `pid_autopilot`, `s_plane_autopilot` or
-    `gpc_autopilot`.  A channel without a target is left alone.
+    heading, a float's depth, position and heading of a vehicle that hovers; `pitch_rad` in the place of a torpedo's
+    depth.  settings: of `pid_autopilot`, `s_plane_autopilot` or `gpc_autopilot`.  A channel without a target is left
+    alone.
     """
     if kind == "pid":
         return pid_autopilot(plant, targets, **settings)
@@ -48,15 +49,26 @@ def pid_autopilot(
     dt: float | None = None,
     pitch_limit: float | None = None,
     gains: str | os.PathLike | Gains | None = None,
+    **own: Any,
 ) -> Controller:
     """PID loops with the gains tuned for the vehicle: depth by way of pitch, heading, speed; a float's depth.
 
     dt: s between calls, default the plant's.  pitch_limit: rad, in place of the tuned one.  gains: a file, or the
     gains themselves.  Raises where there are none for this vehicle and time.
+    A vehicle that hovers needs none: they follow from its model and from settings of its own, see `controllers.kinds`.
     """
     kind = KINDS.of(plant.family)
     _check_pitch_limit(plant, kind, pitch_limit)
-    chosen = _targets(plant, targets, also=tuple(name for name in kind.plans if name not in kind.targets))
+    chosen = _targets(plant, targets, kind)
+    if kind.placed is not None:
+        if gains is not None:
+            raise ValueError(
+                f"The gains of {plant.name!r} follow from its model: leave out gains=, and give frequency= and "
+                "damping= to change them."
+            )
+        return kind.placed(plant, chosen, dt, **own)
+    if own or kind.pid is None:
+        raise TypeError(f"pid_autopilot of {plant.name!r} does not take {', '.join(own)}")
     return kind.pid(plant, chosen, _gains(plant, dt, gains), pitch_limit)
 
 
@@ -78,7 +90,7 @@ def s_plane_autopilot(
             f"S-plane control is there for vehicles in six degrees of freedom, got {plant.name!r} of family "
             f"{plant.family.name!r}: take kind 'pid'."
         )
-    return kind.s_plane(plant, _targets(plant, targets), _gains(plant, dt, gains))
+    return kind.s_plane(plant, _targets(plant, targets, kind, kind.targets), _gains(plant, dt, gains))
 
 
 def gpc_autopilot(
@@ -111,8 +123,12 @@ def gpc_autopilot(
     if pitch_limit is not None and "depth_m" in names:
         settings = {**settings, "pitch_limit": pitch_limit}
     settings = {"every": _samples(plant, kind.every, dt), **settings}
-    made = [makers[name](plant, settings) for name in names]
-    return made[0] if len(made) == 1 else Joint(tuple(made))
+    if kind.joined is None:
+        made = [makers[name](plant, settings) for name in names]
+        return made[0] if len(made) == 1 else Joint(tuple(made))
+    shared = {name: settings.pop(name) for name in kind.shared if name in settings}
+    names = tuple(dict.fromkeys((*names, *kind.held(plant))))
+    return kind.joined(plant, [makers[name](plant, settings) for name in names], **shared)
 
 
 def _samples(plant: Plant, every: Callable[[Plant], float], dt: float | None) -> int:
@@ -124,7 +140,8 @@ def _samples(plant: Plant, every: Callable[[Plant], float], dt: float | None) ->
 
 
 def _check_pitch_limit(plant: Plant, kind: ControlKind, limit: float | None) -> None:
-    if limit is not None and ("pitch_rad" not in kind.plans or not 0.0 < limit < radians(85.0)):
+    dives = ("depth_m", "pitch_rad") in kind.alternatives
+    if limit is not None and (not dives or not 0.0 < limit < radians(85.0)):
         raise ValueError(
             f"pitch_limit= is for vehicles that dive by pitch, 0 to 1.48 rad, got {limit!r} for {plant.name!r}: leave "
             "it out, or give an angle in between."
@@ -135,18 +152,21 @@ def _gains(plant: Plant, dt: float | None, gains: str | os.PathLike | Gains | No
     return gains if isinstance(gains, Gains) else gains_for(plant.name, plant.dt if dt is None else dt, gains)
 
 
-def _targets(plant: Plant, targets: Sequence[str] | None, also: tuple[str, ...] = ()) -> tuple[str, ...]:
-    known = KINDS.of(plant.family).targets
-    chosen = known if targets is None else tuple(targets)
+def _targets(
+    plant: Plant, targets: Sequence[str] | None, kind: ControlKind, followed: tuple[str, ...] | None = None
+) -> tuple[str, ...]:
+    known = kind.followed if followed is None else followed
+    chosen = kind.targets if targets is None else tuple(targets)
     for name in chosen:
-        if name not in (*known, *also):
+        if name not in known:
             raise ValueError(
-                f"An autopilot of {plant.name!r} has no loop for {name!r}. {did_you_mean(name, (*known, *also))}"
-                f"Targets: {', '.join((*known, *also))}."
+                f"An autopilot of {plant.name!r} has no loop for {name!r}. {did_you_mean(name, known)}"
+                f"Targets: {', '.join(known)}."
             )
-    if not chosen or len(set(chosen)) < len(chosen) or {"depth_m", "pitch_rad"} <= set(chosen):
+    twice = [names for names in kind.alternatives if set(names) <= set(chosen)]
+    if not chosen or len(set(chosen)) < len(chosen) or twice:
+        either = "".join(f", and {' or '.join(names)}, which move the same plane" for names in kind.alternatives)
         raise ValueError(
-            f"An autopilot needs targets of their own, got {', '.join(chosen) or 'none'}: name each once, and depth_m "
-            "or pitch_rad, which move the same plane."
+            f"An autopilot needs targets of their own, got {', '.join(chosen) or 'none'}: name each once{either}."
         )
     return chosen

@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_gym.plant import without_effects
 from controllers.autopilots import LAWS, autopilot
+from controllers.composed.loops import commanded_inputs
 from controllers.controller import Controller
 from controllers.kinds import KINDS
 
@@ -41,6 +42,8 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
     """The autopilot of an environment's vehicle for the environment's target; raises where there is none.
 
     kind: "pid", "s_plane" (or "s-plane"), "gpc".  It knows the vehicle without its effects.  settings: as `autopilot`.
+    Where a vehicle cannot follow all parts of the target (pitch, with thrusters that have no arm there), it follows the
+    others.
     """
     kind = kind.replace("-", "_")
     inner: Any = env.unwrapped
@@ -49,7 +52,8 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
         raise ValueError(f"{inner} has no vehicle, so no controller is known for it: leave out {kind}.")
     if kind not in LAWS:
         raise ValueError(f"No autopilot of kind {kind!r}. Kinds: {', '.join(LAWS)}.")
-    known = KINDS.of(plant.family).targets
+    layer = KINDS.of(plant.family)
+    known = layer.followed
     _, info = env.reset(seed=0)
     targets = tuple(info["target"])
     if not targets or not set(targets) <= set(known):
@@ -57,4 +61,12 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
             f"No controller follows the target of this environment ({', '.join(targets) or 'a path'}); of "
             f"{plant.name} they follow {', '.join(known)}: compare in another environment."
         )
-    return Pilot(autopilot(without_effects(plant), kind, targets, **settings))
+    able = known if layer.able is None else layer.able(plant)
+    controller = autopilot(without_effects(plant), kind, [name for name in targets if name in able], **settings)
+    missing = [name for name in inner.episodes.actions if name not in commanded_inputs(controller)]
+    if missing:
+        raise ValueError(
+            f"The actions of this environment are {', '.join(inner.episodes.actions)}, and the controller of "
+            f"{plant.name} commands {', '.join(commanded_inputs(controller))}: leave out actions=."
+        )
+    return Pilot(controller)

@@ -9,12 +9,14 @@ from pathlib import Path
 import pytest
 
 from auv_gym.vehicles import FAMILIES, compose
+from auv_gym.vehicles.body.compose import Part
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("auv_gym", "controllers", "identification", "scripts")
 MOST_FILES = 12  # at the top of a package
 # names of kinds and families, those of former versions and of papers among them
-NAMES = {"torpedo", "heading", *(name for f in (*FAMILIES.values(), compose(())) for name in (f.name, f.kind))}
+COMPOSED = (compose(()), compose([Part("t1", "thruster", "share")]))
+NAMES = {"torpedo", "heading", *(name for f in (*FAMILIES.values(), *COMPOSED) for name in (f.name, f.kind))}
 _OF_A_VEHICLE = {"kind", "family", "family_name"}
 
 

@@ -9,6 +9,7 @@ from auv_gym import load_vehicle, replace_at
 from auv_gym.envs.kinds import KINDS as ENVIRONMENTS
 from auv_gym.models.linear.kinds import KINDS as STEADY
 from auv_gym.vehicles import FAMILIES, compose
+from auv_gym.vehicles.body.compose import Part
 from auv_gym.vehicles.family import registered
 from controllers.autopilots import autopilot
 from controllers.kinds import KINDS as CONTROL
@@ -17,7 +18,8 @@ from identification.experiments.missions import check_mission, mission_of, run_m
 from identification.planning import next_experiment
 
 LAYERS = (ENVIRONMENTS, STEADY, CONTROL, EXPERIMENTS)
-FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]))
+THRUSTER = Part("t1", "thruster", "share")
+FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]), compose([THRUSTER]))
 
 
 @pytest.mark.parametrize("kinds", LAYERS)
@@ -27,10 +29,18 @@ def test_a_layer_knows_the_kind_of_every_family_and_no_other(kinds):
         assert kinds.of(family) is kinds.of(replace(family, name="another of its kind"))
 
 
+def test_thrusters_hover_unless_another_part_steers_or_drives_by_its_role():
+    fins = [Part("rudder", "fin", "yaw"), Part("elevator", "fin", "pitch"), Part("propeller", "propeller", "voltage")]
+    tether, engine = Part("tether", "tether"), Part("engine", "buoyancy_engine")
+    assert compose([THRUSTER, tether, engine]).kind == "hover"
+    assert [compose([THRUSTER, fin]).kind for fin in fins] == ["body"] * 3
+    assert compose([tether, engine]).kind == "body"
+
+
 @pytest.mark.parametrize("kinds", LAYERS)
 def test_a_kind_that_a_layer_does_not_know_is_refused_with_what_to_add(kinds):
     with pytest.raises(
-        ValueError, match=r"vehicles of kind body, float, glider, got family 'crab' of kind 'walker'"
+        ValueError, match=r"vehicles of kind body, float, glider, hover, got family 'crab' of kind 'walker'"
     ) as e:
         kinds.of(replace(FAMILIES["glider"], name="crab", kind="walker"))
     assert f"{kinds._package}.walker with an object KIND" in str(e.value)
@@ -39,7 +49,9 @@ def test_a_kind_that_a_layer_does_not_know_is_refused_with_what_to_add(kinds):
 def test_the_refusal_reaches_those_who_ask_for_a_controller_or_a_mission():
     glider = load_vehicle("slocum")
     walker = replace(glider, family=replace(glider.family, kind="walker"))
-    with pytest.raises(ValueError, match="Controllers know vehicles of kind body, float, glider, got family 'glider'"):
+    with pytest.raises(
+        ValueError, match="Controllers know vehicles of kind body, float, glider, hover, got family 'glider'"
+    ):
         autopilot(walker)
     with pytest.raises(ValueError, match="There are experiments with vehicles of kind"):
         mission_of(walker)

@@ -11,12 +11,13 @@ import pytest
 
 from auv_gym.param import list_paths, replace_at, spec_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.plant.cruise import find_helm
+from auv_gym.plant.cruise import command_ranges, find_helm
+from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 
 ROOT = Path(__file__).parents[1]
-SAMPLES = {"glider": 60, "body": 12, "float": 25}  # one of a torpedo takes plain Python some milliseconds
+SAMPLES = {"glider": 60, "body": 12, "hover": 12, "float": 25}  # one of a torpedo takes plain Python some milliseconds
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
     "effects.discovered.yaw.sin_heading": 0.5,
@@ -73,6 +74,14 @@ def trajectory(plant: Plant) -> np.ndarray:
         start = {"depth_m": 1.0, "depth_rate_mps": -0.1}  # to the surface and back
     elif plant.family.kind == "glider":
         columns |= {"u_mps": 0.4 + 0.1 * np.sin(0.1 * k), "roll_rad": 0.1 * np.cos(0.2 * k)}
+    elif plant.family.kind == "hover":
+        thrusters = find_thrusters(plant)
+        waves = 0.9 * np.sin(0.5 * k[:, None] + np.arange(thrusters.at.size))
+        low, rest, high = command_ranges(plant).T
+        columns = dict(zip(thrusters.channels, (rest + 0.5 * (high - low) * waves).T, strict=True))
+        columns |= {"supply_V": 15.0 + np.cos(k)}
+        plant = replace(plant, longest_step=0.5 * plant.dt)
+        start |= {"u_mps": 0.2, "v_mps": 0.1, "w_mps": -0.1, "p_radps": 0.1, "depth_m": 4.0, "pitch_rad": 0.1}
     else:
         columns |= {"stern_plane_rad": 0.3 * np.cos(0.5 * k), "bow_plane_rad": 0.2 * np.sin(0.7 * k)}
         plant = replace(plant, longest_step=0.5 * plant.dt)

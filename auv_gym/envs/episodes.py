@@ -16,7 +16,7 @@ import numpy as np
 from auv_gym.envs.kernel.layout import DIVERGED, NO_REASON, START_DRAWS, plan_type, row_type, size
 from auv_gym.envs.kernel.programs import Kernel
 from auv_gym.envs.kind import EnvKind
-from auv_gym.envs.options import check_number
+from auv_gym.envs.options import check_number, check_targets
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
 from auv_gym.plant import Plant
@@ -80,7 +80,7 @@ class Episodes:
 
     @property
     def target_channels(self) -> tuple[str, ...]:
-        return (self.task.channel,) if self.task.channel else _WAYPOINT
+        return self.task.targets or ((self.task.channel,) if self.task.channel else _WAYPOINT)
 
     def action_for(self, command: Mapping[str, float]) -> np.ndarray:
         """The action that gives commands, by channel, shape (len(actions),)."""
@@ -125,7 +125,7 @@ class Episodes:
     def set_start(self, record: Any, options: Mapping[str, Any] | None) -> None:
         """Put the options of a reset into a row's record; raises on what is unknown or no number."""
         record["start"], record["first_target"] = nan, nan
-        known = "'start' and 'target'" if self.task.channel else "'start'"
+        known = "'start' and 'target'" if self.task.channel or self.task.targets else "'start'"
         for name, value in (options or {}).items():
             if name == "start" and isinstance(value, Mapping):
                 for channel, number in value.items():
@@ -134,6 +134,8 @@ class Episodes:
                         raise ValueError(f"reset option 'start' has {has}, got {channel!r}.")
                     check_number(f"reset option start[{channel!r}]", number, "the channel's unit")
                     record["start"][self.plant.family.states.index(channel)] = number
+            elif name == "target" and self.task.targets:
+                record["first_target"] = list(check_targets("reset option 'target'", value, self.task).values())
             elif name == "target" and self.task.channel:
                 check_number("reset option 'target'", value, "the channel's unit", at_least=self.task.least)
                 record["first_target"] = value

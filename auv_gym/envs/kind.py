@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import Layout
+from auv_gym.envs.tasks import Observed
 from auv_gym.vehicles.family import Family
 
 
@@ -23,7 +24,8 @@ class ScaledTask:
     options stand for.  read: outputs that a model must have; `read_for`: those that it must have where it has an input.
     driven: inputs that it must have.  shortest: s, between two changes of the target.  least_dt: s, the shortest step.
     plan: fields of the plan.  tables: numbers by the field that says where in the plan they are, with a field for how
-    many rows.  own_ages: each row keeps the ages of its commands, since steps differ in length.
+    many rows.  observed: what is observed besides the task's.  own_ages: each row keeps the ages of its commands, since
+    steps differ in length.
     """
 
     units: Mapping[str, float]
@@ -42,6 +44,7 @@ class ScaledTask:
     effects: Mapping[str, float] = field(default_factory=dict)
     tables: Mapping[str, Any] = field(default_factory=dict)
     read_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    observed: tuple[Observed, ...] = ()
     own_ages: bool = False
 
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf, isfinite
+from math import inf, isfinite, nan
 from typing import Any
 
 import numpy as np
 
+from auv_gym.envs.tasks import Task
 from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model
+from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant, load_vehicle
 
 
@@ -51,3 +54,43 @@ def check_model_dt(model: Model, plant: Plant) -> None:
             f"model= steps {model.dt:g} s and the environment {plant.dt:g} s: make the environment with "
             f"dt={model.dt:g}, or fit the model to record.resample({plant.dt:g})."
         )
+
+
+def check_targets(name: str, given: Any, task: Task) -> dict[str, float]:
+    """All targets of a task by channel, NaN where none is given; raises on others, and on what is no number."""
+    if not isinstance(given, Mapping):
+        example = f"{{{task.targets[0]!r}: 3.0}}"
+        raise ValueError(
+            f"{name} needs values by channel, such as {example}, of {', '.join(task.targets)}; got {given!r}."
+        )
+    for channel, value in given.items():
+        if channel not in task.targets:
+            raise ValueError(f"{name} has {', '.join(task.targets)}, got {channel!r}.")
+        check_number(f"{name}[{channel!r}]", value, "the channel's unit")
+    return {channel: float(given.get(channel, nan)) for channel in task.targets}
+
+
+def check_actions(actions: Sequence[str], plant: Plant) -> list[str]:
+    """The inputs that are asked for as actions; raises on what the vehicle has not."""
+    can = list(plant.family.actuators)
+    if isinstance(actions, str) or not actions or len(set(actions)) < len(actions):
+        raise ValueError(f"actions= needs one or more names, each once, of {', '.join(can)}; got {actions!r}.")
+    for name in actions:
+        if name not in can:
+            raise ValueError(
+                f"actions= has {name!r}, which does not move {plant.name}. {did_you_mean(name, can)}"
+                f"It has {', '.join(can)}."
+            )
+    return list(actions)
+
+
+def check_waypoints(waypoints: Sequence[Sequence[float]] | None) -> np.ndarray:
+    """Waypoints as rows of north, east and depth in m, (k, 3), none where they are drawn; raises on others."""
+    if waypoints is None:
+        return np.zeros((0, 3))
+    points = np.asarray(waypoints, dtype=np.float64)
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
+        raise ValueError(f"waypoints needs one or more rows of north, east and depth in m, got shape {points.shape}.")
+    if (points[:, 2] < 0.0).any() or not np.abs(np.diff(points, axis=0)).sum(axis=1).all():
+        raise ValueError("waypoints needs depths of 0 m or more, and no waypoint twice in a row.")
+    return points

@@ -15,6 +15,7 @@ from auv_gym.envs import tasks
 from auv_gym.envs.episodes import Episodes
 from auv_gym.envs.kernel.layout import (
     CHANGE_DRAWS,
+    MOST_OBSERVATIONS,
     NOISE_ROWS,
     SAMPLING,
     START_DRAWS,
@@ -43,7 +44,7 @@ def make_episodes(
     model: Model | str | os.PathLike | None = None,
     dt: float | None = None,
     duration: float | None = None,
-    target: float | None = None,
+    target: float | Mapping[str, float] | None = None,
     **own: Any,
 ) -> Episodes:
     """The episodes that an environment's options describe; raises on what does not fit together.
@@ -55,7 +56,7 @@ def make_episodes(
             raise ValueError(f"No task {task!r}. {did_you_mean(task, tasks.TASKS)}Tasks: {', '.join(tasks.TASKS)}.")
         task = tasks.TASKS[task]
     plant = resolve_plant(task.vehicle if vehicle is None else vehicle, dt)
-    kind = _kind_for(task, plant)
+    task, kind = _task_for(task, plant)
     own = {name: value for name, value in own.items() if value is not None}
     for name in own:
         if name not in kind.options:
@@ -63,7 +64,7 @@ def make_episodes(
                 f"{task.name} takes the options of all environments and {' and '.join(kind.options)}, got {name!r}. "
                 f"{did_you_mean(name, (*_OPTIONS, *kind.options))}Leave it out."
             )
-    if target is not None:
+    if target is not None and task.channel:
         check_number("target", target, "the channel's unit", at_least=task.least)
     scaled = kind.scale(task, plant, duration=duration, target=target, **own)
     for given, where in ((effects, "effects="), (randomise, "randomise=")):
@@ -89,6 +90,12 @@ def make_episodes(
 
     # what an agent might move, but not with this vehicle, it does not see
     observed = [o for o in task.observed if o.source not in task.actions or source_of(o) in scaled.actions]
+    observed += scaled.observed
+    if len(observed) > MOST_OBSERVATIONS:
+        raise ValueError(
+            f"{task.name} observes at most {MOST_OBSERVATIONS} numbers, got {len(observed)} with the "
+            f"{len(scaled.actions)} actions of {plant.name!r}: name fewer as actions=."
+        )
     family, record = plant.family, np.zeros(1, plan_type(plant.family, kind.layout))
     layout = kind.layout
     sensors = layout.sensors
@@ -140,7 +147,7 @@ def make_episodes(
     plan["target_step"] = [k * units[task.unit] for k in task.step]
     plan["target_hold"] = [k / units["rate"] for k in task.hold]
     plan["target_band"] = [k * units[task.unit] for k in task.band]
-    plan["fixed_target"] = nan if target is None else target
+    plan["fixed_target"] = target if target is not None and task.channel else nan
     plan["steps"] = max(round(scaled.duration / plant.dt), 1)
     for field, value in scaled.plan.items():
         plan[field] = value
@@ -181,15 +188,17 @@ def make_episodes(
     )
 
 
-def _kind_for(task: Task, plant: Plant) -> EnvKind:
-    """The kind of the vehicle; raises unless the task is for it."""
-    kind, needed = KINDS.of(plant.family), _kind_of(task.vehicle)
-    if kind is not needed:
-        raise ValueError(
-            f"{task.name} needs {needed.title}, such as {task.vehicle!r}, got {plant.name!r} of family "
-            f"{plant.family.name!r}: give another vehicle=, or take an environment for {kind.title}."
-        )
-    return kind
+def _task_for(task: Task, plant: Plant) -> tuple[Task, EnvKind]:
+    """The task in the form for the vehicle's kind, and this kind; raises unless the task is for it."""
+    kind = KINDS.of(plant.family)
+    for form in (task, *task.forms):
+        if kind is _kind_of(form.vehicle):
+            return form, kind
+    needed = " or ".join(f"{_kind_of(form.vehicle).title}, such as {form.vehicle!r}" for form in (task, *task.forms))
+    raise ValueError(
+        f"{task.name} needs {needed}, got {plant.name!r} of family {plant.family.name!r}: give another vehicle=, or "
+        f"take an environment for {kind.title}."
+    )
 
 
 @lru_cache

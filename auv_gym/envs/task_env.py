@@ -38,7 +38,7 @@ class TaskEnv(gymnasium.Env):
         model: Model | str | os.PathLike | None = None,
         dt: float | None = None,
         duration: float | None = None,
-        target: float | None = None,
+        target: float | Mapping[str, float] | None = None,
         render_mode: str | None = None,
         **own: Any,
     ):
@@ -46,9 +46,9 @@ class TaskEnv(gymnasium.Env):
 
         task: a name in `tasks.TASKS`.  vehicle: by default the task's.  effects: values by parameter path.  randomise:
         ranges (low, high) by parameter path, from which each episode draws.  model: drives the environment in place of
-        the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel; by default it
-        changes in steps.  own: options of the kind of vehicle: actions, waypoints of a vehicle in six degrees of
-        freedom, near, depths of a float, speed, compass_noise of a glider.
+        the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel, or of a pose by
+        channel; by default it changes in steps.  own: options of the kind of vehicle: actions, waypoints of a vehicle
+        in six degrees of freedom, near, depths of a float, speed, compass_noise of a glider.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None, 'rgb_array' or 'human', got {render_mode!r}.")

@@ -3,7 +3,8 @@
 Sizes are in units of the vehicle, so that they fit one of any size: a length, a speed, and their quotient, a rate 1/s.
 Those of a torpedo are its own length and its cruise speed (see `plant.cruise`); those of a float are its speed at full
 travel and how far that takes it in a time of its own (see `plant.float_engine`). A glider has its nominal speed and its
-steady turn at full rudder, and its times are in s.
+steady turn at full rudder, and its times are in s. A vehicle that thrusters move has its own length, and the speed
+and the rate of turn that they can give it.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ class Task:
     `unit`s, the time for which it stands in lengths travelled, and where it stays.  scale: error that costs the most.
     weights: of the reward terms, by name, in the order of `layout.TERMS`.  duration: of an episode by default, s, for a
     float in lengths travelled.  current: largest drawn one, in cruise speeds, where nothing else is randomised.
-    vehicle: the one by default; the task is for vehicles of its kind.  least: of a target that is given.
+    vehicle: the one by default; the task is for vehicles of its kind.  least: of a target that is given.  targets: the
+    channels of a target with several.  forms: the task for other kinds of vehicle.
     """
 
     name: str
@@ -59,6 +61,8 @@ class Task:
     current: float = 0.0
     vehicle: str = "remus100"
     least: float = -inf
+    targets: tuple[str, ...] = ()
+    forms: tuple[Task, ...] = ()
 
 
 COMMAND_TRAVEL = 0.05  # weight of the change of the commands
@@ -145,6 +149,94 @@ SPEED = Task(
     weights={"speed": 1.0, "command_travel": COMMAND_TRAVEL},
 )
 
+# Vehicles that thrusters move
+POSE = ("north_m", "east_m", "depth_m", "heading_rad", "roll_rad", "pitch_rad")
+THRUST_PATH_SPEED = 0.5  # attainable speeds along the leg, over ground: thrust is kept for a current and for turning
+ATTITUDE_SCALE = pi  # rad, the error that costs the most
+SUM_LIMIT = 25.0  # of the sums of errors, each error in lengths or radians and at most 1, over the time of a length
+
+_OVER_GROUND = (
+    Observed("speed_ground", "u_dvl_mps", 1.0, "speed"),
+    Observed("sway_ground", "v_dvl_mps", 1.0, "speed"),
+    Observed("heave_ground", "w_dvl_mps", 1.0, "speed"),
+)
+_RATES = (
+    Observed("roll_rate", "p_radps", 1.0, "turn"),
+    Observed("pitch_rate", "q_radps", 1.0, "turn"),
+    Observed("yaw_rate", "r_radps", 1.0, "turn"),
+)
+_OFF = (
+    Observed("ahead", "error_ahead", 5.0, "length"),
+    Observed("starboard", "error_starboard", 5.0, "length"),
+    Observed("below", "error_below", 5.0, "length"),
+    Observed("heading_error_sin", "heading_error_sin"),
+    Observed("heading_error_cos", "heading_error_cos"),
+)
+_SUMS = tuple(Observed(name, name, SUM_LIMIT) for name in ("sum_ahead", "sum_starboard", "sum_below", "sum_heading"))
+
+STATION_KEEPING = Task(
+    name="StationKeeping",
+    vehicle="bluerov2_heavy",
+    unit="length",
+    scale=2.0,
+    targets=POSE,
+    actions=(),
+    observed=(*_OFF, _ROLL, _PITCH, *_OVER_GROUND, *_RATES, *_SUMS),
+    weights={"position": 0.6, "command_travel": COMMAND_TRAVEL, "attitude": 0.4},
+    duration=60.0,
+    current=0.3,
+)
+
+POSE_TASK = Task(
+    name="Pose",
+    vehicle="bluerov2_heavy",
+    unit="length",
+    scale=5.0,
+    step=(2.0, 8.0),
+    hold=(60.0, 120.0),
+    band=DEPTHS,
+    targets=POSE,
+    actions=(),
+    observed=(
+        *_OFF,
+        Observed("roll_error", "roll_error", pi / 2),
+        Observed("pitch_error", "pitch_error", pi / 2),
+        _ROLL,
+        _PITCH,
+        *_OVER_GROUND,
+        *_RATES,
+        *_SUMS,
+    ),
+    weights={"position": 0.6, "command_travel": COMMAND_TRAVEL, "attitude": 0.4},
+    duration=180.0,
+    current=0.15,
+)
+
+_LEG = (
+    Observed("across", "across", 5.0, "length"),
+    Observed("below", "below", 5.0, "length"),
+    Observed("remaining", "remaining", LEG[1], "length"),
+    Observed("course_error_sin", "course_sin"),
+    Observed("course_error_cos", "course_cos"),
+    Observed("descent", "sink", pi / 2),
+    Observed("next_course_error_sin", "next_course_sin"),
+    Observed("next_course_error_cos", "next_course_cos"),
+    Observed("next_descent", "next_sink", pi / 2),
+)
+
+THRUST_PATH = Task(
+    name="Path",
+    vehicle="bluerov2",
+    unit="length",
+    scale=5.0,
+    band=DEPTHS,
+    actions=(),
+    observed=(*_LEG, _ROLL, _PITCH, *_OVER_GROUND, *_RATES),
+    weights={"path": 0.5, "command_travel": COMMAND_TRAVEL, "progress": 0.5},
+    duration=180.0,
+    current=0.15,
+)
+
 PATH = Task(
     name="Path",
     unit="length",
@@ -152,15 +244,7 @@ PATH = Task(
     band=DEPTHS,
     actions=("rudder_rad", "stern_plane_rad", PROPULSION),
     observed=(
-        Observed("across", "across", 5.0, "length"),
-        Observed("below", "below", 5.0, "length"),
-        Observed("remaining", "remaining", LEG[1], "length"),
-        Observed("course_error_sin", "course_sin"),
-        Observed("course_error_cos", "course_cos"),
-        Observed("descent", "sink", pi / 2),
-        Observed("next_course_error_sin", "next_course_sin"),
-        Observed("next_course_error_cos", "next_course_cos"),
-        Observed("next_descent", "next_sink", pi / 2),
+        *_LEG,
         _ROLL,
         _PITCH,
         Observed("roll_rate", "p_radps", 1.0, "rate"),
@@ -179,6 +263,7 @@ PATH = Task(
     weights={"path": 0.5, "command_travel": COMMAND_TRAVEL, "progress": 0.5},
     duration=300.0,
     current=0.15,
+    forms=(THRUST_PATH,),
 )
 
 # Floats
@@ -227,4 +312,6 @@ GLIDER_HEADING = Task(
     duration=600.0,
 )
 
-TASKS = {task.name: task for task in (DEPTH, HEADING, SPEED, PATH, FLOAT_DEPTH, GLIDER_HEADING)}
+TASKS = {
+    task.name: task for task in (DEPTH, HEADING, SPEED, PATH, STATION_KEEPING, POSE_TASK, FLOAT_DEPTH, GLIDER_HEADING)
+}

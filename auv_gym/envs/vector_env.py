@@ -44,7 +44,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         model: Model | str | os.PathLike | None = None,
         dt: float | None = None,
         duration: float | None = None,
-        target: float | None = None,
+        target: float | Mapping[str, float] | None = None,
         render_mode: None = None,
         **own: Any,
     ):

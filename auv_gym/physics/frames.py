@@ -19,6 +19,16 @@ def velocity_ned(u, v, w, roll, pitch, heading):
     return ch * level - sh * athwart, sh * level + ch * athwart, down
 
 
+@compiled
+def body_axes_of(north, east, down, roll, pitch, heading):
+    """A vector of north, east, down in body axes.  Source: Fossen 2021, eq. (2.31), transposed."""
+    cr, sr, cp, sp = cos(roll), sin(roll), cos(pitch), sin(pitch)
+    ch, sh = cos(heading), sin(heading)
+    level, athwart = ch * north + sh * east, ch * east - sh * north
+    below = sp * level + cp * down
+    return cp * level - sp * down, cr * athwart + sr * below, cr * below - sr * athwart
+
+
 def euler_rates(p, q, r, roll, pitch):
     """Rates of roll, pitch and heading, rad/s; infinite at the vertical.  Source: Fossen 2021, eq. (2.40)."""
     cr, sr = np.cos(roll), np.sin(roll)

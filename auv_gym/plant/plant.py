@@ -207,6 +207,20 @@ class Plant:
             x = self.correct(x, y0)
         return x
 
+    def settled(self, states: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """The full state with these states of the family, whose actuators have long been where the inputs have them."""
+        actuators, n = len(self.family.actuators), len(self.family.states)
+        x = np.zeros(self._size)
+        x[:n] = states
+        u, memory, positions = np.array(u, dtype=np.float64), np.zeros(actuators), np.zeros(actuators)
+        for _ in range(2):  # the first time for the play, which starts in its middle
+            self.family.hooks.shape(u, memory, self.family.view(self.derived), positions)
+            memory[:] = positions
+        x[n : n + actuators] = x[n + actuators : n + 2 * actuators] = positions
+        x[x.size - self.history * actuators :] = np.tile(positions, self.history)
+        self.programs.settle(x, self.derived)
+        return x
+
     def step(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The state one sample later, shape (n_states,); u: the inputs in order, in the channels' units."""
         return self._advance(x, u, self.ages)

@@ -32,6 +32,7 @@ _DIAL = 62.0  # radius, pixels
 _PITCH = _DIAL / radians(70.0)  # pixels on the horizon per rad: 70 deg from its middle to its rim
 _LADDER = 15  # deg of pitch between the rungs; each second one is long and has its number
 _ROW = 46.0  # height of a command, pixels
+_BESIDE = 34.0  # below which its bar stands beside its name, not under it
 
 
 def draw_attitude(sheet: Sheet, scene: Scene, area: Box) -> None:
@@ -138,16 +139,25 @@ def _dial(sheet: Sheet, x: float, y: float, heading: float, wanted: float | None
 
 def _command(sheet: Sheet, row: Box, name: str, value: float, limits: tuple[float, float]) -> None:
     signal = channel(name)
-    shown, scale = {"rad": ("°", degrees(1.0)), "rad/s": ("°/s", degrees(1.0))}.get(signal.unit, (signal.unit, 1.0))
-    unit = shown if shown.startswith("°") else f" {shown}"
+    named = {"rad": ("°", degrees(1.0)), "rad/s": ("°/s", degrees(1.0)), "1": ("", 1.0)}
+    shown, scale = named.get(signal.unit, (signal.unit, 1.0))
+    unit = shown if shown.startswith("°") or not shown else f" {shown}"
     low, high = (scale * limit for limit in limits)
     y, largest = row.top + 11.0, max(abs(low), abs(high))
     scope = f"±{shortest(high)}" if low == -high else f"{shortest(low)} to {shortest(high)}"
-    x = row.right - sheet.text((row.right, y), f"of {scope}{unit}", QUIET, 12.0, "right") - 6.0
     text = number(scale * value, 0 if largest >= 100.0 else 1 if largest >= 10.0 else 2, signed=low < 0.0)
-    x -= sheet.text((x, y), text + unit, INK, 12.0, "right", bold=True) + 8.0
-    sheet.text((row.left, y), sheet.fitting(signal.label, 12.0, x - row.left), QUIET, 12.0)
-    bar = Box(row.left, row.top + 21.0, row.right, min(row.top + 31.0, row.bottom - 3.0))
+    if row.height < _BESIDE:  # one line: name, bar, value
+        y = 0.5 * (row.top + row.bottom)
+        label, room = 0.3 * row.width, 0.25 * row.width
+        sheet.text((row.right, y), text + unit, INK, 12.0, "right", bold=True)
+        sheet.text((row.left, y), sheet.fitting(signal.label, 12.0, label - 8.0), QUIET, 12.0)
+        half = min(5.0, 0.5 * row.height - 4.0)
+        bar = Box(row.left + label, y - half, row.right - room, y + half)
+    else:
+        x = row.right - sheet.text((row.right, y), f"of {scope}{unit}", QUIET, 12.0, "right") - 6.0
+        x -= sheet.text((x, y), text + unit, INK, 12.0, "right", bold=True) + 8.0
+        sheet.text((row.left, y), sheet.fitting(signal.label, 12.0, x - row.left), QUIET, 12.0)
+        bar = Box(row.left, row.top + 21.0, row.right, min(row.top + 31.0, row.bottom - 3.0))
     _bar(sheet, bar, scale * value, low, high, COMMAND)
     for end, outward in ((low, -1.0), (high, 1.0)):
         if end != 0.0 and (scale * value - end) * outward >= -1e-6 * largest:

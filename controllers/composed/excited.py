@@ -26,8 +26,9 @@ class Excited:
     """A controller with signals added to what it commands or to what it is told to reach, and reported.
 
     signals: a sample every dt by channel, zero after the last: an actuator's is added to the command, a set point's
-    (`depth_m`) to the target.  at_rest: commands of actuators that the controller leaves alone, around which a signal
-    moves them.  Limits are the vehicle's: an environment clips the sum.
+    (`depth_m`) to the target, one at the wrench of thrusters (`heave_N`) to the wrench that is wanted of them.
+    at_rest: commands of actuators that the controller leaves alone, around which a signal moves them.
+    Limits are the vehicle's: an environment clips the sum.
     Reports `excitation_<channel>`, what was added.
     """
 
@@ -46,7 +47,8 @@ class Excited:
                 raise ValueError(f"Excited needs a finite signal of shape (n,) at {name}, got shape {values.shape}.")
         own = (*commanded_inputs(self.controller), *targets_of(self.controller))
         if own:  # a controller that does not say is asked when it acts
-            self._check_channels((*own, *self.at_rest), commanded_inputs(self.controller), targets_of(self.controller))
+            known = (*own, *self.at_rest, *added_by(self.controller))
+            self._check_channels(known, commanded_inputs(self.controller), targets_of(self.controller))
 
     @property
     def targets(self) -> tuple[str, ...]:
@@ -55,6 +57,10 @@ class Excited:
     @property
     def commands(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys((*commanded_inputs(self.controller), *self.at_rest)))
+
+    @property
+    def adds(self) -> tuple[str, ...]:
+        return added_by(self.controller)
 
     def start(self) -> ExcitedState:
         return ExcitedState(self.controller.start(), None)
@@ -66,10 +72,12 @@ class Excited:
         at = floor(elapsed / self.dt + 1e-6)  # times are sums of intervals, and round
         added = {name: float(values[at]) if at < len(values) else 0.0 for name, values in self.signals.items()}
         wanted = {name: value + added.get(name, 0.0) for name, value in target.items()}
+        apart = [name for name in added_by(self.controller) if name in added and name not in wanted]
+        wanted |= {name: added[name] for name in apart}
         command, inner = self.controller.act(state.controller, reading, wanted)
         command = {**self.at_rest, **command}
-        self._check_channels((*command, *target), tuple(command), tuple(target))
-        moved = {name: command[name] + value for name, value in added.items() if name in command and name not in target}
+        self._check_channels((*command, *wanted), tuple(command), tuple(target))
+        moved = {name: command[name] + value for name, value in added.items() if name in command and name not in wanted}
         reports = {f"excitation_{name}": value for name, value in added.items()}
         return {**command, **moved, **reports}, ExcitedState(inner, elapsed)
 
@@ -81,6 +89,11 @@ class Excited:
                     f"and is told {', '.join(targets) or 'nothing'}. Excite one of these, or give at_rest={{{name!r}: "
                     "...}, the command around which to move an actuator that it leaves alone."
                 )
+
+
+def added_by(controller: Controller) -> tuple[str, ...]:
+    """The channels whose targets a controller adds to what it wants itself, as far as it says so: those of a wrench."""
+    return tuple(getattr(controller, "adds", ()))
 
 
 def command_without_excitation(command: Mapping[str, float]) -> dict[str, float]:

@@ -15,6 +15,10 @@ Ranges = dict[str, tuple[float, float]]
 ANGLE_ERROR = 0.15  # rad, an error that matters as much to a plan as half an input's range moved in a sample
 
 
+def _nothing(plant: Plant) -> tuple[str, ...]:
+    return ()
+
+
 def _every_sample(plant: Plant) -> float:
     return plant.dt
 
@@ -24,20 +28,36 @@ class ControlKind:
     """Autopilots of a kind of vehicle.
 
     targets: channels that they follow by default.  plans: predictive control of each channel that it can follow, of a
-    plant and the settings of a Gpc.  pid, s_plane: of a plant, targets, tuned gains and, for PID, the limit of pitch,
-    rad, in place of the tuned one; None where there is no such law.  every: s between two plans.  ranges: the lowest
-    and the highest of each command.  on_board: the controller that takes the place of the one that steered a log, by
-    default the autopilot; logged: the targets that a log may have had, by default all.
+    plant and the settings of a Gpc.  ranges: the lowest and the highest of each command.  pid, s_plane: of a plant,
+    targets, tuned gains and, for PID, the limit of pitch, rad, in place of the tuned one; None where there is no such
+    law.  placed: in place of `pid`, PID whose gains follow from the model: of a plant, targets, s between calls and
+    settings of its own.  joined: makes one controller of several plans, of a plant, the plans and settings of its own,
+    whose names are `shared`; by default they act side by side.  held: channels that plans hold at 0 where they have no
+    target.  able: of the channels that autopilots of this kind follow, those that one vehicle can; by default all.
+    alternatives: channels of which an autopilot follows one.  every: s between two plans.  on_board: the
+    controller that takes the place of the one that steered a log, by default the autopilot; logged: the targets that a
+    log may have had, by default all.
     """
 
     targets: tuple[str, ...]
     plans: Mapping[str, Callable[[Plant, dict[str, Any]], Controller]]
-    pid: Callable[[Plant, tuple[str, ...], Gains, float | None], Controller]
     ranges: Callable[[Plant], Ranges]
+    pid: Callable[[Plant, tuple[str, ...], Gains, float | None], Controller] | None = None
+    placed: Callable[..., Controller] | None = None
+    joined: Callable[..., Controller] | None = None
+    shared: tuple[str, ...] = ()
+    held: Callable[[Plant], tuple[str, ...]] = _nothing
+    able: Callable[[Plant], tuple[str, ...]] | None = None
+    alternatives: tuple[tuple[str, ...], ...] = ()
     s_plane: Callable[[Plant, tuple[str, ...], Gains], Controller] | None = None
     every: Callable[[Plant], float] = _every_sample
     on_board: Callable[[Plant, tuple[str, ...]], Controller] | None = None
     logged: Callable[[Plant], tuple[str, ...]] | None = None
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """All channels that some autopilot of such a vehicle can follow."""
+        return (*self.targets, *(name for name in self.plans if name not in self.targets))
 
 
 KINDS: Kinds[ControlKind] = Kinds("controllers.kinds", "Controllers know")

@@ -254,4 +254,5 @@ KIND = ControlKind(
     s_plane=_s_plane,
     ranges=_ranges,
     every=_every,
+    alternatives=(("depth_m", "pitch_rad"),),
 )

@@ -168,6 +168,20 @@ def bang_bang(
     return amplitude * side * np.where(_changes(time, rng, low, high) % 2 == 0, 1.0, -1.0)
 
 
+def telegraph(n: int, dt: float, rng: np.random.Generator, *, amplitude: float, dwell_s: float) -> np.ndarray:
+    """A random telegraph signal of +amplitude and -amplitude, shape (n,): at each sample it changes side by chance.
+
+    dwell_s: the mean time between changes, more than a sample; these times are drawn without memory, so that some are
+    many times as long.  Samples k apart have the covariance amplitude**2 (1 - 2 dt / dwell_s)**k.
+    Source: Papoulis and Pillai 2002, Probability, Random Variables and Stochastic Processes, sec. 9.2.
+    """
+    if not (_is_number(dwell_s) and dt < dwell_s < inf):
+        raise ValueError(f"telegraph needs dwell_s above one sample ({dt:g} s), got {dwell_s!r}.")
+    first = -1.0 if rng.random() < 0.5 else 1.0
+    changes = np.cumsum(rng.random(n - 1) < dt / dwell_s)
+    return amplitude * first * np.where(np.concatenate([[0], changes]) % 2 == 0, 1.0, -1.0)
+
+
 def steps(
     n: int, dt: float, rng: np.random.Generator, *, amplitude: float, hold_s: float | Sequence[float]
 ) -> np.ndarray:
@@ -186,6 +200,7 @@ SIGNALS: Final[Mapping[str, Callable[..., np.ndarray]]] = {
     "chirp": chirp,
     "doublet": doublet,
     "bang_bang": bang_bang,
+    "telegraph": telegraph,
     "steps": steps,
 }
 

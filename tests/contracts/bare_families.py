@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import sin
+from math import sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -77,8 +77,10 @@ def glider_output(x, actuators, sensors, p, y):
     y[3] = x[3]
 
 
-# What differs between bodies: the numbers of parameters and of planes, and the view of the parameters.
+# What differs between bodies: the numbers of parameters and of planes or thrusters, how these are commanded, and the
+# view of the parameters.
 N_PARAMETERS = PLANES = 0
+SLOT, MIDDLE, HALF = "", 0.0, 1.0
 parameters_view: Any = None
 computed_view = view_as(COMPUTED, "bare_computed", writable=True)
 
@@ -198,6 +200,68 @@ def body_derivative(z, actuators, inputs, p, dz, terms):
     dz[13] = 0.0
 
 
+@compiled
+def curve_at(share, curve):
+    """Linear between the 41 points of a curve, from a command of -1 to 1."""
+    at = 20.0 * (share + 1.0)
+    i = min(int(at), 39)
+    return curve[i] + (at - i) * (curve[i + 1] - curve[i])
+
+
+def hover_derivative(z, actuators, inputs, p, dz, terms):
+    """Hull, thrusters, weight and buoyancy in still water."""
+    u, v, w, roll_rate, q, r = z[0], z[1], z[2], z[3], z[4], z[5]
+    hull, computed = p.hull, p.computed
+    r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(z[9], z[10], z[11], z[12])
+    fill_terms(u, v, w, roll_rate, q, r, terms)
+    x1, x2, x3 = polynomial(hull.surge, 0, terms), polynomial(hull.sway, 1, terms), polynomial(hull.heave, 2, terms)
+    x4, x5, x6 = polynomial(hull.roll, 3, terms), polynomial(hull.pitch, 4, terms), polynomial(hull.yaw, 5, terms)
+    f1, f2, f3, f4, f5, f6 = coriolis_forces(computed.momentum, u, v, w, roll_rate, q, r)
+    g1, g2, g3, g4, g5, g6 = righting(
+        hull.mass * hull.gravity, hull.buoyancy,
+        hull.x_g, hull.y_g, hull.z_g, hull.x_b, hull.y_b, hull.z_b, r31, r32, r33,
+    )  # fmt: skip
+    t1 = t2 = t3 = t4 = t5 = t6 = -0.0
+    parts = getattr(p.parts, SLOT)
+    for k in range(PLANES):
+        part, share = parts[k], actuators[k]
+        thrust = curve_at(share, part.curve) if abs(share) > part.dead_zone else 0.0
+        if part.power != 0.0:
+            thrust *= (inputs[PLANES] / part.voltage) ** part.power
+        size = sqrt(part.to_x * part.to_x + part.to_y * part.to_y + part.to_z * part.to_z)
+        x, y, z_ = part.to_x / size, part.to_y / size, part.to_z / size
+        t1 += thrust * x
+        t2 += thrust * y
+        t3 += thrust * z_
+        t4 += thrust * (part.y * z_ - part.z * y + part.torque_arm * x)
+        t5 += thrust * (part.z * x - part.x * z_ + part.torque_arm * y)
+        t6 += thrust * (part.x * y - part.y * x + part.torque_arm * z_)
+    x1, x2, x3 = x1 + ((f1 + g1) + t1), x2 + ((f2 + g2) + t2), x3 + ((f3 + g3) + t3)
+    x4, x5, x6 = (x4 + t4) + (f4 + g4), (x5 + t5) + (f5 + g5), (x6 + t6) + (f6 + g6)
+    i = computed.inverse_mass
+    for k in range(6):
+        dz[k] = (i[k, 0] * x1 + i[k, 1] * x2 + i[k, 2] * x3) + (i[k, 3] * x4 + i[k, 4] * x5 + i[k, 5] * x6)
+    dz[6] = r11 * u + r12 * v + r13 * w
+    dz[7] = r21 * u + r22 * v + r23 * w
+    dz[8] = r31 * u + r32 * v + r33 * w
+    e0, e1, e2, e3 = z[9], z[10], z[11], z[12]
+    dz[9] = -0.5 * (e1 * roll_rate + e2 * q + e3 * r)
+    dz[10] = 0.5 * (e0 * roll_rate - e3 * q + e2 * r)
+    dz[11] = 0.5 * (e3 * roll_rate + e0 * q - e1 * r)
+    dz[12] = 0.5 * (-e2 * roll_rate + e1 * q + e0 * r)
+    dz[13] = 0.0
+
+
+def hover_shape(inputs, memory, p, shaped):
+    for k in range(PLANES):
+        limit = getattr(p.parts, SLOT)[k].limit
+        shaped[k] = min(max((inputs[k] - MIDDLE) / HALF, -limit), limit)
+
+
+def hover_times(index, p):
+    return 0.0, getattr(p.parts, SLOT)[index].lag, getattr(p.parts, SLOT)[index].slowness
+
+
 def body_shape(inputs, memory, p, shaped):
     shaped[0] = min(max(inputs[0], -p.parts.surface_yaw[0].limit), p.parts.surface_yaw[0].limit)
     for k in range(PLANES):
@@ -307,9 +371,29 @@ def body_hooks(family: Family) -> dict[str, Callable[..., Any]]:
     return {**bound, "stable_step": unlimited_step, "output": body_output}
 
 
+def hover_hooks(family: Family) -> dict[str, Callable[..., Any]]:
+    """Of a body of thrusters of one form."""
+    assert family.body is not None
+    (slot,) = {part.found.slot for part in family.body.parts}
+    middle, half = (1500.0, 400.0) if slot == "thruster_us" else (0.0, 1.0)
+    known = {"PLANES": len(family.body.parts), "SLOT": slot, "MIDDLE": middle, "HALF": half}
+    known |= {"N_PARAMETERS": len(list_paths(family.parameters())), "parameters_view": family.view}
+    templates = {
+        "derive": body_derive,
+        "derivative": hover_derivative,
+        "shape": hover_shape,
+        "actuator_times": hover_times,
+    }
+    bound = {hook: bind(template, f"bare_{family.program}", **known) for hook, template in templates.items()}
+    return {**bound, "stable_step": unlimited_step, "output": body_output}
+
+
+COMPOSED = {"body": body_hooks, "hover": hover_hooks}
+
+
 def bare(family: Family) -> Family:
     """The family without its effects."""
-    own = body_hooks(family) if family.kind == "body" else _HOOKS[family.kind]
+    own = COMPOSED[family.kind](family) if family.kind in COMPOSED else _HOOKS[family.kind]
     hooks = replace(family.hooks, **own, sense=no_sense, settle_sensors=no_settling)
     program = f"bare_{family.program or family.kind}"
     return replace(family, name=f"bare_{family.name}", kind=f"bare_{family.kind}", program=program, hooks=hooks)

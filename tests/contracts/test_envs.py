@@ -195,6 +195,16 @@ CASES = {
         "depth",
         computed=("depth_rate_mps",),
     ),
+    "hover": Case(
+        "StationKeeping",
+        {
+            "effects.current.north": 0.1,
+            "effects.t3.dead_time": 0.12,
+            "effects.compass.lag": 0.5,
+            "effects.t6.lost": 0.3,
+        },
+        "depth",
+    ),
     "glider": Case(
         "GliderHeading",
         {"effects.yaw.moment": 0.004, "effects.rudder.dead_time": 5.0, "effects.compass.lag": 3.0},
@@ -304,7 +314,7 @@ def test_bad_options_are_refused(case):
         ({"colour": "red"}, f"{case.name} takes the options of all environments and .*, got 'colour'. Leave it out"),
         ({"model": case.make().plant, "effects": case.effects}, "which model= replaces"),
         ({"model": case.make().plant, "randomise": {delay: (0.0, 0.1)}}, "which model= replaces"),
-        ({"model": replace(case.make().plant, dt=0.05)}, r"steps 0.05 s and the environment .* dt=0.05"),
+        ({"model": replace(case.make().plant, dt=0.03)}, r"steps 0.03 s and the environment .* dt=0.03"),
     ):
         with pytest.raises(ValueError, match=words):
             case.make(**options)
@@ -368,6 +378,7 @@ for task, options in (
     ("Depth", {"randomise": {"effects.current.north": (-0.3, 0.3)}}),
     ("FloatDepth", {"near": (3.0, 0.36), "effects": {"effects.sampling.depth.noise": 0.02}}),
     ("FloatDepth", {"vehicle": "mermaid"}),
+    ("Pose", {"effects": {"effects.t3.lost": 0.5, "effects.sampling.compass.noise": 0.02}}),
     ("GliderHeading", {"compass_noise": 0.02, "randomise": {"effects.yaw.moment": (-0.01, 0.01)}}),
 ):
     env = TaskEnv(task, **options)
@@ -379,7 +390,7 @@ for task, options in (
         state = list(info["state"].values())
         observations, rewards, *_ = many.step(np.array([action, -action]))
         row = [*observation, reward, *state, *observations[0], *observations[1], *rewards]
-        found.append([*row, *np.zeros(120 - len(row))])
+        found.append([*row, *np.zeros(160 - len(row))])
 np.save(sys.argv[1], np.array(found))
 print("numba" in sys.modules)
 """

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from auv_gym.channels import CHANNELS
+from auv_gym.channels import channel
 from auv_gym.model import Model, predict, simulate
 from auv_gym.models.linear import Polynomial, linearise
 from auv_gym.models.narx import Narx
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.plant.cruise import find_helm
+from auv_gym.plant.cruise import command_ranges, find_helm
 from auv_gym.records.record import Record
 
 STEERED = {
@@ -37,6 +37,18 @@ EFFECTS = {
         "effects.dvl_water.scale": 0.02,
         "effects.dvl_ground.lag": 0.5,
     },
+    "hover": {
+        "effects.t1.lag": 0.2,
+        "effects.t2.dead_time": 0.1,
+        "effects.t3.lost": 0.3,
+        "effects.t4.deadband": 0.05,
+        "effects.compass.lag": 2.0,
+        "effects.compass.deviation_sin": 0.05,
+        "effects.current.north": 0.2,
+        "effects.load.tether_drag": 0.5,
+        "effects.gyros.lag": 0.3,
+        "effects.dvl_ground.lag": 0.5,
+    },
     "float": {
         "effects.piston.gain": 0.9,
         "effects.piston.lag": 1.0,
@@ -56,8 +68,8 @@ EFFECTS = {
     },
 }
 # what other steps change: a float's are of seconds, within which a lagging depth sensor takes its motion as even
-CUT_STEPS = {"glider": 1e-6, "body": 1e-6, "float": 1e-4}
-MOVED = {"glider": "heading_rad", "body": "heading_rad", "float": "depth_m"}
+CUT_STEPS = {"glider": 1e-6, "body": 1e-6, "hover": 1e-6, "float": 1e-4}
+MOVED = {"glider": "heading_rad", "body": "heading_rad", "hover": "heading_rad", "float": "depth_m"}
 
 
 def with_effects(plant: Plant) -> Plant:
@@ -90,6 +102,10 @@ def commands(model: Model, moved: float, running: float = 1.0) -> np.ndarray:
     constants = {**model.constants, "rudder_rad": moved, "oil_volume_m3": -1e-4 * moved}
     if model.family.kind == "body":
         constants[model.inputs[find_helm(model).drive]] = running * model.parts.propeller.design
+    if model.family.kind == "hover":
+        low, rest, high = command_ranges(model).T
+        pushed = rest + 0.5 * (high - low) * moved * np.cos(np.arange(rest.size))
+        constants |= dict(zip(model.inputs, pushed.tolist(), strict=False))
     if model.family.kind == "float":
         constants["piston_m"] = model.hull.piston_neutral - 0.1 * moved
     return np.array([constants.get(name, 0.0) for name in model.inputs])
@@ -110,8 +126,7 @@ def states_among(model: Model) -> np.ndarray:
 def test_it_keeps_the_protocol(model):
     assert isinstance(model, Model)
     assert model.dt > 0.0
-    assert set(model.inputs) <= set(CHANNELS)
-    assert set(model.outputs) <= set(CHANNELS)
+    assert all(channel(name).name == name for name in (*model.inputs, *model.outputs))
     assert len(set(model.states)) == len(model.states)
 
 

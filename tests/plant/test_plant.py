@@ -278,9 +278,11 @@ def test_another_sample_time():
 
 # Vehicle files
 
-# What a mass matrix is made of cannot be any number, nor can the ends of a piston's range.
+# What a mass matrix is made of cannot be any number, nor can the ends of a piston's range, or a thruster's curve and
+# direction.
 BOUND_TOGETHER = re.compile(
     r"density|length|mass|inertia|rdot|hull\.(i_..|[xyz]_g)|load\.(payload|._g)|piston_(low|high|neutral)"
+    r"|\.curve\.|\.to_[xyz]"
 )
 
 
@@ -430,7 +432,7 @@ def test_a_file_that_is_not_text(tmp_path):
 
 @pytest.mark.parametrize("name, meant", [("sloccum", "slocum"), ("ganeshblu", "ganeshblue")])
 def test_an_unknown_vehicle_is_guessed(name, meant):
-    with pytest.raises(ValueError, match=rf"No vehicle '{name}'\. Did you mean '{meant}'.*Presets: ganeshblue"):
+    with pytest.raises(ValueError, match=rf"No vehicle '{name}'\. Did you mean '{meant}'.*Presets: bluerov"):
         load_vehicle(name)
 
 

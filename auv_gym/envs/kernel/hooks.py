@@ -18,8 +18,9 @@ class Hooks:
     the places of states (DEPTH), readings (READ_DEPTH), inputs (IN_ELAPSED) and features (ERROR).
     """
 
-    # (t, e): put the commands of e.action into e.command and e.features, and the cost of their change into e.term[1]
-    command: Callable[[Any, Any], None]
+    # (plan, t, e): put the commands of e.action into e.command and e.features, and the cost of their change into
+    # e.term[1]
+    command: Callable[[Any, Any, Any], None]
     # (x, t): why a finite state ends the episode, a code of `EnvKind.reasons` or NO_REASON, and the number that does
     beyond: Callable[[Any, Any], tuple[int, float]]
     # (x, before, t, e): put the other reward terms into e.term, for the target that the action was chosen for

@@ -38,7 +38,8 @@ class Layout:
 
     geometry: what an observation can be made of besides readings and shares of the command limits.  sensors: those with
     sampling effects, and the readings of each.  plan, row, shown: fields and how many numbers each holds, or the name
-    of what it has a number for; an info shows those in `shown`.
+    of what it has a number for; an info shows those in `shown`.  targets, first_targets: how many numbers a target has,
+    and how many of the first one may be given.
     """
 
     geometry: tuple[str, ...]
@@ -46,6 +47,8 @@ class Layout:
     plan: Mapping[str, int | str] = field(default_factory=dict)
     row: Mapping[str, int | str] = field(default_factory=dict)
     shown: Mapping[str, int | str] = field(default_factory=dict)
+    targets: int = 3
+    first_targets: int = 1
 
 
 @lru_cache
@@ -81,10 +84,12 @@ def row_type(family: Family, own: Layout) -> np.dtype:
         {
             "step": 1, "over": 1, "action": "inputs", "reward": 1, "reason": 1, "reason_value": 1,
             "change": 1, "change_at": 1, "noise_used": 1, **own.row,
-            "sampling": len(own.sensors) * len(SAMPLING), "start": "states", "first_target": 1, "raw": "outputs",
+            "sampling": len(own.sensors) * len(SAMPLING), "start": "states", "first_target": own.first_targets,
+            "raw": "outputs",
             "observation": MOST_OBSERVATIONS // 2,  # float32
             # what info shows, together with the state that follows
-            "features": features, "command": "inputs", "time": 1, "target": 3, "term": len(TERMS), **own.shown,
+            "features": features, "command": "inputs", "time": 1, "target": own.targets, "term": len(TERMS),
+            **own.shown,
         },
     )  # fmt: skip
 
@@ -102,5 +107,6 @@ def size(record: np.dtype) -> int:
 
 def _record(family: Family, sizes: Mapping[str, int | str]) -> np.dtype:
     counts = {name: len(getattr(family, size)) if isinstance(size, str) else size for name, size in sizes.items()}
-    fields = [(name, np.float64) if count == 1 else (name, np.float64, (count,)) for name, count in counts.items()]
+    # a number for each input, say, is an array where there is one input, too
+    fields = [(n, np.float64) if sizes[n] == 1 else (n, np.float64, (count,)) for n, count in counts.items()]
     return np.dtype((np.record, fields))

@@ -139,7 +139,7 @@ def outcome(plan, derived, row, t, e):
 
 def advance(plan, derived, row, t, e, work):
     """One step of an environment whose action is in the row; the status."""
-    hooks.command(t, e)
+    hooks.command(plan, t, e)
     state_at, previous_at, count = int(t.state_at), int(t.previous_at), int(t.full_state)
     x = row[state_at : state_at + count]
     for i in range(count):
@@ -237,14 +237,14 @@ def command_one(buffer):
     """The commands for a model that drives a single environment; its status as that of `step_one`."""
     plan_size = int(buffer[0])
     row_at = plan_size + int(buffer[2])
-    row = buffer[row_at : row_at + int(buffer[1])]
-    t, e = records.plan(buffer[:PLAN_FIXED]), records.row(row[:ROW_FIXED])
+    plan, row = buffer[:plan_size], buffer[row_at : row_at + int(buffer[1])]
+    t, e = records.plan(plan[:PLAN_FIXED]), records.row(row[:ROW_FIXED])
     if e.over != 0.0:
         return OVER
     for k in range(INPUTS):
         if not abs(e.action[k]) < np.inf:
             return REFUSED
-    hooks.command(t, e)
+    hooks.command(plan, t, e)
     for i in range(int(t.full_state)):
         row[int(t.previous_at) + i] = row[int(t.state_at) + i]
     return RUNNING

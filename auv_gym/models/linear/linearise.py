@@ -24,10 +24,11 @@ def linearise(
 ) -> StateSpace:
     """The linear form of a vehicle without its effects, exact over samples of dt for small changes.
 
-    inputs: default a torpedo's planes, a glider's rudder, a float's engine.  states: the family's; default those that
-    the inputs move in their plane; all others are held.  outputs: default the states that the vehicle measures.
-    dt: s, default the plant's.  at: the family's states and inputs to linearise about; default a torpedo's cruise, a
-    glider straight ahead, a float at rest and deep, whose drag is that of a tenth of its fastest speed.
+    inputs: default a torpedo's planes, a glider's rudder, a float's engine, all thrusters.  states: the family's;
+    default those that the inputs move in their plane; all others are held.  outputs: default the states that the
+    vehicle measures.  dt: s, default the plant's.  at: the family's states and inputs to linearise about; default a
+    torpedo's cruise, a glider straight ahead, a float at rest and deep, a vehicle with thrusters hovering; the drag of
+    the last two is that of a tenth of their fastest speed.
     States are changes from there; actuators with a lag add theirs.  Raises on names that the vehicle lacks.
     """
     family, kind = plant.family, KINDS.of(plant.family)
@@ -38,10 +39,7 @@ def linearise(
     kept = _checked("states", states, moved, family.states)
     seen = _checked("outputs", outputs, [name for name in kept if name in clean.outputs], clean.outputs)
     point, commands = kind.steady(clean) if at is None else at
-    full = np.zeros(len(clean.states))
-    full[: len(family.states)] = point
-    for start in (len(family.states), len(family.states) + len(family.actuators), full.size - len(family.actuators)):
-        full[start : start + len(family.actuators)] = commands[: len(family.actuators)]
+    full = clean.settled(point, commands)
     positions = [f"{name} position" for name in chosen if name in family.actuators]
     at_states = [clean.states.index(name) for name in (*kept, *positions)]
     at_inputs = [family.inputs.index(name) for name in chosen]

@@ -40,6 +40,13 @@ _HULL_COEFFICIENTS = (
     *("hull.pitch.uw", "hull.pitch.uq", "hull.yaw.uv", "hull.yaw.ur"),
 )
 
+# likewise of a hull that thrusters move in all directions: its drag
+_DRAG_COEFFICIENTS = tuple(
+    f"hull.{axis}.{term}"
+    for axis, velocity in zip(_AXES, "uvwpqr", strict=True)
+    for term in (velocity, f"{velocity}_{velocity}")
+)
+
 # of the hull, where coefficients are that a first fit does not free, but that are known no better
 _DOUBTED = ("i_xx", "i_yy", "i_zz", "added_mass.", *(f"{axis}." for axis in _AXES), "cross_flow.drag")
 
@@ -88,6 +95,21 @@ class Body:
                 roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
         return roles
 
+    @property
+    def thrusters(self) -> tuple[Part, ...]:
+        """The parts that push along a line by their command alone."""
+        return tuple(part_ for part_ in self.parts if part_.found.thrusts is not None)
+
+    @property
+    def steered(self) -> bool:
+        """Whether parts steer it in yaw and in pitch, and drive it."""
+        return {"yaw", "pitch", "surge"} <= self.by_role().keys()
+
+    @property
+    def hovers(self) -> bool:
+        """Whether thrusters do everything, and no part steers or drives by its role."""
+        return bool(self.thrusters) and not self.by_role()
+
     def required(self) -> tuple[str, ...]:
         """The channels that a record must have; a second part of a role, such as bow planes, rests where it lacks."""
         first = {names[0] for names in self.by_role().values()}
@@ -100,7 +122,7 @@ class Body:
         for part_, _, command in self.commands:
             own = getattr(parameters.parts, part_.name)
             low, high = command.limits(own)
-            rows.append((low, getattr(own, command.rest) if command.rest else 0.0, high))
+            rows.append((low, getattr(own, command.rest) if command.rest else command.idle, high))
         return np.array(rows, dtype=float).reshape(len(rows), 3)
 
 
@@ -173,7 +195,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
     first_of_kind = [slot.parts[0] for slot in slots]
     return Family(
         name="body",
-        kind="body",
+        kind="hover" if body.hovers else "body",
         program=program,
         title="six degrees of freedom, a hull and its parts",
         body=body,
@@ -197,7 +219,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         moves=_moves(slots),
         outputs=OUTPUTS,
         coefficients=(
-            *_HULL_COEFFICIENTS,
+            *(_DRAG_COEFFICIENTS if body.hovers else _HULL_COEFFICIENTS),
             *(f"parts.{part_.name}.{name}" for part_ in first_of_kind for name in part_.found.coefficients),
         ),
         main_output="heading_rad",

@@ -14,6 +14,8 @@ from importlib.metadata import entry_points
 from pkgutil import iter_modules
 from typing import Any, Literal, NamedTuple
 
+import numpy as np
+
 from auv_gym.compiled import compiled
 from auv_gym.param import did_you_mean
 
@@ -80,9 +82,9 @@ class Command:
 
     suffix: of its channel, which is the part's name and this; or channel, or what the file names.  role: what
     autopilots and environments use it for: "yaw", "pitch", "surge".  limits: from the part's parameters, the lowest and
-    the highest command, in the channel's unit.  rest: the parameter that is the command at which the part rests; by
-    default 0.  required: whether a record must have it; one that may lack is at rest.  design: the parameter that is
-    the command at the design speed.
+    the highest command, in the channel's unit.  rest: the parameter that is the command at which the part rests; it
+    rests at `idle` without one.  required: whether a record must have it; one that may lack is at rest.  design: the
+    parameter that is the command at the design speed.
     """
 
     suffix: str
@@ -92,6 +94,7 @@ class Command:
     required: bool = True
     design: str = ""
     channel: str = ""
+    idle: float = 0.0
 
 
 class Sketch(NamedTuple):
@@ -139,6 +142,10 @@ def _no_sketch(part: Any) -> tuple[Sketch, ...]:
     return ()
 
 
+def _whole(part: Any, shared: Mapping[str, float]) -> float:
+    return 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class PartKind:
     """A kind of part: its parameters and effects, its commands, and its compiled functions.
@@ -167,10 +174,13 @@ class PartKind:
     the given one and the effect's size.
     choice, variants: the key of a part's table that chooses one of several forms.
     shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
-    record does not have it.  texts: parameters that a file may give in words or rows, and what reads them.
+    record does not have it.  texts: parameters that a file may give in words or rows, and what makes entries of them.
     problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
     problem_with_hull: the same about the part together with the hull.  sketch: lines to draw.
     place: the parameters that say where the part is.
+    thrusts: of a part that pushes along a line by its command alone, its commands in the channel's unit, rising, and
+    the thrust at each, N, at the supply of the part's numbers; linear between.  Its `numbers` begin with the force and
+    the moment of a thrust of 1 N: x, y, z, k, m, n.  thrust_share: by what the shared inputs, by channel, multiply it.
     polar: of a part, the drag_0, drag_2, lift_1 and lift_0 of the whole vehicle, from which its steady glide follows,
     or None.
     """
@@ -199,11 +209,13 @@ class PartKind:
     choice: str = ""
     variants: Mapping[str, PartKind] = field(default_factory=dict)
     shared: Mapping[str, str] = field(default_factory=dict)
-    texts: Mapping[str, Callable[[Any], Mapping[str, float]]] = field(default_factory=dict)
+    texts: Mapping[str, Callable[[Any], Mapping[str, Any]]] = field(default_factory=dict)
     problem: Callable[[Any], str] = _no_problem
     problem_with_hull: Callable[[Any, Any], str] = _no_problem_with_hull
     sketch: Callable[[Any], tuple[Sketch, ...]] = _no_sketch
     place: tuple[str, ...] = ()
+    thrusts: Callable[[Any], tuple[np.ndarray, np.ndarray]] | None = None
+    thrust_share: Callable[[Any, Mapping[str, float]], float] = _whole
     polar: Callable[[Any], tuple[float, float, float, float] | None] | None = None
 
     def __post_init__(self):

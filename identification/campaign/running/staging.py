@@ -16,7 +16,7 @@ from auv_gym.param import did_you_mean, replace_at
 from auv_gym.plant import Plant, load_vehicle
 from controllers.autopilots import autopilot
 from controllers.composed.envelope import Envelope as Enveloped
-from controllers.composed.excited import Excited
+from controllers.composed.excited import Excited, added_by
 from controllers.controller import Controller
 from controllers.relay import Relay
 from identification.campaign.file.settings import (
@@ -96,7 +96,7 @@ def make_campaign_controller(settings: RunSettings, env: gymnasium.Env, folder: 
         for number, given in enumerate(settings.excitation):
             if given.kind in RELAYS:
                 controller = _relayed(controller, number, given, info["command"], commanded(env))
-        signals = _signals(settings, env, info["target"])
+        signals = _signals(settings, env, (*info["target"], *added_by(plain)))
         # a command that no target asks for moves about where the vehicle starts with it
         at_rest = {name: info["command"][name] for name in signals if name in commanded(env)}
         controller = Excited(controller, signals, inner.plant.dt, at_rest) if signals else controller
@@ -140,7 +140,7 @@ def _env_experiment(settings: RunSettings) -> EnvExperiment:
     return settings.experiment
 
 
-def _signals(settings: RunSettings, env: gymnasium.Env, target: Mapping[str, float]) -> dict[str, np.ndarray]:
+def _signals(settings: RunSettings, env: gymnasium.Env, target: Sequence[str]) -> dict[str, np.ndarray]:
     """The signals added to a controller, by channel; those at one channel sum up."""
     inner: Any = env.unwrapped
     experiment = _env_experiment(settings)

@@ -86,8 +86,9 @@ class Result(NamedTuple):
 
 
 def presets() -> list[str]:
-    """The presets in six degrees of freedom."""
-    return [name for name in list_vehicles() if load_vehicle(name).family.body is not None]
+    """The presets in six degrees of freedom that fins steer and a drive moves."""
+    plants = {name: load_vehicle(name) for name in list_vehicles()}
+    return [name for name, plant in plants.items() if plant.family.body is not None and plant.family.body.steered]
 
 
 # The approach, and runs from it

@@ -75,6 +75,7 @@ EXAMPLES = {
     "chirp": {"band_Hz": [0.01, 0.1]},
     "doublet": {"width_s": 20.0},
     "bang_bang": {"hold_s": [10.0, 30.0]},
+    "telegraph": {"dwell_s": 10.0},
     "steps": {"hold_s": [10.0, 30.0]},
 }
 
@@ -102,9 +103,23 @@ def test_a_signal_begins_and_ends_when_told(kind):
     np.testing.assert_array_equal(part[100:400], signal(kind, 300, **EXAMPLES[kind]))
 
 
-@pytest.mark.parametrize("kind", ["prbs", "multisine", "bang_bang", "steps"])
+@pytest.mark.parametrize("kind", ["prbs", "multisine", "bang_bang", "telegraph", "steps"])
 def test_another_seed_is_another_signal(kind):
     assert not np.array_equal(signal(kind, **EXAMPLES[kind]), signal(kind, seed=1, **EXAMPLES[kind]))
+
+
+def test_a_telegraph_signal_dwells_without_memory():
+    n, dt, dwell = 400_000, 0.5, 4.0
+    values = signal("telegraph", n, dt, amplitude=1.0, dwell_s=dwell)
+    assert set(values) == {-1.0, 1.0}
+    for k in (1, 3, 8):
+        # a mean of n products, correlated over some dwells: standard error below sqrt(dwell / dt / n) = 0.0045
+        assert np.mean(values[k:] * values[:-k]) == pytest.approx((1.0 - 2.0 * dt / dwell) ** k, abs=0.018)
+    holds = dt * np.diff(np.flatnonzero(np.diff(values)))
+    assert holds.mean() == pytest.approx(dwell, rel=0.02)  # 50 000 holds: standard error 0.4 %
+    assert np.mean(holds > 2.0 * dwell) == pytest.approx((1.0 - dt / dwell) ** 16, abs=0.01)
+    with pytest.raises(ValueError, match="dwell_s above one sample"):
+        signal("telegraph", dwell_s=0.5)
 
 
 @pytest.mark.parametrize("register", [3, 5, 8])

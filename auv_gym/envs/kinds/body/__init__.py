@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.envs.kernel import body, path
 from auv_gym.envs.kernel.layout import Layout
 from auv_gym.envs.kind import EnvKind, View
 from auv_gym.envs.kinds.body import hooks
@@ -14,9 +15,10 @@ from auv_gym.vehicles.family import Family
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.kinds.body.view import BodyView  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.kinds.body.view import goal  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.track import BodyView
 
-    return BodyView(episodes, row)
+    return BodyView(episodes, row, goal)
 
 
 def _first_of_roles(family: Family) -> dict[str, int]:
@@ -29,51 +31,22 @@ def _first_of_roles(family: Family) -> dict[str, int]:
 
 
 KIND = EnvKind(
-    title="a vehicle in six degrees of freedom",
+    title="a vehicle in six degrees of freedom with fins and a drive",
     layout=Layout(
-        geometry=(
-            "error", "error_sin", "error_cos", "target",
-            "across", "below", "remaining", "course_sin", "course_cos", "sink", "next_course_sin", "next_course_cos",
-            "next_sink",
-        ),
-        sensors={
-            "depth": ("depth_m",),
-            "compass": ("heading_rad",),
-            "inclinometer": ("roll_rad", "pitch_rad"),
-            "gyros": ("p_radps", "q_radps", "r_radps"),
-            "dvl_ground": ("u_dvl_mps", "v_dvl_mps", "w_dvl_mps"),
-            "dvl_water": ("u_mps", "v_mps", "w_mps"),
-            "position": ("north_m", "east_m"),
-        },
+        geometry=("error", "error_sin", "error_cos", "target", *path.GEOMETRY),
+        sensors=body.SENSORS,
         plan={
             "start_depth": 2, "cruise_state": "states", "cruise_command": "inputs",
             "limit": "actuators", "middle": "actuators", "action_of": "actuators",
-            "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1,
-            "follows_path": 1, "leg": 2, "turn": 1, "slope": 1, "path_speed": 1, "radius": 1,
-            "waypoints_at": 1, "waypoints": 1,
-            "depth_limit": 1, "speed_limit": 1, "pitch_limit": 1, "roll_limit": 1, "rate_limit": 1,
+            "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1, **path.PLAN, **body.LIMITS,
         },
-        row={
-            "held": 2,
-            # the leg of a path: where it starts, the waypoint after its end, and directions
-            "origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1,
-        },
-        shown={"reached": 1, "support_distance": 1},
+        row={"held": 2, **path.ROW},
+        shown=body.SHOWN,
     ),
     hooks=hooks.HOOKS,
     scale=scale,
     options=("actions", "waypoints"),
     view=_view,
-    reasons={
-        hooks.BROACHED: ("broached: depth_m is {value:.3g}", ""),
-        hooks.TOO_DEEP: ("too deep: depth_m is {value:.4g}, the limit {limit:.4g}", "depth_limit"),
-        hooks.PITCHED: ("out of its envelope: pitch_rad is {value:.3g}, the limit {limit:.3g}", "pitch_limit"),
-        hooks.ROLLED: ("out of its envelope: roll_rad is {value:.3g}, the limit {limit:.3g}", "roll_limit"),
-        hooks.TOO_FAST: ("out of its envelope: the speed is {value:.3g} m/s, the limit {limit:.3g}", "speed_limit"),
-        hooks.SPINNING: (
-            "out of its envelope: the rate of turn is {value:.3g} rad/s, the limit {limit:.3g}", "rate_limit",
-        ),
-        hooks.ARRIVED: ("arrived at the last waypoint", ""),
-    },
+    reasons=body.REASONS,
     numbers=_first_of_roles,
 )  # fmt: skip

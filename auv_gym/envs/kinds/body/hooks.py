@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin, sqrt
+from math import cos, pi, sin
 
-from auv_gym.compiled import OPEN, outlined
-from auv_gym.envs.kernel.hooks import Hooks, Vehicle
-from auv_gym.envs.kernel.layout import CHANGE_DRAWS, NO_REASON, OWN, START_DRAWS
+from auv_gym.envs.kernel.body import ARRIVED, beyond, doubt
+from auv_gym.envs.kernel.hooks import Hooks
+from auv_gym.envs.kernel.path import begin_path, go_on, look_along, path_terms
 from auv_gym.envs.kernel.targets import (
     ages,
     draw_target,
@@ -16,20 +16,14 @@ from auv_gym.envs.kernel.targets import (
     target_error,
     tracking_term,
 )
-from auv_gym.envs.kinds.body.path import leg_axes, leg_between, point_ahead
 from auv_gym.physics.frames import wrapped
-from auv_gym.vehicles.body.learned_hull import ROOM, support_distance
 
-# Why an episode was terminated.
-BROACHED, TOO_DEEP, PITCHED, ROLLED, TOO_FAST, SPINNING, ARRIVED = range(OWN, OWN + 7)
-
-vehicle: Vehicle = OPEN
-STATES = INPUTS = ACTUATORS = OUTPUTS = SHARES = YAW_INPUT = PITCH_INPUT = 0
-U = V = W = P = Q = R = NORTH = EAST = DEPTH = ROLL = PITCH = HEADING = WAVE_PHASE = 0
+STATES = INPUTS = ACTUATORS = OUTPUTS = SHARES = YAW_INPUT = PITCH_INPUT = ACROSS = 0
+V = W = NORTH = EAST = DEPTH = PITCH = HEADING = WAVE_PHASE = 0
 READ_W = READ_Q = READ_R = READ_V = READ_NORTH = READ_EAST = READ_DEPTH = READ_PITCH = READ_HEADING = 0
 
 
-def command(t, e):
+def command(plan, t, e):
     """The commands of an action, and what the regulators hold, into e.command, and what their change costs into e.term.
 
     Fins outside the action keep the cruise, by linear feedback of the readings: the rudder the heading and the stern
@@ -60,85 +54,21 @@ def command(t, e):
     e.term[1] = -t.weight[1] * 0.5 * travel / t.actions
 
 
-def beyond(x, t):
-    """Why a finite state ends the episode, and the number that does."""
-    if x[DEPTH] < 0.0:
-        return BROACHED, x[DEPTH]
-    if x[DEPTH] > t.depth_limit:
-        return TOO_DEEP, x[DEPTH]
-    square = x[U] * x[U] + x[V] * x[V] + x[W] * x[W]
-    if square > t.speed_limit * t.speed_limit:
-        return TOO_FAST, sqrt(square)
-    square = x[P] * x[P] + x[Q] * x[Q] + x[R] * x[R]
-    if square > t.rate_limit * t.rate_limit:
-        return SPINNING, sqrt(square)
-    if abs(x[PITCH]) > t.pitch_limit:
-        return PITCHED, x[PITCH]
-    if abs(x[ROLL]) > t.roll_limit:
-        return ROLLED, x[ROLL]
-    return NO_REASON, 0.0
-
-
 def score(x, before, t, e):
     """The reward terms of the true state x, for the target that the action was chosen for."""
     if t.follows_path == 0.0:
         e.term[0] = tracking_term(x, t, e)
         return
-    _, across, below = leg_axes(x[NORTH] - e.origin[0], x[EAST] - e.origin[1], x[DEPTH] - e.origin[2], e.course, e.sink)
-    moved, _, _ = leg_axes(x[NORTH] - before[NORTH], x[EAST] - before[EAST], x[DEPTH] - before[DEPTH], e.course, e.sink)
-    e.term[0] = -t.weight[0] * min(sqrt(across * across + below * below) / t.error_scale, 1.0)
-    e.term[2] = -t.weight[2] * min(abs(t.path_speed - moved / t.dt) / t.path_speed, 1.0)
-
-
-@outlined
-def lead_on(plan, t, e, row):
-    """The waypoint after the present one into e.next, given or drawn, and the leg to it."""
-    count = int(t.waypoints)
-    k = int(e.reached) + 1
-    if count > 0:
-        at = int(t.waypoints_at) + 3 * min(k, count - 1)
-        e.next[0], e.next[1], e.next[2] = plan[at], plan[at + 1], plan[at + 2]
-        e.next_course, e.next_sink = e.course, e.sink
-        if k < count:
-            e.next_course, e.next_sink, _ = leg_between(
-                e.target[0], e.target[1], e.target[2], e.next[0], e.next[1], e.next[2]
-            )
-        return
-    at = int(t.draws_at) + START_DRAWS + int(t.randomised) + CHANGE_DRAWS * (int(e.change) % int(t.changes))
-    e.change += 1.0
-    length = t.leg[0] + (t.leg[1] - t.leg[0]) * row[at]
-    course = e.course + t.turn * (2.0 * row[at + 1] - 1.0)
-    sink = t.slope * (2.0 * row[at + 2] - 1.0)
-    depth = e.target[2] + length * sin(sink)
-    if depth < t.target_band[0] or depth > t.target_band[1]:
-        sink = -sink
-    north, east, depth = point_ahead(e.target[0], e.target[1], e.target[2], course, sink, length)
-    e.next[0], e.next[1] = north, east
-    e.next[2] = min(max(depth, t.target_band[0]), t.target_band[1])
-    e.next_course, e.next_sink, _ = leg_between(e.target[0], e.target[1], e.target[2], e.next[0], e.next[1], e.next[2])
+    north, east, down = x[NORTH] - before[NORTH], x[EAST] - before[EAST], x[DEPTH] - before[DEPTH]
+    e.term[0], e.term[2] = path_terms(x[NORTH], x[EAST], x[DEPTH], north, east, down, t, e)
 
 
 def aim(plan, x, t, e, row):
     """A new target or leg where the present one has had its time or is reached; e.reason where it was the last."""
     if t.follows_path == 0.0:
         draw_target(t, e, row)
-        return
-    north, east, down = x[NORTH] - e.origin[0], x[EAST] - e.origin[1], x[DEPTH] - e.origin[2]
-    along, _, _ = leg_axes(north, east, down, e.course, e.sink)
-    north, east, down = e.target[0] - x[NORTH], e.target[1] - x[EAST], e.target[2] - x[DEPTH]
-    near = north * north + east * east + down * down < t.radius * t.radius
-    if near or along >= e.length:
-        e.reached += 1.0
-        if t.waypoints > 0.0 and e.reached >= t.waypoints:
-            e.reason = ARRIVED
-            return
-        for i in range(3):
-            e.origin[i] = e.target[i]
-            e.target[i] = e.next[i]
-        e.course, e.sink, e.length = leg_between(
-            e.origin[0], e.origin[1], e.origin[2], e.target[0], e.target[1], e.target[2]
-        )
-        lead_on(plan, t, e, row)
+    elif go_on(plan, x[NORTH], x[EAST], x[DEPTH], t, e, row):
+        e.reason = ARRIVED
 
 
 def look(t, e, row):
@@ -150,13 +80,7 @@ def look(t, e, row):
             f[OUTPUTS + 1], f[OUTPUTS + 2] = sin(error), cos(error)
         f[OUTPUTS], f[OUTPUTS + 3] = error, e.target[0]
     else:
-        along, across, below = leg_axes(
-            f[READ_NORTH] - e.origin[0], f[READ_EAST] - e.origin[1], f[READ_DEPTH] - e.origin[2], e.course, e.sink
-        )
-        turn, next_turn = e.course - f[READ_HEADING], e.next_course - f[READ_HEADING]
-        f[OUTPUTS + 4], f[OUTPUTS + 5], f[OUTPUTS + 6] = across, below, e.length - along
-        f[OUTPUTS + 7], f[OUTPUTS + 8], f[OUTPUTS + 9] = sin(turn), cos(turn), e.sink
-        f[OUTPUTS + 10], f[OUTPUTS + 11], f[OUTPUTS + 12] = sin(next_turn), cos(next_turn), e.next_sink
+        look_along(f[READ_NORTH], f[READ_EAST], f[READ_DEPTH], f[READ_HEADING], e, ACROSS)
 
 
 def place(plan, drawn, t, e, row):
@@ -180,23 +104,7 @@ def set_out(plan, x, t, e, row):
     if t.follows_path == 0.0:
         first_target(x, t, e, row)
         return
-    e.origin[0], e.origin[1], e.origin[2] = x[NORTH], x[EAST], x[DEPTH]
-    e.target[0], e.target[1], e.target[2] = x[NORTH], x[EAST], x[DEPTH]
-    e.course, e.reached = x[HEADING], -1.0
-    lead_on(plan, t, e, row)
-    e.reached = 0.0
-    for i in range(3):
-        e.target[i] = e.next[i]
-    e.course, e.sink, e.length = leg_between(
-        e.origin[0], e.origin[1], e.origin[2], e.target[0], e.target[1], e.target[2]
-    )
-    lead_on(plan, t, e, row)
-
-
-def doubt(x, derived, e, work):
-    """How far the vehicle's velocity is from those that a learned hull was trained with, over their reach."""
-    p = vehicle.parameters(derived)
-    e.support_distance = support_distance(p, x, work[:ROOM]) if p.computed.learned != 0.0 else 0.0
+    begin_path(plan, x[NORTH], x[EAST], x[DEPTH], x[HEADING], t, e, row)
 
 
 HOOKS = Hooks(

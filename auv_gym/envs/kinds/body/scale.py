@@ -7,20 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from auv_gym.envs import tasks
+from auv_gym.envs.kernel.body import START
 from auv_gym.envs.kind import ScaledTask
-from auv_gym.envs.options import check_number
+from auv_gym.envs.options import check_actions, check_number, check_waypoints
 from auv_gym.envs.tasks import PROPULSION, Task
-from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits, command_middles, find_cruise, find_helm
 
-_START = (
-    "north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad",
-    "u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps",
-)  # fmt: skip
 _HELD = {  # what the regulators of held fins read
     "yaw": ("v_mps", "r_radps", "heading_rad"),
     "pitch": ("w_mps", "q_radps", "pitch_rad", "depth_m"),
@@ -55,11 +49,12 @@ def scale(
     largest = task.current * speed
     helm, limits = find_helm(plant), command_limits(plant)
     stands_for = _channels(plant)
-    moved = [stands_for[a] for a in task.actions if a in stands_for] if actions is None else _given(actions, plant)
+    moved = (
+        [stands_for[a] for a in task.actions if a in stands_for] if actions is None else check_actions(actions, plant)
+    )
     first = {"yaw": plant.inputs[helm.rudder], "pitch": plant.inputs[helm.plane]}
     held = {role: name for role, name in first.items() if name not in moved}
     where = (task.channel,) if task.channel else ("north_m", "east_m", "depth_m", "heading_rad")
-    points = np.zeros((0, 3)) if waypoints is None else _checked(waypoints)
     return ScaledTask(
         units={"length": length, "speed": speed, "rate": rate},
         duration=duration,
@@ -67,7 +62,7 @@ def scale(
         actions=tuple(moved),
         middles=command_middles(plant)[[family.inputs.index(a) for a in moved]],
         limits=limits[[family.inputs.index(a) for a in moved]],
-        start=_START,
+        start=START,
         randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest))
         if largest > 0.0
         else {},
@@ -98,7 +93,7 @@ def scale(
             "speed_limit": tasks.SPEED_LIMIT * speed,
             "rate_limit": tasks.RATE_LIMIT * rate,
         },
-        tables={"waypoints": points},
+        tables={"waypoints": check_waypoints(waypoints)},
         read_for={name: _HELD[role] for role, name in held.items()},
     )
 
@@ -108,26 +103,3 @@ def _channels(plant: Plant) -> dict[str, str]:
     roles = plant.family.body.by_role()
     named = {"rudder_rad": roles["yaw"][0], "stern_plane_rad": roles["pitch"][0], PROPULSION: roles["surge"][0]}
     return {**named, **({"bow_plane_rad": roles["pitch"][1]} if len(roles["pitch"]) > 1 else {})}
-
-
-def _given(actions: Sequence[str], plant: Plant) -> list[str]:
-    """The inputs that are asked for as actions; raises on what the vehicle has not."""
-    can = list(plant.family.actuators)
-    if isinstance(actions, str) or not actions or len(set(actions)) < len(actions):
-        raise ValueError(f"actions= needs one or more names, each once, of {', '.join(can)}; got {actions!r}.")
-    for name in actions:
-        if name not in can:
-            raise ValueError(
-                f"actions= has {name!r}, which does not move {plant.name}. {did_you_mean(name, can)}"
-                f"It has {', '.join(can)}."
-            )
-    return list(actions)
-
-
-def _checked(waypoints: Sequence[Sequence[float]]) -> np.ndarray:
-    points = np.asarray(waypoints, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
-        raise ValueError(f"waypoints needs one or more rows of north, east and depth in m, got shape {points.shape}.")
-    if (points[:, 2] < 0.0).any() or not np.abs(np.diff(points, axis=0)).sum(axis=1).all():
-        raise ValueError("waypoints needs depths of 0 m or more, and no waypoint twice in a row.")
-    return points

@@ -16,7 +16,7 @@ IN_ELAPSED = IN_PUMPED_VOLUME = IN_VALVED_VOLUME = IN_VALVED_DEPTH = 0
 _AIR = -1.0  # m; a float that is under control bobs at the surface, and does not leave it
 
 
-def command(t, e):
+def command(plan, t, e):
     """The commands of an action into e.command, and what its change costs into e.term.
 
     e.position: where the engine is by its rate, as a share of its range. A piston is told where to go and goes there

@@ -23,7 +23,7 @@ from auv_gym.physics.frames import wrapped
 SHARES = HEADING = READ_HEADING = IN_RUDDER = IN_U = ERROR_SIN = ERROR_COS = TURN_RATE = SPEED = 0
 
 
-def command(t, e):
+def command(plan, t, e):
     """Put the rudder that the action commands into e.command, and what its change costs into e.term."""
     share = min(max(e.action[0], -1.0), 1.0)
     e.term[1] = -t.weight[1] * 0.5 * abs(share - e.features[SHARES + IN_RUDDER])

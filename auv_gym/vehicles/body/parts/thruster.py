@@ -122,7 +122,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
     """Thrust along the thruster's direction, its moment about the origin, and its torque."""
     share = actuators[at]
     thrust = (1.0 - effects.lost) * curve_thrust(share, part.curve) if abs(share) > part.dead_zone else 0.0
-    if part.power != 0.0:
+    if part.power != 0.0 and inputs[shared] != part.voltage:  # where they are equal the factor is 1
         thrust *= (max(inputs[shared], 0.0) / part.voltage) ** part.power
     k, m, n = derived.k, derived.m, derived.n
     return thrust * derived.x, thrust * derived.y, thrust * derived.z, thrust * k, thrust * m, thrust * n
@@ -139,15 +139,30 @@ def derive(part, effects, hull, derived):
     derived.n = part.x * y - part.y * x + part.torque_arm * z
 
 
+def _polynomial_t200() -> tuple[tuple[float, float], ...]:
+    c = COMMANDS
+    thrusts = -140.3 * c**9 + 389.9 * c**7 - 404.1 * c**5 + 176.0 * c**3 + 8.9 * c
+    thrusts[0], thrusts[-1] = thrusts[1], thrusts[-2]  # the polynomial falls by 0.1 N beyond 0.95: held
+    return tuple(zip(c.tolist(), thrusts.tolist(), strict=True))
+
+
+# Where the curves come from.
+SOURCES: Mapping[str, str] = {
+    "t200": "Blue Robotics T200 at 16 V: measurements of MrEkelund/ExjobbROV (BlueROV of 2016), measuredthrust.txt",
+    "t200_von_benzon": "von Benzon et al. 2022, JMSE 10(12):1898, eq. (18): a T200 of the BlueROV2 Heavy",
+}
 # Curves that a vehicle file can name: command, thrust in N.
 CURVES: Mapping[str, tuple[tuple[float, float], ...]] = {
-    # Blue Robotics T200, at its nominal supply; none within 0.05.  Source: measurements of MrEkelund/ExjobbROV
-    # (BlueROV of 2016), measuredthrust.txt, every tenth of the command.
+    # every twentieth of the command; none within 0.05
     "t200": (
-        *((-1.0, -40.1), (-0.9, -36.6), (-0.8, -31.2), (-0.7, -26.6), (-0.6, -21.4), (-0.5, -16.1), (-0.4, -11.0)),
-        *((-0.3, -6.8), (-0.2, -3.5), (-0.1, -0.5), (-0.05, 0.0), (0.05, 0.0), (0.1, 1.1), (0.2, 4.1), (0.3, 8.3)),
-        *((0.4, 13.7), (0.5, 19.2), (0.6, 24.7), (0.7, 31.3), (0.8, 37.1), (0.9, 42.9), (1.0, 50.0)),
+        *((-1.0, -40.1), (-0.95, -40.0), (-0.9, -36.6), (-0.85, -33.8), (-0.8, -31.2), (-0.75, -28.5), (-0.7, -26.6)),
+        *((-0.65, -23.2), (-0.6, -21.4), (-0.55, -18.5), (-0.5, -16.1), (-0.45, -13.1), (-0.4, -11.0), (-0.35, -8.9)),
+        *((-0.3, -6.8), (-0.25, -5.1), (-0.2, -3.5), (-0.15, -1.9), (-0.1, -0.5), (-0.05, 0.0), (0.0, 0.0)),
+        *((0.05, 0.0), (0.1, 1.1), (0.15, 2.6), (0.2, 4.1), (0.25, 6.2), (0.3, 8.3), (0.35, 10.8)),
+        *((0.4, 13.7), (0.45, 16.5), (0.5, 19.2), (0.55, 21.8), (0.6, 24.7), (0.65, 27.7), (0.7, 31.3)),
+        *((0.75, 33.8), (0.8, 37.1), (0.85, 39.3), (0.9, 42.9), (0.95, 47.1), (1.0, 50.0)),
     ),
+    "t200_von_benzon": _polynomial_t200(),
 }
 
 
@@ -180,6 +195,14 @@ def read_curve(given: Any) -> dict[str, float]:
     return dict(zip(map(_name, COMMANDS.tolist()), np.interp(COMMANDS, rows[:, 0], rows[:, 1]).tolist(), strict=True))
 
 
+def _curve_entries(given: Any) -> Mapping[str, Any]:
+    """A curve as entries of a vehicle file: one that has a name brings its source."""
+    thrusts = read_curve(given)
+    if not isinstance(given, str):
+        return thrusts
+    return {name: {"value": thrust, "source": SOURCES[given]} for name, thrust in thrusts.items()}
+
+
 def _problem(thruster: Thruster) -> str:
     if not any((thruster.to_x, thruster.to_y, thruster.to_z)):
         return ": to_x, to_y, to_z is a direction of length 0: say where its thrust points, such as to_x = 1"
@@ -204,7 +227,30 @@ def _limits_of_share(thruster: Thruster) -> tuple[float, float]:
     return -thruster.limit, thruster.limit
 
 
-def _form(suffix: str, shape: Any, limits: Any) -> PartKind:
+def _table(thruster: Thruster) -> tuple[np.ndarray, np.ndarray]:
+    """Shares of the command from -limit to limit, rising, and thrusts; both edges of the dead zone are there twice."""
+    edge, limit = thruster.dead_zone, thruster.limit
+    pushes = np.array([getattr(thruster.curve, _name(c)) for c in COMMANDS.tolist()])
+    inner = [c for c in COMMANDS.tolist() if edge < c < limit]
+    ahead = np.unique([edge, *inner, max(limit, edge)])
+    astern = -ahead[::-1]
+    shares = np.concatenate([astern, [-edge, edge], ahead]) if edge > 0.0 else np.concatenate([astern[:-1], ahead])
+    thrusts = np.interp(shares, COMMANDS, pushes)
+    if edge > 0.0:
+        thrusts[astern.size : astern.size + 2] = 0.0
+    return shares, thrusts
+
+
+def _table_of_pulses(thruster: Thruster) -> tuple[np.ndarray, np.ndarray]:
+    shares, thrusts = _table(thruster)
+    return PULSE_MIDDLE + PULSE_HALF * shares, thrusts
+
+
+def _share_at(thruster: Thruster, shared: Mapping[str, float]) -> float:
+    return (max(shared["supply_V"], 0.0) / thruster.voltage) ** thruster.power
+
+
+def _form(suffix: str, shape: Any, limits: Any, table: Any = _table, idle: float = 0.0) -> PartKind:
     return PartKind(
         name="thruster",
         title="thruster where it sits",
@@ -213,17 +259,19 @@ def _form(suffix: str, shape: Any, limits: Any) -> PartKind:
         order=40,
         slot=f"thruster_{suffix}",
         choice="command",
-        commands=(Command(suffix, limits),),
+        commands=(Command(suffix, limits, idle=idle),),
         force=force,
         shape=shape,
         times=times,
         derive=derive,
         numbers=("x", "y", "z", "k", "m", "n"),
         shared={"supply_V": "voltage"},
-        texts={"curve": read_curve},
+        texts={"curve": _curve_entries},
         problem=_problem,
         sketch=_sketch,
         place=("x", "y", "z"),
+        thrusts=table,
+        thrust_share=_share_at,
     )
 
 
@@ -236,6 +284,6 @@ KIND = PartKind(
     choice="command",
     variants={
         "share": _form("share", thruster_share_command, _limits_of_share),
-        "pulse": _form("us", thruster_pulse_command, _limits_of_pulse),
+        "pulse": _form("us", thruster_pulse_command, _limits_of_pulse, _table_of_pulses, PULSE_MIDDLE),
     },
 )

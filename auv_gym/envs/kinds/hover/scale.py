@@ -1,0 +1,127 @@
+"""What a vehicle that thrusters move makes of a task: its length and the speeds that they give it are the scales."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import nan
+
+import numpy as np
+
+from auv_gym.envs import tasks
+from auv_gym.envs.kernel.body import START
+from auv_gym.envs.kind import ScaledTask
+from auv_gym.envs.kinds.hover.hooks import LAST
+from auv_gym.envs.options import check_actions, check_number, check_targets, check_waypoints
+from auv_gym.envs.tasks import Observed, Task
+from auv_gym.plant import Plant
+from auv_gym.plant.cruise import command_limits, command_middles
+from auv_gym.plant.hover import Hover, find_hover
+
+THRUSTERS, WRENCH = "thrusters", "wrench"  # what actions= can ask for besides channels
+
+
+def scale(
+    task: Task,
+    plant: Plant,
+    *,
+    duration: float | None,
+    target: Mapping[str, float] | None,
+    waypoints: Sequence[Sequence[float]] | None = None,
+    actions: str | Sequence[str] | None = None,
+) -> ScaledTask:
+    """The task of a vehicle; raises on targets, waypoints or actions it cannot have, and where it cannot hold itself.
+
+    target: parts of the pose, by channel, that are not drawn.  waypoints: rows of north, east, depth, m; by default
+    they are drawn.  actions: "thrusters", their commands, by default; "wrench", forces and moments; or channels.
+    """
+    if task.targets and waypoints is not None:
+        raise ValueError(f"{task.name} has a pose, not waypoints: give target= with values by channel.")
+    if not task.targets and target is not None:
+        raise ValueError(
+            f"{task.name} has waypoints, not a target: give waypoints= as rows of north, east and depth in m."
+        )
+    duration = task.duration if duration is None else duration
+    check_number("duration", duration, "s", above=0.0)
+    fixed = (
+        check_targets("target", {} if target is None else target, task)
+        if task.targets
+        else dict.fromkeys(tasks.POSE, nan)
+    )
+    if np.isnan(fixed["roll_rad"]):
+        fixed["roll_rad"] = 0.0
+    if np.isnan(fixed["pitch_rad"]):
+        fixed["pitch_rad"] = 0.0
+    hover, family = find_hover(plant), plant.family
+    length, speed = plant.hull.length, hover.speed
+    rate = speed / length
+    largest = task.current * speed
+    middles, limits = command_middles(plant), command_limits(plant)
+    by_wrench = isinstance(actions, str) and actions == WRENCH
+    chosen = _chosen(actions, plant, hover)
+    moved = [family.inputs.index(name) for name in chosen] if not by_wrench else []
+    where = task.targets or ("north_m", "east_m", "depth_m", "heading_rad")
+    per_action = hover.allocation * list(hover.largest.values())
+    idle = hover.thrusters.idle
+    rows = [[at, i, held, *push] for at, i, held, push in zip(hover.thrusters.at, idle, hover.thrusts, per_action)]
+    return ScaledTask(
+        units={"length": length, "speed": speed, "rate": rate, "turn": hover.speeds.get("yaw", rate)},
+        duration=duration,
+        stands_for={},
+        actions=chosen,
+        middles=np.zeros(len(chosen)) if by_wrench else middles[moved],
+        limits=np.array(list(hover.largest.values())) if by_wrench else limits[moved],
+        start=START,
+        randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest))
+        if largest > 0.0
+        else {},
+        read=(*(o.source for o in task.observed if o.source in plant.outputs), *where),
+        driven=hover.thrusters.channels if by_wrench else chosen,
+        # two changes for each pose: it has more numbers than one has draws for
+        shortest=task.hold[0] / rate / 2.0 if task.targets else tasks.LEG[0] * length / (2.0 * speed),
+        least_dt=plant.dt,
+        observed=tuple(
+            Observed(f"last_{name}", LAST[k]) if by_wrench else Observed(name, name) for k, name in enumerate(chosen)
+        ),
+        plan={
+            "start_depth": [k * length for k in tasks.START_DEPTH],
+            "hover_state": hover.state,
+            "hover_command": hover.commands,
+            "limit": limits,
+            "middle": middles,
+            "action_of": [chosen.index(name) if name in chosen else -1 for name in family.actuators],
+            "by_wrench": by_wrench,
+            "redrawn": task.step[1] > 0.0,
+            "fixed": list(fixed.values()),
+            "size": length,
+            "attitude_scale": tasks.ATTITUDE_SCALE,
+            "sum_rate": rate * plant.dt,
+            "sum_limit": tasks.SUM_LIMIT,
+            "follows_path": not task.targets,
+            "leg": [k * length for k in tasks.LEG],
+            "turn": tasks.TURN,
+            "slope": tasks.SLOPE,
+            "path_speed": tasks.THRUST_PATH_SPEED * speed,
+            "radius": tasks.RADIUS * length,
+            "depth_limit": tasks.DEPTH_LIMIT * length,
+            "pitch_limit": tasks.PITCH_LIMIT,
+            "roll_limit": tasks.ROLL_LIMIT,
+            "speed_limit": tasks.SPEED_LIMIT * speed,
+            "rate_limit": tasks.RATE_LIMIT * rate,
+        },
+        tables={
+            "waypoints": check_waypoints(waypoints),
+            "thrusters": rows,
+            "curves": hover.thrusters.curves.reshape(-1, 2),
+        },
+    )
+
+
+def _chosen(actions: str | Sequence[str] | None, plant: Plant, hover: Hover) -> tuple[str, ...]:
+    """The inputs or axes of the actions; raises on what the vehicle has not."""
+    if actions is None or (isinstance(actions, str) and actions == THRUSTERS):
+        return hover.thrusters.channels
+    if isinstance(actions, str):
+        if actions == WRENCH:
+            return hover.axes
+        raise ValueError(f"actions= is {THRUSTERS!r}, {WRENCH!r} or a list of inputs of {plant.name}, got {actions!r}.")
+    return tuple(check_actions(actions, plant))

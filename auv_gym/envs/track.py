@@ -1,0 +1,72 @@
+"""The track of a run in six degrees of freedom, as a scene to draw."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from auv_gym.envs.episodes import Episodes
+from auv_gym.param import value_at
+from auv_gym.plant import Plant
+from auv_gym.rendering import Scene, Target
+
+
+class BodyView:
+    """Follows one environment, whose row it reads; goal: of its episodes, the row's record and the waypoints so far."""
+
+    def __init__(self, episodes: Episodes, row: np.ndarray, goal: Callable[[Episodes, Any, np.ndarray], Target]):
+        self._goal = goal
+        family, state_at = episodes.plant.family, int(episodes.settings["state_at"])
+        self._episodes, self._row, self._record = episodes, row, episodes.record(row)
+        self._at = {name: state_at + i for i, name in enumerate(family.states)}
+        settings = episodes.settings
+        self._limits = dict(
+            zip(family.actuators, zip(settings["middle"].tolist(), settings["limit"].tolist()), strict=True)
+        )
+        self._track: list[tuple[float, float, float, float]] = []
+        self._waypoints: list[tuple[float, float, float]] = []
+
+    def follow(self, begin: bool = False) -> None:
+        """Take the present position into the track, of a new episode if it begins."""
+        if begin:
+            self._track, self._waypoints = [], []
+        record = self._record
+        self._track.append((float(record["time"]), *self._states("north_m", "east_m", "depth_m")))
+        if self._episodes.settings["follows_path"]:
+            for point in (record["target"], record["next"])[len(self._waypoints) - int(record["reached"]) :]:
+                self._waypoints.append(tuple(point[:3].tolist()))
+
+    def scene(self) -> Scene:
+        """The present moment and how it came there, a `Scene`."""
+        track = np.array(self._track)
+        told = dict(zip(self._episodes.plant.inputs, self._record["command"].tolist(), strict=True))
+        velocity = self._states("u_mps", "v_mps", "w_mps")
+        return Scene(
+            trail=track[:, 1:],
+            time=track[:, 0],
+            attitude=self._states("roll_rad", "pitch_rad", "heading_rad"),
+            speed=float(np.linalg.norm(velocity)),
+            commands={
+                name: (told[name], (middle - limit, middle + limit))
+                for name, (middle, limit) in self._limits.items()
+                if limit
+            },
+            target=self._goal(self._episodes, self._record, np.array(self._waypoints)),
+            current=self._current(),
+            title=f"{self._episodes.task.name}   {self._episodes.plant.title or self._episodes.plant.name}",
+            caption=f"{track[-1, 0]:.1f} s",
+        )
+
+    def _states(self, *names: str) -> tuple[Any, ...]:
+        return tuple(float(self._row[self._at[name]]) for name in names)
+
+    def _current(self) -> tuple[float, float] | None:
+        """The steady current, where a plant drives the environment; drawn values stand before the plant's."""
+        if not isinstance(self._episodes.driver, Plant) or self._episodes.by_model:
+            return None
+        drawn = self._episodes.randomised_values(self._row)
+        paths = ("effects.current.north", "effects.current.east")
+        north, east = (drawn.get(path, value_at(self._episodes.driver, path)) for path in paths)
+        return (north, east) if north or east else None

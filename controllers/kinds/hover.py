@@ -1,0 +1,215 @@
+"""Autopilots of vehicles that hover by thrusters: position, depth, heading, and roll and pitch where they can."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from math import pi, sqrt
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from auv_gym.models.linear import StateSpace
+from auv_gym.plant import Plant
+from auv_gym.plant.cruise import command_ranges
+from controllers.allocation import AXES, allocation_of
+from controllers.composed.allocated import Allocated
+from controllers.composed.loops import Joint
+from controllers.controller import Controller
+from controllers.hovering.dynamics import POSE, HoverDynamics
+from controllers.hovering.law import HoverPid, pace_of, placed_gains
+from controllers.hovering.world import WORLD, InWorldAxes
+from controllers.kinds import ANGLE_ERROR, ControlKind, Ranges
+from controllers.predictive.gpc import Gpc
+from controllers.trials.trial import NOISE
+
+_DAMPING = 1.0  # critical: a vehicle among obstacles does not overshoot
+_SLOW = 0.2  # the third pole over the two that the frequency says, as in `controllers.pid`
+# rad, the phase that delays may cost where the loop's gain is 1; critically damped it has 76 degrees there without
+_PHASE = pi / 6.0
+# righting frequency times sample: beyond, a loop cannot level what swings between its samples.  Source: Astrom and
+# Wittenmark 1997, Computer-Controlled Systems, sec. 4.3 (0.1 to 0.6)
+_SWING = 0.6
+_CALLS = 1.5  # samples by which a command is late: half for being held, one for the rate's smoothing
+# errors at which the proportional part alone asks for all that an axis has
+_FAR, _TURNED = 0.5, 0.5  # m, rad
+_SHARE = 0.5  # of an axis's authority, that a reference takes: the rest is for what the model does not know
+_POSITION_ERROR = 0.1  # m, that matters as much to a plan as half an input's range moved in a sample
+_STEPS = 0.2  # of the time of a loop, 1 / frequency: from plan to plan, of which thirty make a horizon
+_DRIFT = 0.02  # of an axis's authority, by which disturbances walk in a second that filters reckon with
+_POSITION_NOISE = 0.03  # m, of a position, like that of depth
+_AXIS_OF: dict[str, int] = {name: i for i, name in enumerate(POSE)}
+_NAMES = tuple(name.rpartition("_")[0] for name in AXES)
+
+
+@lru_cache(maxsize=16)
+def _dynamics(plant: Plant, lost: tuple[tuple[str, float], ...] = ()) -> HoverDynamics:
+    return HoverDynamics(plant, allocation_of(plant, dict(lost))[0])
+
+
+def _allocated(plant: Plant, controller: Controller, lost: Mapping[str, float]) -> Allocated:
+    allocation, thrusters = allocation_of(plant, lost)
+    return Allocated(controller, allocation, thrusters)
+
+
+def _pid(
+    plant: Plant,
+    targets: tuple[str, ...],
+    dt: float | None,
+    *,
+    frequency: float | Mapping[str, float] | None = None,
+    damping: float = _DAMPING,
+    lost: Mapping[str, float] | None = None,
+) -> Controller:
+    """PID by placed poles: no tuned gains.
+
+    frequency: natural frequency of the loops, rad/s, of all axes or by name ("surge" to "yaw"); default what delays and
+    thrusters allow.  damping: ratio.  lost: shares of thrust by thruster, known to be lost.
+    """
+    known = dict(lost or {})
+    dynamics = _checked(plant, targets, known)
+    if not damping > 0.0:
+        raise ValueError(f"An autopilot of {plant.name!r} needs damping > 0, a ratio such as 1, got {damping!r}.")
+    sample = plant.dt if dt is None else dt
+    _check_sample(dynamics, sample)
+    chosen = _frequencies(dynamics, damping, sample)
+    given = dict.fromkeys(_NAMES, frequency) if isinstance(frequency, int | float) else dict(frequency or {})
+    for name, value in given.items():
+        if name not in _NAMES or value is None or not value > 0.0:
+            raise ValueError(
+                f"frequency= needs a number above 0 in rad/s, or such numbers by axis ({', '.join(_NAMES)}), got "
+                f"{name!r}: {value!r}."
+            )
+        chosen[_NAMES.index(name)] = value
+    gains = placed_gains(dynamics, chosen, damping, _SLOW, _SHARE)
+    return _allocated(plant, HoverPid(dynamics, gains, targets, _level(dynamics)), known)
+
+
+def _frequencies(dynamics: HoverDynamics, damping: float, dt: float) -> np.ndarray:
+    """Natural frequencies of the axes, rad/s, (6,), that delays and the strength of the thrusters allow.
+
+    The gain of a loop of damping ratio z is 1 at its frequency times sqrt(2 z^2 + sqrt(4 z^4 + 1)); there, a delay T
+    costs that frequency times T in phase.
+    """
+    crossing = sqrt(2.0 * damping**2 + sqrt(4.0 * damping**4 + 1.0))
+    quick = _PHASE / (crossing * (_CALLS * dt + dynamics.delay))
+    far = np.array([_FAR] * 3 + [_TURNED] * 3)
+    strong = np.sqrt(dynamics.authority / (far * np.diag(dynamics.mass)))
+    return np.where(strong > 0.0, np.minimum(quick, strong), quick)
+
+
+def _check_sample(dynamics: HoverDynamics, dt: float) -> None:
+    """Raises where the vehicle rights itself too quickly for loops that act every dt, s."""
+    righting = float(np.sqrt(np.max(dynamics.stiffness / np.diag(dynamics.mass), initial=0.0)))
+    if righting * dt > _SWING:
+        raise ValueError(
+            f"{dynamics.plant.name!r} swings about level with {righting:.3g} rad/s, so its autopilot must act at least "
+            f"every {_SWING / righting:.2g} s, got {dt:g} s: choose a shorter dt."
+        )
+
+
+def _checked(plant: Plant, targets: Sequence[str], lost: Mapping[str, float]) -> HoverDynamics:
+    """The dynamics; raises where the thrusters do not serve what the targets take."""
+    dynamics = _dynamics(plant, tuple(sorted(lost.items())))
+    counts = dynamics.allocation.counts
+    for name in targets:
+        missing = [axis for axis in _axes_for(name) if axis not in counts]
+        if missing:
+            raise ValueError(
+                f"The thrusters of {plant.name!r}{' that are left' * bool(lost)} do not serve {', '.join(missing)}, "
+                f"which {name} takes, but {', '.join(counts) or 'nothing'}: choose other targets."
+            )
+    return dynamics
+
+
+def _level(dynamics: HoverDynamics) -> tuple[str, ...]:
+    """Roll and pitch, as far as the thrusters serve them."""
+    return tuple(name for name in POSE[3:5] if AXES[_AXIS_OF[name]] in dynamics.allocation.counts)
+
+
+def _able(plant: Plant) -> tuple[str, ...]:
+    counts = _dynamics(plant).allocation.counts
+    return tuple(name for name in POSE if all(axis in counts for axis in _axes_for(name)))
+
+
+def _axes_for(name: str) -> tuple[str, ...]:
+    """The axes of the body that a channel of the pose takes."""
+    return AXES[:2] if name in POSE[:2] else (AXES[_AXIS_OF[name]],)
+
+
+def _plan(name: str):
+    """The maker of a Gpc of one channel of the pose, which commands a force in world axes or a moment."""
+
+    def make(plant: Plant, settings: dict[str, Any]) -> Gpc:
+        dynamics = _checked(plant, (name,), {})
+        at = _AXIS_OF[name]
+        level = name in POSE[:2]  # north and east are surge and sway by turns: half of each
+        axes = [0, 1] if level else [at]
+        mass, damping = (float(np.mean(v[axes])) for v in (np.diag(dynamics.mass), dynamics.damping))
+        most = float(dynamics.authority[axes].min())
+        model = _axis_model(plant.dt, mass, damping, float(dynamics.stiffness[at]), dynamics.delay, name, WORLD[at])
+        weight = 1.0 / (_POSITION_ERROR if at < 3 else ANGLE_ERROR)
+        fields: dict[str, Any] = {
+            "weights": {name: weight},
+            "input_limits": {WORLD[at]: (-most, most)},
+            "noise": {name: NOISE.get(name, _POSITION_NOISE)},
+            "drift": {WORLD[at]: _DRIFT * sqrt(plant.dt) * most},
+            "nominal": {name: 0.0} if name in POSE[3:5] else {},
+        }
+        return Gpc(model, **{**fields, **settings})
+
+    return make
+
+
+def _axis_model(
+    dt: float, mass: float, damping: float, stiffness: float, lag: float, output: str, wrench: str
+) -> StateSpace:
+    """Position and rate of one axis under a force that lags, exact over samples: what `linearise` is for a cruise.
+
+    It is linear in the force and not in a command, whose curve has no slope where a thruster rests.
+    """
+    slow = lag > 0.0
+    n = 3 if slow else 2
+    rates = np.zeros((n + 1, n + 1))
+    rates[0, 1] = 1.0
+    rates[1, :2] = -stiffness / mass, -damping / mass
+    rates[1, 2] = 1.0 / mass  # the force that acts: a state of its own where it lags, else the input
+    if slow:
+        rates[2, 2:] = -1.0 / lag, 1.0 / lag
+    held = expm(rates * dt)
+    names = ("position", "rate", "force")[:n]
+    return StateSpace(held[:n, :n], held[:n, n:], np.eye(1, n), (wrench,), (output,), dt, states=names)
+
+
+def _every(plant: Plant) -> float:
+    """s between plans: those of the slowest loop that the thrusters serve."""
+    dynamics = _dynamics(plant)
+    served = [AXES.index(name) for name in dynamics.allocation.counts]
+    return _STEPS / float(_frequencies(dynamics, _DAMPING, plant.dt)[served].min())
+
+
+def _joined(plant: Plant, plans: Sequence[Controller], lost: Mapping[str, float] | None = None) -> Controller:
+    """The plans' forces and moments, shared among the thrusters."""
+    known = dict(lost or {})
+    dynamics = _dynamics(plant, tuple(sorted(known.items())))
+    _check_sample(dynamics, plant.dt)
+    pace = pace_of(dynamics, _frequencies(dynamics, _DAMPING, plant.dt), _SHARE)
+    return _allocated(plant, InWorldAxes(Joint(tuple(plans)), dynamics, pace, _level(dynamics)), known)
+
+
+def _ranges(plant: Plant) -> Ranges:
+    return {name: (float(low), float(high)) for name, (low, _, high) in zip(plant.inputs, command_ranges(plant))}
+
+
+KIND = ControlKind(
+    targets=("north_m", "east_m", "depth_m", "heading_rad"),
+    plans={name: _plan(name) for name in POSE},
+    placed=_pid,
+    joined=_joined,
+    shared=("lost",),
+    held=lambda plant: _level(_dynamics(plant)),
+    able=_able,
+    ranges=_ranges,
+    every=_every,
+)
