@@ -43,7 +43,13 @@ TOLERANCE = 1e-10  # of a channel's range
 DURATION, SAMPLES = 60.0, 60  # s, and samples, of a rollout: the longer counts; so many intervals of it are stored
 HOLD = 5  # samples between the edges of the first input's square wave; each further input's takes 2 more
 # set points by channel: where the vehicle begins, and where it is sent in the middle third of the run
-STEPS: Mapping[str, tuple[float, float]] = {"depth_m": (20.0, 21.0), "heading_rad": (0.2, 0.6), "u_mps": (1.2, 1.4)}
+STEPS: Mapping[str, tuple[float, float]] = {
+    "depth_m": (20.0, 21.0),
+    "heading_rad": (0.2, 0.6),
+    "u_mps": (1.2, 1.4),
+    "north_m": (0.0, 1.0),
+    "east_m": (0.0, -0.5),
+}
 # half the height of the square waves, by the unit of the input
 SWINGS: Mapping[str, float] = {
     "rad": 0.05,
