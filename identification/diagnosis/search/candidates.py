@@ -135,7 +135,7 @@ def screen_pairs(
 ) -> list[tuple[Screening, tuple[Screening, Screening]]]:
     """Regression of the filter's errors on each two signatures at once: the pair, as one candidate, and its members.
 
-    Most promising first.  threshold: see `screen`.  Pairs are left out whose signatures are one, or that would have an
+    Most promising first.  threshold: see `screen`.  Pairs are left out that act alike, or that would have an
     effect that works in one direction do so in the other; periods are not sought.
     """
     return _Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period])
@@ -196,7 +196,7 @@ class _Regression:
             gram, told = own @ own.T, own @ self.left
             size = np.sqrt(np.diag(gram))
             alike = np.linalg.eigvalsh(gram / np.outer(size, size))[0]
-            if alike < SEEN:  # one minus the cosine of two
+            if alike < 1.0 - ALIKE:  # one minus the cosine of two; their difference would be an effect that neither is
                 continue
             estimate = np.linalg.solve(gram, told)
             if any(e < 0.0 for p, e in zip(paths, estimate, strict=True) if kinked(p)):
