@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -82,11 +82,13 @@ def trials_of(
 
     finalists = _finalists(begun, plain)
     trials = side_by_side(lambda finalist: _finished(bench, state, finalist, count), finalists)
-    done = {t.candidate for t in trials}
     # with too little process noise all promise too much: what finalists keep of it tells by how much
     both = [(t.train, b.promise) for b, t in zip(finalists, trials, strict=True) if b.state.quiet and b.promise > 0.0]
     kept = float(np.clip(max((train / promise for train, promise in both), default=1.0), 0.0, 1.0))
     gain = {b.screening.candidate: b.promise * (kept if b.state.quiet else 1.0) for b in begun}
+    late = _overtaken(begun, trials, gain, threshold(count))
+    trials += side_by_side(lambda finalist: _finished(bench, state, finalist, count), late)
+    done = {t.candidate for t in trials}
     for screening in screened:
         if screening.candidate not in done:
             reached = gain.get(screening.candidate, screening.evidence)
@@ -226,6 +228,19 @@ def _finalists(begun: Sequence[Begun], plain: Collection[str]) -> list[Begun]:
     best = finite[0].promise if finite else 0.0
     known = [not set(plain).isdisjoint(b.screening.candidate.paths) for b in finite]
     return [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
+
+
+def _overtaken(
+    begun: Sequence[Begun], trials: Sequence[Trial], gain: Mapping[Candidate, float], bar: float
+) -> list[Begun]:
+    """Those that were no finalists, and yet promise more than any of these reached, once all promises are true.
+
+    gain: the true promises.
+    """
+    done = {t.candidate for t in trials}
+    least = max([bar, *(t.train for t in trials if not t.objection)])
+    left = [b for b in begun if b.screening.candidate not in done and gain[b.screening.candidate] > least]
+    return sorted(left, key=lambda b: -gain[b.screening.candidate])[:FINALISTS]
 
 
 def judged(

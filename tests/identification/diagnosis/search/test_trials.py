@@ -224,6 +224,37 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
     assert {*here, *candidates[-trials.SHORT_LIST :]} <= set(listed)
 
 
+def test_what_promises_more_than_finalists_reached_is_fitted_too():
+    """The finalist, from a quieted state, keeps a tenth of what it promised, and one from the state as it is less."""
+    begun = [
+        trials.Begun(screened_of(p), state_of(QUICK, p), r) for p, r in ((OFFSET, 400.0), (GAIN, 90.0), (LAG, 40.0))
+    ]
+    gain = dict(zip((b.screening.candidate for b in begun), (40.0, 9.0, 40.0), strict=True))
+    refused = trials.Trial(begun[0].screening.candidate, None, 39.0, 0.0, begun[0].screening, UNSTABLE)
+    accepted = replace(refused, train=45.0, objection="")
+
+    def overtaken(trial, bar):
+        return [b.screening.candidate.paths[0] for b in trials._overtaken(begun, [trial], gain, bar)]
+
+    assert overtaken(refused, 12.0) == [LAG]
+    assert overtaken(refused, 41.0) == []
+    assert overtaken(accepted, 12.0) == []
+
+
+def test_one_beside_louder_promises_is_fitted_all_the_same(start, monkeypatch):
+    bench, state, candidates = start
+    left = [c for c in candidates if c.paths[0] in (OFFSET, LAG)]
+    monkeypatch.setattr(
+        trials, "_finalists", lambda begun, plain: [b for b in begun if b.screening.candidate != left[0]]
+    )
+    monkeypatch.setattr(trials, "_short_list", lambda screened, here, bar, plain: screened)
+    monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
+    left.sort(key=lambda c: OFFSET not in c.paths)
+    found = {t.candidate.paths[0]: t for t in trials_of(bench, state, left, len(candidates), quiet)}
+    assert found[OFFSET].objection == ""
+    assert found[LAG].state is not None
+
+
 def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
     paths = (OFFSET, GAIN, LAG, "effects.yaw.moment", "effects.compass.lag", "effects.compass.bias")
 
