@@ -35,6 +35,7 @@ _PACE = "dives and rises at several speeds"
 _FREE = "a dive without the line"
 _LINE = "dives at several speeds, near the surface and deep"
 _OIL = "a measured oil volume"
+_TILTED = "a known attitude at rest, and turns about one body axis at a time"
 _VALVE = "valve actions at several depths, with a measured oil volume"
 _ANGLES = "small and large movements of the {} to both sides"
 _QUICK = "and sharp steps of the {}"
@@ -308,6 +309,34 @@ class Inclinometer:
 
 
 @dataclass(frozen=True)
+class Mount:
+    """How the unit of gyros, compass and inclinometer sits in the vehicle: turned about the body axes, rad.
+
+    All its readings turn with it, so that they agree with each other and disagree with the forces.
+    """
+
+    roll: float = param(0.0, "rad", "IMU turned about the forward axis", bounds=(-pi, pi), probe=0.01, apart=_TILTED)
+    pitch: float = param(
+        0.0, "rad", "IMU turned about the starboard axis", bounds=(-1.5, 1.5), probe=0.01, apart=_TILTED
+    )
+    yaw: float = param(0.0, "rad", "IMU turned about the downward axis", bounds=(-pi, pi), probe=0.02, apart=_TILTED)
+
+
+@dataclass(frozen=True)
+class SupplyEffects:
+    """What the battery does to all thrusters together."""
+
+    sag: float = param(
+        0.0,
+        "V/s",
+        "fall of the supply voltage over a log",
+        bounds=(-0.1, 0.1),
+        probe=2e-3,
+        apart="a measured supply voltage, or a longer log",
+    )
+
+
+@dataclass(frozen=True)
 class Gyros:
     """Errors of the measured body rates."""
 
@@ -358,6 +387,8 @@ class BodyEffects:
     compass: CompassEffects = part(CompassEffects)
     inclinometer: Inclinometer = part(Inclinometer)
     gyros: Gyros = part(Gyros)
+    mount: Mount = part(Mount)
+    supply: SupplyEffects = part(SupplyEffects)
     dvl_ground: VelocityLog = part(VelocityLog, "DVL over ground")
     dvl_water: VelocityLog = part(VelocityLog, "DVL through the water")
     sampling: SamplingEffects = part(SamplingEffects)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -111,9 +111,9 @@ class Family:
     ranges: Mapping[str, tuple[float | str, float | str]] = field(default_factory=dict)
     # outputs that tell a state nearly, for its first value where its own reading is missing
     nearly: Mapping[str, str] = field(default_factory=dict)
-    # states that come to rest near 0 by themselves: where none of them is measured, fits leave their starts there,
-    # since starts that only their couplings reveal take up whatever a model lacks
-    at_rest: tuple[str, ...] = ()
+    # states that come to rest near 0 by themselves, and the channels that tell them: without any, fits leave their
+    # starts there, since starts that only their couplings reveal take up whatever a model lacks
+    at_rest: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""
@@ -127,6 +127,10 @@ class Family:
     def leading(self) -> str:
         """The output that a log must have."""
         return self.main_output or self.outputs[0]
+
+    def resting(self, channels: Collection[str]) -> set[str]:
+        """The states whose starts are at rest in fits, since none of these channels tells them."""
+        return {state for state, telling in self.at_rest.items() if not any(name in channels for name in telling)}
 
     def __reduce__(self):
         return self.rebuild or (_named, (self.name,))

@@ -59,4 +59,4 @@ def diagnose(
     known = timed("fitting what is known", lambda: fit_known(log, progress))
     searched = timed("searching effects", lambda: search_effects(log, known, progress))
     found = timed("judging", lambda: judge(log, known, searched, source, progress))
-    return replace(found, seconds=seconds)
+    return replace(found, record=record, seconds=seconds)

@@ -386,9 +386,7 @@ class Shooting(Parameters):
     def start_states(self) -> np.ndarray:
         """Indices of the states whose start changes a measured output for longer than a sample; others stay guessed."""
         starts, family = self.first_guess, self.plant.family
-        names, left = family.states, set(family.shared)
-        if not any(name in self.channels for name in family.at_rest):
-            left |= set(family.at_rest)
+        names, left = family.states, set(family.shared) | family.resting(self.channels)
         states = [names.index(name) for name in names if name not in left]
         moved = np.repeat(starts[None], len(states) + 1, axis=0)
         for k, state in enumerate(states, start=1):

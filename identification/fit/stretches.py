@@ -102,7 +102,7 @@ class Stretches(Parameters):
     def _kicks(self) -> None:
         """Which states accelerations push: velocities, or where there are none that count, what moves by itself."""
         family = self.plant.family
-        resting = set(family.at_rest) if not any(n in self.channels for n in family.at_rest) else set()
+        resting = family.resting(self.channels)
         names = [n for n in family.states if n.endswith(("mps", "radps")) and n not in resting]
         names += [n for n in ("north_m", "east_m") if n in family.states and n in self.channels]
         self.resting = np.array([n in resting for n in family.states])

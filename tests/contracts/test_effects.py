@@ -22,16 +22,27 @@ TRACK = ("north_m", "east_m")
 COMPANIONS = {"effects.water.heave_period": 70.0, "effects.volume.expansion_lag": 50.0}
 
 
+ABOUT_ITSELF = ("effects.t1.shift_z", "effects.t1.turn_z")  # of a thruster that pushes up or down
+
+
 def effect_paths(plant: Plant) -> list[str]:
     return [path for path in list_paths(plant) if path.startswith("effects.")]
 
 
 def showing() -> list[tuple[str, str]]:
     """Effects that a fit may free, and a vehicle on which each must show."""
-    glider, torpedo = load_vehicle("slocum"), load_vehicle("heu_torpedo")
+    glider, torpedo, rov = load_vehicle("slocum"), load_vehicle("heu_torpedo"), load_vehicle("bluerov")
     diver = load_vehicle("qiandao_float")
     free = [(name, p) for name in ("ganeshblue", "slocum") for p in effect_paths(glider) if spec_at(glider, p).probe]
-    free += [("heu_torpedo", path) for path in effect_paths(torpedo) if spec_at(torpedo, path).probe]
+    free += [
+        ("heu_torpedo", path)
+        for path in effect_paths(torpedo)
+        if spec_at(torpedo, path).probe and ".supply." not in path
+    ]
+    # what upright thrusters and those that push ahead can show
+    free += [("bluerov", path) for path in effect_paths(rov) if path.startswith(("effects.t1.", "effects.supply."))]
+    free = [(name, path) for name, path in free if not path.startswith(ABOUT_ITSELF)]
+    free += [("bluerov", path.replace(".t1.", ".t3.")) for path in ABOUT_ITSELF]
     with_bow_plane = load_vehicle("npsauv")
     for path in effect_paths(with_bow_plane):
         if spec_at(with_bow_plane, path).probe and ".bow_plane." in path:

@@ -174,7 +174,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
     shared: dict[str, str] = {}
     for part_ in parts:
         for channel, parameter in part_.found.shared.items():
-            shared.setdefault(channel, f"parts.{part_.name}.{parameter}")
+            shared.setdefault(channel, parameter and f"parts.{part_.name}.{parameter}")
     slots, first = [], 0
     for name, group in groupby(parts, key=lambda part: part.found.slot):
         members = tuple(group)
@@ -187,7 +187,9 @@ def _composed(parts: tuple[Part, ...]) -> Family:
     record = _record(slots)
     n_parameters, n_derived = len(list_paths(tree())), record.itemsize // 8
     view = view_as(record, program)
-    hooks = _hooks(program, slots, record, n_parameters, n_derived)
+    inputs = (*commands, *shared)
+    elapsed = inputs.index("elapsed_s") if "elapsed_s" in shared else -1
+    hooks = _hooks(program, slots, record, n_parameters, n_derived, elapsed)
 
     def problem(parameters: Any) -> str:
         return part_problem(parts, parameters) or mass_problem(parameters, hooks.derive, record)
@@ -200,7 +202,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         title="six degrees of freedom, a hull and its parts",
         body=body,
         parameters=tree,
-        inputs=(*commands, *shared),
+        inputs=inputs,
         required=body.required(),
         constants={
             **{
@@ -208,7 +210,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
                 for part_, i, command in body.commands
                 if command.rest
             },
-            **shared,
+            **{channel: parameter for channel, parameter in shared.items() if parameter},
         },
         states=STATES,
         integrated=14,
@@ -224,7 +226,8 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         ),
         main_output="heading_rad",
         nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
-        at_rest=("roll_rad", "p_radps"),
+        at_rest=_at_rest(body.hovers),
+        measured={"effects.supply.sag": "supply_V"},
         twins={
             "effects.hull.damping_surge": "hull.surge.u_u",
             **{
@@ -242,6 +245,16 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         hooks=hooks,
         rebuild=(compose, (parts,)),
     )
+
+
+def _at_rest(hovers: bool) -> dict[str, tuple[str, ...]]:
+    """The states that come to rest, and what tells them: roll and, of a vehicle that hovers, its velocity."""
+    found = dict.fromkeys(("roll_rad", "p_radps"), ("roll_rad", "p_radps"))
+    track = ("north_m", "east_m")
+    level = tuple(f"{axis}{kind}_mps" for axis in "uv" for kind in ("", "_dvl"))
+    if hovers:
+        found |= {"u_mps": (*level, *track), "v_mps": (*level, *track), "w_mps": ("w_mps", "w_dvl_mps", "depth_m")}
+    return found
 
 
 def _moves(slots: Sequence[_Slot]) -> bool:
@@ -310,7 +323,9 @@ def _record_of(fields: Sequence[tuple]) -> np.dtype:
     return np.dtype((np.record, [*fields]))
 
 
-def _hooks(program: str, slots: Sequence[_Slot], record: np.dtype, n_parameters: int, n_derived: int) -> RightHandSide:
+def _hooks(
+    program: str, slots: Sequence[_Slot], record: np.dtype, n_parameters: int, n_derived: int, elapsed: int
+) -> RightHandSide:
     """The compiled functions of the family."""
 
     def chain(
@@ -343,6 +358,7 @@ def _hooks(program: str, slots: Sequence[_Slot], record: np.dtype, n_parameters:
     derivative = bind(
         dynamics.derivative,
         program,
+        ELAPSED=elapsed,
         forces_with_hull=chain(*forces, with_hull),
         forces_of_drives=chain(*forces, others),
         # a call, so that the usual step is short

@@ -27,6 +27,7 @@ SYSTEM = N_TERMS + 5 + ROOM
 SCRATCH = SYSTEM + 48  # numbers that a derivative works with
 
 # Open names of the template, bound by `compose`.
+ELAPSED = -1  # which input is the time since the log began, or -1
 forces_with_hull: Any
 forces_of_drives: Any
 forces_in_wakes: Any
@@ -185,9 +186,12 @@ def derivative(z, actuators, inputs, p, dz, terms):
     )
 
     water = hull.density * computed.density
+    sag = 0.0
+    if ELAPSED >= 0:
+        sag = effects.supply.sag * inputs[ELAPSED]
     motion = Motion(
         u, v, w, roll_rate, q, r, computed.density, water, hull.gravity, z[8],
-        r11, r12, r13, r21, r22, r23, r31, r32, r33,
+        r11, r12, r13, r21, r22, r23, r31, r32, r33, sag,
     )  # fmt: skip
     x_flow, y_flow, z_flow, k_flow, m_flow, n_flow = forces_with_hull(actuators, inputs, motion, p)
     x_drive, y_drive, z_drive, k_drive, m_drive, n_drive = forces_of_drives(actuators, inputs, motion, p)

@@ -28,7 +28,7 @@ class Motion(NamedTuple):
     """What the force of a part may depend on; all velocities through the water, in body axes, m/s and rad/s.
 
     density: of the water over that of the coefficients; water: the same in kg/m^3.  gravity: m/s^2.  depth: m.
-    r11 to r33: the rotation from body axes to north, east, down.
+    r11 to r33: the rotation from body axes to north, east, down.  sag: V, by which the supply is lower than stated.
     """
 
     u: float
@@ -50,6 +50,7 @@ class Motion(NamedTuple):
     r31: float
     r32: float
     r33: float
+    sag: float = 0.0
 
 
 class Block(NamedTuple):
@@ -174,7 +175,8 @@ class PartKind:
     the given one and the effect's size.
     choice, variants: the key of a part's table that chooses one of several forms.
     shared: inputs that all parts of the kind read and nothing moves, and the parameter that stands for each where a
-    record does not have it.  texts: parameters that a file may give in words or rows, and what makes entries of them.
+    record does not have it; "" for 0, or for the time that has passed, of `elapsed_s`.
+    texts: parameters that a file may give in words or rows, and what makes entries of them.
     problem: words about impossible numbers, or nothing; they follow the part's name, which `{}` stands for.
     problem_with_hull: the same about the part together with the hull.  sketch: lines to draw.
     place: the parameters that say where the part is.

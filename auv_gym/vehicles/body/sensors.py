@@ -99,16 +99,45 @@ def turned_and_scaled(a, b, angle, scale):
 
 
 @compiled
+def in_mount(a, b, c, mount):
+    """A body vector in the axes of a unit that is turned by roll, pitch and yaw from the body's."""
+    r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(*quaternion_of(mount.roll, mount.pitch, mount.yaw))
+    return r11 * a + r21 * b + r31 * c, r12 * a + r22 * b + r32 * c, r13 * a + r23 * b + r33 * c
+
+
+@outlined
+def attitude_of_mount(roll, pitch, heading, mount):
+    """Roll, pitch and heading of such a unit in a vehicle with these; angles go on from those without a turn's jump."""
+    north = rotation_of(*quaternion_of(roll, pitch, heading))
+    own = rotation_of(*quaternion_of(mount.roll, mount.pitch, mount.yaw))
+    r11 = north[0] * own[0] + north[1] * own[3] + north[2] * own[6]
+    r12 = north[0] * own[1] + north[1] * own[4] + north[2] * own[7]
+    r13 = north[0] * own[2] + north[1] * own[5] + north[2] * own[8]
+    r21 = north[3] * own[0] + north[4] * own[3] + north[5] * own[6]
+    r22 = north[3] * own[1] + north[4] * own[4] + north[5] * own[7]
+    r23 = north[3] * own[2] + north[4] * own[5] + north[5] * own[8]
+    r31 = north[6] * own[0] + north[7] * own[3] + north[8] * own[6]
+    new_roll, new_pitch, new_heading = euler_angles_of(r11, r12, r13, r21, r22, r23, r31)
+    return roll + wrapped(new_roll - roll), new_pitch, heading + wrapped(new_heading - heading)
+
+
+@compiled
 def output(x, actuators, sensors, p, y):
     """Readings [roll pitch heading | p q r | velocity through water | the same over ground | position] into y."""
     effects = p.effects
-    y[0] = x[9] + effects.inclinometer.roll_bias
-    y[1] = x[10] + effects.inclinometer.pitch_bias
-    y[2] = compass_reading(x[11], sensors[1], effects.compass)
+    roll, pitch, heading = x[9], x[10], x[11]
+    rate_p, rate_q, rate_r = x[3] + sensors[2], x[4] + sensors[3], x[5] + sensors[4]
+    mount = effects.mount
+    if mount.roll != 0.0 or mount.pitch != 0.0 or mount.yaw != 0.0:
+        roll, pitch, heading = attitude_of_mount(roll, pitch, heading, mount)
+        rate_p, rate_q, rate_r = in_mount(rate_p, rate_q, rate_r, mount)
+    y[0] = roll + effects.inclinometer.roll_bias
+    y[1] = pitch + effects.inclinometer.pitch_bias
+    y[2] = compass_reading(heading, sensors[1], effects.compass)
     gyros, water, ground = effects.gyros, effects.dvl_water, effects.dvl_ground
-    a, b = turned_and_scaled(x[3] + sensors[2], x[4] + sensors[3], gyros.misalignment, gyros.scale)
+    a, b = turned_and_scaled(rate_p, rate_q, gyros.misalignment, gyros.scale)
     y[3], y[4] = a + gyros.bias_p, b + gyros.bias_q
-    y[5] = (1.0 + gyros.scale) * (x[5] + sensors[4]) + gyros.bias_r
+    y[5] = (1.0 + gyros.scale) * rate_r + gyros.bias_r
     a, b = turned_and_scaled(x[0] + sensors[8], x[1] + sensors[9], water.misalignment, water.scale)
     y[6], y[7] = a + water.bias_u, b + water.bias_v
     y[8] = (1.0 + water.scale) * (x[2] + sensors[10]) + water.bias_w

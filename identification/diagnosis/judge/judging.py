@@ -145,6 +145,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         seed=asked.seed,
         asked=asked,
         doubts=log.doubts,
+        resting=tuple(sorted(plant.family.resting(bench.problem.channels))),
+        left_out=log.left_out,
         kinematics=searched.kinematics,
         discovery=discovery,
         habitat=habitat,

@@ -153,6 +153,7 @@ class Diagnosis:
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     noise: of the sensors and of the motion, as the filter found it.  coloured: channels whose one-step errors are not
     white even so.  loops: the closed loop with each of the vehicles.
+    resting: states that nothing measured tells, taken to begin at rest.  left_out: channels that were not compared.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
     failures: parts that could not be made.  seconds: that each step took.
     """
@@ -183,6 +184,8 @@ class Diagnosis:
     habitat: Habitat | None = None
     noise: Noise | None = None
     coloured: tuple[str, ...] = ()
+    resting: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
     loops: tuple[ClosedLoop, ...] = ()
     common: tuple[Common, ...] = ()
     planned: bool = False
@@ -254,6 +257,7 @@ class Diagnosis:
             _error_sentence(self),
             noise_sentence(self),
             _limit_sentence(self),
+            _unseen_sentence(self),
         ]
         return " ".join(part for part in parts if part)
 
@@ -382,6 +386,18 @@ def noise_sentence(d: Diagnosis) -> str:
         pushes.append(f"{known.label} {quantity(size, unit)} over {quantity(time, 's')}")
     kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
     return f"Random {' and '.join(sorted(kinds))} push the vehicle (RMS and correlation time): {'; '.join(pushes)}."
+
+
+def _unseen_sentence(d: Diagnosis) -> str:
+    """What is said of states that nothing tells."""
+    speeds = [channel(name).label for name in d.resting if name.endswith("_mps")]
+    if not speeds:
+        return ""
+    told = f"Nothing in the log tells {_listed(speeds)}: every run begins at rest in them, and nothing pushes them."
+    if d.left_out:
+        names = _listed([channel(name).label for name in d.left_out])
+        told += f" {names[:1].upper()}{names[1:]} is left out, since these speeds move it where the vehicle loops."
+    return told
 
 
 def _listed(items: list[str]) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auv_gym.plant import Plant
+from auv_gym.plant import Chart, Plant
 from auv_gym.plant.record_check import check_excitation, check_ranges
 from auv_gym.records.record import Record
 from identification.deciding import LEAST_WINDOWS, MOST_GROWTH, MOST_PARTS, SETTLE_SHARE
@@ -35,7 +35,8 @@ class CheckedLog:
 
     parts: of the rows that are used.  windows: of free runs in each part, at most `window` s long, of which the first
     `settle` s tell the initial states.  steady: whether they may last as long as was asked.
-    doubts: what is wrong with the log itself.
+    doubts: what is wrong with the log itself.  left_out: channels that nothing can foretell, since the speeds that move
+    them were not measured.
     """
 
     record: Record
@@ -47,6 +48,7 @@ class CheckedLog:
     settle: float
     steady: bool
     doubts: tuple[Doubt, ...]
+    left_out: tuple[str, ...] = ()
 
     @property
     def every_window(self) -> Part:
@@ -69,6 +71,8 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
 
     Raises ValueError if it is too short, lacks a channel, or does not excite the vehicle.
     """
+    left_out = _adrift(record, plant)
+    record = record.without(left_out)
     window, settle = asked.window or plant.window, asked.settle
     if settle is None:
         settle = plant.settle if window >= plant.window else min(plant.settle, SETTLE_SHARE * window)
@@ -83,7 +87,18 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
     runs = [(part, windows_of(record, part, window)) for part in parts]
     kept = [(part, own) for part, own in runs if own]
     parts, scored = tuple(part for part, _ in kept), tuple(own for _, own in kept)
-    return CheckedLog(record, plant, asked, parts, scored, window, settle, steady, doubts)
+    return CheckedLog(record, plant, asked, parts, scored, window, settle, steady, doubts, left_out)
+
+
+def _adrift(record: Record, plant: Plant) -> tuple[str, ...]:
+    """The depth of a vehicle that loops, where nothing tells its speed forward and to starboard.
+
+    While it is level, its speed down alone makes the depth; pointing up or down, each of its speeds does.
+    """
+    channels = [name for name in plant.outputs if record.has(name)]
+    unknown = plant.family.resting(channels) & {"u_mps", "v_mps"}
+    looping = Chart.along(plant.family, record).on
+    return ("depth_m",) if unknown and looping and record.has("depth_m") else ()
 
 
 def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:

@@ -14,7 +14,7 @@ from auv_gym.model import outputs_of
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import Chart, Plant, Runs
-from auv_gym.records.attitude import ANGLES
+from auv_gym.records.attitude import ANGLES, STEEP, from_angles, turns
 from auv_gym.records.record import Record
 from identification.deciding import (
     ALONE,
@@ -39,6 +39,7 @@ from identification.fit.windows import held_out
 ROWS, PIECES, SHORTLIST = 80, 4, 3
 DIVES = 4  # of a log, where each is taken whole
 STEEPEST = 0.5 * np.pi + 0.1  # rad; beyond, a channel is no pitch
+GYROS = ("p_radps", "q_radps", "r_radps")
 _WILD = 9.0  # error of a run that has left the finite numbers
 
 
@@ -118,7 +119,7 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
         return ()
     before = _match(judged, declared.plant)
     off = declared.telling(stray)
-    suspects = [s for s in possible_slips(record, plant) if _concerned(s, plant, off)]
+    suspects = [s for s in possible_slips(record, plant) if _concerned(s, plant, off) and _agreeing(s, record, plant)]
     found = []
     for slip, changed in _ranked(suspects, record, masks[0], plant, stray):
         here = _match(changed.select(masks[0]), plant, paths)
@@ -268,7 +269,9 @@ def _possible(record: Record) -> bool:
     for name in ("pitch_rad", "rudder_rad", "stern_plane_rad", "bow_plane_rad"):
         if record.has(name) and np.quantile(np.abs(record[name]), 0.95) > STEEPEST:
             return False
-    if record.has("roll_rad") and np.quantile(np.abs(record["roll_rad"]), 0.95) > 2.0 * np.pi:
+    # past the vertical roll winds up: only of a vehicle that stays clear of it does it say that something is wrong
+    upright = not record.has("pitch_rad") or float(np.abs(record["pitch_rad"]).max()) < STEEP
+    if upright and record.has("roll_rad") and np.quantile(np.abs(record["roll_rad"]), 0.95) > 2.0 * np.pi:
         return False
     below = not record.has("depth_m") or float(np.median(record["depth_m"])) > -1.0
     return below and (not record.has("u_mps") or 0.0 < float(np.median(record["u_mps"])) < FASTEST)
@@ -280,6 +283,27 @@ def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
         return True
     poor = [declared.errors.get(name, 0.0) > POOR for name in slip.channels]
     return all(poor) if slip.exchanged else any(poor)
+
+
+def _agreeing(slip: Slip, record: Record, plant: Plant) -> bool:
+    """Whether undoing a slip leaves attitude and gyros in no worse agreement; of attitudes that turn far.
+
+    There the error of a run is a turn, which is bounded, whatever an angle is multiplied by.
+    """
+    if set(slip.channels).isdisjoint((*ANGLES, *GYROS)) or not all(record.has(n) for n in (*ANGLES, *GYROS)):
+        return True
+    if not Chart.along(plant.family, record).on:
+        return True
+    return _disagreement(undone(record, slip, plant)) <= _disagreement(record)
+
+
+def _disagreement(record: Record) -> float:
+    """What the turns of the measured attitude leave of those by gyros, RMS over samples, rad."""
+    rates, left = record.matrix(GYROS), []
+    for part in record.segments:
+        turned = turns(from_angles(*record.matrix(ANGLES)[part].T))
+        left.append(turned - 0.5 * (rates[part][1:] + rates[part][:-1]) * np.diff(record.time[part])[:, None])
+    return float(np.sqrt(np.mean(np.concatenate(left) ** 2)))
 
 
 def _everywhere(slip: Slip, plant: Plant) -> bool:

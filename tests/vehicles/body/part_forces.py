@@ -57,7 +57,7 @@ KINDS: dict[tuple[str, str], tuple[dict[str, float], dict[str, float]]] = {
             "power": 1.2,
             **{f"curve.{name}": 40.0 * c for name, c in (("m100", -1.0), ("m050", -0.5), ("p050", 0.5), ("p100", 1.0))},
         },
-        {"lost": 0.3},
+        {"lost": 0.3, "astern": 0.1, "inflow": 4.0, "shift_y": 0.05, "turn_x": 0.3, "turn_z": -0.2},
     ),
     ("buoyancy_engine", ""): ({"low": 0.0, "neutral": 2e-4, "high": 9e-4, **PLACE}, {"offset": 1e-5}),
     ("moving_mass", "slides"): ({"mass": 12.0, "axis_x": 0.6, "axis_z": 0.8, **PLACE}, {}),
@@ -80,7 +80,7 @@ def _forces(derived, motions, actuators, inputs, found):
         m = motions[i]
         motion = Motion(
             m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8], m[9],
-            m[10], m[11], m[12], m[13], m[14], m[15], m[16], m[17], m[18],
+            m[10], m[11], m[12], m[13], m[14], m[15], m[16], m[17], m[18], m[19],
         )  # fmt: skip
         part, effects, own = getattr(p.parts, NAME)[0], getattr(p.effects.parts, NAME)[0], getattr(p.derived, NAME)[0]
         a, b, c, d, e, f = force(0, actuators[i], inputs[i], SHARED, motion, part, effects, own)
@@ -88,14 +88,14 @@ def _forces(derived, motions, actuators, inputs, found):
 
 
 def motions(seed: int, count: int = 40) -> np.ndarray:
-    """Rows of `Motion`: any velocity and attitude, at 5 to 500 m."""
+    """Rows of `Motion`: any velocity and attitude, at 5 to 500 m, the supply as stated."""
     rng = np.random.default_rng(seed)
-    rows = np.empty((count, 19))
+    rows = np.zeros((count, 20))
     rows[:, :6] = rng.normal(size=(count, 6)) * [1.0, 0.4, 0.4, 0.5, 0.5, 0.5]
     rows[:, 6], rows[:, 7], rows[:, 8], rows[:, 9] = WATER, WATER * DENSITY, GRAVITY, rng.uniform(5.0, 500.0, count)
     for row in rows:
         quaternion = rng.normal(size=4)
-        row[10:] = rotation_of(*(quaternion / np.linalg.norm(quaternion)))
+        row[10:19] = rotation_of(*(quaternion / np.linalg.norm(quaternion)))
     return rows
 
 

@@ -55,7 +55,7 @@ def test_inputs_effects_and_candidates_follow_from_the_parts():
     family = compose(
         [Part("t1", "thruster", "pulse"), Part("t2", "thruster", "pulse"), Part("ballast", "buoyancy_engine")]
     )
-    assert family.inputs == ("t1_us", "t2_us", "ballast_m3", "supply_V")
+    assert family.inputs == ("t1_us", "t2_us", "ballast_m3", "supply_V", "elapsed_s")
     assert family.required == ("t1_us", "t2_us")
     paths = list_paths(family.parameters())
     assert {"parts.t1.x", "effects.t2.lost", "effects.ballast.offset", "effects.load.payload"} <= set(paths)

@@ -141,7 +141,7 @@ def test_a_file_of_parts_reads_back_bit_for_bit_with_its_sources(file, tmp_path)
 def test_a_named_curve_and_own_channels_read_back():
     text = BODY + THRUSTER + 'channel = "thruster1_share"\ncurve = "t200"\n'
     plant = vehicle_of_text(text, "mine")
-    assert plant.inputs == ("thruster1_share", "supply_V")
+    assert plant.inputs == ("thruster1_share", "supply_V", "elapsed_s")
     assert (value_at(plant, "parts.t1.curve.p100"), value_at(plant, "parts.t1.curve.m050")) == (50.0, -16.1)
     assert value_at(plant, "parts.t1.curve.p005") == 0.0
     assert vehicle_of_text(vehicle_text(plant), "mine") == plant

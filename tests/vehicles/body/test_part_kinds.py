@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -155,6 +156,30 @@ def test_a_thruster_pushes_along_its_direction_by_its_curve_its_supply_and_what_
     np.testing.assert_allclose(exact[0, 3:], torque, rtol=1e-12)
 
 
+def test_a_thruster_sits_points_and_pushes_otherwise_by_its_effects():
+    curve = {f"curve.{key}": value for key, value in read_curve("t200").items()}
+    values = KINDS["thruster", "share"][0] | curve | {"torque_arm": 0.0}
+
+    def pushed(share: float, rows: np.ndarray = ROWS, supply: float = 16.0, **effects: float) -> np.ndarray:
+        actuators, inputs = np.full((len(ROWS), 4), share), np.full(len(ROWS), supply)
+        return part_forces("thruster", "share", values, effects, rows, actuators, inputs)
+
+    ahead, astern = pushed(0.5), pushed(-0.5)
+    np.testing.assert_allclose(pushed(0.5, astern=0.2), ahead, rtol=1e-12)
+    np.testing.assert_allclose(pushed(-0.5, astern=0.2, lost=0.1), 0.7 * astern, rtol=1e-12)
+    moved = np.array(list(PLACE.values())) + [0.01, 0.02, 0.03]
+    shifted = pushed(0.5, shift_x=0.01, shift_y=0.02, shift_z=0.03)
+    np.testing.assert_allclose(shifted[:, 3:], np.cross(moved, ahead[:, :3]), rtol=1e-12)
+    turned = pushed(0.5, turn_x=0.3, turn_y=-0.2, turn_z=0.5)
+    np.testing.assert_allclose(turned[:, :3], Rotation.from_rotvec([0.3, -0.2, 0.5]).apply(ahead[:, :3]), rtol=1e-12)
+    slowed = pushed(-0.5, inflow=4.0) - astern
+    along = (U + np.cross(OMEGA, list(PLACE.values()))) @ [0.6, 0.0, -0.8]
+    np.testing.assert_allclose(power(slowed), -4.0 * 0.5 * along**2, rtol=1e-10)  # it takes energy, whatever it does
+    sagging = ROWS.copy()
+    sagging[:, 19] = 1.5
+    np.testing.assert_allclose(pushed(0.5, sagging), pushed(0.5, supply=14.5), rtol=1e-12)
+
+
 def test_volume_lifts_by_the_water_it_displaces_and_does_the_work_of_its_depth():
     engine = forces_of("buoyancy_engine", actuators=np.full((len(ROWS), 4), 5e-4), **dict.fromkeys(PLACE, 0.0))
     lift = WATER * DENSITY * GRAVITY * 3e-4
@@ -176,7 +201,7 @@ def test_a_hull_is_squeezed_by_depth_and_grows_with_warmth():
 
 def test_a_tether_pulls_steadily_over_ground_and_drags_against_the_flow():
     still = forces_of("tether", drag=0.0)
-    ground = np.einsum("nij,nj->ni", ROWS[:, 10:].reshape(-1, 3, 3), still[:, :3])
+    ground = np.einsum("nij,nj->ni", ROWS[:, 10:19].reshape(-1, 3, 3), still[:, :3])
     np.testing.assert_allclose(ground, np.broadcast_to([4.0, -2.0, 1.0], ground.shape), rtol=1e-12)
     drag = forces_of("tether", north=0.0, east=0.0, down=0.0, **dict.fromkeys(PLACE, 0.0))
     np.testing.assert_allclose(power(drag), -3.0 * WATER * np.linalg.norm(U, axis=1) ** 3, rtol=1e-12)

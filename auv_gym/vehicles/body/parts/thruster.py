@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, make_dataclass
-from math import sqrt
+from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -63,12 +63,16 @@ class Thruster:
     curve: Any = part(ThrustCurve, "{}")
 
 
+_BOTH_WAYS = "commands of the {} both ways, of one size"
+_MOVING = "commands of the {} at rest and under way"
+_ALONE = "commands of the {} alone"
 ThrusterEffects = effects_on_commands(
     "ThrusterEffects",
     __name__,
     "1",
     {
         "offset": 0.02,
+        "gain": 0.05,
         "deadband": 0.03,
         "dead_time": 0.2,
         "lost_travel": 0.05,
@@ -77,6 +81,26 @@ ThrusterEffects = effects_on_commands(
         "lost": 0.05,
     },
     titles={"slowness": "{} rate limit, as time to full", "lost": "share of the thrust of {} lost"},
+    more={
+        "astern": param(
+            0.0, "1", "share of the thrust of {} lost astern", bounds=(-1.0, 1.0), probe=0.05, apart=_BOTH_WAYS
+        ),
+        "inflow": param(
+            0.0, "N s/m", "thrust of {} lost to the flow along it", bounds=(0.0, 200.0), probe=1.0, apart=_MOVING
+        ),
+        **{
+            f"shift_{axis}": param(
+                0.0, "m", f"{{}} sits further {way}, by", bounds=(-1.0, 1.0), probe=0.01, apart=_ALONE
+            )
+            for axis, way in (("x", "forward"), ("y", "to starboard"), ("z", "down"))
+        },
+        **{
+            f"turn_{axis}": param(
+                0.0, "rad", f"{{}} turned about the {way} axis", bounds=(-1.5, 1.5), probe=0.05, apart=_ALONE
+            )
+            for axis, way in (("x", "forward"), ("y", "starboard"), ("z", "downward"))
+        },
+    },
 )
 
 
@@ -88,7 +112,7 @@ def share_of_pulse(command):
 
 @compiled
 def _shaped(share, memory, part, e):
-    return shaped_command(share, memory, 1.0, e.offset, e.deadband, 0.0, part.limit - e.lost_travel)
+    return shaped_command(share, memory, e.gain, e.offset, e.deadband, 0.0, part.limit - e.lost_travel)
 
 
 @compiled
@@ -121,22 +145,56 @@ def curve_thrust(share, curve):
 def force(at, actuators, inputs, shared, motion, part, effects, derived):
     """Thrust along the thruster's direction, its moment about the origin, and its torque."""
     share = actuators[at]
-    thrust = (1.0 - effects.lost) * curve_thrust(share, part.curve) if abs(share) > part.dead_zone else 0.0
-    if part.power != 0.0 and inputs[shared] != part.voltage:  # where they are equal the factor is 1
-        thrust *= (max(inputs[shared], 0.0) / part.voltage) ** part.power
+    left = 1.0 - effects.lost
+    if share < 0.0:
+        left -= effects.astern
+    thrust = left * curve_thrust(share, part.curve) if abs(share) > part.dead_zone else 0.0
+    supply = inputs[shared] - motion.sag
+    if part.power != 0.0 and supply != part.voltage:  # where they are equal the factor is 1
+        thrust *= (max(supply, 0.0) / part.voltage) ** part.power
     k, m, n = derived.k, derived.m, derived.n
+    if effects.inflow != 0.0:
+        along = derived.x * motion.u + derived.y * motion.v + derived.z * motion.w
+        along += derived.p * motion.p + derived.q * motion.q + derived.r * motion.r
+        thrust -= effects.inflow * abs(share) * along
     return thrust * derived.x, thrust * derived.y, thrust * derived.z, thrust * k, thrust * m, thrust * n
 
 
 @compiled
 def derive(part, effects, hull, derived):
-    """The direction, of length 1, and the moment of a thrust of 1 N, with its torque."""
+    """The direction, of length 1, the moment of a thrust of 1 N, p q r without and k m n with its torque."""
     size = sqrt(part.to_x * part.to_x + part.to_y * part.to_y + part.to_z * part.to_z)
     x, y, z = part.to_x / size, part.to_y / size, part.to_z / size
+    turn = sqrt(effects.turn_x * effects.turn_x + effects.turn_y * effects.turn_y + effects.turn_z * effects.turn_z)
+    if turn != 0.0:
+        x, y, z = turned(x, y, z, effects.turn_x / turn, effects.turn_y / turn, effects.turn_z / turn, turn)
     derived.x, derived.y, derived.z = x, y, z
-    derived.k = part.y * z - part.z * y + part.torque_arm * x
-    derived.m = part.z * x - part.x * z + part.torque_arm * y
-    derived.n = part.x * y - part.y * x + part.torque_arm * z
+    at_x, at_y, at_z = part.x + effects.shift_x, part.y + effects.shift_y, part.z + effects.shift_z
+    derived.p, derived.q, derived.r = at_y * z - at_z * y, at_z * x - at_x * z, at_x * y - at_y * x
+    derived.k = derived.p + part.torque_arm * x
+    derived.m = derived.q + part.torque_arm * y
+    derived.n = derived.r + part.torque_arm * z
+
+
+@compiled
+def turned(x, y, z, a, b, c, angle):
+    """A vector turned about the unit vector a, b, c by an angle, rad.  Source: Fossen 2021, eq. (2.13)."""
+    cosine, sine = cos(angle), sin(angle)
+    along = (1.0 - cosine) * (a * x + b * y + c * z)
+    return (
+        cosine * x + sine * (b * z - c * y) + along * a,
+        cosine * y + sine * (c * x - a * z) + along * b,
+        cosine * z + sine * (a * y - b * x) + along * c,
+    )
+
+
+@compiled
+def damping(part, effects, derived, water, inverse_mass, rates):
+    """How quickly the flow that a thruster meets damps at full command, 1/s."""
+    if effects.inflow != 0.0:
+        own = (derived.x, derived.y, derived.z, derived.p, derived.q, derived.r)
+        for i in range(6):
+            rates[i, 0] += effects.inflow * abs(inverse_mass[i, i]) * own[i] * own[i]
 
 
 def _polynomial_t200() -> tuple[tuple[float, float], ...]:
@@ -250,6 +308,10 @@ def _share_at(thruster: Thruster, shared: Mapping[str, float]) -> float:
     return (max(shared["supply_V"], 0.0) / thruster.voltage) ** thruster.power
 
 
+def _added(given: float, size: float) -> float:
+    return given + size
+
+
 def _form(suffix: str, shape: Any, limits: Any, table: Any = _table, idle: float = 0.0) -> PartKind:
     return PartKind(
         name="thruster",
@@ -264,8 +326,10 @@ def _form(suffix: str, shape: Any, limits: Any, table: Any = _table, idle: float
         shape=shape,
         times=times,
         derive=derive,
-        numbers=("x", "y", "z", "k", "m", "n"),
-        shared={"supply_V": "voltage"},
+        damping=damping,
+        numbers=("x", "y", "z", "k", "m", "n", "p", "q", "r"),
+        same={f"shift_{axis}": (axis, _added) for axis in "xyz"},
+        shared={"supply_V": "voltage", "elapsed_s": ""},
         texts={"curve": _curve_entries},
         problem=_problem,
         sketch=_sketch,

@@ -7,9 +7,10 @@ import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
 from identification.deciding import BAD, FACTOR, SLIP_GAIN
 from identification.diagnosis import diagnose
-from identification.diagnosis.log.plausibility import Match, _fitted
+from identification.diagnosis.log.plausibility import Match, _fitted, _possible
 from identification.diagnosis.log.slips import Slip, possible_slips, slipped, undone
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
@@ -197,3 +198,12 @@ def test_degrees_taken_as_radians_are_unfolded(logs):
     error = undone(wrong, slip, plant)["heading_rad"] - record["heading_rad"]
     assert np.median(np.abs(np.diff(error))) < 1e-9  # a step wrong now and then, by a turn of 2 pi degrees
     assert np.abs(np.diff(error)).max() < np.radians(4.1 * np.pi)
+
+
+def test_a_vehicle_that_loops_may_have_rolled_over_many_times():
+    time = np.arange(0.0, 40.0, 0.05)
+    roll, looping = 0.7 * time, 1.4 * np.sin(1.3 * time)
+    assert _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": looping}))
+    assert not _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": 0.1 * looping}))
+    assert not _possible(Record.from_arrays(time, {"roll_rad": roll}))
+    assert not _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": 57.3 * looping}))
