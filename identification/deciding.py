@@ -97,6 +97,10 @@ LEAST_TRACE = 0.2
 """Share of the bar that a candidate must promise to be fitted.  Source: convention."""
 SHORT_LIST = 10
 """Candidates that are begun, however little they promise.  Source: convention, time."""
+MANY = 100
+"""Candidates from which on parts of the vehicle are tested first.  Source: convention, time."""
+PART_LEVEL = 0.05
+"""Probability with which a part that lacks nothing is searched all the same.  Source: usual."""
 HERE = 5
 """Of these, candidates that promise most from the state as it is.  Source: half of `SHORT_LIST`."""
 CLOSE = 0.5

@@ -3,8 +3,9 @@
     python -m scripts.real_logs --out real
     python -m scripts.real_logs --data DIR --out real
 
-The logs of three Slocum gliders come with dbdreader; DIR has others in `mermaid/` and `auv690/`, which are left out
-where they are not there.  Each log's diagnosis is kept in the folder, and is not made again.
+The logs of three Slocum gliders come with dbdreader; DIR has others in `mermaid/`, `auv690/` and `bluerov2016/`, which
+are left out where they are not there; of the last, a second table has the fit percent of free runs of the rates.  Each
+log's diagnosis is kept in the folder, and is not made again.
 """
 
 from __future__ import annotations
@@ -23,8 +24,11 @@ from auv_gym.records.density import read_profiles, with_density
 from auv_gym.records.reading import read_record
 from auv_gym.writing import replacing, writable_folder
 from identification.diagnosis import diagnose
+from identification.diagnosis.judge.verdict import Diagnosis
+from identification.diagnosis.log.parts import parts_of, windows_of
 from identification.diagnosis.result_files import as_json
 from identification.diagnosis.wording import interval, quantity
+from identification.fit.validation import free_runs, joined_runs
 from scripts.studies.harness import Sheet
 from scripts.studies.runs import write_json
 
@@ -34,6 +38,7 @@ class Log:
     """A measured log, the vehicle that it is of, and the least depth at which it is used, m.
 
     file: below the data's folder; empty for what is bundled.  profile: of the water's density, there too.
+    step: s, to which it is thinned; 0 for none.  horizons: s, of the free runs that the second table has.
     """
 
     name: str
@@ -41,6 +46,15 @@ class Log:
     file: str = ""
     least_depth: float = 0.0
     profile: str = ""
+    step: float = 0.0
+    horizons: tuple[float, ...] = ()
+
+
+def _bag(name: str) -> Log:
+    """A log of the BlueROV of 2016, at about the rate at which its thrusters are commanded anew."""
+    return Log(
+        f"BlueROV, {name.split('_2016')[0]}", "bluerov", f"bluerov2016/{name}.bag", step=0.05, horizons=(2.0, 3.0)
+    )
 
 
 _DRIFT, _PROFILES = "mermaid/free_drift_dives.csv", "mermaid/ctd_profiles_1dbar.csv"
@@ -52,6 +66,11 @@ LOGS = (
     Log("MERMAID, free drift, density known", "mermaid", _DRIFT, profile=_PROFILES),
     Log("MERMAID, fixed point", "mermaid", "mermaid/fixed_point_february_dives.csv"),
     Log("VT 690", "vt690", "auv690/auv690_2022-07-28_part1_10Hz.csv", least_depth=1.5),
+    _bag("pitch_roll_1_2016-04-18-13-11-33"),
+    _bag("yaw_1_2016-04-18-13-44-26"),
+    _bag("test1_roll_pitch_2016-04-04-15-11-53"),
+    _bag("test1_t1_lock_t2_2016-04-04-14-24-09"),
+    _bag("sinDepthA03F01_2016-05-25-09-38-17"),
 )
 HEADS = (
     *("log", "samples", "verdict", "effects (95 % interval), share of the halves"),
@@ -59,15 +78,49 @@ HEADS = (
 )
 
 
+FIT_HEADS = ("log", "run, s>", "signal", "as given, %>", "refitted, %>", "with effects, %>", "samples>")
+RATES = ("p_radps", "q_radps", "r_radps")
+
+
 def diagnosed(log: Log, data: Path | None) -> dict:
     """A log's diagnosis as plain data, with the `seconds` of each step; raises ValueError where it cannot be made."""
+    plant = load_vehicle(log.vehicle)  # makes its channels known, so that rows before their first value are left out
     record = read_record(log.name if not log.file else str((data or Path()) / log.file))
+    if log.step:
+        record = record.resample(log.step)
     if log.least_depth > 0.0:
         record = record.select(record["depth_m"] > log.least_depth)
     if log.profile:
         record = with_density(record, read_profiles((data or Path()) / log.profile))
-    found = diagnose(record, load_vehicle(log.vehicle), source=log.name)
-    return as_json(found) | {"seconds": dict(found.seconds), "samples": len(record)}
+    found = diagnose(record, plant, source=log.name)
+    fits = {f"{horizon:g}": fit_percents(found, horizon) for horizon in log.horizons}
+    return as_json(found) | {"seconds": dict(found.seconds), "samples": len(record), "fits": fits}
+
+
+def fit_percents(d: Diagnosis, horizon: float) -> dict[str, list[float]]:
+    """Of each rate, fit percent as given, refitted and with effects in free runs over so many s, and samples.
+
+    Each part of the log is foretold by a vehicle that was fitted, and whose effects were chosen, without it.
+    """
+    parts = parts_of(d.given.plant, d.record, len(d.windows))
+    windows = [windows_of(d.record, part, horizon + d.settle) for part in parts]
+    found: dict[str, list[float]] = {name: [] for name in RATES}
+    for stage in (d.given, d.before, d.after):
+        flown = [free_runs(p, d.record, own, d.settle) for p, own in zip(stage.without, windows, strict=True)]
+        runs = joined_runs(flown).scores(d.record)
+        for name in RATES:
+            found[name].append(runs[name].fit_percent)
+    samples = runs[RATES[0]].samples
+    return {name: [*values, samples] for name, values in found.items()}
+
+
+def fit_rows(log: Log, said: dict) -> list[list[str]]:
+    """What the second table says of a log."""
+    return [
+        [log.name, horizon, channel(name).label, *(f"{v:.0f}" for v in values)]
+        for horizon, by_rate in said["fits"].items()
+        for name, values in by_rate.items()
+    ]
 
 
 def row_of(log: Log, said: dict) -> list[str]:
@@ -94,7 +147,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder for what was found, and for real_logs.md")
     parser.add_argument("--only", default="", help="logs whose name contains this")
     args = parser.parse_args(argv)
-    folder, rows = writable_folder(args.out), []
+    folder, rows, fits = writable_folder(args.out), [], []
     for log in (one for one in LOGS if args.only in one.name):
         if log.file and not ((args.data or Path()) / log.file).exists():
             errors.print(f"{log.name} is left out: {log.file} is not in {args.data or 'a folder given by --data'}.")
@@ -103,8 +156,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         if not kept.exists():
             errors.print(f"diagnosing {log.name}")
             write_json(kept, diagnosed(log, args.data))
-        rows.append(row_of(log, json.loads(kept.read_text(encoding="utf-8"))))
+        said = json.loads(kept.read_text(encoding="utf-8"))
+        rows.append(row_of(log, said))
+        fits += fit_rows(log, said) if log.horizons else []
     text = Sheet("real_logs", "Measured logs", HEADS, rows).markdown()
+    if fits:
+        text += "\n" + Sheet("fits", "Free runs of rates over unseen parts", FIT_HEADS, fits).markdown()
     with replacing(folder / "real_logs.md") as aside:
         aside.write_text(text, encoding="utf-8")
     output.print(text, markup=False, soft_wrap=True)

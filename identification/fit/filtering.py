@@ -118,7 +118,11 @@ class Filter(Stretches):
             own = np.ix_(free, free)
             units = self.spread[self.live][free]
             r = slopes.means[w, :solid][free] * units
-            n = np.outer(r, r) - 2.0 * slopes.covariances[w, :solid, :solid][own] * np.outer(units, units)
+            with np.errstate(over="ignore", invalid="ignore"):
+                n = np.outer(r, r) - 2.0 * slopes.covariances[w, :solid, :solid][own] * np.outer(units, units)
+            if not np.isfinite(n).all():  # of a run so far off that its likelihood has no slope
+                roots[w] = system.start[w]
+                continue
             root = system.start[w][:, free] / units
             # the covariance R'R becomes R'(I - R N R')R; what that adds to its inverse is the data's information
             values, vectors = np.linalg.eigh(np.eye(len(root)) - root @ n @ root.T)

@@ -165,12 +165,13 @@ def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Seque
 
     unseen: for each part in the order in which they are tried: one whose free runs diverge would have been refused.
     """
-    runs = joined_runs([_flown(p, record, own, log.settle) for p, own in zip(unseen, log.windows, strict=True)])
+    flown = [_flown(p, record, own, log.settle) for p, own in zip(unseen, log.windows, strict=True)]
+    runs = joined_runs([own for own, _ in flown])
     every = free_runs(plant, record, log.every_window, log.settle)
     fitted = fitted_runs(plant, record, log.every_window)
     white = {n: whiteness(fitted.residual[:, c], fitted.window) for c, n in enumerate(fitted.channels)}
     own = replace(plant, longest_step=log.plant.longest_step)
-    return Stage(own, runs, every, fitted, runs.scores(record), white)
+    return Stage(own, runs, every, fitted, runs.scores(record), white, tuple(part for _, part in flown))
 
 
 def _every(plant: Plant, record: Record, log: CheckedLog) -> FreeRuns | None:
@@ -193,12 +194,12 @@ def _changes(path: str, neutral: float, after: Stage, record: Record, log: Check
     return dict(zip(after.every.channels, np.sqrt((change**2).mean(axis=0)).tolist(), strict=True))
 
 
-def _flown(plants: Sequence[Plant], record: Record, windows: Sequence[slice], settle: float) -> FreeRuns:
-    """Free runs of the first plant with which they stay finite; raises Diverged where there is none."""
+def _flown(plants: Sequence[Plant], record: Record, windows: Sequence[slice], settle: float) -> tuple[FreeRuns, Plant]:
+    """Free runs of the first plant with which they stay finite, and that plant; raises Diverged where there is none."""
     for plant in plants[:-1]:
         with suppress(Diverged), np.errstate(over="ignore", invalid="ignore"):
-            return free_runs(plant, record, windows, settle)
-    return free_runs(plants[-1], record, windows, settle)
+            return free_runs(plant, record, windows, settle), plant
+    return free_runs(plants[-1], record, windows, settle), plants[-1]
 
 
 def _versions() -> dict[str, str]:

@@ -131,7 +131,7 @@ class Stage:
 
     unseen: in each part of the record by a vehicle fitted and chosen without that part, which give the error; every: by
     the vehicle itself, for pictures; both from states fitted to the first seconds.  fitted: from states fitted to whole
-    windows, for tests of whiteness.
+    windows, for tests of whiteness.  without: of each part, the vehicle that was fitted and chosen without it.
     """
 
     plant: Plant
@@ -140,6 +140,7 @@ class Stage:
     fitted: FreeRuns
     scores: dict[str, Score]
     whiteness: dict[str, Whiteness]
+    without: tuple[Plant, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,6 +31,7 @@ from identification.deciding import (
     SLIP_LEFT,
 )
 from identification.diagnosis.log.slips import Slip, possible_slips, undone
+from identification.diagnosis.log.thruster_slips import likely_slips, thruster_slips
 from identification.fit.first_readings import RATES
 from identification.fit.residual import noise_floor
 from identification.fit.shooting import Shooting
@@ -88,6 +89,12 @@ class Match:
         """The match in which these signals count even where they hardly move."""
         return replace(self, errors=self.errors | {n: self.still[n] for n in names if n in self.still})
 
+    def within(self, names: Iterable[str]) -> Match:
+        """The match in these signals alone, those that hardly move among them."""
+        kept = set(names)
+        still = {n: e for n, e in self.still.items() if n in kept}
+        return replace(self, errors={n: e for n, e in self.errors.items() if n in kept}, still=still)
+
     def add(self, name: str, values: np.ndarray, error: float, window: np.ndarray) -> None:
         """Puts a channel's squared error in, less the noise's variance, for a signal in windows numbered by row."""
         keep = np.isfinite(values)
@@ -120,11 +127,17 @@ def log_doubts(record: Record, plant: Plant, windows: Sequence[slice], settle: f
     before = _match(judged, declared.plant)
     off = declared.telling(stray)
     suspects = [s for s in possible_slips(record, plant) if _concerned(s, plant, off) and _agreeing(s, record, plant)]
+    ranked = _ranked(suspects, record, masks[0], plant, stray)
+    likely = likely_slips(list(thruster_slips(record, plant)), record.select(masks[0]), plant)
     found = []
-    for slip, changed in _ranked(suspects, record, masks[0], plant, stray):
+    for slip, changed in (*ranked, *((slip, undone(record, slip, plant)) for slip in likely)):
         here = _match(changed.select(masks[0]), plant, paths)
         there = _match(changed.select(masks[1]), here.plant)
-        gain = min(_gain(slip, plant, *pair) for pair in ((declared, here), (before, there)))
+        pairs = ((declared, here), (before, there))
+        if slip.acts_on:
+            pairs = tuple((one.within(slip.acts_on), other.within(slip.acts_on)) for one, other in pairs)
+            (_, here), (_, there) = pairs
+        gain = min(_gain(slip, plant, *pair) for pair in pairs)
         if gain >= SLIP_GAIN and max(here.total, there.total) <= SLIP_LEFT:
             noise = max(error for match in (here, there) for error in (0.0, *match.noise.values()))
             firm = not slip.scales or noise <= CLEAN

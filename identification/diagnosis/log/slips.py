@@ -54,7 +54,8 @@ class Slip:
     """One way in which a record may be wrong, and what undoes it.
 
     factors: what each channel is multiplied by to be right.  exchanged: the two channels change places.  clock: what
-    times are multiplied by.  offset: added after the factors.
+    times are multiplied by.  offset: added after the factors.  acts_on: the measured velocities that it changes alone,
+    in which it is judged; empty for all signals.
     """
 
     text: str
@@ -64,6 +65,7 @@ class Slip:
     exchanged: bool = False
     clock: float = 1.0
     offset: float = 0.0
+    acts_on: tuple[str, ...] = ()
 
     @property
     def scales(self) -> bool:

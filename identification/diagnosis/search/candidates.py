@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
+from scipy import stats
 
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.deciding import ALIKE, ONLY_STARTS, SEEN
+from identification.deciding import ALIKE, MANY, ONLY_STARTS, SEEN
 from identification.fit.filtering import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
@@ -57,6 +58,8 @@ class Screening:
     detectable: (len(paths),), the size in the parameters' units that this record would show with 95 % probability.
     unseen: why it cannot be seen, or "".  period: s, the best one of the `tried`; NaN where it has none.
     beside: by what the regression moves each of the fitted parameters with it, in their scales; none where unseen.
+    together: of all candidates of its part of the vehicle together, the evidence and how many parameters make it; 0 of
+    both where parts are not tested.
     """
 
     candidate: Candidate
@@ -68,6 +71,18 @@ class Screening:
     period: float = np.nan
     tried: int = 1
     beside: np.ndarray = field(default_factory=lambda: np.empty(0))
+    together: tuple[float, int] = (0.0, 0)
+
+    @property
+    def chance(self) -> float:
+        """The probability with which a part that lacks nothing shows as much; 0 where parts are not tested."""
+        evidence, parameters = self.together
+        return float(stats.chi2.sf(evidence, parameters)) if parameters else 0.0
+
+
+def part_of(path: str) -> str:
+    """What an effect happens to: a part by its name, or the hull, a sensor, the load."""
+    return path.split(".")[1]
 
 
 def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]:
@@ -177,13 +192,15 @@ class _Regression:
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
         """A screening for each candidate, in their order; vector: from where the signatures are taken."""
         found: dict[Candidate, Screening] = {}
-        for one, *_ in self._signed(candidates, vector):
+        signed = self._signed(candidates, vector)
+        together = self._together(signed) if len(candidates) >= MANY else {}
+        for one, *_ in signed:
             candidate = one.candidate
             if candidate not in found:
                 found[candidate] = one
             elif one.evidence > found[candidate].evidence:
                 found[candidate] = replace(one, detectable=found[candidate].detectable)
-        return [found[c] for c in candidates]
+        return [replace(found[c], together=together.get(part_of(c.paths[0]), (0.0, 0))) for c in candidates]
 
     def pairs(self, candidates: Sequence[Candidate]) -> list[tuple[Screening, tuple[Screening, Screening]]]:
         """See `screen_pairs`."""
@@ -229,6 +246,21 @@ class _Regression:
             (self._one(c, rest[s], signatures[s]), rest[s], signatures[s])
             for (c, _), s in zip(groups, spans, strict=True)
         ]
+
+    def _together(self, signed: Sequence[tuple[Screening, np.ndarray, np.ndarray]]) -> dict[str, tuple[float, int]]:
+        """Of each part, the evidence for all of its effects at once, and in how many directions these act."""
+        paths = [p for one, *_ in signed for p in one.candidate.paths]
+        rest, whole = (np.vstack([rows[k] for rows in signed]) for k in (1, 2))
+        size, full = np.linalg.norm(rest, axis=1), np.linalg.norm(whole, axis=1)
+        seen, parts = size > np.sqrt(SEEN) * np.maximum(full, 1e-6), np.array([part_of(p) for p in paths])
+        found = {}
+        for part in np.unique(parts):
+            own = rest[seen & (parts == part)] / size[seen & (parts == part), None]
+            values, vectors = np.linalg.eigh(own @ own.T)
+            kept = values > SEEN * values.max(initial=0.0)
+            shares = vectors[:, kept].T @ (own @ self.left)
+            found[str(part)] = (float(np.sum(shares**2 / values[kept])), int(kept.sum()))
+        return found
 
     def _one(self, candidate: Candidate, own: np.ndarray, whole: np.ndarray) -> Screening:
         size, full = np.einsum("ij,ij->i", own, own), np.einsum("ij,ij->i", whole, whole)

@@ -12,7 +12,7 @@ import numpy as np
 from auv_gym.compiled import threads
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
-from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE, PRICE, SEEN, SHORT_LIST
+from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE, PART_LEVEL, PRICE, SEEN, SHORT_LIST
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen
@@ -22,6 +22,7 @@ from identification.fit.parameters import kinked
 FIRST_ITERATIONS = 2  # of the short list
 NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than others"
+IDLE_PART = "its part of the vehicle shows nothing"
 UNSTABLE = "no stable run with it"
 UNSEEN = "cannot be seen in this record"
 
@@ -93,6 +94,8 @@ def trials_of(
         if screening.candidate not in done:
             reached = gain.get(screening.candidate, screening.evidence)
             reason = NO_TRACE if reached < LEAST_TRACE * threshold(count) else FAR_LESS
+            if screening.chance >= PART_LEVEL:
+                reason = IDLE_PART
             if screening.seen < SEEN:
                 reason = UNSEEN + (f": {screening.unseen}" if screening.unseen else "")
             elif not np.isfinite(reached):
@@ -132,7 +135,13 @@ def _screened(
         promising = screen(problem, base.point, state.paths, left, bar)
         here = here or [s.candidate for s in promising[:HERE]]
         for s in promising:
-            s = replace(s, evidence=s.evidence / _misjudged(bench, base) - less)
+            misjudged = _misjudged(bench, base)
+            evidence, parameters = s.together
+            together = (evidence / misjudged - less, parameters)
+            s = replace(s, evidence=s.evidence / misjudged - less, together=together)
+            if s.candidate in found:  # what any of the states shows of a part is worth a search
+                likelier = min(s, found[s.candidate], key=lambda one: one.chance).together
+                s, found[s.candidate] = (replace(one, together=likelier) for one in (s, found[s.candidate]))
             if s.candidate not in found:
                 found[s.candidate], bases[s.candidate] = s, base
             elif s.evidence > found[s.candidate].evidence:
@@ -176,7 +185,12 @@ def _short_list(
     here: those that promise most from the state as it is.  Where random accelerations are taken for weaker than they
     are, what they do looks like many effects, and these would be all of the list.
     """
-    worth = [s for s in screened if s.evidence >= LEAST_TRACE * bar]  # none for what cannot be seen
+    # none for what cannot be seen; where candidates are many, none of a part that shows nothing
+    worth = [
+        s
+        for s in screened
+        if s.evidence >= LEAST_TRACE * bar and (s.chance < PART_LEVEL or not set(plain).isdisjoint(s.candidate.paths))
+    ]
     best = worth[0].evidence if worth else 0.0
     known = [s.candidate in here or not set(plain).isdisjoint(s.candidate.paths) for s in worth]
     return [s for i, s in enumerate(worth) if i < SHORT_LIST or s.evidence >= CLOSE * best or known[i]]

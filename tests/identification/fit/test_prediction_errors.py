@@ -12,7 +12,7 @@ from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 from identification.deciding import COST
 from identification.experiments.missions import run_mission
-from identification.fit import stretches
+from identification.fit import filtering, stretches
 from identification.fit.greybox import GreyBox
 from identification.fit.intervals import information_of, profile_interval
 from identification.fit.kalman import run_filter
@@ -206,6 +206,27 @@ def test_stretches_begin_with_their_likeliest_starts():
     problem.starts = problem.starts + np.array([0.05, 0.02, *np.zeros(problem.starts.shape[1] - 2)])
     point = problem.point(true.vector, np.log([*SENSORS.values()]))
     assert point.starts[:, 0] == pytest.approx(runs.starts[:, 0], abs=0.1 * SENSORS["heading_rad"])
+
+
+def test_a_start_of_which_the_likelihood_has_no_slope_stays_where_it_is(pushed, monkeypatch):
+    """Squares of what has run away are no numbers; their eigenvalues would end a fit in an error."""
+    problem = PredictionErrors(GLIDER, pushed, pushed.windows(100.0), process=False)
+    slopes_of = filtering.slopes_of
+
+    def overflown(*arguments):
+        slopes = slopes_of(*arguments)
+        slopes.means[0] = 1e200
+        return slopes
+
+    monkeypatch.setattr(filtering, "slopes_of", overflown)
+    logs = np.log([*SENSORS.values()])
+    system = problem._system(GLIDER.vector, problem.first_path, problem.starts, problem._widest)
+    made = run_filter(system, *problem._numbers(logs))
+    starts, roots = problem._better_starts(system, made, logs, problem.starts)
+    np.testing.assert_array_equal(starts[0], problem.starts[0])
+    np.testing.assert_array_equal(roots[0], system.start[0])
+    assert not np.array_equal(starts[1], problem.starts[1])
+    assert np.isfinite(problem.point(GLIDER.vector, logs).scores).all()
 
 
 def test_starts_move_with_the_parameters():

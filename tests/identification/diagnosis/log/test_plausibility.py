@@ -10,8 +10,10 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.deciding import BAD, FACTOR, SLIP_GAIN
 from identification.diagnosis import diagnose
-from identification.diagnosis.log.plausibility import Match, _fitted, _possible
+from identification.diagnosis.log.plausibility import Match, _fitted, _possible, log_doubts
 from identification.diagnosis.log.slips import Slip, possible_slips, slipped, undone
+from identification.diagnosis.log.thruster_slips import likely_slips, thruster_slips
+from identification.experiments.hovering import hover
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.studies.slips import doubts, log_of
@@ -198,6 +200,46 @@ def test_degrees_taken_as_radians_are_unfolded(logs):
     error = undone(wrong, slip, plant)["heading_rad"] - record["heading_rad"]
     assert np.median(np.abs(np.diff(error))) < 1e-9  # a step wrong now and then, by a turn of 2 pi degrees
     assert np.abs(np.diff(error)).max() < np.radians(4.1 * np.pi)
+
+
+@pytest.fixture(scope="module")
+def telegraphed():
+    """A log of rates and attitude alone, each thruster moved by itself."""
+    plant = load_vehicle("bluerov")
+    rng = np.random.default_rng(2)
+    return plant, hover(plant, rng=rng, duration=30.0, measured="attitude", loop="open", amplitude=0.4)
+
+
+def test_every_slip_of_a_thruster_is_the_likeliest_by_a_regression(telegraphed):
+    plant, record = telegraphed
+    assert likely_slips(list(thruster_slips(record, plant)), record, plant) == []
+    slips = list(thruster_slips(record, plant))
+    assert len(slips) == 6 + 15
+    for slip in slips:
+        wrong = slipped(record, slip, plant)
+        first, *_ = likely_slips(list(thruster_slips(wrong, plant)), wrong, plant)
+        assert first.text == slip.text
+        np.testing.assert_allclose(undone(wrong, first, plant)["t1_us"], record["t1_us"])
+
+
+@pytest.mark.parametrize("text", ["t1_us acts with the opposite sign", "t2_us and t5_us look exchanged"])
+def test_a_slip_of_a_thruster_is_named(telegraphed, text):
+    plant, record = telegraphed
+    (slip,) = (s for s in thruster_slips(record, plant) if s.text.startswith(text))
+    wrong = slipped(record, slip, plant)
+    (doubt,) = log_doubts(wrong, plant, free_run_windows(plant, wrong, plant.window), plant.settle)
+    assert doubt.text == slip.text
+    assert doubt.firm
+    assert log_doubts(record, plant, free_run_windows(plant, record, plant.window), plant.settle) == ()
+
+
+def test_thrusters_that_are_commanded_alike_cannot_be_exchanged(telegraphed):
+    plant, record = telegraphed
+    alike = record.with_channels({"t2_us": record["t1_us"], "t3_us": np.full(len(record), 1500.0)})
+    texts = [slip.text for slip in thruster_slips(alike, plant)]
+    assert "t1_us and t2_us look exchanged" not in texts
+    assert not any("t3_us" in text for text in texts)
+    assert list(thruster_slips(record, load_vehicle("remus100"))) == []
 
 
 def test_a_vehicle_that_loops_may_have_rolled_over_many_times():
