@@ -5,6 +5,7 @@ repeated with the same folder goes on where it stopped.
 
     python -m scripts.blind_benchmark --cases 300 --jobs 2 --out blind
     python -m scripts.blind_benchmark --cases 20 --kind outside --family torpedo --out blind
+    python -m scripts.blind_benchmark --cases 20 --family rov --family rov_attitude --out blind_rov
     python -m scripts.blind_benchmark --first 200 --cases 100 --out blind
 """
 
@@ -32,10 +33,14 @@ _ROOT = Path(__file__).resolve().parents[1]
 def chosen(
     seed: int, cases: int, kinds: Sequence[str] | None, families: Sequence[str] | None, first: int = 0
 ) -> list[Case]:
-    """The first so many cases of a seed, from number `first` on, that are of these kinds and families."""
+    """The first so many cases of a seed, from number `first` on, that are of these kinds and families.
+
+    Of families that are not drawn by themselves, the cases go round.
+    """
+    asked = [name for name in families or () if not FAMILIES[name].drawn]
     found, number = [], first
     while len(found) < cases:
-        case = sketch(seed, number)
+        case = sketch(seed, number, asked[number % len(asked)] if asked else "")
         if (not kinds or case.kind in kinds) and (not families or case.family in families):
             found.append(case)
         number += 1

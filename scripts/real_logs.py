@@ -22,10 +22,11 @@ from auv_gym.cli.options.console import errors, output
 from auv_gym.plant import load_vehicle
 from auv_gym.records.density import read_profiles, with_density
 from auv_gym.records.reading import read_record
+from auv_gym.records.record import Record
 from auv_gym.writing import replacing, writable_folder
 from identification.diagnosis import diagnose
 from identification.diagnosis.judge.verdict import Diagnosis
-from identification.diagnosis.log.parts import parts_of, windows_of
+from identification.diagnosis.log.parts import Part, parts_of
 from identification.diagnosis.result_files import as_json
 from identification.diagnosis.wording import interval, quantity
 from identification.fit.validation import free_runs, joined_runs
@@ -103,7 +104,7 @@ def fit_percents(d: Diagnosis, horizon: float) -> dict[str, list[float]]:
     Each part of the log is foretold by a vehicle that was fitted, and whose effects were chosen, without it.
     """
     parts = parts_of(d.given.plant, d.record, len(d.windows))
-    windows = [windows_of(d.record, part, horizon + d.settle) for part in parts]
+    windows = [_windows(d.record, part, horizon + d.settle) for part in parts]
     found: dict[str, list[float]] = {name: [] for name in RATES}
     for stage in (d.given, d.before, d.after):
         flown = [free_runs(p, d.record, own, d.settle) for p, own in zip(stage.without, windows, strict=True)]
@@ -112,6 +113,12 @@ def fit_percents(d: Diagnosis, horizon: float) -> dict[str, list[float]]:
             found[name].append(runs[name].fit_percent)
     samples = runs[RATES[0]].samples
     return {name: [*values, samples] for name, values in found.items()}
+
+
+def _windows(record: Record, part: Part, seconds: float) -> list[slice]:
+    """A part in windows of exactly these s, one after the other; a shorter rest is left out."""
+    size = round(seconds / record.sample_interval) + 1  # the last row is so many s after the first
+    return [slice(a, a + size) for piece in part for a in range(piece.start, piece.stop - size + 1, size)]
 
 
 def fit_rows(log: Log, said: dict) -> list[list[str]]:

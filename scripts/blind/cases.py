@@ -25,7 +25,7 @@ class Group:
     """Vehicles that are drawn, and counted, together.
 
     durations: s, between which a log's length is drawn to ten seconds, None: 600 s.  window, settle: of free runs, s,
-    None for the vehicle's own.
+    None for the vehicle's own.  drawn: whether cases are of it without being asked for.  measured: see `Conditions`.
     """
 
     name: str
@@ -33,12 +33,16 @@ class Group:
     durations: tuple[float, float] | None = None
     window: float | None = None
     settle: float | None = None
+    drawn: bool = True
+    measured: str = "all"
 
 
 _GROUPS = (
     Group("glider", ("slocum", "ganeshblue")),
     Group("float", ("qiandao_float", "mermaid")),
     Group("torpedo", ("remus100", "vt690", "npsauv"), (200.0, 400.0), window=25.0, settle=5.0),
+    Group("rov", ("bluerov2_heavy", "bluerov"), (40.0, 80.0), drawn=False),
+    Group("rov_attitude", ("bluerov2_heavy", "bluerov"), (40.0, 80.0), drawn=False, measured="attitude"),
 )
 FAMILIES: Mapping[str, Group] = {group.name: group for group in _GROUPS}
 KINDS = {"none": 0.16, "one": 0.3, "two": 0.14, "one_wrong": 0.14, "none_wrong": 0.1, "outside": 0.16}
@@ -88,15 +92,16 @@ class Drawn:
     attempts: int = 1
 
 
-def sketch(seed: int, number: int) -> Case:
-    """The case of a number, without its log."""
+def sketch(seed: int, number: int, family: str = "") -> Case:
+    """The case of a number, without its log; family: of one that is not drawn by itself."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number, 0)))
     kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
-    family = str(rng.choice(list(FAMILIES)))
+    drawn = str(rng.choice([name for name, group in FAMILIES.items() if group.drawn]))
+    family = family or drawn
     group = FAMILIES[family]
     vehicle = str(rng.choice(group.vehicles))
     duration = float(np.round(rng.uniform(*group.durations), -1)) if group.durations else 600.0
-    conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), duration)
+    conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), duration, group.measured)
     return Case(seed, number, kind, family, vehicle, conditions, group.window, group.settle)
 
 

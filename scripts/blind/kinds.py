@@ -11,8 +11,24 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
-from scripts.blind.logs import Conditions, dive_settings, glider_log, lake_log, lake_settings, sea_log, torpedo_log
-from scripts.blind.outside import glider_outside, lake_outside, sea_outside, slipped_clock, torpedo_outside
+from scripts.blind.logs import (
+    Conditions,
+    dive_settings,
+    glider_log,
+    hover_log,
+    lake_log,
+    lake_settings,
+    sea_log,
+    torpedo_log,
+)
+from scripts.blind.outside import (
+    glider_outside,
+    hover_outside,
+    lake_outside,
+    sea_outside,
+    slipped_clock,
+    torpedo_outside,
+)
 
 _NO_PISTON = "a float with an oil bladder has no piston"
 _NO_OIL = "a float with a piston logs no oil"
@@ -24,7 +40,7 @@ _NO_SURFACE = "the initial depth of each free run does the same, and none is at 
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of vehicle, by the name of its family.
+    """A kind of vehicle, by the name of its family or, of a hull and its parts, by its kind.
 
     log: of the standard experiment.  outside: of a vehicle without effects and with one of `causes`, "clock" apart,
     whose errors are about `clock_spacing` s apart.  settings: of the standard experiment in the study of single
@@ -85,13 +101,15 @@ _KINDS = (
     ),
     Kind("float_oil", sea_log, sea_outside, ("drag", "current", "tether", "clock"), 2e4, dive_settings, _HIDDEN_AT_SEA),
     Kind("body", torpedo_log, torpedo_outside, ("drag", "current", "tether", "fin", "clock"), 25.0),
+    Kind("hover", hover_log, hover_outside, ("clock",), 15.0),
 )
 KINDS = {kind.family: kind for kind in _KINDS}
 
 
 def kind_of(plant: Plant) -> Kind:
     """The kind of a vehicle."""
-    return KINDS[plant.family.name]
+    family = plant.family
+    return KINDS[family.name if family.body is None else family.kind]
 
 
 def known(vehicle: str) -> Plant:

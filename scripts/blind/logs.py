@@ -14,20 +14,26 @@ from auv_gym.records.record import Record
 from controllers.pid import heading_pid
 from identification.experiments.float_dives import depth_control, oil_mission, summer_lake
 from identification.experiments.heading_control import closed_loop
+from identification.experiments.hovering import hover
 from identification.experiments.manoeuvres import NOISE, steer
 
 _COMPASS, _TRACK = radians(0.5), 1.0  # rad, m
 _LAKE_DEPTH, _SEA_DEPTH = 0.02, 0.1  # m, noise of a float's pressure sensor; a torpedo's is the first
 _RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fin's stop
+_WRENCH, _THRUSTERS = 0.15, 0.3  # of a vehicle with thrusters, over what they can do: along an axis, each by itself
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """noise, excitation: factors of the usual ones.  duration: s, of a torpedo's or a glider's log."""
+    """noise, excitation: factors of the usual ones.  duration: s, of a log of a torpedo, a glider or with thrusters.
+
+    measured: by a vehicle with thrusters, see `identification.experiments.hovering.hover`.
+    """
 
     noise: float
     excitation: float
     duration: float
+    measured: str = "all"
 
 
 def lake_settings(rng: np.random.Generator) -> dict[str, Any]:
@@ -80,6 +86,21 @@ def torpedo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, 
     record = steer(replace_at(plant, sensors), rng=rng, duration=conditions.duration, excitation=excitation)
     names = [name for name in record.names if not name.startswith("excitation_") and name != "pitch_cmd_rad"]
     return plain(record, names)
+
+
+def hover_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
+    """A vehicle with thrusters, whose place nothing takes: following steps, or unsteered without a measured place."""
+    steered = conditions.measured == "all"
+    record = hover(
+        plant,
+        rng=rng,
+        duration=conditions.duration,
+        loop="closed" if steered else "open",
+        amplitude=conditions.excitation * (_WRENCH if steered else _THRUSTERS),
+        measured=conditions.measured,
+        noise=conditions.noise,
+    )
+    return plain(record, [n for n in record.names if not n.startswith("excitation_") and not n.endswith(("_N", "_Nm"))])
 
 
 def torpedo_noise(level: float) -> dict[str, float]:

@@ -13,7 +13,7 @@ from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.blind import own_float, own_torpedo
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
-from scripts.blind.logs import Conditions, glider_log, lake_log, sea_log, torpedo_excitation, torpedo_noise
+from scripts.blind.logs import Conditions, glider_log, hover_log, lake_log, sea_log, torpedo_excitation, torpedo_noise
 from scripts.blind.own_glider import OwnGlider
 
 SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
@@ -79,6 +79,13 @@ def torpedo_outside(
     around = _around_torpedo(plant, cause, size, conditions.duration, rng)
     noise, excitation = torpedo_noise(conditions.noise), torpedo_excitation(conditions.excitation)
     return own_torpedo.own_manoeuvres(plant, around, experiment, conditions.duration, excitation, noise)
+
+
+def hover_outside(
+    plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
+) -> Record:
+    """The log of a vehicle with thrusters, of which nothing but the clock is simulated by other code."""
+    return hover_log(plant, conditions, experiment)
 
 
 def slipped_clock(record: Record, size: float, spacing: float, rng: np.random.Generator) -> Record:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auv_gym.model import simulate
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
@@ -231,6 +232,17 @@ def test_a_slip_of_a_thruster_is_named(telegraphed, text):
     assert doubt.text == slip.text
     assert doubt.firm
     assert log_doubts(record, plant, free_run_windows(plant, record, plant.window), plant.settle) == ()
+
+
+def test_a_vehicle_with_one_thruster_shows_that_it_is_turned_round(telegraphed):
+    """Where no other thruster moves, a factor of any sign would explain the log as well."""
+    plant, record = telegraphed
+    still = {f"t{k}_us": np.full(len(record), 1500.0) for k in (2, 3, 4, 5, 6)}
+    log = simulate(plant, record.with_channels(still)).with_channels({n: record[n] for n in ("t1_us",)} | still)
+    assert likely_slips(list(thruster_slips(log, plant)), log, plant) == []
+    (slip,) = thruster_slips(log, plant)
+    wrong = slipped(log, slip, plant)
+    assert [one.text for one in likely_slips(list(thruster_slips(wrong, plant)), wrong, plant)] == [slip.text]
 
 
 def test_thrusters_that_are_commanded_alike_cannot_be_exchanged(telegraphed):

@@ -47,6 +47,25 @@ def test_a_change_too_small_for_the_noises_gains_what_it_promises(clean):
     assert found.estimate[0] == pytest.approx(moved, rel=0.1)
 
 
+def test_a_part_is_tested_by_all_its_candidates_together(clean, monkeypatch):
+    """In a log of a rudder that is off by five of what such a log just shows, and in a clean one."""
+    bench, state = clean
+    (found,) = screen(bench.problem, state.point, state.paths, [candidate(OFFSET)], BAR)
+    assert (found.together, found.chance) == ((0.0, 0), 0.0)  # few candidates are not tested by parts
+    monkeypatch.setattr(candidates, "MANY", 1)
+    size = 5.0 * float(found.detectable[0])
+    lame = bench_of(run_mission(replace_at(QUICK, OFFSET, size), np.random.default_rng(5), duration=900.0))
+    for own, low, high in ((bench, 1e-4, 1.0), (lame, 0.0, 1e-9)):
+        fitted = own.fit(QUICK, COEFFICIENTS)
+        screened = screen(own.problem, fitted.point, fitted.paths, candidates_of(QUICK), BAR)
+        of_rudder = [s for s in screened if s.candidate.paths[0].startswith("effects.rudder.")]
+        (chance,) = {s.chance for s in of_rudder}
+        assert low <= chance <= high
+        evidence, parameters = of_rudder[0].together
+        assert evidence >= max(s.evidence for s in of_rudder) * (1.0 - 1e-3)
+        assert 1 < parameters <= 2 * len(of_rudder)
+
+
 @pytest.mark.parametrize("bar", [BAR, 1e5])
 def test_a_detectable_size_is_the_bar_and_a_chance_of_one_in_twenty_in_standard_errors(clean, bar):
     bench, state = clean

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from auv_gym.param import replace_at, spec_at, value_at
 from identification.diagnosis.log.parts import parts_of
@@ -202,6 +203,16 @@ def test_on_the_short_list_are_the_ten_best_and_whatever_is_near_the_best_or_pla
     here = [screened[12].candidate, screened[14].candidate]
     listed = trials._short_list(screened, here, 10.0, ())
     assert [s.evidence for s in listed] == [*promised[:12], 49.0]
+
+
+def test_of_a_part_that_shows_nothing_no_candidate_is_listed_but_what_kinematics_shows():
+    quiet, loud = (chi2.isf(level, 12) for level in (0.06, 0.04))
+    screened = [replace(screened_of(f"effects.t{k}.lost", evidence=50.0), together=(e, 12)) for k, e in
+                enumerate((quiet, loud))]  # fmt: skip
+    assert [s.candidate.paths for s in trials._short_list(screened, (), 10.0, ())] == [("effects.t1.lost",)]
+    assert trials._short_list(screened, (), 10.0, ("effects.t0.lost",)) == screened
+    untested = replace(screened[0], together=(0.0, 0))
+    assert trials._short_list([untested], (), 10.0, ()) == [untested]
 
 
 def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_accelerations_promise(start, monkeypatch):
