@@ -17,8 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from auv_gym.channels import channel
 from auv_gym.cli.options.console import errors, output
+from auv_gym.model import Diverged
 from auv_gym.plant import load_vehicle
 from auv_gym.records.density import read_profiles, with_density
 from auv_gym.records.reading import read_record
@@ -101,17 +104,24 @@ def diagnosed(log: Log, data: Path | None) -> dict:
 def fit_percents(d: Diagnosis, horizon: float) -> dict[str, list[float]]:
     """Of each rate, fit percent as given, refitted and with effects in free runs over so many s, and samples.
 
-    Each part of the log is foretold by a vehicle that was fitted, and whose effects were chosen, without it.
+    Each part of the log is foretold by a vehicle that was fitted, and whose effects were chosen, without it; NaN where
+    its runs do not stay finite.
     """
     parts = parts_of(d.given.plant, d.record, len(d.windows))
     windows = [_windows(d.record, part, horizon + d.settle) for part in parts]
     found: dict[str, list[float]] = {name: [] for name in RATES}
+    samples = 0
     for stage in (d.given, d.before, d.after):
-        flown = [free_runs(p, d.record, own, d.settle) for p, own in zip(stage.without, windows, strict=True)]
-        runs = joined_runs(flown).scores(d.record)
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                flown = [free_runs(p, d.record, own, d.settle) for p, own in zip(stage.without, windows, strict=True)]
+        except Diverged:
+            percents = dict.fromkeys(RATES, np.nan)
+        else:
+            scores = joined_runs(flown).scores(d.record)
+            percents, samples = {n: scores[n].fit_percent for n in RATES}, scores[RATES[0]].samples
         for name in RATES:
-            found[name].append(runs[name].fit_percent)
-    samples = runs[RATES[0]].samples
+            found[name].append(percents[name])
     return {name: [*values, samples] for name, values in found.items()}
 
 

@@ -18,6 +18,8 @@ from auv_gym.cli.options.console import errors, output, progress_bar, table
 from auv_gym.cli.options.next_experiment import propose_experiments, tell
 from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 
+FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters take as long as a log has rows
+
 if TYPE_CHECKING:
     from auv_gym.records.record import Record
     from identification.diagnosis import Diagnosis
@@ -31,7 +33,12 @@ def diagnose(
     min_depth: Annotated[float | None, number("Use the log below this depth only, m.", *DEPTH)] = None,
     max_depth: Annotated[float | None, number("Use the log above this depth only, m.", *DEPTH)] = None,
     resample: Annotated[
-        float | None, number("Sample time, s, to thin a log to that is finer than the vehicle moves.", *TIME_STEP)
+        float | None,
+        number(
+            "Sample time, s, to thin a log to that is finer than the vehicle moves; default: the vehicle's, where the "
+            f"log is over {FINER} times as fine.",
+            *TIME_STEP,
+        ),
     ] = None,
     window: Annotated[
         float | None,
@@ -98,8 +105,7 @@ def diagnose(
             log, mapping, cache_dir, needs_of(plant), cut_gaps, lambda f, text: progress(0.05 * f, text)
         )
         record = _between_depths(record, min_depth, max_depth)
-        if resample is not None:
-            record = record.resample(resample)
+        record = _thinned(record, plant.dt) if resample is None else record.resample(resample)
         if profile is not None:
             if "density_kgpm3" not in plant.inputs:
                 raise ValueError(
@@ -157,6 +163,17 @@ def diagnose(
         errors.print(f"[bold yellow]Note:[/] {escape(failure.text)}", soft_wrap=True)
     for path in (*written.values(), *(plan.file for plan in planned or [])):
         output.print(str(path), markup=False, soft_wrap=True)
+
+
+def _thinned(record: Record, step: float) -> Record:
+    """The record at the vehicle's own step, s, where its samples are much finer, with a note that says so."""
+    if not record.sample_interval * FINER < step:
+        return record
+    note = (
+        f"Thinned from samples {record.sample_interval:.2g} s apart to the vehicle's step of {step:g} s, which is all "
+        "that it moves in; --resample sets another."
+    )
+    return record.resample(step).with_notes([*record.notes, note])
 
 
 def _source(log: Sequence[str]) -> str:

@@ -115,6 +115,9 @@ class Family:
     # starts there, since starts that only their couplings reveal take up whatever a model lacks
     at_rest: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    # coefficients that only take energy: those that are negative stay so in fits, or runs would drive themselves
+    dissipating: frozenset[str] = frozenset()
+
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""
     # masses move in the vehicle: the derivative sees the actuators' rates behind their positions, as `kick` puts them

@@ -54,10 +54,14 @@ class Parameters:
         return other
 
     def bounds(self, path: str) -> tuple[float, float]:
-        """The least and the most that a parameter may be; `REACH` deviations from given where it has one."""
+        """The least and the most that a parameter may be; `REACH` deviations from given where it has one.
+
+        Drag of a vehicle that hovers stays drag, however little is known of it.
+        """
         if path not in self._bounds:
             low, high = spec_at(self.plant, path).bounds
             value, far = value_at(self.plant, path), REACH * self.plant.deviation(path, self.doubt)
+            high = 0.0 if value < 0.0 and path in self.plant.family.dissipating else high
             self._bounds[path] = (max(low, value - far), min(high, value + far))
         return self._bounds[path]
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from auv_gym.cli import main
+from auv_gym.cli.diagnose import _thinned
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.readers.slocum import bundled_slocum_log
@@ -159,3 +160,12 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(log, tmp_pat
     path = write_csv(tmp_path / "log.csv", columns_of(log))
     assert run(path, tmp_path / "file" / "out") == 1
     assert "Cannot write into" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_log_much_finer_than_the_vehicles_step_is_brought_to_it():
+    time = 0.005 * np.arange(2001)
+    fine = Record.from_arrays(time, {"heading_rad": np.sin(time)})
+    thinned = _thinned(fine, 0.05)
+    assert thinned.sample_interval == pytest.approx(0.05)
+    assert thinned.notes[-1].startswith("Thinned from samples 0.005 s apart to the vehicle's step of 0.05 s")
+    assert _thinned(fine, 0.019) is fine  # not four times as fine

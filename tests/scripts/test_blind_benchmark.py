@@ -255,3 +255,17 @@ def test_the_benchmark_is_mostly_right_about_gliders_and_floats(tmp_path):
     shares = json.loads(out.read_text())["shares"]
     assert shares["one"]["all"]["right"]["share"] >= 0.8
     assert shares["none"]["all"]["false"]["share"] <= 0.1
+
+
+def test_logs_of_vehicles_with_thrusters_are_drawn_when_they_are_asked_for():
+    assert {c.family for c in chosen(7, 60, None, None)} == {"glider", "float", "torpedo"}
+    cases = chosen(41, 6, ["one"], ["rov", "rov_attitude"])
+    assert {c.family for c in cases} == {"rov", "rov_attitude"}
+    assert all(c.conditions.measured == ("attitude" if c.family == "rov_attitude" else "all") for c in cases)
+    plant = load_vehicle("bluerov")
+    attitude = {"roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"}
+    alone = log_of(plant, Conditions(1.0, 1.0, 5.0, "attitude"), 0)
+    assert set(alone.names) == attitude | {f"t{k}_us" for k in range(1, 7)}
+    whole = log_of(plant, Conditions(1.0, 1.0, 5.0), 0)
+    assert attitude | {"u_mps", "north_m", "depth_m", "heading_cmd_rad"} <= set(whole.names)
+    assert not any(name.startswith("excitation") or name.endswith("_Nm") for name in whole.names)

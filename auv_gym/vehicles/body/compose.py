@@ -227,6 +227,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         main_output="heading_rad",
         nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
         at_rest=_at_rest(body.hovers),
+        dissipating=frozenset(_DRAG_COEFFICIENTS if body.hovers else ()),
         measured={"effects.supply.sag": "supply_V"},
         twins={
             "effects.hull.damping_surge": "hull.surge.u_u",

@@ -5,7 +5,9 @@ import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from identification.deciding import REACH
 from identification.experiments.hovering import hover
+from identification.fit.parameters import Parameters
 from identification.fit.prediction_errors import PredictionErrors
 
 QUICK = [("effects.t1.astern", 0.3), ("effects.mount.pitch", -0.07)]
@@ -61,3 +63,13 @@ def test_each_effect_is_found_again_by_rates_and_attitude_alone(path, value):
 @pytest.mark.parametrize("path, value", WITH_DEPTH)
 def test_what_lifts_or_holds_a_vehicle_is_found_again_with_its_place(path, value):
     recovered(path, value, "all")
+
+
+def test_drag_of_which_little_is_known_stays_drag():
+    plant = load_vehicle("bluerov")
+    problem = Parameters(plant, 0.1, {})
+    assert plant.deviations["hull.roll.p"] > 1.0 == -value_at(plant, "hull.roll.p")
+    assert problem.bounds("hull.roll.p") == (-1.0 - REACH * plant.deviations["hull.roll.p"], 0.0)
+    assert problem.bounds("hull.z_b")[1] > 0.0
+    torpedo = load_vehicle("heu_torpedo")
+    assert torpedo.family.dissipating == frozenset()
