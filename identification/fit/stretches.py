@@ -37,6 +37,8 @@ class Stretches(Parameters):
     windows: neighbouring ones are one stretch, which the filter goes through; of vehicles with `stepped` inputs each is
     a stretch.  A channel whose readings are all the same is taken as not measured.  Where the attitude turns far, its
     states and readings are rotation vectors about the body axes, see `auv_gym.plant.Chart`.
+    States at rest (`Family.resting`) move in the vehicle's runs and are not followed: what a change of another state
+    does through them is missing in the linearised filter.
     process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
     counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
     doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own.

@@ -250,7 +250,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
 
 def _at_rest(hovers: bool) -> dict[str, tuple[str, ...]]:
     """The states that come to rest, and what tells them: roll and, of a vehicle that hovers, its velocity."""
-    found = dict.fromkeys(("roll_rad", "p_radps"), ("roll_rad", "p_radps"))
+    found: dict[str, tuple[str, ...]] = dict.fromkeys(("roll_rad", "p_radps"), ("roll_rad", "p_radps"))
     track = ("north_m", "east_m")
     level = tuple(f"{axis}{kind}_mps" for axis in "uv" for kind in ("", "_dvl"))
     if hovers:

@@ -35,7 +35,9 @@ def thruster_slips(record: Record, plant: Plant) -> Iterator[Slip]:
         yield Slip(text, mend, (name,), (-1.0,), offset=2.0 * idle, acts_on=_acts_on(thrusters, record, (n,)))
     for pair in combinations(moved, 2):
         one, other = (thrusters.channels[n] for n in pair)
-        if np.array_equal(record[one], record[other]) or np.allclose(*(thrusters.wrench[:, n] for n in pair)):
+        if np.array_equal(record[one], record[other]) or np.allclose(
+            thrusters.wrench[:, pair[0]], thrusters.wrench[:, pair[1]]
+        ):
             continue
         text = f"{one} and {other} look exchanged"
         mend = f"exchange {one} and {other}, or check the wiring of these thrusters"
