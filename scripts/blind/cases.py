@@ -41,8 +41,16 @@ _GROUPS = (
     Group("glider", ("slocum", "ganeshblue")),
     Group("float", ("qiandao_float", "mermaid")),
     Group("torpedo", ("remus100", "vt690", "npsauv"), (200.0, 400.0), window=25.0, settle=5.0),
-    Group("rov", ("bluerov2_heavy", "bluerov"), (40.0, 80.0), drawn=False),
-    Group("rov_attitude", ("bluerov2_heavy", "bluerov"), (40.0, 80.0), drawn=False, measured="attitude"),
+    Group("rov", ("bluerov2_heavy", "bluerov"), (40.0, 80.0), window=5.0, settle=1.0, drawn=False),
+    Group(
+        "rov_attitude",
+        ("bluerov2_heavy", "bluerov"),
+        (40.0, 80.0),
+        window=5.0,
+        settle=1.0,
+        drawn=False,
+        measured="attitude",
+    ),
 )
 FAMILIES: Mapping[str, Group] = {group.name: group for group in _GROUPS}
 KINDS = {"none": 0.16, "one": 0.3, "two": 0.14, "one_wrong": 0.14, "none_wrong": 0.1, "outside": 0.16}
