@@ -146,14 +146,19 @@ def screen(
 
 
 def screen_pairs(
-    problem: PredictionErrors, point: Point, fitted: Sequence[str], candidates: Sequence[Candidate], threshold: float
+    problem: PredictionErrors,
+    point: Point,
+    fitted: Sequence[str],
+    candidates: Sequence[Candidate],
+    threshold: float,
+    most: int,
 ) -> list[tuple[Screening, tuple[Screening, Screening]]]:
     """Regression of the filter's errors on each two signatures at once: the pair, as one candidate, and its members.
 
-    Most promising first.  threshold: see `screen`.  Pairs are left out that act alike, or that would have an
-    effect that works in one direction do so in the other; periods are not sought.
+    The `most` promising, best first.  threshold: see `screen`.  Pairs are left out that act alike, or that would have
+    an effect that works in one direction do so in the other; periods are not sought.
     """
-    return _Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period])
+    return _Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period], most)
 
 
 def _best_period(regression: _Regression, candidate: Candidate, point: Point) -> Screening:
@@ -170,6 +175,9 @@ def _best_period(regression: _Regression, candidate: Candidate, point: Point) ->
         vector[problem.index[candidate.period]] = period
         found.append(replace(regression.of([candidate], vector)[0], period=float(period)))
     return replace(max(found, key=lambda s: s.evidence), tried=periods.size)
+
+
+_Signed = tuple[Screening, np.ndarray, np.ndarray]  # see `_Regression._signed`
 
 
 class _Regression:
@@ -202,36 +210,42 @@ class _Regression:
                 found[candidate] = replace(one, detectable=found[candidate].detectable)
         return [replace(found[c], together=together.get(part_of(c.paths[0]), (0.0, 0))) for c in candidates]
 
-    def pairs(self, candidates: Sequence[Candidate]) -> list[tuple[Screening, tuple[Screening, Screening]]]:
+    def pairs(self, candidates: Sequence[Candidate], most: int) -> list[tuple[Screening, tuple[Screening, Screening]]]:
         """See `screen_pairs`."""
-        seen = [(one, rest, whole) for one, rest, whole in self._signed(candidates) if not one.unseen]
-        found: dict[frozenset[Candidate], tuple[Screening, tuple[Screening, Screening]]] = {}
-        for (a, own_a, whole_a), (b, own_b, whole_b) in combinations(seen, 2):
-            if a.candidate is b.candidate:
+        seen = [rows for rows in self._signed(candidates) if not rows[0].unseen]
+        ends = np.cumsum([0, *(len(own) for _, own, _ in seen)])
+        rest = np.vstack([own for _, own, _ in seen]) if seen else np.zeros((0, self.left.size))
+        gram, told = rest @ rest.T, rest @ self.left
+        size = np.sqrt(np.diag(gram))
+        cosines = gram / np.outer(size, size)
+        best: dict[frozenset[Candidate], tuple[float, int, int, np.ndarray]] = {}
+        for i, j in combinations(range(len(seen)), 2):
+            a, b = seen[i][0].candidate, seen[j][0].candidate
+            rows = np.r_[ends[i] : ends[i + 1], ends[j] : ends[j + 1]]
+            # one minus the cosine of two; the difference of two that act alike would be an effect that neither is
+            if a is b or np.linalg.eigvalsh(cosines[np.ix_(rows, rows)])[0] < 1.0 - ALIKE:
                 continue
-            own, paths = np.vstack([own_a, own_b]), (*a.candidate.paths, *b.candidate.paths)
-            gram, told = own @ own.T, own @ self.left
-            size = np.sqrt(np.diag(gram))
-            alike = np.linalg.eigvalsh(gram / np.outer(size, size))[0]
-            if alike < 1.0 - ALIKE:  # one minus the cosine of two; their difference would be an effect that neither is
+            estimate = np.linalg.solve(gram[np.ix_(rows, rows)], told[rows])
+            if any(e < 0.0 for p, e in zip((*a.paths, *b.paths), estimate, strict=True) if kinked(p)):
                 continue
-            estimate = np.linalg.solve(gram, told)
-            if any(e < 0.0 for p, e in zip(paths, estimate, strict=True) if kinked(p)):
-                continue
-            evidence, key = float(estimate @ told), frozenset((a.candidate, b.candidate))
-            if key not in found or evidence > found[key][0].evidence:
-                both = Candidate(f"{a.candidate.title} and {b.candidate.title}", paths)
-                sizes, beside = (
-                    np.r_[a.detectable, b.detectable],
-                    self._beside(estimate @ np.vstack([whole_a, whole_b])),
-                )
-                whole = Screening(both, estimate, evidence, float(alike), sizes, beside=beside)
-                found[key] = whole, (a, b)
-        return sorted(found.values(), key=lambda item: -item[0].evidence)
+            evidence, key = float(estimate @ told[rows]), frozenset((a, b))
+            if key not in best or evidence > best[key][0]:
+                best[key] = evidence, i, j, estimate
+        return [
+            (self._both(seen[i], seen[j], estimate, evidence), (seen[i][0], seen[j][0]))
+            for evidence, i, j, estimate in sorted(best.values(), key=lambda item: -item[0])[:most]
+        ]
 
-    def _signed(
-        self, candidates: Sequence[Candidate], vector: np.ndarray | None = None
-    ) -> list[tuple[Screening, np.ndarray, np.ndarray]]:
+    def _both(self, first: _Signed, second: _Signed, estimate: np.ndarray, evidence: float) -> Screening:
+        """The screening of two effects as one candidate."""
+        a, b = first[0], second[0]
+        both = Candidate(f"{a.candidate.title} and {b.candidate.title}", (*a.candidate.paths, *b.candidate.paths))
+        beside = self._beside(estimate @ np.vstack([first[2], second[2]]))
+        return Screening(
+            both, estimate, evidence, min(a.seen, b.seen), np.r_[a.detectable, b.detectable], beside=beside
+        )
+
+    def _signed(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[_Signed]:
         """A screening for each candidate and step, its signature without what others imitate, and whole, (paths, n)."""
         groups = [(c, step) for c in candidates for step in (KINKED_STEPS if c.kinked else (STEP,))]
         if not groups:
@@ -247,7 +261,7 @@ class _Regression:
             for (c, _), s in zip(groups, spans, strict=True)
         ]
 
-    def _together(self, signed: Sequence[tuple[Screening, np.ndarray, np.ndarray]]) -> dict[str, tuple[float, int]]:
+    def _together(self, signed: Sequence[_Signed]) -> dict[str, tuple[float, int]]:
         """Of each part, the evidence for all of its effects at once, and in how many directions these act."""
         paths = [p for one, *_ in signed for p in one.candidate.paths]
         rest, whole = (np.vstack([rows[k] for rows in signed]) for k in (1, 2))

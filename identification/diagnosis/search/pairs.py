@@ -31,7 +31,7 @@ def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: 
     many = count * (count - 1) // 2
     base = (*with_given_coefficients(bench, state), state)[0]
     base = (*quieted(bench, base), base)[0]
-    promising = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2))[:PAIRS]
+    promising = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
     found = []
     for whole in side_by_side(lambda pair: tried_from(bench, state, base, pair[0], many), promising):
         if whole.objection or whole.state is None:

@@ -15,7 +15,7 @@ from auv_gym.plant import Plant
 from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE, PART_LEVEL, PRICE, SEEN, SHORT_LIST
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Candidate, Screening, screen
+from identification.diagnosis.search.candidates import Candidate, Screening, part_of, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench, given_values
 from identification.fit.parameters import kinked
 
@@ -185,11 +185,18 @@ def _short_list(
     here: those that promise most from the state as it is.  Where random accelerations are taken for weaker than they
     are, what they do looks like many effects, and these would be all of the list.
     """
-    # none for what cannot be seen; where candidates are many, none of a part that shows nothing
+    # none for what cannot be seen; where candidates are many, none of a part that shows nothing: one effect that is
+    # plain to see may be lost in the evidence for all effects of a large part
+    loud = {part_of(s.candidate.paths[0]) for s in screened if s.evidence >= bar}
     worth = [
         s
         for s in screened
-        if s.evidence >= LEAST_TRACE * bar and (s.chance < PART_LEVEL or not set(plain).isdisjoint(s.candidate.paths))
+        if s.evidence >= LEAST_TRACE * bar
+        and (
+            s.chance < PART_LEVEL
+            or part_of(s.candidate.paths[0]) in loud
+            or not set(plain).isdisjoint(s.candidate.paths)
+        )
     ]
     best = worth[0].evidence if worth else 0.0
     known = [s.candidate in here or not set(plain).isdisjoint(s.candidate.paths) for s in worth]

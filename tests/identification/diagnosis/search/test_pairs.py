@@ -37,7 +37,7 @@ def screened(log):
     bench = Workbench(QUICK, log, parts_of(QUICK, log), 0.1)
     state = bench.fit(QUICK, QUICK.family.coefficients)
     candidates = candidates_of(QUICK, log)
-    return bench, state, candidates, screen_pairs(bench.problem, state.point, state.paths, candidates, 10.0)
+    return bench, state, candidates, screen_pairs(bench.problem, state.point, state.paths, candidates, 10.0, 10_000)
 
 
 def test_a_pair_promises_at_least_what_each_of_it_does(screened):

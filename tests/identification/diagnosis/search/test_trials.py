@@ -206,13 +206,24 @@ def test_on_the_short_list_are_the_ten_best_and_whatever_is_near_the_best_or_pla
 
 
 def test_of_a_part_that_shows_nothing_no_candidate_is_listed_but_what_kinematics_shows():
-    quiet, loud = (chi2.isf(level, 12) for level in (0.06, 0.04))
-    screened = [replace(screened_of(f"effects.t{k}.lost", evidence=50.0), together=(e, 12)) for k, e in
-                enumerate((quiet, loud))]  # fmt: skip
-    assert [s.candidate.paths for s in trials._short_list(screened, (), 10.0, ())] == [("effects.t1.lost",)]
-    assert trials._short_list(screened, (), 10.0, ("effects.t0.lost",)) == screened
+    less, more = (chi2.isf(level, 12) for level in (0.06, 0.04))
+    screened = [
+        replace(screened_of(f"effects.t{k}.lost", evidence=50.0), together=(e, 12)) for k, e in enumerate((less, more))
+    ]
+    assert [s.candidate.paths for s in trials._short_list(screened, (), 60.0, ())] == [("effects.t1.lost",)]
+    assert trials._short_list(screened, (), 60.0, ("effects.t0.lost",)) == screened
     untested = replace(screened[0], together=(0.0, 0))
-    assert trials._short_list([untested], (), 10.0, ()) == [untested]
+    assert trials._short_list([untested], (), 60.0, ()) == [untested]
+
+
+def test_one_that_passes_the_bar_is_not_lost_in_a_large_part():
+    """Thirty effects that are not there have evidence 30 on average: 40 of all of them together is nothing."""
+    loud, other = (
+        replace(screened_of(f"effects.hull.{k}", evidence=e), together=(40.0, 30)) for k, e in (("a", 25.0), ("b", 5.0))
+    )
+    assert loud.chance > 0.1
+    assert trials._short_list([loud, other], (), 24.0, ()) == [loud, other]
+    assert trials._short_list([loud, other], (), 26.0, ()) == []
 
 
 def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_accelerations_promise(start, monkeypatch):
