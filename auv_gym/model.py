@@ -64,6 +64,14 @@ class Continuous(Protocol):
 
 
 @runtime_checkable
+class Interpolating(Protocol):
+    """A model with inputs that a record samples, and does not hold: over an interval, their mean counts."""
+
+    @property
+    def interpolated(self) -> tuple[str, ...]: ...
+
+
+@runtime_checkable
 class Runner(Protocol):
     """A model that makes whole free runs faster than step by step."""
 
@@ -109,12 +117,19 @@ class Diverged(RuntimeError):
 def inputs_of(model: Model, record: Record) -> np.ndarray:
     """The record's inputs in the model's order, shape (n, n_inputs); channels a model has constants for may lack.
 
-    `elapsed_s` is the time since each segment began, where the record does not say it.
+    `elapsed_s` is the time since each segment began, where the record does not say it.  Inputs that the model
+    interpolates are those in the middle of the interval that a row begins.
     """
     constants = {name: np.full(record.time.size, value) for name, value in model_constant_inputs(model).items()}
     if "elapsed_s" in constants:
         constants["elapsed_s"] = record.elapsed
     columns = [record[name] if record.has(name) or name not in constants else constants[name] for name in model.inputs]
+    if isinstance(model, Interpolating) and model.interpolated:
+        within = np.ones(max(record.time.size - 1, 0), dtype=bool)  # not from one segment to the next
+        within[[s.start - 1 for s in record.segments if s.start]] = False
+        for k, name in enumerate(model.inputs):
+            if name in model.interpolated:
+                columns[k] = columns[k] + np.r_[0.5 * np.where(within, np.diff(columns[k]), 0.0), 0.0]
     return np.ascontiguousarray(np.stack(columns, axis=1)) if columns else np.empty((record.time.size, 0))
 
 

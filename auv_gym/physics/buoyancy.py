@@ -1,4 +1,6 @@
-"""Volumes that lift a float, and the pressure that some of them feel."""
+"""Volumes that lift a vehicle, and the pressure that some of them feel."""
+
+from math import exp
 
 from auv_gym.compiled import compiled
 
@@ -22,3 +24,13 @@ def exposed_volume(depth, waterplane):
     waterplane: cross-section at the surface, m^2.  depth: m, negative above the surface.
     """
     return waterplane * max(-depth, 0.0)
+
+
+@compiled
+def volume_change(volume, compressibility, pressure, expansion, warmer):
+    """By how much a volume, m^3, differs from itself at the surface and at its reference temperature.
+
+    compressibility: 1/Pa.  pressure: of the water above, Pa.  expansion: 1/K.  warmer: than the reference, K.
+    Source: Eriksen et al. 2001, IEEE J. Oceanic Eng. 26(4): V exp(expansion warmer - compressibility pressure).
+    """
+    return volume * (exp(expansion * warmer - compressibility * pressure) - 1.0)

@@ -83,6 +83,11 @@ class Plant:
         return self.family.inputs
 
     @property
+    def interpolated(self) -> tuple[str, ...]:
+        """Inputs of which the mean over an interval of a record counts."""
+        return self.family.interpolated
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         return self.family.outputs
 

@@ -15,7 +15,7 @@ from auv_gym.records.record import Record
 
 _TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
 _STILL = 1e-3  # of an input's usual size, below which it does not move
-_USUAL = {"piston_m": 1e-2, "oil_volume_m3": 1e-5}  # sizes of inputs that are far from 1 in SI
+_USUAL = {"piston_m": 1e-2, "oil_volume_m3": 1e-5, "buoyancy_volume_m3": 1e-5}  # sizes of inputs that are far from 1 in SI
 
 
 def needs_of(plant: Plant) -> Needs:
@@ -66,3 +66,37 @@ def check_excitation(plant: Plant, record: Record) -> None:
             still.append(f"{name} is constant at {float(signal[0]):.4g} ({channel(name).unit})")
     if len(still) == len(moving):
         raise ValueError(f"Nothing excites the vehicle: {', '.join(still)}. Use a log in which it moves.")
+
+
+def described(plant: Plant, record: Record) -> Record:
+    """The samples of a record that the vehicle's family describes; a note says how much is left out, and as what.
+
+    `elapsed_s` counts from the record's start on, since what grows with time goes on over what is left out.  Raises
+    ValueError where nothing is left.
+    """
+    found: dict[str, np.ndarray] = {}
+    needed = (plant.family.leading, *plant.family.required)
+    names = [n for n in dict.fromkeys((*needed, *plant.inputs, *plant.outputs)) if n in needed or record.has(n)]
+    for part in record.segments:
+        columns = {name: record[name][part] for name in names}
+        for words, mask in plant.family.beyond(record.time[part], columns).items():
+            found.setdefault(words, np.zeros(len(record), dtype=bool))[part] = mask
+    if not found:
+        return record
+    left_out = np.any(list(found.values()), axis=0)
+    if not left_out.any():
+        return record
+    counted, shares = np.zeros(len(record), dtype=bool), []
+    for words, mask in found.items():
+        share = float(np.mean(mask & ~counted))
+        counted |= mask
+        if share > 0.0:
+            shares.append(f"{100.0 * share:.0f} % {words}")
+    line = f"{100.0 * left_out.mean():.0f} % of the log is left out, since {plant.name} does not describe it: "
+    line += f"{', '.join(shares)}."
+    if left_out.all():
+        raise ValueError(f"{line} Check signs and units of depth, pitch and the inputs, or give a longer log.")
+    if not record.has("elapsed_s") and "elapsed_s" in plant.inputs:
+        record = record.with_channels({"elapsed_s": record.time - record.time[0]})
+    kept = record.select(~left_out)
+    return kept.with_notes([*kept.notes, line])

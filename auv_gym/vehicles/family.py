@@ -25,6 +25,14 @@ def _no_doubts(parameters: Any) -> list[str]:
     return []
 
 
+def _none_beyond(time: Any, columns: Mapping[str, Any]) -> Mapping[str, Any]:
+    return {}
+
+
+def _none_stated(parameters: Any, attrs: Mapping[str, Any]) -> Mapping[str, float]:
+    return {}
+
+
 @compiled
 def no_kick(z, sensors, path, h, p, scratch):
     """The jump of velocity of a vehicle in which no mass moves."""
@@ -117,6 +125,13 @@ class Family:
 
     # coefficients that only take energy: those that are negative stay so in fits, or runs would drive themselves
     dissipating: frozenset[str] = frozenset()
+
+    # inputs that go on evenly from one sample of a log to the next: over an interval, their mean counts
+    interpolated: tuple[str, ...] = ()
+    # samples of a log that the family does not describe: of times and channels of a segment, masks by what they are
+    beyond: Callable[[Any, Mapping[str, Any]], Mapping[str, Any]] = _none_beyond
+    # of these parameters and what a log states, the values by path that take the place of the vehicle's own
+    stated: Callable[[Any, Mapping[str, Any]], Mapping[str, float]] = _none_stated
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""

@@ -1,7 +1,8 @@
 """Dives of Seagliders, one NetCDF file each, as the operators' basestation software writes them.
 
 Heading is magnetic; pitch is positive nose up.  The battery's position and roll, and the volume of the buoyancy device
-(VBD), count from the pilots' centres ($C_PITCH, $C_ROLL_DIVE and $C_ROLL_CLIMB, $C_VBD), in cm, deg and cm3.
+(VBD), count from the pilots' centres ($C_PITCH, $C_ROLL_DIVE and $C_ROLL_CLIMB, $C_VBD), in cm, deg and cm3.  Pilots
+move $C_VBD from dive to dive; `vbd_from_largest` counts from the largest volume, $VBD_MIN, where that is known.
 Sources: Seaglider Parameter Reference Manual, University of Washington, 2012 ($PITCH_CNV, $ROLL_CNV, $VBD_CNV);
 Seaglider Quality Control Manual, University of Washington (flags); basestation3 of APL-UW, which names the variables.
 """
@@ -171,7 +172,33 @@ def _rebuilt(file: NetcdfFile, time: np.ndarray, notes: list[str]) -> dict[str, 
             (np.interp(time, when, counts) - _centre(file, motor, time)) * _log(file, f"{motor.upper()}_CNV"),
         )
         notes.append(f"{name} is rebuilt from the events gc_*, as {logged} is not logged.")
+    neutral = neutral_volume(_number_of(file))
+    if neutral is None:
+        notes.append("The volume of the VBD counts from $C_VBD, since the file does not say where that is.")
+    rebuilt = found.get("vbd_cm3", ("", None))[1]
+    logged = file.variables.get("eng_vbdCC")
+    about = rebuilt if logged is None else np.asarray(logged.numbers(), dtype=float)
+    if about is not None:
+        found["vbd_from_largest"] = ("cm3", about + (neutral or 0.0))
     return found
+
+
+def neutral_volume(constants: Mapping[str, float]) -> float | None:
+    """The volume of the VBD at the pilots' $C_VBD, cm3, from its largest one on (so it is negative); None if unknown.
+
+    constants: attributes of a dive's log.  The operators' own limits and counts (`sg_cal_`) go before the glider's.
+    """
+    at, least = constants.get("log_C_VBD"), constants.get("sg_cal_vbd_min_cnts", constants.get("log_VBD_MIN"))
+    counts = constants.get("sg_cal_vbd_cnts_per_cc")
+    size = 1.0 / counts if counts else constants.get("log_VBD_CNV")
+    return None if at is None or least is None or size is None else (at - least) * size
+
+
+def _number_of(file: NetcdfFile) -> dict[str, float]:
+    """What the file says of the VBD's counts, as far as it does."""
+    names = ("log_C_VBD", "log_VBD_MIN", "log_VBD_MAX", "log_VBD_CNV", "sg_cal_vbd_min_cnts", "sg_cal_vbd_max_cnts")
+    read = {name: _number(file, name) for name in (*names, "sg_cal_vbd_cnts_per_cc")}
+    return {name: value for name, value in read.items() if np.isfinite(value)}
 
 
 def _moves(file: NetcdfFile, motor: str) -> tuple[np.ndarray, np.ndarray] | None:
@@ -253,6 +280,7 @@ def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
     for name, variable in file.variables.items():
         if name.startswith("sg_cal_") and not variable.is_text and not _OTHER_CONSTANTS.match(name):
             attrs[name] = variable.number()
+    attrs |= _number_of(file)
     known = {name: value for name, value in attrs.items() if np.isfinite(value)}
     for name in ("platform_id", "project"):
         if isinstance(file.attrs.get(name), str):

@@ -228,4 +228,4 @@ def test_the_measured_files(shared_data):
     mapping = Path(seaexplorer.__file__).parents[1] / "mappings" / "seaexplorer.toml"
     names = tomllib.loads(mapping.read_text(encoding="utf-8"))["names"]
     channels = {conversion(ours, units[theirs]).channel.name for theirs, ours in names.items()}
-    assert {"heading_magnetic_rad", "depth_m", "ballast_volume_m3", "battery_position_cmd_m"} <= channels
+    assert {"heading_magnetic_rad", "depth_m", "buoyancy_volume_m3", "battery_position_cmd_m"} <= channels

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp
 
 from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
 from auv_gym.param import param
+from auv_gym.physics.buoyancy import volume_change
 from auv_gym.vehicles.body.kinds import PartKind, force_at
 
 
@@ -39,7 +39,7 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
     """The lift of the change of volume, and its moment, in body axes.  Source: Fossen 2021, eq. (4.6)."""
     pressure = motion.water * motion.gravity * max(motion.depth, 0.0)
     warmer = inputs[shared] - part.temperature
-    change = part.volume * (exp(part.expansion * warmer - part.compressibility * pressure) - 1.0)
+    change = volume_change(part.volume, part.compressibility, pressure, part.expansion, warmer)
     lift = motion.water * motion.gravity * (change + effects.offset)
     x, y, z = -lift * motion.r31, -lift * motion.r32, -lift * motion.r33
     return force_at(x, y, z, part.x, part.y, part.z)

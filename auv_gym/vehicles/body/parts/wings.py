@@ -8,6 +8,7 @@ from math import atan2, cos, sin, sqrt
 from auv_gym.compiled import compiled
 from auv_gym.effects import effects_on_commands
 from auv_gym.param import list_paths, param, value_at
+from auv_gym.physics.polar import polar_drag, polar_lift
 from auv_gym.vehicles.body.hull import Hull
 from auv_gym.vehicles.body.kinds import NONE, PartKind, Sketch
 
@@ -63,8 +64,8 @@ def force(at, actuators, inputs, shared, motion, part, effects, derived):
     alpha, beta = atan2(w, u), atan2(v, sqrt(u * u + w * w))
     scale = motion.density * square
     lifting = min(max(alpha, -part.stall), part.stall)
-    drag = scale * (part.drag_0 + part.drag_2 * lifting * lifting)
-    lift = scale * (1.0 - effects.lost) * (part.lift_0 + part.lift_1 * lifting)
+    drag = scale * polar_drag(lifting, part.drag_0, part.drag_2)
+    lift = scale * (1.0 - effects.lost) * polar_lift(lifting, part.lift_0, part.lift_1)
     side = scale * part.side * beta
     roll = scale * (part.roll * beta + part.roll_rate * motion.p)
     pitch = scale * (part.pitch_0 + part.pitch * lifting + part.pitch_rate * motion.q)

@@ -1,0 +1,103 @@
+"""Simulated dives of a glider that flies by its polar: down and up again, as its log would have them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from math import exp, radians
+
+import numpy as np
+
+from auv_gym.model import check_finite
+from auv_gym.plant import Plant
+from auv_gym.plant.flying import neutral_engine
+from auv_gym.records.record import Record, concat
+
+Profile = Callable[[float], float]
+
+_START = 12.0  # m, where a dive's record begins and ends: bubbles and waves are over
+_FINE = 1.0  # s, in which attitude, engine and water change between samples
+_PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes
+_TURN = 15.0  # s, time constant of the change from dive to climb
+_NET = (1.0e-4, 2.0e-4)  # m^3 that a dive is flown off neutral by, either side
+_PITCH = (radians(16.0), radians(28.0))
+_WANDER, _PERIODS = radians(1.0), (140.0, 330.0)  # of the pitch, rad and s
+_MOST = 20_000.0  # s, of a dive that never comes back
+
+
+def open_sea(depth: float) -> float:
+    """Water temperature, degC, at a depth, m: 12 at the surface and 5 deep down; the numbers are chosen."""
+    return 5.0 + 7.0 * exp(-max(depth, 0.0) / 120.0)
+
+
+def sea_density(depth: float) -> float:
+    """Density, kg/m^3, of water of `open_sea` and 35 of salinity at a depth, m; within 0.1 of TEOS-10 down to 500 m.
+
+    Linear: 1027.7 at 5 degC and the surface, less 0.17 a degree, and sea water's compressibility of 4.6e-3 kg/m^4.
+    """
+    return 1027.7 - 0.17 * (open_sea(depth) - 5.0) + 4.6e-3 * max(depth, 0.0)
+
+
+def yo_mission(
+    plant: Plant,
+    depths: Sequence[float] = (120.0, 300.0, 200.0, 300.0),
+    *,
+    rng: np.random.Generator,
+    noise: float = 0.05,
+    dt: float | None = None,
+    measured: bool = True,
+    truth: Callable[[Plant], Plant] = lambda plant: plant,
+) -> Record:
+    """A record of dives to these depths, a segment each, from 12 m down and up to there again.
+
+    Net buoyancy of 100 to 200 cm3 either side of neutral, and pitch angles of 16 to 28 degrees, are drawn for each dive
+    and climb; pitch and heading wander slowly.  buoyancy_volume_m3 and pitch_rad are what the log has, before any
+    effect.  noise: m, white, of the depth.  dt: s between samples, default the vehicle's.  measured: whether the log
+    has the water's density.  truth: the plant that flies, of the one that is planned with.  Raises Diverged.
+    """
+    low, high = plant.hull.engine_low, plant.hull.engine_high
+    if not depths or not all(_START + 20.0 <= depth <= 1000.0 for depth in depths):
+        raise ValueError(f"A mission needs depths from {_START + 20.0:g} to 1000 m, got {list(depths)}.")
+    every = plant.dt if dt is None else dt
+    if not every >= _FINE or not noise >= 0.0:
+        raise ValueError(f"A mission needs dt of at least {_FINE:g} s and noise >= 0 m, got {every} and {noise}.")
+    flying = replace(truth(plant), dt=_FINE, longest_step=_FINE)
+    records, begun = [], 0.0
+    for depth in depths:
+        neutral = neutral_engine(plant, depth)
+        net, pitches = rng.uniform(*_NET, size=2), rng.uniform(*_PITCH, size=2)
+        lift, turns, heading = rng.uniform(0.0, 6.28, size=3)
+        engine, pitch, climbing, t, rows = max(neutral - net[0], low), -pitches[0], False, 0.0, []
+        x = flying.initial(np.array([_START, 0.0, 0.0]))
+        position = flying.states.index("buoyancy_volume_m3 position")
+        x[position] = engine
+        while not (climbing and x[0] <= _START) and t < _MOST:
+            climbing = climbing or x[0] >= depth
+            wanted = min(neutral + net[1], high) if climbing else max(neutral - net[0], low)
+            engine += min(max(wanted - engine, -_PUMP * _FINE), _PUMP * _FINE)
+            pitch += ((pitches[1] if climbing else -pitches[0]) - pitch) * (1.0 - exp(-_FINE / _TURN))
+            wander = _WANDER * (np.sin(6.28 * t / _PERIODS[0] + lift) + np.sin(6.28 * t / _PERIODS[1] + turns))
+            u = {
+                "buoyancy_volume_m3": engine,
+                "temperature_C": open_sea(x[0]),
+                "pitch_rad": pitch + wander,
+                "heading_rad": heading + 3.0 * wander,
+                "density_kgpm3": sea_density(x[0]),
+                "elapsed_s": begun + t,
+            }
+            if t % every < _FINE:
+                rows.append((t, float(flying.output(x)[0]), *u.values()))
+            x = flying.step(x, np.array([u[name] for name in flying.inputs]))
+            check_finite(flying.states, np.array([t]), x[None, :])
+            t += _FINE
+        begun += t + 600.0  # at the surface
+        records.append(_record(np.array(rows), tuple(u), rng, noise, measured))
+    return concat(records).with_notes([], source="simulated", vehicle=plant.name, depth_noise_m=noise)
+
+
+def _record(rows: np.ndarray, names: tuple[str, ...], rng: np.random.Generator, noise: float, measured: bool) -> Record:
+    columns = dict(zip(names, rows.T[2:], strict=True))
+    if not measured:
+        columns.pop("density_kgpm3")
+    depth = rows[:, 1] + noise * rng.standard_normal(len(rows))
+    return Record.from_arrays(rows[:, 0], {"depth_m": depth, **columns})
