@@ -18,6 +18,9 @@ class GlideToDepth:
     pitch: float
     band: float
 
+    targets = ("depth_m",)
+    commands = ("buoyancy_volume_m3", "pitch_rad")
+
     def start(self) -> None:
         return None
 

@@ -17,7 +17,7 @@ from auv_gym.records.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 
 ROOT = Path(__file__).parents[1]
-SAMPLES = {"glider": 60, "body": 12, "hover": 12, "float": 25}  # one of a torpedo takes plain Python some milliseconds
+SAMPLES = {"glider": 60, "body": 12, "hover": 12, "float": 25, "glide": 25}  # one of a torpedo takes plain Python some milliseconds
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
     "effects.discovered.yaw.sin_heading": 0.5,
@@ -45,7 +45,7 @@ def probed(plant: Plant) -> dict[str, float]:
 def plants() -> dict[str, Plant]:
     """The presets bare, and some with all effects; of a glider each effect, of the others each group of effects."""
     found = {name: load_vehicle(name) for name in list_vehicles()}
-    for name in ("slocum", "ganeshblue_corrected", "heu_torpedo", "npsauv", "qiandao_float", "mermaid"):
+    for name in ("slocum", "ganeshblue_corrected", "heu_torpedo", "npsauv", "qiandao_float", "mermaid", "seaglider"):
         found[f"{name}, all effects"] = replace_at(found[name], probed(found[name]))
     centres = np.linspace(-0.5, 1.5, 4)[:, None] * np.array([1.0, 0.1, 0.1, 0.2, 0.2, 0.2])
     forces = np.array([[-4.0, 2.0, 1.0, 0.2, 0.4, -0.3]]) * np.arange(1.0, 5.0)[:, None]
@@ -74,6 +74,10 @@ def trajectory(plant: Plant) -> np.ndarray:
         start = {"depth_m": 1.0, "depth_rate_mps": -0.1}  # to the surface and back
     elif plant.family.kind == "glider":
         columns |= {"u_mps": 0.4 + 0.1 * np.sin(0.1 * k), "roll_rad": 0.1 * np.cos(0.2 * k)}
+    elif plant.family.kind == "glide":
+        columns = {"buoyancy_volume_m3": plant.hull.engine_neutral - 3e-4 * np.sin(0.3 * k)}
+        columns |= {"pitch_rad": -0.4 * np.sin(0.3 * k), "heading_rad": 0.1 * k, "temperature_C": 9.0 + np.cos(0.2 * k)}
+        start = {"depth_m": 4.0}  # to the surface and back
     elif plant.family.kind == "hover":
         thrusters = find_thrusters(plant)
         waves = 0.9 * np.sin(0.5 * k[:, None] + np.arange(thrusters.at.size))

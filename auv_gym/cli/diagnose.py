@@ -92,6 +92,7 @@ def diagnose(
 
         from auv_gym.plant import load_vehicle
         from auv_gym.plant.record_check import needs_of
+        from auv_gym.plant.stated import as_stated
         from auv_gym.records.density import read_profiles, with_density
         from identification.diagnosis import again as diagnose_again, diagnose as diagnose_record, write_diagnosis
         from identification.diagnosis.extras import Extras
@@ -99,7 +100,10 @@ def diagnose(
 
         require_render()
 
-        plant, began = load_vehicle(vehicle), perf_counter()
+        (plant, stated), began = as_stated(load_vehicle(vehicle), log[0]), perf_counter()
+        if stated:
+            names = ", ".join(path.removeprefix("hull.") for path in stated)
+            errors.print(f"Log: constants of the vehicle that {escape(log[0])} states: {names}.", soft_wrap=True)
         progress(0.0, "reading the log")
         record = logs.read_log(
             log, mapping, cache_dir, needs_of(plant), cut_gaps, lambda f, text: progress(0.05 * f, text)
@@ -146,6 +150,9 @@ def diagnose(
             if planned is None:  # the files say so, too
                 written = write_diagnosis(diagnosis, out, extras)
         progress(1.0, "done")
+    for line in diagnosis.record.notes:
+        if line not in record.notes:
+            errors.print(f"Log: {escape(line)}", soft_wrap=True)
     output.print()
     output.print(diagnosis.summary(), markup=False)
     output.print()

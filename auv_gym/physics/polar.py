@@ -8,7 +8,8 @@ from auv_gym.compiled import compiled
 
 _LEAST = 1e-9  # N, below which a net buoyancy moves nothing
 _EDGE = 1e-9  # rad, from the ends of the interval in which the attack lies
-_CLOSE = 1e-13  # rad, a change of the attack that ends the search
+_CLOSE = 1e-7  # rad, a step of Newton's method that is the last one: it leaves its square
+_FLAT, _STEEP = 0.05, 1.2  # rad, between which the first guess takes the pitch
 _TURNS = 60  # of the search; halving alone would take fifty
 
 
@@ -40,8 +41,12 @@ def steady_glide(force, pitch, density, area, drag_0, drag_power, drag_2, lift_1
         return 0.0, pitch, 0.0
     # beyond = -side attack > 0, and the path is nose + beyond, between level and vertical
     low, high = max(0.0, -nose) + _EDGE, 0.5 * pi - nose - _EDGE
-    pressure = max(lifting * sin(max(nose, 0.05)) / (area * drag_0), 1e-6)
-    beyond = drag_0 * pressure**drag_power / (lift_1 * tan(min(max(nose, 0.05), 1.2)))
+    # first guess: the tangent taken as linear in the attack, drag_0 at the speed of a path as steep as the nose
+    steep = tan(min(max(nose, _FLAT), _STEEP))
+    pressure = lifting * steep / (sqrt(1.0 + steep * steep) * area * drag_0)
+    skin = drag_0 * pressure**drag_power if drag_power != 0.0 else drag_0
+    under = (lift_1 * steep) ** 2 + 4.0 * skin * (lift_1 * (1.0 + steep * steep) - drag_2)
+    beyond = 2.0 * skin / (lift_1 * steep + sqrt(max(under, 0.0)))
     if not low < beyond < high:
         beyond = 0.5 * (low + high)
     for _ in range(_TURNS):
@@ -52,23 +57,22 @@ def steady_glide(force, pitch, density, area, drag_0, drag_power, drag_2, lift_1
         skin = drag_0 * pressure**drag_power if drag_power != 0.0 else drag_0
         slope = s / c
         left = polar_drag(beyond, skin, drag_2) - lift_1 * beyond * slope
+        grows = (
+            2.0 * drag_2 * beyond
+            - drag_power * skin * (slope + 1.0 / beyond)
+            - lift_1 * (slope + beyond / (c * c))
+        )
+        step = left / grows if grows != 0.0 else high
+        if abs(step) < _CLOSE:
+            beyond = min(max(beyond - step, low), high)
+            break
         if left > 0.0:
             low = beyond
         else:
             high = beyond
-        falls = (
-            drag_power * skin * (-slope - 1.0 / beyond)
-            + 2.0 * drag_2 * beyond
-            - lift_1 * slope
-            - lift_1 * beyond / (c * c)
-        )
-        following = beyond - left / falls if falls != 0.0 else low
-        if not low < following < high:
-            following = 0.5 * (low + high)
-        moved = abs(following - beyond)
-        beyond = following
-        if moved < _CLOSE:
-            break
+        beyond -= step
+        if not low < beyond < high:
+            beyond = 0.5 * (low + high)
     path = nose + beyond
     pressure = lifting * cos(path) / (area * polar_lift(beyond, 0.0, lift_1))
     return sqrt(2.0 * pressure / density), side * path, -side * beyond

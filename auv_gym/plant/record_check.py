@@ -69,11 +69,36 @@ def check_excitation(plant: Plant, record: Record) -> None:
 
 
 def described(plant: Plant, record: Record) -> Record:
-    """The samples of a record that the vehicle's family describes; a note says how much is left out, and as what.
+    """The samples of a record that the vehicle's family describes; notes say what is left out, and what is assumed.
 
     `elapsed_s` counts from the record's start on, since what grows with time goes on over what is left out.  Raises
     ValueError where nothing is left.
     """
+    lines = [
+        f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g} {channel(name).unit} is assumed "
+        "throughout."
+        for name in plant.family.assumed
+        if not record.has(name)
+    ]
+    found = _not_described(plant, record)
+    left_out = np.any(list(found.values()), axis=0) if found else np.zeros(len(record), dtype=bool)
+    if left_out.any():
+        counted, shares = np.zeros(len(record), dtype=bool), []
+        for words, mask in found.items():
+            share, counted = float(np.mean(mask & ~counted)), counted | mask
+            shares += [f"{100.0 * share:.0f} % {words}"] if share > 0.0 else []
+        line = f"{100.0 * left_out.mean():.0f} % of the log is left out, since {plant.name} does not describe it: "
+        lines.append(f"{line}{', '.join(shares)}.")
+        if left_out.all():
+            raise ValueError(f"{lines[-1]} Check signs and units of depth, pitch and the inputs, or give a longer log.")
+    if found and not record.has("elapsed_s"):
+        record = record.with_channels({"elapsed_s": record.time - record.time[0]})
+    kept = record.select(~left_out) if left_out.any() else record
+    return kept.with_notes([*kept.notes, *lines]) if lines else kept
+
+
+def _not_described(plant: Plant, record: Record) -> dict[str, np.ndarray]:
+    """Masks of the samples that the family does not describe, by what they are."""
     found: dict[str, np.ndarray] = {}
     needed = (plant.family.leading, *plant.family.required)
     names = [n for n in dict.fromkeys((*needed, *plant.inputs, *plant.outputs)) if n in needed or record.has(n)]
@@ -81,22 +106,4 @@ def described(plant: Plant, record: Record) -> Record:
         columns = {name: record[name][part] for name in names}
         for words, mask in plant.family.beyond(record.time[part], columns).items():
             found.setdefault(words, np.zeros(len(record), dtype=bool))[part] = mask
-    if not found:
-        return record
-    left_out = np.any(list(found.values()), axis=0)
-    if not left_out.any():
-        return record
-    counted, shares = np.zeros(len(record), dtype=bool), []
-    for words, mask in found.items():
-        share = float(np.mean(mask & ~counted))
-        counted |= mask
-        if share > 0.0:
-            shares.append(f"{100.0 * share:.0f} % {words}")
-    line = f"{100.0 * left_out.mean():.0f} % of the log is left out, since {plant.name} does not describe it: "
-    line += f"{', '.join(shares)}."
-    if left_out.all():
-        raise ValueError(f"{line} Check signs and units of depth, pitch and the inputs, or give a longer log.")
-    if not record.has("elapsed_s") and "elapsed_s" in plant.inputs:
-        record = record.with_channels({"elapsed_s": record.time - record.time[0]})
-    kept = record.select(~left_out)
-    return kept.with_notes([*kept.notes, line])
+    return found

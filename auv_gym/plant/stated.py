@@ -32,6 +32,8 @@ def as_stated(plant: Plant, path: str | os.PathLike) -> tuple[Plant, tuple[str, 
 
     Only vehicles that stand for a series are changed (`hull.as_logged`).  Raises ValueError on a value that cannot be.
     """
+    if plant.family.stated is None:
+        return plant, ()
     file = find_log(path)
     attrs = open_log(file).attrs
     values = plant.family.stated(plant.parameters, attrs)

@@ -29,10 +29,6 @@ def _none_beyond(time: Any, columns: Mapping[str, Any]) -> Mapping[str, Any]:
     return {}
 
 
-def _none_stated(parameters: Any, attrs: Mapping[str, Any]) -> Mapping[str, float]:
-    return {}
-
-
 @compiled
 def no_kick(z, sensors, path, h, p, scratch):
     """The jump of velocity of a vehicle in which no mass moves."""
@@ -128,10 +124,13 @@ class Family:
 
     # inputs that go on evenly from one sample of a log to the next: over an interval, their mean counts
     interpolated: tuple[str, ...] = ()
+    # inputs that a log should measure: where it does not, it is said which value is assumed
+    assumed: tuple[str, ...] = ()
     # samples of a log that the family does not describe: of times and channels of a segment, masks by what they are
     beyond: Callable[[Any, Mapping[str, Any]], Mapping[str, Any]] = _none_beyond
-    # of these parameters and what a log states, the values by path that take the place of the vehicle's own
-    stated: Callable[[Any, Mapping[str, Any]], Mapping[str, float]] = _none_stated
+    # of these parameters and what a log states, the values by path that take the place of the vehicle's own; none where
+    # no log states any
+    stated: Callable[[Any, Mapping[str, Any]], Mapping[str, float]] | None = None
 
     # an output without which nothing can be learned from a log; the first one by default
     main_output: str = ""

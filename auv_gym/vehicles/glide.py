@@ -234,14 +234,7 @@ GLIDE = Family(
     kind="glide",
     title="steady flight of an underwater glider by its polar",
     parameters=GlideParameters,
-    inputs=(
-        "buoyancy_volume_m3",
-        "temperature_C",
-        "pitch_rad",
-        "heading_rad",
-        "density_kgpm3",
-        "elapsed_s",
-    ),
+    inputs=("buoyancy_volume_m3", "temperature_C", "pitch_rad", "heading_rad", "density_kgpm3", "elapsed_s"),
     constants={
         "buoyancy_volume_m3": "hull.engine_neutral",
         "temperature_C": "hull.temperature",
@@ -274,6 +267,7 @@ GLIDE = Family(
     shared={"volume_m3": "effects.volume.offset"},
     shared_unless="hull.trim_known",
     interpolated=("buoyancy_volume_m3", "temperature_C", "pitch_rad", "heading_rad", "density_kgpm3"),
+    assumed=("density_kgpm3", "temperature_C"),
     beyond=beyond,
     stated=stated,
     view=view_as(record_type(GlideParameters), "glide"),

@@ -7,9 +7,10 @@ a net buoyancy of 1 to 2 N.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 from typing import Any
 
-from auv_gym.effects import ClockEffects, CompassEffects, CurrentEffects, Sampling, effects_on_commands
+from auv_gym.effects import ClockEffects, CurrentEffects, Sampling, effects_on_commands
 from auv_gym.param import param, part
 
 _TRIM = "dives to several depths, and a known trim"
@@ -21,13 +22,15 @@ _PACE = "dives and climbs at several net buoyancies"
 _ANGLES = "dives and climbs at several pitch angles"
 _BOTH = "dives as well as climbs, at several pitch angles"
 _SAMPLES = "a water sample, or a second CTD"
+_FIX = "a track with a known current"
+_CIRCLE = "tracks over headings all around the circle"
 _PROFILE = "a profile of the water's density, measured with the log"
 
 EngineEffects = effects_on_commands(
     "EngineEffects",
     __name__,
     "m^3",
-    {"gain": 0.03, "dead_time": 4.0, "lag": 5.0, "slowness": 2e5},
+    {"gain": 0.03, "dead_time": 4.0, "lag": 5.0, "slowness": 3e4},
     slowest=1e8,
     titles={"slowness": "{} slower than given, as time per volume"},
 )
@@ -82,6 +85,19 @@ class GlideInclinometer:
 
 
 @dataclass(frozen=True)
+class GlideCompass:
+    """Errors of the measured heading, which turn the track."""
+
+    bias: float = param(0.0, "rad", "compass bias", bounds=(-pi, pi), probe=0.02, apart=_FIX)
+    deviation_sin: float = param(
+        0.0, "rad", "compass deviation, sine of heading", bounds=(-0.9, 0.9), probe=0.035, apart=_CIRCLE
+    )
+    deviation_cos: float = param(
+        0.0, "rad", "compass deviation, cosine of heading", bounds=(-0.9, 0.9), probe=0.035, apart=_CIRCLE
+    )
+
+
+@dataclass(frozen=True)
 class GlideDepthSensor:
     """Errors of the measured depth; in steady flight, its scale acts much as the drag does."""
 
@@ -107,7 +123,7 @@ class GlideEffects:
     polar: PolarEffects = part(PolarEffects)
     water: GlideWaterEffects = part(GlideWaterEffects)
     inclinometer: GlideInclinometer = part(GlideInclinometer)
-    compass: CompassEffects = part(CompassEffects)
+    compass: GlideCompass = part(GlideCompass)
     current: CurrentEffects = part(CurrentEffects)
     depth: GlideDepthSensor = part(GlideDepthSensor)
     sampling: GlideSampling = part(GlideSampling)

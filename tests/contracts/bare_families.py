@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from math import sin, sqrt
+from math import cos, exp, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from auv_gym.param import list_paths
 from auv_gym.physics.buoyancy import exposed_volume
 from auv_gym.physics.frames import compiled_euler_rates, compiled_velocity_ned, rotation_of
 from auv_gym.physics.hydrodynamics import angle_of_attack, cross_flow_drag, righting
+from auv_gym.physics.polar import steady_glide
 from auv_gym.physics.propulsion import RADPS_PER_RPM, shaft_law, slipstream_speed, table_thrust
 from auv_gym.physics.rigid_body import coriolis_forces, fill_rigid_body_mass, invert
 from auv_gym.vehicles.body.derived import COMPUTED, N_TERMS, fill_added_mass
@@ -335,7 +336,57 @@ def float_output(x, actuators, sensors, p, y):
     y[1] = x[1]
 
 
+@compiled
+def glide_derivative(x, actuators, inputs, p, dx, scratch):
+    hull = p.hull
+    pressure = hull.density * FLOAT_GRAVITY * max(x[0], 0.0)
+    warmer = actuators[1] - hull.temperature
+    volume = (
+        hull.volume
+        + hull.volume * (exp(hull.expansion * warmer - hull.compressibility * pressure) - 1.0)
+        + actuators[0]
+        + x[4]
+        - exposed_volume(x[0], hull.waterplane)
+    )
+    force = FLOAT_GRAVITY * (inputs[4] * volume - hull.mass)
+    polar = (hull.area, hull.drag_0, hull.drag_power, hull.drag_2, hull.lift_1)
+    speed, path, _ = steady_glide(force, inputs[2], inputs[4], *polar)
+    dx[0] = -speed * sin(path)
+    if x[0] <= 0.0:
+        dx[0] = max(dx[0], 0.0)
+    dx[1] = (dx[0] - x[1]) / 30.0
+    dx[2] = speed * cos(path) * cos(inputs[3])
+    dx[3] = speed * cos(path) * sin(inputs[3])
+    dx[4] = 0.0
+    dx[5] = 1.0
+
+
+@compiled
+def glide_shape(inputs, memory, p, shaped):
+    rest = p.hull.engine_neutral
+    shaped[0] = min(max(rest + (inputs[0] - rest), p.hull.engine_low), p.hull.engine_high)
+    shaped[1] = inputs[1]
+
+
+@compiled
+def glide_times(index, p):
+    return 0.0, 0.0, p.hull.engine_slowness if index == 0 else 0.0
+
+
+@compiled
+def glide_output(x, actuators, sensors, p, y):
+    y[0] = x[0]
+    y[1] = x[2]
+    y[2] = x[3]
+
+
 _HOOKS = {
+    "glide": {
+        "derivative": glide_derivative,
+        "shape": glide_shape,
+        "actuator_times": glide_times,
+        "output": glide_output,
+    },
     "glider": {
         "derivative": glider_derivative,
         "stable_step": glider_stable_step,

@@ -49,6 +49,8 @@ def showing() -> list[tuple[str, str]]:
     for path in effect_paths(with_bow_plane):
         if spec_at(with_bow_plane, path).probe and ".bow_plane." in path:
             free.append(("npsauv", path))
+    flyer = load_vehicle("seaglider")
+    free += [("seaglider", p) for p in effect_paths(flyer) if spec_at(flyer, p).probe and p not in COMPANIONS]
     for path in effect_paths(diver):
         if spec_at(diver, path).probe and path not in COMPANIONS:
             free += [("qiandao_float", path)] if ".oil." not in path else []
@@ -126,6 +128,23 @@ def float_record(plant: Plant, samples: int = 300) -> Record:
     )
 
 
+def glide_record(plant: Plant, samples: int = 300) -> Record:
+    """The engine goes into its stops, in steps and back; the glider dives, climbs and turns, never to the surface."""
+    k = np.arange(samples)
+    hull, wave = plant.hull, np.sin(0.05 * k) + 0.1 * np.sin(0.31 * k)
+    half = 1.05 * max(hull.engine_neutral - hull.engine_low, hull.engine_high - hull.engine_neutral)
+    return Record.from_arrays(
+        plant.dt * k,
+        {
+            "buoyancy_volume_m3": hull.engine_neutral - half * wave,
+            "temperature_C": hull.temperature - 5.0 + 5.0 * np.sin(0.02 * k),
+            "pitch_rad": -0.5 * np.tanh(5.0 * wave) + 0.02 * np.sin(0.2 * k),
+            "heading_rad": 0.02 * k,
+            "density_kgpm3": hull.density + 0.3 * np.sin(0.03 * k),
+        },
+    )
+
+
 def thruster_record(plant: Plant, samples: int = 120) -> Record:
     """Every thruster moves, also into its stops, in small steps and back, while the supply sags."""
     k, columns = np.arange(samples), {"supply_V": 15.0 + np.cos(0.05 * np.arange(samples))}
@@ -141,11 +160,13 @@ STARTS = {
     "hover": [0.3, 0.05, -0.05, 0.02, 0.01, 0.02, 5.0, -3.0, 6.0, 0.05, -0.05, 0.4, 0.0],
     "body": [1.2, 0.05, -0.05, 0.02, 0.01, 0.02, 5.0, -3.0, 6.0, 0.05, -0.05, 0.4, 0.0],
     "float": [300.0, 0.05, 1e-5],
+    "glide": [300.0, 0.05, 5.0, -3.0, 1e-5],
 }
 
 
 def rich_record(plant: Plant) -> Record:
     makers = {"glider": glider_record, "body": torpedo_record, "hover": thruster_record, "float": float_record}
+    makers["glide"] = glide_record
     return makers[plant.family.kind](plant)
 
 

@@ -66,10 +66,28 @@ EFFECTS = {
         "effects.depth.scale": 0.01,
         "effects.depth.lag": 1.0,
     },
+    "glide": {
+        "effects.engine.gain": 0.9,
+        "effects.engine.lag": 10.0,
+        "effects.engine.dead_time": 7.0,
+        "effects.volume.compressibility": 1e-10,
+        "effects.volume.expansion": 1e-5,
+        "effects.volume.expansion_lag": 100.0,
+        "effects.volume.air": 2e-5,
+        "effects.volume.leak": 1e-8,
+        "effects.polar.growth": 0.2,
+        "effects.polar.lift": -0.1,
+        "effects.inclinometer.pitch_bias": 0.02,
+        "effects.compass.deviation_sin": 0.05,
+        "effects.current.north": 0.1,
+        "effects.water.current": 0.01,
+        "effects.water.heave_sin": 0.01,
+        "effects.depth.scale": 0.01,
+    },
 }
 # what other steps change: a float's are of seconds, within which a lagging depth sensor takes its motion as even
-CUT_STEPS = {"glider": 1e-6, "body": 1e-6, "hover": 1e-6, "float": 1e-4}
-MOVED = {"glider": "heading_rad", "body": "heading_rad", "hover": "heading_rad", "float": "depth_m"}
+CUT_STEPS = {"glider": 1e-6, "body": 1e-6, "hover": 1e-6, "float": 1e-4, "glide": 1e-4}
+MOVED = {"glider": "heading_rad", "body": "heading_rad", "hover": "heading_rad", "float": "depth_m", "glide": "depth_m"}
 
 
 def with_effects(plant: Plant) -> Plant:
@@ -89,7 +107,8 @@ def excited(model: Model, samples: int = 40) -> Record:
     """From rest; all commands rest at first, as they count as having been before a model's initial state."""
     rows = [commands(model, 0.0, 0.0)] * 2 + [commands(model, 0.3 * np.sin(0.8 * k)) for k in range(2, samples)]
     given = dict(zip(model.inputs, np.transpose(rows), strict=True))
-    at_depth = {"depth_m": np.full(samples, 8.0)} if model.family.kind == "float" else {}
+    deep = {"float": 8.0, "glide": 150.0}
+    at_depth = {"depth_m": np.full(samples, deep[model.family.kind])} if model.family.kind in deep else {}
     named = {name: given[name] for name in model.family.required}
     return Record.from_arrays(model.dt * np.arange(samples), {**named, **at_depth})
 
@@ -108,6 +127,8 @@ def commands(model: Model, moved: float, running: float = 1.0) -> np.ndarray:
         constants |= dict(zip(model.inputs, pushed.tolist(), strict=False))
     if model.family.kind == "float":
         constants["piston_m"] = model.hull.piston_neutral - 0.1 * moved
+    if model.family.kind == "glide":
+        constants |= {"buoyancy_volume_m3": model.hull.engine_neutral - 5e-4 * moved, "pitch_rad": -0.3}
     return np.array([constants.get(name, 0.0) for name in model.inputs])
 
 

@@ -11,6 +11,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.flying import neutral_engine
 
 _DEEP = 100.0  # m, far from the surface
+_FAR = 10.0  # m from there, over which its trim changes with depth
 _NEAR_REST = 0.1  # of the engine's range: a drag with the square of the speed has no slope at rest
 
 
@@ -31,7 +32,7 @@ def _steady(plant: Plant) -> tuple[np.ndarray, np.ndarray]:
 
 def _steps(plant: Plant, names: Sequence[str]) -> np.ndarray:
     moved = _NEAR_REST * 0.5 * (plant.hull.engine_high - plant.hull.engine_low)
-    sizes = {"depth_m": SMALL, "depth_rate_mps": SMALL}
+    sizes = {"depth_m": _FAR, "depth_rate_mps": SMALL}
     return np.array([sizes.get(name, moved) for name in names])
 
 

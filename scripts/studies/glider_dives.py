@@ -1,6 +1,6 @@
 """Gliders' dives: fitted on some, judged on others, by the vertical velocity that steady flight makes of them.
 
-    python -m scripts.glider_dives --data DIR --out dives
+    python -m scripts.studies.glider_dives --data DIR --out dives
 
 DIR has the files of `seaglider/`; gliders whose files are not there are left out.  Below 30 m, away from pumping and
 inflections, the vertical velocity of the model is compared with the differenced depth: with the constants that the

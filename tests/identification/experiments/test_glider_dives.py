@@ -1,0 +1,136 @@
+"""Simulated dives of a glider, and what is found in dives that an independent simulator made."""
+
+from math import cos, exp, radians, sin, sqrt
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from auv_gym.param import positions, replace_at
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant.record_check import described
+from auv_gym.records.record import Record, concat
+from identification.diagnosis import diagnose
+from identification.experiments.glider_dives import open_sea, sea_density, yo_mission
+from identification.experiments.missions import run_mission
+from identification.fit.shooting import Shooting
+
+GRAVITY, DBAR = 9.81, 1e4
+
+
+@pytest.fixture(scope="module")
+def glider() -> Plant:
+    return load_vehicle("seaglider")
+
+
+def climb_rate(force, pitch, density, hull, growth, lift):
+    """Vertical velocity, m/s up, of a steady glide: bisection on the path angle; see `tests/physics/test_polar.py`."""
+    side, drag_0, lift_1 = np.sign(force), hull.drag_0 * (1.0 + growth), hull.lift_1 * (1.0 + lift)
+
+    def along(path):  # what drag leaves of the buoyancy along the path
+        attack = path - side * pitch
+        q = abs(force) * cos(path) / (hull.area * lift_1 * attack)
+        return abs(force) * sin(path) - hull.area * q * (drag_0 * q**hull.drag_power + hull.drag_2 * attack**2)
+
+    # beyond the best glide there would be a slower balance
+    path = brentq(along, max(side * pitch, 0.0) + 1e-6, 1.5707)
+    q = abs(force) * cos(path) / (hull.area * lift_1 * (path - side * pitch))
+    return side * sqrt(2.0 * q / density) * sin(path)
+
+
+def dives(hull, seed=0, depths=(150.0, 250.0, 150.0, 250.0), noise=0.03, **effects) -> Record:
+    """Dives and climbs of a glider with these effects, by Euler's method in steps of 2 s, a sample every 10 s."""
+    of = dict.fromkeys(("offset", "compressibility", "expansion", "air", "leak", "growth", "lift", "bias", "current"), 0.0)
+    of |= {"gain": 1.0, "lag": 0.0, "salinity": 0.0} | effects
+    rng, records, begun = np.random.default_rng(seed), [], 0.0
+    for deepest in depths:
+        depth, read, t, rows = 15.0, 15.0, 0.0, []
+        wanted, pitches = rng.uniform(1e-4, 2e-4, 2), rng.uniform(radians(17.0), radians(28.0), 2)
+        neutral = hull.mass / sea_density(deepest) - hull.volume * exp(-hull.compressibility * DBAR * deepest)
+        engine, pitch, up = neutral - wanted[0], -pitches[0], False
+        while depth > 14.0 and t < 1.5e4:
+            up = up or depth > deepest
+            engine = min(engine + 5e-6, neutral + wanted[1]) if up else engine
+            pitch += ((pitches[1] if up else -pitches[0]) - pitch) * 0.1
+            bow = pitch + 0.02 * sin(0.02 * t + seed)
+            water, density = open_sea(depth), sea_density(depth)
+            if t % 10.0 == 0.0:
+                rows.append((t, read + noise * rng.standard_normal(), engine, bow + of["bias"], water, density, begun + t))
+            squeezed = (hull.compressibility + of["compressibility"]) * hull.density * GRAVITY * depth
+            volume = hull.volume * exp((hull.expansion + of["expansion"]) * (water - hull.temperature) - squeezed)
+            volume += neutral + of["gain"] * (engine - neutral) + of["offset"] - of["leak"] * (begun + t)
+            volume += of["air"] / (1.0 + hull.density * GRAVITY * depth / 101325.0)
+            force = GRAVITY * ((density + 0.78 * of["salinity"]) * volume - hull.mass)
+            rate = -climb_rate(force, bow, density, hull, of["growth"], of["lift"]) + of["current"]
+            depth, t = depth + 2.0 * rate, t + 2.0
+            read += (depth - read) * (1.0 - exp(-2.0 / of["lag"])) if of["lag"] else depth - read
+        names = ("depth_m", "buoyancy_volume_m3", "pitch_rad", "temperature_C", "density_kgpm3", "elapsed_s")
+        table = np.array(rows)
+        records.append(Record.from_arrays(table[:, 0], dict(zip(names, table.T[1:], strict=True))))
+        begun += t + 600.0
+    return concat(records)
+
+
+EFFECTS = {
+    "volume.offset": ("offset", 2e-5),
+    "volume.compressibility": ("compressibility", 1.5e-10),
+    "volume.expansion": ("expansion", 1e-4),
+    "volume.air": ("air", 6e-5),
+    "volume.leak": ("leak", 4e-9),
+    "engine.gain": ("gain", 1.1),
+    "polar.growth": ("growth", 0.3),
+    "polar.lift": ("lift", 0.5),
+    "inclinometer.pitch_bias": ("bias", 0.03),
+    "water.current": ("current", 0.015),
+    "water.salinity": ("salinity", 0.4),
+    "depth.lag": ("lag", 12.0),
+}
+
+
+@pytest.mark.parametrize("path", EFFECTS)
+def test_each_effect_is_recovered_from_dives_of_an_independent_simulator(glider, path):
+    name, size = EFFECTS[path]
+    plant = replace_at(glider, "hull.engine_neutral", -4.988e-4) if name == "gain" else glider
+    record = described(plant, dives(glider.hull, **{name: size}))
+    assert len(record) > 600
+    start = replace_at(plant, f"effects.{path}", 1.0 + 0.5 * (size - 1.0) if name == "gain" else 0.5 * size)
+    found = Shooting(plant, record, record.windows(900.0)).solve(start, (f"effects.{path}",))
+    value = found.vector[positions(plant)[f"effects.{path}"]]
+    # Euler's steps of 2 s and the interpolation between samples leave some parts in a hundred
+    assert value - (1.0 if name == "gain" else 0.0) == pytest.approx(size - (1.0 if name == "gain" else 0.0), rel=0.05)
+
+
+def test_a_mission_dives_and_climbs_with_what_its_log_would_have(glider):
+    record = yo_mission(glider, (60.0, 90.0), rng=np.random.default_rng(0))
+    assert len(record.segments) == 2
+    for part, deepest in zip(record.segments, (60.0, 90.0), strict=True):
+        depth, pitch = record["depth_m"][part], record["pitch_rad"][part]
+        assert deepest <= depth.max() < deepest + 15.0
+        assert depth[-1] < 15.0
+        assert pitch.min() < -0.2 and pitch.max() > 0.2
+    assert np.ptp(record["buoyancy_volume_m3"]) > 2e-4
+    assert record["elapsed_s"][record.segments[1].start] > record["elapsed_s"][record.segments[0].stop - 1]
+    assert not yo_mission(glider, (60.0,), rng=np.random.default_rng(0), measured=False).has("density_kgpm3")
+    again = run_mission(glider, np.random.default_rng(0), target_depths=(60.0, 90.0))
+    assert np.array_equal(again["depth_m"], record["depth_m"])
+
+
+@pytest.mark.parametrize("settings, message", [({"depths": (20.0,)}, "depths from 32"), ({"dt": 0.5}, "dt of at least")])
+def test_a_mission_that_cannot_be_flown_is_refused(glider, settings, message):
+    with pytest.raises(ValueError, match=message):
+        yo_mission(glider, **{"depths": (60.0,), **settings}, rng=np.random.default_rng(0))
+
+
+@pytest.mark.slow
+def test_a_volume_bias_and_growth_are_named_in_dives_of_an_independent_simulator(glider):
+    found = diagnose(dives(glider.hull, offset=2e-5, seed=3), glider)
+    assert [e.path for e in found.effects] == ["effects.volume.offset"]
+    assert found.effects[0].value == pytest.approx(2e-5, rel=0.1)
+    assert found.after.scores["depth_m"].rmse < 0.3 * found.before.scores["depth_m"].rmse
+    found = diagnose(dives(glider.hull, growth=0.5, seed=4), glider)
+    assert [e.path for e in found.effects] == ["effects.polar.growth"]
+
+
+@pytest.mark.slow
+def test_nothing_is_named_in_dives_of_the_vehicle_as_given(glider):
+    assert diagnose(dives(glider.hull, seed=5), glider).verdict == "none"
