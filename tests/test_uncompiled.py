@@ -17,7 +17,13 @@ from auv_gym.records.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 
 ROOT = Path(__file__).parents[1]
-SAMPLES = {"glider": 60, "body": 12, "hover": 12, "float": 25, "glide": 25}  # one of a torpedo takes plain Python some milliseconds
+SAMPLES = {
+    "glider": 60,
+    "body": 12,
+    "hover": 12,
+    "float": 25,
+    "glide": 25,
+}  # one of a torpedo takes plain Python some milliseconds
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
     "effects.discovered.yaw.sin_heading": 0.5,

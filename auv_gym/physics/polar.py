@@ -57,11 +57,7 @@ def steady_glide(force, pitch, density, area, drag_0, drag_power, drag_2, lift_1
         skin = drag_0 * pressure**drag_power if drag_power != 0.0 else drag_0
         slope = s / c
         left = polar_drag(beyond, skin, drag_2) - lift_1 * beyond * slope
-        grows = (
-            2.0 * drag_2 * beyond
-            - drag_power * skin * (slope + 1.0 / beyond)
-            - lift_1 * (slope + beyond / (c * c))
-        )
+        grows = 2.0 * drag_2 * beyond - drag_power * skin * (slope + 1.0 / beyond) - lift_1 * (slope + beyond / (c * c))
         step = left / grows if grows != 0.0 else high
         if abs(step) < _CLOSE:
             beyond = min(max(beyond - step, low), high)

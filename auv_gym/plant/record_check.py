@@ -15,7 +15,11 @@ from auv_gym.records.record import Record
 
 _TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
 _STILL = 1e-3  # of an input's usual size, below which it does not move
-_USUAL = {"piston_m": 1e-2, "oil_volume_m3": 1e-5, "buoyancy_volume_m3": 1e-5}  # sizes of inputs that are far from 1 in SI
+_USUAL = {
+    "piston_m": 1e-2,
+    "oil_volume_m3": 1e-5,
+    "buoyancy_volume_m3": 1e-5,
+}  # sizes of inputs that are far from 1 in SI
 
 
 def needs_of(plant: Plant) -> Needs:

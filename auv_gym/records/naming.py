@@ -32,6 +32,7 @@ WORDS: Final[dict[str, tuple[str, ...]]] = {
     "speed_cmd_mps": ("speed", "desired_speed", "throttle", "velocity"),
     "piston_m": ("piston", "stroke", "ballast"),
     "oil_volume_m3": ("oil", "bladder", "vbd", "ballast", "volume", "buoyancy"),
+    "buoyancy_volume_m3": ("vbd", "ballast", "buoyancy", "engine", "volume", "oil"),
     "temperature_C": ("temperature", "temp"),
     "salinity_psu": ("salinity", "psal", "sal"),
     "density_kgpm3": ("density", "rho", "sigma"),

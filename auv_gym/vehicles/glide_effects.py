@@ -67,7 +67,9 @@ class GlideWaterEffects:
     gradient: of the density, where it is assumed; a density that was measured has it already.
     """
 
-    current: float = param(0.0, "m/s", "vertical velocity of the water, down", bounds=(-0.5, 0.5), probe=2e-3, apart=_BOTH)
+    current: float = param(
+        0.0, "m/s", "vertical velocity of the water, down", bounds=(-0.5, 0.5), probe=2e-3, apart=_BOTH
+    )
     heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_period: float = param(600.0, "s", "period of the internal-wave heave", bounds=(60.0, 1e5), probe=20.0)

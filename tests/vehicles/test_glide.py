@@ -76,7 +76,9 @@ def test_pressure_warmth_air_and_a_leak_change_the_buoyancy_as_they_say(glider):
     pressure = hull.density * GRAVITY * depth
     base = {"buoyancy_volume_m3": neutral_engine(glider, depth) - 1e-4, "pitch_rad": -0.35, "density_kgpm3": 1028.0}
     squeezed = np.exp(-(hull.compressibility + 2e-10) * pressure) - np.exp(-hull.compressibility * pressure)
-    warmed = np.exp(-hull.compressibility * pressure) * (np.exp(-5.0 * (hull.expansion + 1e-5)) - np.exp(-5.0 * hull.expansion))
+    warmed = np.exp(-hull.compressibility * pressure) * (
+        np.exp(-5.0 * (hull.expansion + 1e-5)) - np.exp(-5.0 * hull.expansion)
+    )
     cases = {
         "compressibility": (2e-10, {}, hull.volume * squeezed),
         "expansion": (1e-5, {"temperature_C": hull.temperature - 5.0}, hull.volume * warmed),
@@ -99,11 +101,17 @@ def test_pressure_warmth_air_and_a_leak_change_the_buoyancy_as_they_say(glider):
 
 @pytest.mark.parametrize(
     "effect, size, coefficient",
-    [("polar.growth", 0.3, "drag_0"), ("polar.lift", -0.2, "lift_1"), ("volume.compressibility", 1e-10, "compressibility")],
+    [
+        ("polar.growth", 0.3, "drag_0"),
+        ("polar.lift", -0.2, "lift_1"),
+        ("volume.compressibility", 1e-10, "compressibility"),
+    ],
 )
 def test_an_effect_that_acts_as_a_coefficient_does(glider, effect, size, coefficient):
     path = f"hull.{coefficient}"
-    _, law = glider.family.coefficients_of(glider.parameters).get(f"effects.{effect}", (path, lambda g, s: g * (1.0 + s)))
+    _, law = glider.family.coefficients_of(glider.parameters).get(
+        f"effects.{effect}", (path, lambda g, s: g * (1.0 + s))
+    )
     changed = replace_at(glider, path, law(value_at(glider, path), size))
     record = dive(glider)
     assert run(replace_at(glider, f"effects.{effect}", size), record) == pytest.approx(run(changed, record), abs=1e-9)
@@ -169,9 +177,7 @@ def test_a_log_says_how_much_of_it_is_left_out_and_what_is_assumed(glider):
     record = dive(glider, samples=100, depth_m=5.0 + 0.6 * np.arange(100), density_kgpm3=None)
     kept = described(glider, record)
     assert len(kept) == 91
-    assert kept.notes[-1] == (
-        "9 % of the log is left out, since seaglider does not describe it: 9 % near the surface."
-    )
+    assert kept.notes[-1] == ("9 % of the log is left out, since seaglider does not describe it: 9 % near the surface.")
     assert "no water density (density_kgpm3): 1027.5 kg/m3 is assumed throughout" in kept.notes[-2]
     assert kept["elapsed_s"][0] == pytest.approx(9 * glider.dt)  # since the log began, not since what is kept of it
 
@@ -188,6 +194,8 @@ def test_a_log_without_attitude_is_refused(glider):
 
 @pytest.mark.parametrize("values, beyond_it", [(np.full(60, -650.0), "-650"), (np.full(60, 6.5e-4), "0.00065")])
 def test_cubic_centimetres_called_cubic_metres_and_a_volume_upside_down_are_refused(glider, values, beyond_it):
-    message = f"buoyancy engine from -0.00083 to 0 m3; buoyancy_volume_m3 is {beyond_it}.*check the column's sign and unit"
+    message = (
+        f"buoyancy engine from -0.00083 to 0 m3; buoyancy_volume_m3 is {beyond_it}.*check the column's sign and unit"
+    )
     with pytest.raises(ValueError, match=message):
         check_ranges(glider, dive(glider, buoyancy_volume_m3=values))

@@ -17,7 +17,18 @@ from auv_gym.records.record import Record
 KNOT = 1852.0 / 3600.0  # m/s
 _TURNED = (  # what is often logged with the opposite sign
     *("rudder_rad", "stern_plane_rad", "bow_plane_rad", "heading_rad", "roll_rad", "pitch_rad", "depth_m", "piston_m"),
-    *("oil_volume_m3", "buoyancy_volume_m3", "p_radps", "q_radps", "r_radps", "v_mps", "w_mps", "v_dvl_mps", "w_dvl_mps", "north_m"),
+    *(
+        "oil_volume_m3",
+        "buoyancy_volume_m3",
+        "p_radps",
+        "q_radps",
+        "r_radps",
+        "v_mps",
+        "w_mps",
+        "v_dvl_mps",
+        "w_dvl_mps",
+        "north_m",
+    ),
     *("east_m", "propeller_rpm", "propeller_V", "u_mps", "u_dvl_mps"),
 )
 _EXCHANGED = (
