@@ -34,7 +34,7 @@ def as_stated(plant: Plant, path: str | os.PathLike) -> tuple[Plant, tuple[str, 
     """
     if plant.family.stated is None:
         return plant, ()
-    file = find_log(path)
+    file = find_log(os.fspath(path))
     attrs = open_log(file).attrs
     values = plant.family.stated(plant.parameters, attrs)
     if not values:
@@ -50,7 +50,7 @@ def as_stated(plant: Plant, path: str | os.PathLike) -> tuple[Plant, tuple[str, 
     problem = plant.family.problem(changed.parameters)
     if problem:
         raise ValueError(f"{file.name} states constants that cannot be of {plant.name}: {problem}.")
-    notes = {**plant.notes, **{name: f"stated by {file.name}" for name in values}}
+    notes = {**plant.notes, **dict.fromkeys(values, f"stated by {file.name}")}
     # what is known of a coefficient is known in proportion
     scales = {name: abs(value_at(changed, name) / value_at(plant, name)) for name in plant.deviations}
     deviations = {name: scale * plant.deviations[name] for name, scale in scales.items()}

@@ -10,6 +10,7 @@ from auv_gym.param import value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.plant.stated import as_stated, vehicle_from_dive
 from auv_gym.records.readers.seaglider import neutral_volume
+from auv_gym.records.reading import read_record
 from auv_gym.vehicles.operators_constants import seaglider_constants
 
 # SG561, dive 2; volumes in cm3, counts of the buoyancy device from its largest volume at 600 down
@@ -77,15 +78,15 @@ def test_without_the_engines_counts_the_hull_is_neutral_where_its_pilots_have_it
 
 def test_a_file_that_states_nothing_is_refused(dive):
     path = dive({})
-    with pytest.raises(ValueError, match="p5610002.nc states no constant of seaglider .sg_cal_mass"):
+    with pytest.raises(ValueError, match=r"p5610002\.nc states no constant of seaglider .sg_cal_mass"):
         vehicle_from_dive(path)
     assert as_stated(load_vehicle("seaglider"), path) == (load_vehicle("seaglider"), ())
 
 
 def test_a_constant_that_cannot_be_is_refused_with_its_place(dive):
-    with pytest.raises(ValueError, match="p5610002.nc states hull.volume = .* needs 0.001 to 10"):
+    with pytest.raises(ValueError, match=r"p5610002.nc states hull.volume = .* needs 0.001 to 10"):
         vehicle_from_dive(dive({**CONSTANTS, "sg_cal_volmax": 0.0}))
-    with pytest.raises(ValueError, match="constants that cannot be of seaglider: hull.engine_low must be less"):
+    with pytest.raises(ValueError, match=r"constants that cannot be of seaglider: hull.engine_low must be less"):
         vehicle_from_dive(dive({**CONSTANTS, "log_VBD_CNV": 0.2453}))
 
 
@@ -95,3 +96,15 @@ def test_only_a_vehicle_of_a_series_takes_what_a_log_states(dive):
         plant = load_vehicle(name)
         assert as_stated(plant, path) == (plant, ())
     assert value_at(load_vehicle("seaglider"), "hull.as_logged") == 1.0
+
+
+def test_the_volume_counts_from_the_largest_one_in_every_dive(dive):
+    """Where the pilots move $C_VBD by 50 counts, 12 cm3, the volume of the same counts stays."""
+    read = []
+    for centre, logged in ((2700.0, -146.2), (2650.0, -146.2 - 50.0 * 0.245296)):
+        path = dive({**CONSTANTS, "log_C_VBD": centre}, f"p561000{int(centre)}.nc")
+        with h5py.File(path, "r+") as file:
+            file["eng_vbdCC"][...] = logged
+        read.append(read_record(path)["buoyancy_volume_m3"])
+    assert read[0] == pytest.approx(read[1], abs=1e-12)
+    assert read[0][0] == pytest.approx(-1e-6 * (146.2 + 2100.0 * 0.245296))

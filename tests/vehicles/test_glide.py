@@ -183,7 +183,7 @@ def test_a_log_says_how_much_of_it_is_left_out_and_what_is_assumed(glider):
 
 
 def test_a_dive_cut_at_the_surface_is_refused(glider):
-    with pytest.raises(ValueError, match="100 % of the log is left out.*near the surface.*Check signs and units"):
+    with pytest.raises(ValueError, match=r"100 % of the log is left out.*near the surface.*Check signs and units"):
         described(glider, dive(glider, depth_m=np.linspace(0.5, 4.0, 60)))
 
 

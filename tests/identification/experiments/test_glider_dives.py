@@ -111,7 +111,8 @@ def test_a_mission_dives_and_climbs_with_what_its_log_would_have(glider):
         depth, pitch = record["depth_m"][part], record["pitch_rad"][part]
         assert deepest <= depth.max() < deepest + 15.0
         assert depth[-1] < 15.0
-        assert pitch.min() < -0.2 and pitch.max() > 0.2
+        assert pitch.min() < -0.2
+        assert pitch.max() > 0.2
     assert np.ptp(record["buoyancy_volume_m3"]) > 2e-4
     assert record["elapsed_s"][record.segments[1].start] > record["elapsed_s"][record.segments[0].stop - 1]
     assert not yo_mission(glider, (60.0,), rng=np.random.default_rng(0), measured=False).has("density_kgpm3")
