@@ -165,13 +165,22 @@ def _used(found: FirstLook, need: Needs) -> int:
 
 
 def _ranked(found: FirstLook, needs: Mapping[str, Needs]) -> list[str]:
-    """The vehicles, those first that need the least, then that of the log's source, then those that use the most."""
+    """The vehicles, those first that need the least, then those for whose needs there are columns that look like them.
+
+    Then that of the log's source, then those that use the most.
+    """
     from auv_gym.records.mapping import fitting_mappings
+    from auv_gym.records.naming import candidates
 
     own = {fitting.vehicle for fitting in fitting_mappings(found.log)}
-    return sorted(
-        needs, key=lambda name: (len(found.missing(needs[name])), name not in own, -_used(found, needs[name]))
-    )
+    columns = [signal.column for signal in found.signals if not signal.channel]
+
+    def place(name: str) -> tuple[int, int, bool, int]:
+        missing = found.missing(needs[name])
+        unlike = sum(not candidates(one, columns) for one in missing)
+        return len(missing), unlike, name not in own, -_used(found, needs[name])
+
+    return sorted(needs, key=place)
 
 
 def _next_command(

@@ -87,7 +87,7 @@ EFFECTS = {
     "polar.lift": ("lift", 0.5),
     "inclinometer.pitch_bias": ("bias", 0.03),
     "water.current": ("current", 0.015),
-    "water.salinity": ("salinity", 0.4),
+    "water.salinity": ("salinity", 0.25),
 }
 
 
