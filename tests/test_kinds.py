@@ -74,10 +74,11 @@ def test_a_mission_that_samples_by_its_own_settings_refuses_effects_that_it_woul
     check_mission(replace_at(load_vehicle("remus100"), "effects.sampling.compass.noise", 0.1), ["duration"])
 
 
-def test_the_next_experiment_is_simulated_without_sampling(tmp_path):
-    float_ = replace_at(load_vehicle("qiandao_float"), "effects.sampling.depth.noise", 0.1)
-    design = EXPERIMENTS.of(float_.family).designs(float_)[0]
-    found = next_experiment._flown(design, float_, float_, 5.0, 0)
+@pytest.mark.parametrize("name", ["qiandao_float", "seaglider"])
+def test_the_next_experiment_is_simulated_without_sampling(name):
+    plant = replace_at(load_vehicle(name), "effects.sampling.depth.noise", 0.1)
+    design = EXPERIMENTS.of(plant.family).designs(plant)[0]
+    found = next_experiment._flown(design, plant, plant, 5.0, 0)
     assert not isinstance(found, str), found
 
 

@@ -64,7 +64,7 @@ class PolarEffects:
 class GlideWaterEffects:
     """The water: velocity down, an internal wave's heave, salinity that the CTD reads wrong, and stratification.
 
-    salinity: a fouled conductivity cell reads up to some tenths too low.  gradient: of the density, where it is assumed;
+    salinity: a fouled conductivity cell reads some tenths too low.  gradient: of the density, where it is assumed;
     a density that was measured has it already.
     """
 
