@@ -109,11 +109,13 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         verdict = "doubted"
     elif left:
         progress(0.88, "looking for a term that no effect is")
-        discovery = extras.attempt(
-            "The search for a term that no effect is",
-            lambda: discover(bench, state, searched.library, rng, settle),
-            Discovery(state.plant, state.paths, state),
-        )
+        discovery = Discovery(state.plant, state.paths, state)
+        if searched.library:  # a family may have no terms to choose from
+            discovery = extras.attempt(
+                "The search for a term that no effect is",
+                lambda: discover(bench, state, searched.library, rng, settle),
+                discovery,
+            )
         still: object = left
         if discovery.holds:
             after = stage(discovery.state, [discovery.state for _ in parts])
