@@ -216,11 +216,12 @@ def beyond(time: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.
     last = np.maximum.accumulate(np.where(moving, time, -inf))
     rate = np.gradient(depth, time) if depth.size > 1 else np.zeros(depth.size)
     read = [columns[name] for name in ("temperature_C", "density_kgpm3", "heading_rad") if name in columns]
+    known = np.isfinite(np.stack([depth, pitch, engine, *read]))
     return {
-        "near the surface": np.asarray(~(depth >= SURFACE)),
+        "near the surface": ~(depth >= SURFACE),
         "while the buoyancy engine moves and 20 s after": moving | (time - last < SETTLED),
         "in inflections and stalls": (np.abs(pitch) < FLATTEST) | (rate * pitch >= 0.0),
-        "without a reading of an input": ~np.isfinite(np.array([depth, pitch, engine, *read])).all(axis=0),
+        "without a reading of an input": np.asarray(~known.all(axis=0)),
     }
 
 
