@@ -264,7 +264,7 @@ class _Regression:
     def _together(self, signed: Sequence[_Signed]) -> dict[str, tuple[float, int]]:
         """Of each part, the evidence for all of its effects at once, and in how many directions these act."""
         paths = [p for one, *_ in signed for p in one.candidate.paths]
-        rest, whole = (np.vstack([rows[k] for rows in signed]) for k in (1, 2))
+        rest, whole = np.vstack([own for _, own, _ in signed]), np.vstack([whole for *_, whole in signed])
         size, full = np.linalg.norm(rest, axis=1), np.linalg.norm(whole, axis=1)
         seen, parts = size > np.sqrt(SEEN) * np.maximum(full, 1e-6), np.array([part_of(p) for p in paths])
         found = {}
