@@ -105,7 +105,9 @@ def _not_described(plant: Plant, record: Record) -> dict[str, np.ndarray]:
     """Masks of the samples that the family does not describe, by what they are."""
     found: dict[str, np.ndarray] = {}
     needed = (plant.family.leading, *plant.family.required)
-    names = [n for n in dict.fromkeys((*needed, *plant.inputs, *plant.outputs)) if n in needed or record.has(n)]
+    if not all(record.has(name) for name in needed):
+        return found  # what needs them says so
+    names = [name for name in dict.fromkeys((*needed, *plant.inputs, *plant.outputs)) if record.has(name)]
     for part in record.segments:
         columns = {name: record[name][part] for name in names}
         for words, mask in plant.family.beyond(record.time[part], columns).items():

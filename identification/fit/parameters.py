@@ -84,6 +84,10 @@ class Parameters:
             vector[i] = min(max(vector[i] + size * self.scale(path), low), high)
         return vector
 
+    def bounded(self, vector: np.ndarray, paths: Sequence[str]) -> np.ndarray:
+        """A vector with the values of these paths within their bounds."""
+        return self.moved_vector(vector, paths, np.zeros(len(paths)))
+
     def at_edge(self, vector: np.ndarray, paths: Sequence[str], gradient: np.ndarray) -> list[int]:
         """Numbers of the paths at a bound that a step would push them over: it leaves these alone.
 

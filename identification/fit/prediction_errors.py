@@ -20,6 +20,8 @@ from identification.fit.noises import NOISE_STEPS, Noise, Noises
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
 _BEYOND = 1.0  # of the log-likelihood, for each row, that a better path will not bring
 _HALVINGS = 6
+_DOUBLINGS = 5
+_SLOW = 0.3  # of what the turn before has brought: Gauss and Newton's steps bring far less each time
 _FIRST_NOISE_STEPS = 40  # to better noises, at first
 
 
@@ -41,11 +43,13 @@ class PredictionErrors(Noises):
         """The point of greatest likelihood over the paths and, with `noise`, the noises, from the plant's values.
 
         In turns: parameters with the filter's gains held, gains made anew, noises.  It ends where a turn raises the
-        log-likelihood by less than `gain`.
+        log-likelihood by less than `gain`.  Where turns bring hardly less than those before, they go along a narrow
+        valley by short steps, and the next one is made longer as long as that helps.
         """
         here, known = self.point(plant.vector, self.first_noise() if near is None else near.logs, near), None
         if noise:
             here, known = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
+        last = np.inf
         for _ in range(iterations):
             before = self.objective(here, paths)
             there = self.descended(here, paths)
@@ -56,9 +60,11 @@ class PredictionErrors(Noises):
                 there = self.with_gains(here, here.vector + 0.4 * (there.vector - here.vector))
             else:
                 fresh = here
+            if self.objective(fresh, paths) - before > _SLOW * last:
+                fresh = self._further(here, fresh, paths, gain)
             if noise:
                 fresh, known = self._renewed(fresh, paths, NOISE_STEPS, known)
-            gained = self.objective(fresh, paths) - before
+            gained = last = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
             if not gained > gain:
                 there = self._weaker(here, paths) if noise else here
@@ -104,6 +110,18 @@ class PredictionErrors(Noises):
         there = self._renewed(self.point(point.vector, logs, point), paths, NOISE_STEPS)[0]
         if self.objective(point, paths) > self.objective(there, paths):
             there = self._renewed(point, paths, NOISE_STEPS)[0]
+        return there
+
+    def _further(self, here: Point, there: Point, paths: Sequence[str], gain: float) -> Point:
+        """The point at the end of a step, or further the same way, twice as far each time, while that brings more."""
+        way, length = there.vector - here.vector, 1.0
+        for _ in range(_DOUBLINGS):
+            length *= 2.0
+            beyond = self.bounded(here.vector + length * way, paths)
+            point = self.point(beyond, there.logs, there)
+            if not self.objective(point, paths) > self.objective(there, paths) + gain:
+                break
+            there = point
         return there
 
     def _quieter(self, here: Point, paths: Sequence[str]) -> Point:

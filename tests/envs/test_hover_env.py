@@ -29,7 +29,7 @@ def seen(env, observation):
     "vehicle, task, actions",
     [
         *(("bluerov2_heavy", task, actions) for task in TASKS for actions in ("thrusters", "wrench")),
-        ("bluerov", "Pose", "wrench"),
+        pytest.param("bluerov", "Pose", "wrench", marks=pytest.mark.slow),
     ],
 )
 def test_a_vector_is_the_single_one_many_times_bit_for_bit(vehicle, task, actions):
@@ -282,6 +282,7 @@ def test_other_bad_requests_are_refused():
         env.reset(options={"target": 1.0})
 
 
+@pytest.mark.slow
 def test_more_thrusters_than_an_observation_has_room_for_are_refused():
     text = vehicle_text(load_vehicle("bluerov2_heavy"))
     part = text[text.index("[parts.t8]") :]

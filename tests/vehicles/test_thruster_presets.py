@@ -85,7 +85,7 @@ def test_a_step_of_its_commands_moves_it_as_newton_and_euler_say(name, seed):
     commands = 1500.0 + 400.0 * shares if name == "bluerov" else shares
     start = np.zeros(13)
     start[[6, 7, 8, 11]] = 1.0, -2.0, 50.0, 0.4
-    inputs = np.append(commands, 16.0)
+    inputs = np.append(commands, [16.0, 0.0])
     x = plant.settled(start, inputs)
     for _ in range(150):
         x = plant.step(x, inputs)

@@ -99,8 +99,9 @@ def _adrift(record: Record, plant: Plant) -> tuple[str, ...]:
     """
     channels = [name for name in plant.outputs if record.has(name)]
     unknown = plant.family.resting(channels) & {"u_mps", "v_mps"}
-    looping = Chart.along(plant.family, record).on
-    return ("depth_m",) if unknown and looping and record.has("depth_m") else ()
+    if not unknown or not record.has("depth_m"):
+        return ()
+    return ("depth_m",) if Chart.along(plant.family, record).on else ()
 
 
 def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:

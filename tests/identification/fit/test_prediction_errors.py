@@ -265,6 +265,19 @@ def test_an_acceleration_without_which_the_log_is_likelier_is_absent():
         assert problem.total(problem.point(point.vector, problem.logs_of(without), point)) < problem.total(point) + 0.05
 
 
+def test_a_fit_that_goes_by_short_steps_goes_on_the_same_way(pushed, monkeypatch):
+    """As along a narrow valley, where slopes that are a little off make every step a tenth of what it should be."""
+    problem, own = PredictionErrors(GLIDER, pushed, whole(pushed)), PredictionErrors.descended
+    best = problem.solve(GLIDER, PATHS)
+
+    def short(self, here, paths, *given):
+        return self.with_gains(here, here.vector + 0.1 * (own(self, here, paths, *given).vector - here.vector))
+
+    monkeypatch.setattr(PredictionErrors, "descended", short)
+    reached = problem.solve(GLIDER, PATHS, iterations=8)
+    assert problem.objective(reached, PATHS) == pytest.approx(problem.objective(best, PATHS), abs=0.5)
+
+
 def test_missing_readings_count_for_nothing(pushed, monkeypatch):
     """As between the pings of a Doppler log: a third of one channel, and one row as a whole."""
     missing = np.zeros((len(pushed), len(GLIDER.outputs)), dtype=bool)

@@ -21,10 +21,11 @@ def log():
 
 def test_a_vehicle_that_flies_is_scored_in_place_of_one_that_does_not(log):
     record, windows = log
-    found, own = _flown((WILD, QUICK), record, windows, 20.0), free_runs(QUICK, record, windows, 20.0)
+    (found, flown), own = _flown((WILD, QUICK), record, windows, 20.0), free_runs(QUICK, record, windows, 20.0)
+    assert flown is QUICK
     assert np.array_equal(found.model, own.model)
     turned = replace_at(QUICK, "effects.rudder.offset", 0.05)
-    first = _flown((turned, QUICK), record, windows, 20.0)
+    first, _ = _flown((turned, QUICK), record, windows, 20.0)
     assert np.array_equal(first.model, free_runs(turned, record, windows, 20.0).model)
 
 
