@@ -105,8 +105,11 @@ def _not_described(plant: Plant, record: Record) -> dict[str, np.ndarray]:
     """Masks of the samples that the family does not describe, by what they are."""
     found: dict[str, np.ndarray] = {}
     needed = (plant.family.leading, *plant.family.required)
-    if not all(record.has(name) for name in needed):
-        return found  # what needs them says so
+    for name in needed:
+        if not record.has(name):
+            raise ValueError(
+                f"A log of {plant.name} needs the channel {name}, got {', '.join(record.names)}: name it in a mapping."
+            )
     names = [name for name in dict.fromkeys((*needed, *plant.inputs, *plant.outputs)) if record.has(name)]
     for part in record.segments:
         columns = {name: record[name][part] for name in names}
