@@ -33,10 +33,10 @@ def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: 
     base = (*quieted(bench, base), base)[0]
     promising = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
     found = []
-    for whole in side_by_side(lambda pair: tried_from(bench, state, base, pair[0], many), promising):
+    tried = side_by_side(lambda pair: tried_from(bench, state, base, pair[0], many), promising)
+    for whole, (_, parts) in zip(tried, promising, strict=True):
         if whole.objection or whole.state is None:
             continue
-        parts = next(parts for pair, parts in promising if pair.candidate is whole.candidate)
         members = [_beside(bench, whole.state, one, count) for one in parts]
         if not any(t.objection for t in members):
             found.append((whole.total, members))
