@@ -19,7 +19,8 @@ from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import command_within
 from auv_gym.physics.buoyancy import GRAVITY, air_volume, exposed_volume, volume_change
 from auv_gym.physics.polar import steady_glide
-from auv_gym.physics.sensors import deviation, lag_error
+from auv_gym.physics.sensors import deviation
+from auv_gym.vehicles.depth_sensor import sense, settle_sensors
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
 from auv_gym.vehicles.glide_effects import GlideEffects
 from auv_gym.vehicles.operators_constants import seaglider_constants
@@ -168,19 +169,6 @@ def actuator_times(index, p):
         return 0.0, p.effects.volume.expansion_lag, 0.0
     engine = p.effects.engine
     return engine.dead_time, engine.lag, p.hull.engine_slowness + engine.slowness
-
-
-@compiled
-def sense(before, x, sensors, duration, p):
-    """Update of the sensors' states [depth lag error] after the glider went from `before` to `x`."""
-    depth = p.effects.depth
-    sensors[0] = lag_error(sensors[0], (1.0 + depth.scale) * (x[0] - before[0]), depth.lag, duration)
-
-
-@compiled
-def settle_sensors(x, actuators, sensors, p):
-    """Sensors' states of a glider that has been moving at its present rate for long."""
-    sensors[0] = -p.effects.depth.lag * (1.0 + p.effects.depth.scale) * x[1]
 
 
 @compiled

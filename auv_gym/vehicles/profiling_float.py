@@ -15,7 +15,7 @@ from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shaped_command
 from auv_gym.physics.buoyancy import GRAVITY, air_volume, exposed_volume
 from auv_gym.physics.discovered import N_HEAVE, any_term, discovered_heave_damping, discovered_heave_force
-from auv_gym.physics.sensors import lag_error
+from auv_gym.vehicles.depth_sensor import sense, settle_sensors
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
 
 
@@ -198,19 +198,6 @@ def actuator_times(index, p):
         return 0.0, p.effects.volume.expansion_lag, 0.0
     piston = p.effects.piston
     return piston.dead_time, piston.lag, p.hull.piston_slowness + piston.slowness
-
-
-@compiled
-def sense(before, x, sensors, duration, p):
-    """Update of the sensors' states [depth lag error] after the float went from `before` to `x`."""
-    depth = p.effects.depth
-    sensors[0] = lag_error(sensors[0], (1.0 + depth.scale) * (x[0] - before[0]), depth.lag, duration)
-
-
-@compiled
-def settle_sensors(x, actuators, sensors, p):
-    """Sensors' states of a float that has been moving at its present rate for long."""
-    sensors[0] = -p.effects.depth.lag * (1.0 + p.effects.depth.scale) * x[1]
 
 
 @compiled
