@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf, pi, radians
-from typing import Literal
+from typing import Any, Literal
 
 Unit = Literal["", "length", "speed", "rate", "turn", "deepest"]
 
@@ -85,6 +85,27 @@ TURN = radians(75.0)  # largest change of course at a waypoint
 SLOPE = 0.25  # rad, steepest drawn leg
 PATH_SPEED = 0.8  # cruise speeds along the leg, over ground
 RADIUS = 2.0  # lengths; a waypoint nearer than this is reached
+
+
+def legs_and_limits(length: float, speed: float, rate: float, along: float) -> dict[str, Any]:
+    """What a plan says of starts, legs and the envelope of a vehicle in six degrees of freedom, in SI.
+
+    length, m, speed, m/s, and rate, rad/s, are the vehicle's scales; along: of its speed, that along a leg.
+    """
+    return {
+        "start_depth": [k * length for k in START_DEPTH],
+        "leg": [k * length for k in LEG],
+        "turn": TURN,
+        "slope": SLOPE,
+        "path_speed": along * speed,
+        "radius": RADIUS * length,
+        "depth_limit": DEPTH_LIMIT * length,
+        "pitch_limit": PITCH_LIMIT,
+        "roll_limit": ROLL_LIMIT,
+        "speed_limit": SPEED_LIMIT * speed,
+        "rate_limit": RATE_LIMIT * rate,
+    }
+
 
 _SURGE = Observed("speed", "u_mps", 1.0, "speed", offset=1.0)
 _ROLL = Observed("roll", "roll_rad", pi / 2)

@@ -1,11 +1,11 @@
-"""What kinds of vehicle in six degrees of freedom share: sensors, the envelope, and how far a learned hull is strained.
+"""What kinds of vehicle in six degrees of freedom share: sensors, first state, envelope, and a learned hull's reach.
 
 The functions are hooks, templates of a compiled step; see `kernel.hooks`.
 """
 
 from __future__ import annotations
 
-from math import sqrt
+from math import pi, sqrt
 
 from auv_gym.compiled import OPEN
 from auv_gym.envs.kernel.hooks import Vehicle
@@ -24,6 +24,11 @@ SENSORS = {
     "dvl_water": ("u_mps", "v_mps", "w_mps"),
     "position": ("north_m", "east_m"),
 }
+# of a plan: what a vehicle begins from, a state that commands keep, and what its actions mean
+BEGINNING = {
+    "start_depth": 2, "kept_state": "states", "kept_command": "inputs", "limit": "actuators", "middle": "actuators",
+    "action_of": "actuators",
+}  # fmt: skip
 # of a plan, and of what an info shows
 LIMITS = {"depth_limit": 1, "speed_limit": 1, "pitch_limit": 1, "roll_limit": 1, "rate_limit": 1}
 SHOWN = {"reached": 1, "support_distance": 1}
@@ -43,7 +48,23 @@ REASONS = {
 }
 
 vehicle: Vehicle = OPEN
-U = V = W = P = Q = R = DEPTH = ROLL = PITCH = 0
+STATES = INPUTS = ACTUATORS = SHARES = 0
+U = V = W = P = Q = R = DEPTH = ROLL = PITCH = HEADING = WAVE_PHASE = 0
+
+
+def place(plan, drawn, t, e, row):
+    """The first state, that which commands keep at a drawn depth and heading, and these commands."""
+    at, draws = int(t.state_at), int(t.draws_at)
+    for i in range(STATES):
+        row[at + i] = t.kept_state[i]
+    row[at + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[draws]
+    row[at + HEADING] = pi * (2.0 * row[draws + 1] - 1.0)
+    row[at + WAVE_PHASE] = 2.0 * pi * row[draws + 2]
+    e.reached = 0.0
+    for j in range(INPUTS):
+        e.command[j] = t.kept_command[j]
+    for j in range(ACTUATORS):
+        e.features[SHARES + j] = (e.command[j] - t.middle[j]) / t.limit[j] if t.limit[j] > 0.0 else 0.0
 
 
 def beyond(x, t):

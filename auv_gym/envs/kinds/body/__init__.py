@@ -36,9 +36,8 @@ KIND = EnvKind(
         geometry=("error", "error_sin", "error_cos", "target", *path.GEOMETRY),
         sensors=body.SENSORS,
         plan={
-            "start_depth": 2, "cruise_state": "states", "cruise_command": "inputs",
-            "limit": "actuators", "middle": "actuators", "action_of": "actuators",
-            "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1, **path.PLAN, **body.LIMITS,
+            "rudder_gains": 3, "plane_gains": 4, "held_depth_error": 1,
+            **body.BEGINNING, **path.PLAN, **body.LIMITS,
         },
         row={"held": 2, **path.ROW},
         shown=body.SHOWN,

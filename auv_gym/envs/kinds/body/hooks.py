@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
+from math import cos, sin
 
-from auv_gym.envs.kernel.body import ARRIVED, beyond, doubt
+from auv_gym.envs.kernel.body import ARRIVED, beyond, doubt, place
 from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.path import begin_path, go_on, look_along, path_terms
 from auv_gym.envs.kernel.targets import (
@@ -18,8 +18,8 @@ from auv_gym.envs.kernel.targets import (
 )
 from auv_gym.physics.frames import wrapped
 
-STATES = INPUTS = ACTUATORS = OUTPUTS = SHARES = YAW_INPUT = PITCH_INPUT = ACROSS = 0
-V = W = NORTH = EAST = DEPTH = PITCH = HEADING = WAVE_PHASE = 0
+ACTUATORS = OUTPUTS = SHARES = YAW_INPUT = PITCH_INPUT = ACROSS = 0
+V = W = NORTH = EAST = DEPTH = PITCH = HEADING = 0
 READ_W = READ_Q = READ_R = READ_V = READ_NORTH = READ_EAST = READ_DEPTH = READ_PITCH = READ_HEADING = 0
 
 
@@ -39,17 +39,17 @@ def command(plan, t, e):
     if t.action_of[YAW_INPUT] < 0.0:
         k = t.rudder_gains
         off = wrapped(e.features[READ_HEADING] - e.held[1])
-        value = k[0] * (e.features[READ_V] - t.cruise_state[V]) + k[1] * e.features[READ_R] + k[2] * off
+        value = k[0] * (e.features[READ_V] - t.kept_state[V]) + k[1] * e.features[READ_R] + k[2] * off
         limit = t.limit[YAW_INPUT]
-        e.command[YAW_INPUT] = min(max(t.cruise_command[YAW_INPUT] - value, -limit), limit)
+        e.command[YAW_INPUT] = min(max(t.kept_command[YAW_INPUT] - value, -limit), limit)
         e.features[SHARES + YAW_INPUT] = e.command[YAW_INPUT] / limit
     if t.action_of[PITCH_INPUT] < 0.0:
         k = t.plane_gains
         deep = min(max(e.features[READ_DEPTH] - e.held[0], -t.held_depth_error), t.held_depth_error)
-        value = k[0] * (e.features[READ_W] - t.cruise_state[W]) + k[1] * e.features[READ_Q]
-        value += k[2] * (e.features[READ_PITCH] - t.cruise_state[PITCH]) + k[3] * deep
+        value = k[0] * (e.features[READ_W] - t.kept_state[W]) + k[1] * e.features[READ_Q]
+        value += k[2] * (e.features[READ_PITCH] - t.kept_state[PITCH]) + k[3] * deep
         limit = t.limit[PITCH_INPUT]
-        e.command[PITCH_INPUT] = min(max(t.cruise_command[PITCH_INPUT] - value, -limit), limit)
+        e.command[PITCH_INPUT] = min(max(t.kept_command[PITCH_INPUT] - value, -limit), limit)
         e.features[SHARES + PITCH_INPUT] = e.command[PITCH_INPUT] / limit
     e.term[1] = -t.weight[1] * 0.5 * travel / t.actions
 
@@ -81,21 +81,6 @@ def look(t, e, row):
         f[OUTPUTS], f[OUTPUTS + 3] = error, e.target[0]
     else:
         look_along(f[READ_NORTH], f[READ_EAST], f[READ_DEPTH], f[READ_HEADING], e, ACROSS)
-
-
-def place(plan, drawn, t, e, row):
-    """The first state, in cruise, and the commands that keep it; drawn: the parameters of this episode."""
-    at, draws = int(t.state_at), int(t.draws_at)
-    for i in range(STATES):
-        row[at + i] = t.cruise_state[i]
-    row[at + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[draws]
-    row[at + HEADING] = pi * (2.0 * row[draws + 1] - 1.0)
-    row[at + WAVE_PHASE] = 2.0 * pi * row[draws + 2]
-    e.reached = 0.0
-    for j in range(INPUTS):
-        e.command[j] = t.cruise_command[j]
-    for j in range(ACTUATORS):
-        e.features[SHARES + j] = (e.command[j] - t.middle[j]) / t.limit[j] if t.limit[j] > 0.0 else 0.0
 
 
 def set_out(plan, x, t, e, row):

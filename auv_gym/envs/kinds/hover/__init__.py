@@ -29,12 +29,10 @@ KIND = EnvKind(
         ),
         sensors=body.SENSORS,
         plan={
-            "start_depth": 2, "hover_state": "states", "hover_command": "inputs",
-            "limit": "actuators", "middle": "actuators", "action_of": "actuators",
             # a wrench: for each thruster its input, thrust that holds the vehicle, and thrusts per action; its curve
             "by_wrench": 1, "thrusters_at": 1, "thrusters": 1, "curves_at": 1, "curves": 1,
             "redrawn": 1, "fixed": 6, "size": 1, "attitude_scale": 1, "sum_rate": 1, "sum_limit": 1,
-            **path.PLAN, **body.LIMITS,
+            **body.BEGINNING, **path.PLAN, **body.LIMITS,
         },
         row={"sums": 4, "push": "actuators", **path.ROW},
         shown=body.SHOWN,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, isnan, pi, sin, sqrt
 
 from auv_gym.compiled import outlined
-from auv_gym.envs.kernel.body import ARRIVED, beyond, doubt
+from auv_gym.envs.kernel.body import ARRIVED, beyond, doubt, place
 from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import CHANGE_DRAWS, START_DRAWS
 from auv_gym.envs.kernel.path import begin_path, go_on, look_along, path_terms
@@ -15,10 +15,10 @@ from auv_gym.plant.thrusters import command_of_thrust
 
 LAST = ("last_1", "last_2", "last_3", "last_4", "last_5", "last_6")  # the shares of the last wrench, action by action
 
-STATES = INPUTS = ACTUATORS = OUTPUTS = SHARES = ACROSS = LAST_1 = 0
+ACTUATORS = OUTPUTS = SHARES = ACROSS = LAST_1 = 0
 ERROR_AHEAD = ERROR_STARBOARD = ERROR_BELOW = HEADING_ERROR_SIN = HEADING_ERROR_COS = ROLL_ERROR = PITCH_ERROR = 0
 SUM_AHEAD = SUM_STARBOARD = SUM_BELOW = SUM_HEADING = 0
-NORTH = EAST = DEPTH = ROLL = PITCH = HEADING = WAVE_PHASE = 0
+NORTH = EAST = DEPTH = ROLL = PITCH = HEADING = 0
 READ_NORTH = READ_EAST = READ_DEPTH = READ_ROLL = READ_PITCH = READ_HEADING = 0
 
 
@@ -130,25 +130,10 @@ def look(t, e, row):
     f[SUM_HEADING] = e.sums[3]
 
 
-def place(plan, drawn, t, e, row):
-    """The first state, at rest in the water and level, and the commands that hold it there."""
-    at, draws = int(t.state_at), int(t.draws_at)
-    for i in range(STATES):
-        row[at + i] = t.hover_state[i]
-    row[at + DEPTH] = t.start_depth[0] + (t.start_depth[1] - t.start_depth[0]) * row[draws]
-    row[at + HEADING] = pi * (2.0 * row[draws + 1] - 1.0)
-    row[at + WAVE_PHASE] = 2.0 * pi * row[draws + 2]
-    e.reached = 0.0
-    for i in range(4):
-        e.sums[i] = 0.0
-    for j in range(INPUTS):
-        e.command[j] = t.hover_command[j]
-    for j in range(ACTUATORS):
-        e.features[SHARES + j] = (e.command[j] - t.middle[j]) / t.limit[j] if t.limit[j] > 0.0 else 0.0
-
-
 def set_out(plan, x, t, e, row):
     """The first pose of an episode: where the vehicle is, or one drawn about it, but for what is given; or a path."""
+    for i in range(4):
+        e.sums[i] = 0.0
     if t.follows_path != 0.0:
         begin_path(plan, x[NORTH], x[EAST], x[DEPTH], x[HEADING], t, e, row)
         return
