@@ -297,7 +297,7 @@ class Plant:
     ) -> None:
         after = np.empty((0, runs.rows, starts.shape[2])) if after is None else after
         windows = (runs.begin, runs.stop, c.carried, c.constant)
-        times = (runs.times, runs.inputs, runs.first, runs.references, self.longest_step)
+        times = (runs.times, runs.inputs, runs.first, runs.references, self.longest_step, runs.stride, runs.shares)
         self.programs.rollout(vectors, starts, *windows, *times, c.measured, c.gains, c.kicks, c.decays, y, after)
 
     def follow_many(
@@ -317,7 +317,7 @@ class Plant:
             own = starts if len(starts) == 1 else starts[part]
             self._run(runs, vectors[part], own, correction, y[part], after[part] if keep else after)
 
-        _shared_out(len(vectors), rows, run)
+        _shared_out(len(vectors), rows * runs.stride, run)
         return y, after
 
 
@@ -372,9 +372,23 @@ class Runs:
     first: np.ndarray
     rows: int
     references: np.ndarray
+    stride: int
+    shares: np.ndarray
 
     @classmethod
-    def over(cls, plant: Plant, record: Record, windows: Sequence[slice], chart: Chart | None = None) -> Runs:
+    def over(
+        cls,
+        plant: Plant,
+        record: Record,
+        windows: Sequence[slice],
+        chart: Chart | None = None,
+        stride: int = 1,
+        shares: np.ndarray | None = None,
+    ) -> Runs:
+        """Runs over windows of a record, each a whole multiple of `stride` samples, which is 1 with a chart.
+
+        shares: (n, n_outputs), of each sample's outputs in its row's, if the stride is more than 1.
+        """
         first = np.empty(record.time.size, dtype=np.int64)
         for segment in record.segments:
             first[segment] = segment.start
@@ -384,8 +398,9 @@ class Runs:
         begin = np.array([w.start for w in windows], dtype=np.int64)
         stop = np.array([w.stop for w in windows], dtype=np.int64)
         references = (chart or Chart.off()).references
-        rows = int((stop - begin).sum())
-        return cls(begin, stop, record.time.copy(), inputs_of(plant, record), first, rows, references)
+        shares = np.empty((0, len(plant.outputs))) if shares is None else shares
+        times, inputs, rows = record.time.copy(), inputs_of(plant, record), int((stop - begin).sum()) // stride
+        return cls(begin, stop, times, inputs, first, rows, references, stride, shares)
 
 
 def check_coefficient_deviation(parameters: Any, path: str, deviation: Any) -> None:

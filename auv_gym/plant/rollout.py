@@ -193,7 +193,7 @@ def drive(times, inputs, first, shaped, positions, p, work):
 
 def rollout(
     vectors, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
-    measured, gains, kicks, decays, y, after,
+    stride, shares, measured, gains, kicks, decays, y, after,
 ):  # fmt: skip
     """Outputs of runs over windows of a record, for several parameter vectors, into y; free, or corrected at every row.
 
@@ -204,6 +204,8 @@ def rollout(
     references: (n, 4), quaternions from which attitudes are seen at each row, as rotation vectors, in starts, y, after
     and all that is added to them; (0, 4) for Euler angles.
     carried: (W,), whether the `constant` states (STATES,) go on from the window before.
+    stride: samples of a row, of which windows are whole multiples.  Outputs of a row of several are the sums of theirs
+    by `shares`, (n, OUTPUTS); it is corrected at its end, where the next row begins.
     measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
     kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after the interval.
     decays: (rows, D), of the accelerations to the next row.
@@ -219,8 +221,8 @@ def rollout(
     x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
     sensors = x[STATES + 2 * ACTUATORS :]
     push = np.empty(pushed)
-    error = np.empty(OUTPUTS)
-    corrected = gains.shape[0] > 0
+    error, out = np.empty(OUTPUTS), np.empty(OUTPUTS)
+    corrected, single = gains.shape[0] > 0, stride == 1
     charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0
     attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
     for s in range(vectors.shape[0]):
@@ -249,37 +251,58 @@ def rollout(
             for j in range(pushed):
                 push[j] = start[size + j]
             while k < stop[w]:
-                physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
-                if charted:
-                    into_chart(references[k], y[s, row, SENSED : SENSED + 3])
-                    into_chart(references[k], attitude)
-                chart = k
-                if corrected:
-                    for c in range(OUTPUTS):
-                        reading = measured[row, c]
-                        error[c] = reading - y[s, row, c] if np.isfinite(reading) else 0.0
-                    for c in range(OUTPUTS):
-                        if error[c] != 0.0:
-                            for i in range(STATES):
-                                x[i] += gains[row, i, c] * error[c]
-                            for i in range(SENSORS):
-                                sensors[i] += gains[row, STATES + i, c] * error[c]
-                            for j in range(pushed):
-                                push[j] += gains[row, size + j, c] * error[c]
+                last, chart = k + stride, k
                 # a free run ends with its last row
-                if k + 1 < n and first[k + 1] != k + 1 and (k + 1 < stop[w] or after.shape[0] > 0):
-                    duration = times[k + 1] - times[k]
-                    for j in range(pushed):
-                        x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
-                    if charted:
-                        out_of_chart(references[k], attitude)
-                    interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], longest_step, p, work)
-                    if charted:
-                        chart = k + 1
-                        into_chart(references[chart], attitude)
-                    for j in range(pushed):
-                        x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
-                        push[j] *= decays[row, j]
+                goes_on = last < n and first[last] != last and (last < stop[w] or after.shape[0] > 0)
+                duration = times[last] - times[k] if goes_on else 0.0
+                for m in range(k, last if single else last + 1):
+                    if m == k and not single:
+                        duration = duration if goes_on else stride * (times[k + 1] - times[k])
+                        for c in range(OUTPUTS):
+                            y[s, row, c] = 0.0
+                        for j in range(pushed):
+                            x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
+                    if single:
+                        physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
+                        if charted:
+                            into_chart(references[k], y[s, row, SENSED : SENSED + 3])
+                            into_chart(references[k], attitude)
+                    elif m < last:
+                        physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, out)
+                        for c in range(OUTPUTS):
+                            y[s, row, c] += shares[m, c] * out[c]
+                    else:
+                        for j in range(pushed):
+                            x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                            push[j] *= decays[row, j]
+                    if corrected and (single or m == last):
+                        for c in range(OUTPUTS):
+                            reading = measured[row, c]
+                            error[c] = reading - y[s, row, c] if np.isfinite(reading) else 0.0
+                        for c in range(OUTPUTS):
+                            if error[c] != 0.0:
+                                for i in range(STATES):
+                                    x[i] += gains[row, i, c] * error[c]
+                                for i in range(SENSORS):
+                                    sensors[i] += gains[row, STATES + i, c] * error[c]
+                                for j in range(pushed):
+                                    push[j] += gains[row, size + j, c] * error[c]
+                    if m + 1 < last or (m < last and goes_on):
+                        if single:
+                            for j in range(pushed):
+                                x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
+                            if charted:
+                                out_of_chart(references[k], attitude)
+                        interval(
+                            x, inputs[m], shaped, times, first[m], m, times[m], times[m + 1], longest_step, p, work
+                        )
+                        if single:
+                            if charted:
+                                chart = last
+                                into_chart(references[chart], attitude)
+                            for j in range(pushed):
+                                x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                                push[j] *= decays[row, j]
                 if after.shape[0] > 0:
                     for i in range(STATES):
                         after[s, row, i] = x[i]
@@ -290,7 +313,7 @@ def rollout(
                 if charted:
                     out_of_chart(references[chart], attitude)
                 row += 1
-                k += 1
+                k = last
 
 
 @dataclass(frozen=True, eq=False)

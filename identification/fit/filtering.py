@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from identification.deciding import COST, LEAST_PROCESS
-from identification.fit.kalman import Pass, System, run_filter, slopes_of, start_slopes
+from identification.fit.driven import driven_slopes
+from identification.fit.kalman import Pass, System, run_filter, scores_of, slopes_of, start_slopes
+from identification.fit.linearised import AT_ONCE, NEAR_PATH, Linearised
 from identification.fit.parameters import moves_of
-from identification.fit.stretches import Stretches
+from identification.fit.responses import Responses
 
 _SAME = 0.05  # of the log-likelihood: a linearisation about a better path that changes less is the last
 _AS_LINEAR = 0.01  # of the log-likelihood by the linearised filter: a run of the vehicle so near it needs no other one
@@ -26,6 +28,7 @@ _TRIES, _TIGHTER = 6, 30.0  # of a step, and how much more it is damped each tim
 _DESCENTS = 3  # steps of the parameters with the same gains
 _AWAY = 1e100  # a slope of a run that has run away: its square would be no number
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
+_MANY = 8  # coefficients of a fit, from which on it saves time to hold how the vehicle answers them
 LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
 
 
@@ -51,44 +54,8 @@ class Point:
     system: System | None
 
 
-class Filter(Stretches):
+class Filter(Linearised):
     """The filter of a plant through the stretches of a record, linearised about its own path."""
-
-    def _system(self, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray) -> System:
-        """The plant linearised along a path of states, with what is assumed of the stretches' starts."""
-        live, solid, pushed = self.live, len(self.live), len(self.pushed)
-        a, c, y, after = self._slopes(vector, path, live)
-        rows = len(self.rows)
-        kicked = np.zeros((rows, solid, pushed))
-        for d, i in enumerate(self._pushed):
-            j = int(np.flatnonzero(live == i)[0])
-            kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
-            kicked[:, j, d] += self.kicks[d, 2]
-        kicked *= self.durations[:, None, None]
-        for j in np.flatnonzero(live >= len(self._shared)):  # a sensor without a lag has no state that lasts
-            if np.median(np.abs(a[:, j, j] - 1.0)) < 1e-9:
-                a[:, j], a[:, :, j], c[:, :, j] = 0.0, 0.0, 0.0
-        error = np.where(self.finite, self.measured - y, 0.0)
-        forcing = np.zeros((rows, solid))
-        forcing[:-1] = path[1:, live] - after[:-1, live]
-        if pushed:
-            forcing += np.einsum("rnd,rd->rn", kicked, path[:, self._size :])
-        begin = np.zeros(rows, dtype=np.int64)
-        begin[self.offsets] = np.where(self.carried, 2, 1)
-        constant = np.zeros(solid + pushed, dtype=bool)
-        states = len(self._shared)
-        constant[:solid] = [i < states and bool(self._shared[i]) for i in live]
-        return System(
-            np.ascontiguousarray(np.concatenate([a, kicked], axis=2)),
-            np.ascontiguousarray(np.concatenate([c, np.zeros((rows, c.shape[1], pushed))], axis=2)),
-            forcing, error, self.finite, begin, constant, self.durations, roots, self._origin(path, starts),
-        )  # fmt: skip
-
-    def _origin(self, path: np.ndarray, starts: np.ndarray) -> np.ndarray:
-        """The means with which stretches begin, from a path, (W, N); accelerations begin at none."""
-        origin = np.zeros((len(self.stretches), len(self.live) + len(self.pushed)))
-        origin[:, : len(self.live)] = (starts - path[self.offsets])[:, self.live]
-        return origin
 
     def _fixed(self, stretch: int) -> np.ndarray:
         """Which live states do not begin anew in a stretch."""
@@ -155,9 +122,14 @@ class Filter(Stretches):
         turned = np.cumsum(turns)
         return (turned == turned[self.offsets][self.stretch_of_row]).astype(float)
 
-    def _numbers(self, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _numbers(self, logs: np.ndarray, every: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Variances of channels, deviations and correlation times of accelerations; see `run_filter`.
+
+        every: those accelerations, too, that are hardly there, which a filter does without.
+        """
         count, pushed = len(self.channels), len(self.pushed)
-        return np.exp(2.0 * logs[:count]), np.exp(logs[count : count + pushed]), np.exp(logs[count + pushed :])
+        deviations = np.exp(logs[count : count + pushed]) * (self._there(logs) | every)
+        return np.exp(2.0 * logs[:count]), deviations, np.exp(logs[count + pushed :])
 
     def point(self, vector: np.ndarray, logs: np.ndarray, near: Point | None = None) -> Point:
         """The filter with parameters and noises, linearised about its own path, sought from that of a point near by."""
@@ -165,17 +137,19 @@ class Filter(Stretches):
             (self.first_path, self.starts, self._widest) if near is None else (near.path, near.starts, near.roots)
         )
         first, renewed = near is None, near is None or bool(np.abs(logs - near.logs).max(initial=0.0) > _OTHER_NOISE)
+        responses = near.system.responses if near is not None and near.system is not None else None
         best, highest, came, share = None, -np.inf, (path, starts), 1.0
         for _ in range(_FIRST_LINEARISATIONS if first else _LINEARISATIONS):
             anew = first and best is None
-            found, linear = self._about(vector, logs, path, starts, roots, anew, renewed)
+            known = near if best is None and self._serves(near, vector, path) else None
+            found, linear = self._about(vector, logs, path, starts, roots, anew, renewed, known, responses)
             renewed = first
             total = self.total(found)
             if total > highest:
                 gained, best, highest = total - highest, found, total
                 came, share = (path, starts), 1.0
                 path, starts, roots = found.path, found.starts, found.roots
-                if gained < _SAME or abs(total - linear) < _AS_LINEAR:
+                if abs(total - linear) < _AS_LINEAR or (gained < _SAME and known is None):
                     break
             elif best is None or highest - total < _SAME:
                 break
@@ -184,6 +158,13 @@ class Filter(Stretches):
                 path = came[0] + share * (best.path - came[0])
                 starts = came[1] + share * (best.starts - came[1])
         return best or self._nowhere(vector, logs)
+
+    def _serves(self, near: Point | None, vector: np.ndarray, path: np.ndarray) -> bool:
+        """Whether the slopes that a point has are those of a vehicle and a path near by."""
+        if near is None or near.system is None or near.system.path is None:
+            return False
+        live, off = self.live, np.abs(path - near.system.path).max(axis=0)
+        return self._near_by(near.system.vector, vector) and bool(np.all(off[live] <= NEAR_PATH * self.spread[live]))
 
     def _about(
         self,
@@ -194,18 +175,31 @@ class Filter(Stretches):
         roots: np.ndarray,
         anew: bool,
         renewed: bool,
+        known: Point | None,
+        responses: Responses | None,
     ) -> tuple[Point, float]:
         """The filter linearised about a path, from the likeliest starts, and its log-likelihood if all were linear.
 
         anew: whether the starts may be far from likely.  renewed: whether how well they are known may have changed.
+        known: a point near by, whose slopes will do.  responses: of a system that may be farther away.
         """
-        system = self._system(vector, path, starts, roots)
+        if known is None or known.system is None:
+            system = replace(self._system(vector, path, starts, roots), responses=responses)
+        else:
+            system = self._moved_on(known.system, vector, path, starts, roots)
         if not (np.isfinite(system.a).all() and np.isfinite(system.error).all()):
             return self._nowhere(vector, logs), -np.inf
+        renewed = renewed or bool(self._held_first.any())
+        if known is not None and not renewed and np.array_equal(logs, known.logs):
+            found = replace(known, system=system)  # the same slopes and noises make the same gains
+            if not np.array_equal(vector, known.vector):
+                found = self.with_gains(found, vector)
+            own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
+            return self._settled(found, path, found.gains[:, own])
         made = run_filter(system, *self._numbers(logs))
         if not np.isfinite(made.scores).all():
             return self._nowhere(vector, logs), -np.inf
-        if renewed or self._held_first.any():
+        if renewed:
             better, roots = self._better_starts(system, made, logs, starts)
             starts = better if anew else np.where(self._held_first[:, None], better, starts)
             system = replace(system, start=roots, origin=self._origin(path, starts))
@@ -213,11 +207,18 @@ class Filter(Stretches):
         found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
         if not (np.isfinite(found.path).all() and np.isfinite(found.scores).all()):
             return self._nowhere(vector, logs), -np.inf
+        return self._settled(found, path, made.gains)
+
+    def _settled(self, found: Point, path: np.ndarray, gains: np.ndarray) -> tuple[Point, float]:
+        """A point with its starts fitted, and its log-likelihood if all were linear about a path.
+
+        gains: (rows, N, C), of the filter.
+        """
         there = self.descended(found, ())
-        if there is not found:
-            system = replace(system, origin=self._origin(path, there.starts))
-            found, made = replace(there, system=system), run_filter(system, *self._numbers(logs))
-        return found, float(self.counted @ made.scores)
+        assert there.system is not None
+        system = replace(there.system, origin=self._origin(path, there.starts))
+        linear = scores_of(system, gains, there.whiten, self._numbers(there.logs)[2])
+        return replace(there, system=system), float(self.counted @ linear)
 
     def _nowhere(self, vector: np.ndarray, logs: np.ndarray) -> Point:
         """What is left of a filter that runs away: as unlikely as can be."""
@@ -237,7 +238,7 @@ class Filter(Stretches):
         system: System,
     ) -> Point:
         """The vehicle itself run with the gains of a filter."""
-        y, after = self._follow(vector[None], starts, gains, logs, True)
+        y, after = self._follow(vector[None], starts, gains, logs, system, True)
         innovations = np.where(self.finite, self.measured - y[0], 0.0)
         before = np.empty_like(after[0])
         before[1:] = after[0][:-1]
@@ -256,15 +257,37 @@ class Filter(Stretches):
         whole[:, np.r_[self.live, self._size + np.arange(len(self.pushed))]] = gains
         return whole
 
-    def _follow(self, vectors: np.ndarray, starts: np.ndarray, gains: np.ndarray, logs: np.ndarray, keep: bool):
+    def _follow(
+        self,
+        vectors: np.ndarray,
+        starts: np.ndarray,
+        gains: np.ndarray,
+        logs: np.ndarray,
+        system: System | None,
+        keep: bool,
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Predictions (S, rows, C) of runs with gains and, with `keep`, the states one row later."""
         times = self._numbers(logs)[2]
         decays = np.exp(-self.durations[:, None] / times) if len(times) else np.ones((len(self.rows), 0))
-        every = np.zeros((*gains.shape[:2], len(self.plant.outputs)))
-        every[:, :, self.columns] = gains
-        correction = self._free(every, decays, False)
+        if self.stride > 1 and system is not None:
+            gains = self._late(gains, decays, system.moves)
+        whole = len(self.columns) == len(self.plant.outputs)  # channels are in the order of outputs
+        if not whole:
+            every = np.zeros((*gains.shape[:2], len(self.plant.outputs)))
+            every[:, :, self.columns] = gains
+            gains = every
         starts = starts if starts.ndim == 3 else starts[None]
-        y, after = self.plant.follow_many(self.runs, vectors, starts, correction, keep)
-        return y[:, :, self.columns], after
+        y, after = self.plant.follow_many(self.runs, vectors, starts, self._free(gains, decays, False), keep)
+        return y if whole else y[:, :, self.columns], after
+
+    def _late(self, gains: np.ndarray, decays: np.ndarray, moves: np.ndarray | None) -> np.ndarray:
+        """Gains that correct at the end of a row what those of the filter correct where it begins, (rows, F, C)."""
+        assert moves is not None
+        own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
+        late = np.zeros_like(gains)
+        late[:, self.live] = moves @ gains[:, own]
+        late[:, self._size :] = decays[:, :, None] * gains[:, self._size :]
+        return late
 
     def _scored(self, whiten: np.ndarray, innovations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         errors = np.einsum("rmc,rc->rm", whiten, innovations)
@@ -320,22 +343,21 @@ class Filter(Stretches):
         """
         if not moves:
             return np.zeros((0, *self.measured.shape))
-        vectors, steps = np.repeat((point.vector if vector is None else vector)[None], len(moves), axis=0), []
-        for j, (path, step) in enumerate(moves):
-            i, size = self.index[path], step * self.scale(path)
-            if not self.bounds(path)[0] <= vectors[j, i] + size <= self.bounds(path)[1]:
-                step, size = -step, -size
-            vectors[j, i] += size
-            steps.append(step)
-        return self._changes(point, vectors, point.starts, np.array(steps))
+        vectors, steps = self._moved(point.vector if vector is None else vector, moves)
+        return self._changes(point, vectors, point.starts, steps)
 
     def _changes(self, point: Point, vectors: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """By how much predictions change, per step and over the errors' deviations, (S, rows, C)."""
-        y, _ = self._follow(vectors, starts, point.gains, point.logs, False)
-        with np.errstate(invalid="ignore", over="ignore"):
-            change = (y - (self.measured - point.innovations)[None]) / steps[:, None, None]
-        change[~((np.abs(change) < _AWAY) & self.finite)] = 0.0
-        return np.einsum("rmc,prc->prm", point.whiten, change)
+        found, before = np.empty((len(vectors), *self.measured.shape)), self.measured - point.innovations
+        size = max(AT_ONCE // max(self.every.size, 1), 1)
+        for some in (slice(i, i + size) for i in range(0, len(vectors), size)):
+            own = starts[some] if starts.ndim == 3 else starts
+            y, _ = self._follow(vectors[some], own, point.gains, point.logs, point.system, False)
+            with np.errstate(invalid="ignore", over="ignore"):
+                change = (y - before) / steps[some, None, None]
+            change[~((np.abs(change) < _AWAY) & self.finite)] = 0.0
+            np.einsum("rmc,prc->prm", point.whiten, change, out=found[some])
+        return found
 
     def counted_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
         """Slopes by the paths of the errors that count, (P, rows * C)."""
@@ -343,7 +365,9 @@ class Filter(Stretches):
 
     def counted_flat(self, columns: np.ndarray) -> np.ndarray:
         """Columns, (P, rows, C), flat, (P, rows * C), zero in the rows that do not count."""
-        return (columns * self._root).reshape(len(columns), self.measured.size)
+        if not np.all(self.counted == 1.0):
+            columns = columns * self._root
+        return columns.reshape(len(columns), self.measured.size)
 
     def counted_errors(self, point: Point) -> np.ndarray:
         """The errors that count, (rows, C), zero in the other rows."""
@@ -365,8 +389,10 @@ class Filter(Stretches):
             point,
             gains=np.zeros_like(point.gains),
             innovations=self.measured
-            - self._follow(point.vector[None], point.starts, np.zeros_like(point.gains), point.logs, False)[0][0],
-            whiten=self.finite[:, :, None] * np.diag(1.0 / deviations),
+            - self._follow(
+                point.vector[None], point.starts, np.zeros_like(point.gains), point.logs, point.system, False
+            )[0][0],
+            whiten=(self.finite * np.sqrt(self.counts))[:, :, None] * np.diag(1.0 / deviations),
         )
         columns = self.columns_of(free, moves_of(paths))
         # a free run that is unstable says no more by running away further
@@ -431,17 +457,55 @@ class Filter(Stretches):
         starts = point.starts if starts is None else starts
         return self._followed(vector, point.logs, starts, point.gains, point.whiten, point.system)
 
-    def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS) -> Point:
-        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt."""
+    def prepared(self, point: Point, paths: Sequence[str]) -> Point:
+        """The point with responses to those coefficients among paths, if they are many: `descended` is then quick.
+
+        Those of a point farther away will do.
+        """
+        many = [p for p in paths if p in self.plant.doubted]
+        if len(many) < _MANY or point.system is None or self.carried.any():
+            return point
+        known = point.system.responses
+        if known is not None and known.paths == tuple(many):
+            return point
+        path = point.path
+        if self.stride > 1:  # means are known when their row ends: it was run from where no reading had corrected it
+            path = path - np.einsum("rfc,rc->rf", point.gains, point.innovations)
+        responses = self._responses(point.vector, path, many)
+        return replace(point, system=replace(point.system, responses=responses))
+
+    def _slopes_for_steps(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+        """Slopes by the paths of the errors that count, by responses where a point has any; (P, rows * C)."""
+        known = None if point.system is None else point.system.responses
+        many = [] if known is None else [p for p in paths if p in known.paths]
+        if not many or known is None or point.system is None:
+            return self.counted_slopes(point, paths)
+        own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
+        numbers = (point.gains[:, own], point.whiten, self._numbers(point.logs)[2])
+        soon = driven_slopes(point.system, *numbers, known.of(many))
+        found = np.empty((len(paths), *self.measured.shape))
+        found[[p in known.paths for p in paths]] = soon
+        rest = [p for p in paths if p not in known.paths]
+        found[[p in rest for p in paths]] = self.columns_of(point, moves_of(rest))
+        return self.counted_flat(found)
+
+    def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:
+        """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt.
+
+        exact: whether slopes are those of the vehicle itself, also where responses are known.
+        """
         if here.system is None:
             return here
+        every, owners, taken, count = np.zeros((0, 0)), list[tuple[np.ndarray, int]](), None, len(paths)
         for _ in range(iterations):
-            starts, owners = self._starts_for_steps(here)
-            moving = [k for k, (stretches, _) in enumerate(owners) if not self._held_first[stretches].all()]
-            starts, owners, count = starts[moving], [owners[k] for k in moving], len(paths)
-            if not count + len(owners):
+            if self.carried.any() or not self._near_by(taken, here.vector):
+                starts, owners = self._starts_for_steps(here)
+                moving = [k for k, (stretches, _) in enumerate(owners) if not self._held_first[stretches].all()]
+                starts, owners, taken = starts[moving], [owners[k] for k in moving], here.vector
+                slopes = self.counted_slopes(here, paths) if exact else self._slopes_for_steps(here, paths)
+                every = np.vstack([slopes, starts])
+            if not len(every):
                 break
-            every = np.vstack([self.counted_slopes(here, paths), starts])
             whole, right = every @ every.T, every @ self.counted_errors(here).ravel()
             pulled, rates = self.pulls(here.vector, paths)
             whole[:count, :count] += np.diag(rates**2)

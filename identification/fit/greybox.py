@@ -17,6 +17,7 @@ from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import MOST_MOVED, brisk, moved_by_steps
+from identification.fit.strides import stride_for
 from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows
 
@@ -28,7 +29,8 @@ DEPENDENT = 1e-7  # smallest eigenvalue of the scaled normal matrix at which par
 class GreyBoxFit:
     """A plant with its free parameters fitted, and how sure they are.
 
-    covariance: (P, P) in the parameters' units.  noise: of the sensors, and of what pushes the vehicle.
+    covariance: (P, P) in the parameters' units.  noise: of a sensor's reading, and of what pushes the vehicle.
+    averaged: s, over which readings were averaged, 0 where each was read by itself.
     log_likelihood: of the prediction errors.  residual_rms: per channel, of free runs over the windows from states that
     suit each best.  windows: slices of the fitted record, which holds all records given one after the other.
     """
@@ -41,6 +43,7 @@ class GreyBoxFit:
     residual_rms: dict[str, float]
     record: Record
     windows: tuple[slice, ...]
+    averaged: float = 0.0
 
     def __getitem__(self, path: str) -> Estimate:
         """The estimate of a path; raises KeyError on one that was not free."""
@@ -88,7 +91,8 @@ class GreyBox:
                 "record longer or choose a shorter window."
             )
         paths = tuple(self.free)
-        given = PredictionErrors(self.plant, record, windows, process=self.process)
+        stride = stride_for(self.plant, record, windows, self.free, process=self.process)
+        given = PredictionErrors(self.plant, record, windows, process=self.process, stride=stride)
         unknowns = len(paths) + len(given.stretches) * len(given.live) + len(given.shared_values)
         if given.count < SAMPLES_PER_UNKNOWN * unknowns:
             raise ValueError(
@@ -158,6 +162,7 @@ class GreyBox:
             residual_rms=dict(zip(runs.channels, map(float, rms), strict=True)),
             record=problem.record,
             windows=tuple(windows),
+            averaged=problem.averaged,
         )
 
 

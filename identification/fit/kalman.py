@@ -8,11 +8,12 @@ Shephard 1992, Biometrika 79, whose result for all rows this gives for any weigh
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_gym.compiled import outlined
+from identification.fit.responses import Responses
 
 LEAST_VARIANCE = 1e-300
 NOTHING = 1e-100  # of a root, below which it is zero: its square would be too small for a number
@@ -27,6 +28,9 @@ class System:
     begin: (rows,), 0 in a stretch, 1 where one begins, 2 where it begins with the `constant` states (N,) going on.
     durations: (rows,), s, to the next row.  start: (W, N - D, N - D), transposed square root of the covariance of x
     where a stretch begins; where constant states go on, zero in their rows and columns.  origin: (W, N), the mean.
+    moves: (rows, N - D, N), as `a`, also of sensors without a lag; only where gains act at the end of a row.
+    vector: (n_parameters,), of the vehicle whose slopes these are; path: (rows, F), about which they were taken.
+    responses: of its parameters, taken there or near by, if there are any.
     """
 
     a: np.ndarray
@@ -34,11 +38,29 @@ class System:
     forcing: np.ndarray
     error: np.ndarray
     finite: np.ndarray
+    counts: np.ndarray
     begin: np.ndarray
     constant: np.ndarray
     durations: np.ndarray
     start: np.ndarray
     origin: np.ndarray
+    moves: np.ndarray | None = None
+    vector: np.ndarray | None = None
+    path: np.ndarray | None = None
+    responses: Responses | None = None
+
+    def with_pushes(self, kept: np.ndarray) -> System:
+        """The system without some of its accelerations; kept: (D,) bool."""
+        if kept.all():
+            return self
+        own = np.r_[np.arange(self.a.shape[1]), self.a.shape[1] + np.flatnonzero(kept)]
+        return replace(
+            self,
+            a=np.take(self.a, own, axis=2),
+            c=np.take(self.c, own, axis=2),
+            constant=self.constant[own],
+            origin=np.take(self.origin, own, axis=1),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +69,8 @@ class Pass:
 
     gains: (rows, N, C).  whiten: (rows, C, C), lower triangular, which takes an innovation to unit variance; zero where
     nothing was measured.  innovations: (rows, C), so scaled.  scores: (rows,), log-likelihood.
-    roots: (rows, N, N), transposed square roots of the covariances before the readings.  means: (rows, N), after them.
+    roots: (rows, M, M), transposed square roots of the covariances before the readings, and means: (rows, M), after
+    them, of the M states that were not left out.
     """
 
     gains: np.ndarray
@@ -59,22 +82,49 @@ class Pass:
 
 
 def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, times: np.ndarray) -> Pass:
-    """The filter for variances of the channels (C,) and accelerations of deviations and correlation times (D,)."""
-    rows, count, size = system.c.shape
-    found = Pass(
-        np.zeros((rows, size, count)),
-        np.zeros((rows, count, count)),
-        np.zeros((rows, count)),
-        np.zeros(rows),
-        np.zeros((rows, size, size)),
-        np.zeros((rows, size)),
-    )
-    s = system
+    """The filter for variances of the channels' readings (C,), accelerations' deviations and correlation times (D,).
+
+    An acceleration without deviation is left out, at no loss: nothing is in its rows of the pass.
+    """
+    kept = deviations > 0.0
+    s, own = system.with_pushes(kept), _own(system, kept)
+    (rows, count, _), size = system.c.shape, int(own.sum())
+    gains, roots, means = np.zeros((rows, size, count)), np.zeros((rows, size, size)), np.zeros((rows, size))
+    whiten, innovations, scores = np.zeros((rows, count, count)), np.zeros((rows, count)), np.zeros(rows)
     onward = np.ascontiguousarray(s.a.transpose(0, 2, 1))
-    numbers = (onward, s.c, s.forcing, s.error, s.finite, s.begin, s.constant, s.durations, s.start, s.origin)
-    made = (found.gains, found.whiten, found.innovations, found.scores, found.roots, found.means)
-    _forward(*numbers, variances, deviations, times, *made)
-    return found
+    numbers = (onward, s.c, s.forcing, s.error, s.finite, s.counts, s.begin, s.constant, s.durations, s.start, s.origin)
+    made = (gains, whiten, innovations, scores, roots, means)
+    _forward(*numbers, variances, deviations[kept], times[kept], *made)
+    return Pass(_among(gains, own, 1), whiten, innovations, scores, roots, means)
+
+
+def scores_of(system: System, gains: np.ndarray, whiten: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """The log-likelihood of each row, (rows,), by the gains of a filter whose stretches began with other means.
+
+    gains: (rows, N, C) and whiten: (rows, C, C), as of a pass.  times: (D,), correlation times of accelerations, s.
+    """
+    s, innovations = system, np.zeros(system.error.shape)
+    decays = np.exp(-s.durations[:, None] / times)
+    numbers = (s.a, s.c, s.forcing, s.error, s.finite, s.begin, s.constant, decays, s.origin)
+    _redone(*numbers, np.ascontiguousarray(gains), whiten, innovations)
+    spread = np.where(s.finite, np.einsum("rcc->rc", whiten) / np.sqrt(2.0 * np.pi), 1.0)
+    return (np.log(spread) - 0.5 * innovations**2).sum(axis=1)
+
+
+def _own(system: System, kept: np.ndarray) -> np.ndarray:
+    """Which of a system's states a filter has that leaves some accelerations out, (N,) bool."""
+    return np.r_[np.ones(system.a.shape[1], dtype=bool), kept]
+
+
+def _among(some: np.ndarray, own: np.ndarray, *axes: int) -> np.ndarray:
+    """Numbers of some states among those of all, the others zero; own: (N,) bool."""
+    if own.all():
+        return some
+    for axis in axes:
+        whole = np.zeros([own.size if a == axis else n for a, n in enumerate(some.shape)])
+        whole[(*[slice(None)] * axis, own)] = some
+        some = whole
+    return some
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,16 +143,19 @@ class Slopes:
 def slopes_of(
     system: System, found: Pass, weights: np.ndarray, variances: np.ndarray, deviations: np.ndarray, times: np.ndarray
 ) -> Slopes:
-    """The gradient of the weighted sum of the scores of a pass, by its adjoint."""
-    s, size = system, found.means.shape[1]
-    slopes = np.zeros(variances.size + 2 * deviations.size)
+    """The gradient of the weighted sum of the scores of a pass, by its adjoint; by what it left out, zero."""
+    kept = deviations > 0.0
+    s, own, count, size = system.with_pushes(kept), _own(system, kept), variances.size, found.means.shape[1]
+    slopes = np.zeros(count + 2 * int(kept.sum()))
     means, covariances = np.zeros((len(s.origin), size)), np.zeros((len(s.origin), size, size))
-    numbers = (s.a, s.c, s.finite, s.begin, s.constant, s.durations)
+    numbers = (s.a, s.c, s.finite, s.counts, s.begin, s.constant, s.durations)
     _backward(
-        *numbers, weights, variances, deviations, times,
-        found.gains, found.whiten, found.innovations, found.roots, found.means, slopes, means, covariances,
+        *numbers, weights, variances, deviations[kept], times[kept],
+        np.compress(own, found.gains, axis=1), found.whiten, found.innovations, found.roots, found.means,
+        slopes, means, covariances,
     )  # fmt: skip
-    return Slopes(slopes, means, covariances)
+    noises = _among(slopes, np.r_[np.ones(count, dtype=bool), kept, kept], 0)
+    return Slopes(noises, _among(means, own, 1), _among(covariances, own, 1, 2))
 
 
 def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -124,7 +177,7 @@ def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: n
 
 @outlined
 def _forward(
-    onward, c, forcing, error, finite, begin, constant, durations, start, origin, variances, deviations, times,
+    onward, c, forcing, error, finite, counts, begin, constant, durations, start, origin, variances, deviations, times,
     gains, whiten, innovations, scores, roots, means,
 ):  # fmt: skip
     """The filter; see `run_filter`.  onward: (rows, N, N - D), `a` transposed."""
@@ -157,7 +210,8 @@ def _forward(
         for m in range(count):
             if not finite[k, m]:
                 continue
-            spread = variances[m]
+            variance = variances[m] / counts[k, m]
+            spread = variance
             ahead = error[k, m]
             for j in range(size):
                 column[j] = 0.0
@@ -171,7 +225,7 @@ def _forward(
             for j in range(size):
                 spread += column[j] * column[j]
             spread = max(spread, LEAST_VARIANCE)
-            share = 1.0 / (spread * (1.0 + np.sqrt(variances[m] / spread)))
+            share = 1.0 / (spread * (1.0 + np.sqrt(variance / spread)))
             for j in range(size):
                 factor = column[j]
                 for i in range(size):
@@ -266,7 +320,7 @@ def _made_square(wide, root, reflector, share_of):
 
 @outlined
 def _backward(
-    a, c, finite, begin, constant, durations, weights, variances, deviations, times,
+    a, c, finite, counts, begin, constant, durations, weights, variances, deviations, times,
     gains, whiten, innovations, roots, means, slopes, mean_slopes, covariance_slopes,
 ):  # fmt: skip
     """The adjoint of `_forward`; see `slopes_of`."""
@@ -370,7 +424,7 @@ def _backward(
                 inner[m, n] -= 0.5 * (onto[m] * scaled[n] + scaled[m] * onto[n])
                 inner[m, n] += 0.5 * weights[k] * (scaled[m] * scaled[n] - inverse[m, n])
             if finite[k, m]:
-                slopes[m] += inner[m, m] * 2.0 * variances[m]
+                slopes[m] += inner[m, m] * 2.0 * (variances[m] / counts[k, m])
         for i in range(size):
             for m in range(count):
                 outer[i, m] = mean[i] * scaled[m] - 2.0 * weighted[i, m]
@@ -438,6 +492,40 @@ def _started(onward, c, begin, constant, decays, gains, whiten, slopes):
                 moved[j, i] = after[i]
             for d in range(size - solid):
                 moved[j, solid + d] *= decays[k, d]
+
+
+@outlined
+def _redone(a, c, forcing, error, finite, begin, constant, decays, origin, gains, whiten, innovations):
+    """See `scores_of`.  decays: (rows, D)."""
+    rows, count, size = c.shape
+    solid = a.shape[1]
+    mean, moved, ahead = np.zeros(size), np.zeros(size), np.zeros(count)
+    stretch = -1
+    for k in range(rows):
+        if begin[k] > 0:
+            stretch += 1
+            for i in range(size):
+                if begin[k] == 1 or not constant[i]:
+                    mean[i] = origin[stretch, i]
+        for m in range(count):
+            ahead[m] = 0.0
+            if finite[k, m]:
+                ahead[m] = error[k, m]
+                for i in range(size):
+                    ahead[m] -= c[k, m, i] * mean[i]
+        for m in range(count):
+            for n in range(m + 1):
+                innovations[k, m] += whiten[k, m, n] * ahead[n]
+        for i in range(size):
+            moved[i] = mean[i]
+            for m in range(count):
+                moved[i] += gains[k, i, m] * ahead[m]
+        for i in range(solid):
+            mean[i] = -forcing[k, i]
+            for n in range(size):
+                mean[i] += a[k, i, n] * moved[n]
+        for d in range(size - solid):
+            mean[solid + d] = decays[k, d] * moved[solid + d]
 
 
 @outlined

@@ -10,7 +10,7 @@ import numpy as np
 
 from identification.deciding import LEAST_PROCESS
 from identification.fit.filtering import Filter, Point
-from identification.fit.kalman import System, run_filter, slopes_of
+from identification.fit.kalman import Pass, System, run_filter, slopes_of
 
 # of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are
 # sought among the first guesses if they would be likelier stronger
@@ -50,9 +50,9 @@ class Noises(Filter):
             )
         return tried[int(np.nanargmax(likely))]
 
-    def first_point(self) -> Point:
-        """The plant's values with the noises to begin with, its gains those of the path along which all begins."""
-        logs = self.first_noise()
+    def first_point(self, logs: np.ndarray | None = None) -> Point:
+        """The plant's values with noises, by default those to begin with; gains are of the path where all begins."""
+        logs = self.first_noise() if logs is None else logs
         made = run_filter(self._first_system, *self._numbers(logs))
         gains = self._whole(made.gains)
         return self._followed(self.plant.vector, logs, self.starts, gains, made.whiten, self._first_system)
@@ -98,10 +98,6 @@ class Noises(Filter):
             return point.logs, inverse
         pushed = len(self.pushed)
 
-        def slope_at(logs: np.ndarray) -> tuple[float, np.ndarray]:
-            value, slope = self.noise_slopes(point, logs)
-            return value, slope / unit
-
         low = np.log(np.maximum(self.steps_of_readings, _LEAST_NOISE * self.floors))
         bounds = [(a, np.log(f) + _NOISE_RANGE) for a, f in zip(low, self.floors, strict=True)]
         bounds += [(np.log(LEAST_PROCESS * u), np.log(u) + _NOISE_RANGE) for u in self.unit]
@@ -110,10 +106,12 @@ class Noises(Filter):
         periods = float(self.durations.sum()) / np.exp(self.slowness[0])
         unit = np.sqrt(np.r_[2.0 * np.maximum(self.finite.sum(axis=0), 1), np.full(2 * pushed, max(periods, 1.0))])
         logs = np.clip(point.logs, *limits.T)
-        value, slope = slope_at(logs)
+        value, made = self._noise_pass(point, logs, fresh)
+        slope = self._noise_slopes(point, logs, made, fresh) / unit
         other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope)
         if other is not logs:
-            logs, (value, slope), inverse = other, slope_at(other), np.eye(logs.size)
+            logs, inverse, (value, made) = other, np.eye(logs.size), self._noise_pass(point, other)
+            slope = self._noise_slopes(point, logs, made) / unit
         for _ in range(steps):
             open_ = ~(((logs <= limits[:, 0]) & (slope < 0.0)) | ((logs >= limits[:, 1]) & (slope > 0.0)))
             way = np.where(open_, inverse @ np.where(open_, slope, 0.0), 0.0)
@@ -122,11 +120,12 @@ class Noises(Filter):
             way *= min(1.0, _NOISE_REACH / max(float(np.abs(way / unit).max()), 1e-12))
             for share in (1.0, 0.3, 0.05):
                 there = np.clip(logs + share * way / unit, *limits.T)
-                reached, new = slope_at(there)
+                reached, made = self._noise_pass(point, there)
                 if reached > value:
                     break
             else:
                 break
+            new = self._noise_slopes(point, there, made) / unit
             moved, turned = (there - logs) * unit, slope - new
             product = float(moved @ turned)
             if product > 1e-8 * np.linalg.norm(moved) * np.linalg.norm(turned):
@@ -166,15 +165,25 @@ class Noises(Filter):
         return logs
 
     def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
-        """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,)."""
+        """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,).
+
+        By accelerations that are hardly there the slopes are zero, see `run_filter`.
+        """
+        value, made = self._noise_pass(point, logs)
+        return value, self._noise_slopes(point, logs, made)
+
+    def _noise_pass(self, point: Point, logs: np.ndarray, every: bool = False) -> tuple[float, Pass]:
+        """Log-likelihood of noises with their prior, and its pass; every: see `_numbers`."""
         assert point.system is not None
-        numbers = self._numbers(logs)
-        made = run_filter(point.system, *numbers)
-        prior, pull = self._prior(logs)
-        value = float(self.counted @ made.scores) + prior
-        if not np.isfinite(value):
-            return -np.inf, np.zeros(logs.size)
-        return value, slopes_of(point.system, made, self.counted, *numbers).noises + pull
+        made = run_filter(point.system, *self._numbers(logs, every))
+        value = float(self.counted @ made.scores) + self._prior(logs)[0]
+        return value if np.isfinite(value) else -np.inf, made
+
+    def _noise_slopes(self, point: Point, logs: np.ndarray, made: Pass, every: bool = False) -> np.ndarray:
+        assert point.system is not None
+        if not np.isfinite(made.scores).all():
+            return np.zeros(logs.size)
+        return slopes_of(point.system, made, self.counted, *self._numbers(logs, every)).noises + self._prior(logs)[1]
 
     def with_noise(self, point: Point, logs: np.ndarray) -> Point:
         """A point with other noises, linearised about the same path."""

@@ -38,6 +38,7 @@ class Parameters:
         self.plant, self.doubt, self.scales = plant, doubt, dict(scales)
         self.index = positions(plant)
         self._bounds: dict[str, tuple[float, float]] = {}
+        self._deviations: dict[str, float] = {}
 
     def scale(self, path: str) -> float:
         """The change of a parameter that counts as one in the fit: as given, its probe, or a tenth of its value."""
@@ -71,7 +72,10 @@ class Parameters:
         Shape (len(paths),) both; 0 where nothing is known of a path beforehand.
         """
         far = np.array([vector[self.index[p]] - self.plant.vector[self.index[p]] for p in paths]).reshape(len(paths))
-        deviations = np.array([self.plant.deviation(p, self.doubt) for p in paths]).reshape(len(paths))
+        for path in paths:
+            if path not in self._deviations:
+                self._deviations[path] = self.plant.deviation(path, self.doubt)
+        deviations = np.array([self._deviations[p] for p in paths]).reshape(len(paths))
         scales = np.array([self.scale(p) for p in paths]).reshape(len(paths))
         return far / deviations, scales / deviations
 

@@ -49,10 +49,13 @@ class PredictionErrors(Noises):
         here, known = self.point(plant.vector, self.first_noise() if near is None else near.logs, near), None
         if noise:
             here, known = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
+        here = self.prepared(here, paths)
+        answered = here.system is not None and here.system.responses is not None and bool(paths)
+        exact = False
         last = np.inf
         for _ in range(iterations):
             before = self.objective(here, paths)
-            there = self.descended(here, paths)
+            there = self.descended(here, paths, exact=exact)
             for _ in range(_HALVINGS):
                 fresh = here if there is here else self.point(there.vector, there.logs, there)
                 if self.objective(fresh, paths) > before - gain or not paths:
@@ -62,15 +65,20 @@ class PredictionErrors(Noises):
                 fresh = here
             if self.objective(fresh, paths) - before > _SLOW * last:
                 fresh = self._further(here, fresh, paths, gain)
-            if noise:
+            # noises suit the parameters already where these stay as they are
+            if noise and not (exact and self.objective(fresh, paths) <= before + gain):
                 fresh, known = self._renewed(fresh, paths, NOISE_STEPS, known)
             gained = last = self.objective(fresh, paths) - before
             here = fresh if gained > 0.0 else here
-            if not gained > gain:
-                there = self._weaker(here, paths) if noise else here
-                if not self.objective(there, paths) > self.objective(here, paths) + gain:
-                    break
-                here, known = there, None
+            if gained > gain:
+                continue
+            if answered and not exact:
+                exact = True  # no fit ends by slopes that were taken farther away
+                continue
+            there = self._weaker(here, paths) if noise else here
+            if not self.objective(there, paths) > self.objective(here, paths) + gain:
+                break
+            here, known, exact = there, None, False
         return here
 
     def _weaker(self, here: Point, paths: Sequence[str]) -> Point:

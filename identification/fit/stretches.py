@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -12,6 +13,7 @@ from auv_gym.model import outputs_of
 from auv_gym.plant import Chart, Correction, Plant, Runs
 from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
+from identification.fit.averaging import Averages
 from identification.fit.first_readings import RATES
 from identification.fit.parameters import Parameters
 from identification.fit.residual import noise_floor, noise_floors, resolution
@@ -40,6 +42,7 @@ class Stretches(Parameters):
     States at rest (`Family.resting`) move in the vehicle's runs and are not followed: what a change of another state
     does through them is missing in the linearised filter.
     process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
+    stride: samples to a row, over which readings, and the model's outputs, are averaged.
     counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
     doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own.
     """
@@ -54,18 +57,21 @@ class Stretches(Parameters):
         process: bool = True,
         scales: Mapping[str, float] = _NO_SCALES,
         counted: Sequence[slice] | None = None,
+        stride: int = 1,
     ):
         super().__init__(plant, doubt, scales)
         self.record, self.process = record, process
         family = plant.family
         windows = sorted(windows, key=lambda w: w.start)
-        self.stretches = _joined(windows, record) if process and not family.stepped else list(windows)
-        self.chart = Chart.along(family, record)
-        self.runs = Runs.over(plant, record, self.stretches, self.chart)
-        self.rows = np.concatenate([np.arange(w.start, w.stop) for w in self.stretches])
+        stretches = _joined(windows, record) if process and not family.stepped else list(windows)
+        every, self.chart = outputs_of(plant, record), Chart.along(family, record)
+        stride = 1 if self.chart.on else stride  # there is a chart for each sample
+        means = Averages.of(record, plant.outputs, every, stretches, stride)
+        self.stride, self.stretches, self.rows = stride, list(means.stretches), means.rows
+        self.runs = Runs.over(plant, record, self.stretches, self.chart, stride, means.shares)
         kept = ANGLES if self.chart.on else ()
         self.channels = tuple(
-            n for n in plant.outputs if record.has(n) and (n in kept or _varies(record[n][self.rows]))
+            n for n in plant.outputs if record.has(n) and (n in kept or _varies(record[n][means.samples]))
         )
         if not self.channels:
             raise ValueError(
@@ -73,19 +79,15 @@ class Stretches(Parameters):
                 f"that vary, got {', '.join(record.names)}: rename the columns by a mapping."
             )
         self.columns = np.array([plant.outputs.index(name) for name in self.channels])
-        lengths = [w.stop - w.start for w in self.stretches]
+        lengths = [(w.stop - w.start) // stride for w in self.stretches]
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]].astype(int)
-        self.every = outputs_of(plant, record)[self.rows]
-        for c, name in enumerate(plant.outputs):
-            if record.has(name):  # what lies between readings tells nothing new
-                self.every[~record.readings(name)[self.rows], c] = np.nan
-        self.signals = self.chart.signals(plant.outputs, self.every, self.rows)[:, self.columns]
-        self.every = self.chart.readings(plant.outputs, self.every)
-        self.measured = self.every[:, self.columns]
+        self.signals = self.chart.signals(plant.outputs, means.values, self.rows)[:, self.columns]
+        self.every, self._away = self.chart.readings(plant.outputs, means.values), means.away
+        self.measured, self.counts = self.every[:, self.columns], means.counts[:, self.columns]
         self.finite = np.isfinite(self.measured)
         self.stretch_of_row = np.repeat(np.arange(len(lengths)), lengths)
         self.counted = self.within(windows if counted is None else counted)
-        self._by_row = replace(self.runs, begin=self.rows, stop=self.rows + 1)
+        self._by_row = replace(self.runs, begin=self.rows, stop=self.rows + stride)
         self.durations = self._durations()
         self._size = len(family.states) + len(family.sensors)
         shared = unknown_states(plant)
@@ -93,12 +95,16 @@ class Stretches(Parameters):
         segment = np.searchsorted([s.start for s in record.segments], [w.start for w in self.stretches], side="right")
         self.carried = np.r_[False, segment[1:] == segment[:-1]] & self._shared.any()
         self._kicks()
-        self._begin()
+        self._begin(every[means.samples][:, self.columns], means.samples)
 
     def _durations(self) -> np.ndarray:
-        time = self.record.time
-        ahead = np.minimum(self.rows + 1, time.size - 1)
+        time, stride = self.record.time, self.stride
+        ahead = np.minimum(self.rows + stride, time.size - 1)
         durations = time[ahead] - time[self.rows]
+        if stride > 1:  # no row follows the last one of a segment
+            ends = self.runs.first[ahead] != self.runs.first[self.rows]
+            ends |= self.rows + stride >= time.size
+            durations[ends] = stride * (time[self.rows + 1] - time[self.rows])[ends]
         return np.where(durations > 0.0, durations, self.plant.dt)
 
     def _kicks(self) -> None:
@@ -112,8 +118,11 @@ class Stretches(Parameters):
         self._pushed = np.array([family.states.index(n) for n in self.pushed], dtype=int)
         self.kicks = np.array([[i, 0.5, 0.5] for i in self._pushed]).reshape(-1, 3)
 
-    def _begin(self) -> None:
-        """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales."""
+    def _begin(self, readings: np.ndarray, samples: np.ndarray) -> None:
+        """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales.
+
+        readings: (n, C), of all samples of the stretches.
+        """
         plant, family = self.plant, self.plant.family
         heads = Shooting(plant, self.record, head_windows(self.record, self.stretches, plant.settle))
         found = heads.solve(plant, ())
@@ -149,7 +158,11 @@ class Stretches(Parameters):
         self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
         self._balance_kicks(np.delete(path, drop, axis=1))
         self.unit = self._units(spread)
-        floors = noise_floors(self.signals, self.stretch_of_row, self.finite)
+        if self.chart.on:
+            readings, held = self.signals, self.finite
+        else:
+            held = np.stack([self.record.readings(n)[samples] for n in self.channels], axis=1) & np.isfinite(readings)
+        floors = noise_floors(readings, np.repeat(self.stretch_of_row, self.stride), held)
         steps = [resolution(self.record[name]) / np.sqrt(12.0) for name in self.channels]
         self.floors, self.steps_of_readings = np.maximum(floors, 1e-8), np.array(steps)
         step = float(np.median(self.durations))
@@ -190,12 +203,12 @@ class Stretches(Parameters):
             return None
         step = np.diff(time, prepend=time[0] - 1.0)
         elapsed = np.cumsum(np.where(step > 0.0, step, 1.0))  # each dive of a log may count its time from zero
-        filled = np.interp(elapsed, elapsed[fine], values[fine])
+        filled = np.interp(elapsed, (elapsed + self._away)[fine], values[fine])
         if of is not None:
             return filled
         rate = np.zeros(len(filled))
-        for w, begin in enumerate(self.offsets):
-            own = slice(begin, begin + self.runs.stop[w] - self.runs.begin[w])
+        for begin, end in pairwise([*self.offsets.tolist(), len(filled)]):
+            own = slice(begin, end)
             if own.stop - own.start > 2:
                 rate[own] = np.gradient(filled[own], time[own])
         return rate
@@ -214,6 +227,11 @@ class Stretches(Parameters):
             f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
             before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
             self.kicks[d, 1:] = before, (f - 1.0) / np.log(f) - before * f
+
+    @property
+    def averaged(self) -> float:
+        """Seconds over which readings are averaged; 0 where each is read by itself."""
+        return self.stride * self.record.sample_interval if self.stride > 1 else 0.0
 
     @property
     def shared_values(self) -> tuple[str, ...]:

@@ -153,6 +153,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         discovery=discovery,
         habitat=habitat,
         noise=bench.problem.noise_at(state.point),
+        averaged=bench.problem.averaged,
         coloured=left.coloured,
         source=source,
         versions=_versions(),

@@ -152,9 +152,11 @@ class Diagnosis:
     halves of the record do not choose.  explained: share of the squared error in excess of the measurement noise that
     the effects remove.  windows: slices of the record, for each of its parts.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
-    noise: of the sensors and of the motion, as the filter found it.  coloured: channels whose one-step errors are not
-    white even so.  loops: the closed loop with each of the vehicles.
+    averaged: s, over which readings were averaged, 0 where each was read by itself.
+    noise: of a sensor's reading and of the motion, as the filter found it.  coloured: channels whose one-step errors
+    are not white even so.
     resting: states that nothing measured tells, taken to begin at rest.  left_out: channels that were not compared.
+    loops: the closed loop with each of the vehicles.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
     failures: parts that could not be made.  seconds: that each step took.
     """
@@ -184,6 +186,7 @@ class Diagnosis:
     discovery: Discovery | None = None
     habitat: Habitat | None = None
     noise: Noise | None = None
+    averaged: float = 0.0
     coloured: tuple[str, ...] = ()
     resting: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
@@ -257,6 +260,7 @@ class Diagnosis:
             _rest_sentence(self),
             _error_sentence(self),
             noise_sentence(self),
+            averaged_sentence(self),
             _limit_sentence(self),
             _unseen_sentence(self),
         ]
@@ -399,6 +403,11 @@ def _unseen_sentence(d: Diagnosis) -> str:
         names = _listed([channel(name).label for name in d.left_out])
         told += f" {names[:1].upper()}{names[1:]} is left out, since these speeds move it where the vehicle loops."
     return told
+
+
+def averaged_sentence(d: Diagnosis) -> str:
+    """What is said of readings that were averaged, or nothing."""
+    return f"Readings were averaged over {quantity(d.averaged, 's')}." if d.averaged else ""
 
 
 def _listed(items: list[str]) -> str:

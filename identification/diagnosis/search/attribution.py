@@ -142,7 +142,7 @@ def _beside(
     assert chosen.state is not None
     found, paths = [trial], (*state.paths, *trial.candidate.free)
     for plant in imitations(chosen, trial, ways):
-        point = bench.problem.point(plant.vector, chosen.state.point.logs, chosen.state.point)
+        point = bench.problem.with_gains(chosen.state.point, plant.vector)
         if np.isfinite(point.scores).all():
             point = bench.problem.descended(point, paths)
             near = State(bench.problem.plant_at(point, paths), paths, point)

@@ -14,11 +14,13 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.deciding import BLOCKS, FAR_FROM_GIVEN
 from identification.diagnosis.log.parts import block_numbers
+from identification.diagnosis.search.candidates import candidates_of
 from identification.estimate import half_width
 from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import brisk
+from identification.fit.strides import stride_for
 from identification.fit.validation import free_runs
 
 ITERATIONS = 12  # of a trial's fit
@@ -63,9 +65,12 @@ class Workbench:
         pieces = sorted((piece for part in parts for piece in part), key=lambda w: w.start)
         self.windows = tuple(windows) or tuple(pieces)
         self.record, self.parts, self.doubt = record, tuple(parts), doubt
-        self.problem = brisk(PredictionErrors(plant, record, pieces, doubt=doubt))
+        known = [p for p in plant.coefficients if plant.deviation(p, doubt) > 0.0]
+        sought = [path for c in candidates_of(plant, record) if not c.period for path in c.paths]
+        stride = stride_for(plant, record, pieces, known, sought, doubt=doubt)
+        self.problem = brisk(PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride))
         self.plant = self.problem.plant
-        self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)
+        self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)[:: self.problem.stride]
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from statsmodels.tsa.statespace.mlemodel import MLEModel
 
-from identification.fit.kalman import System, run_filter, slopes_of, start_slopes
+from identification.fit.kalman import System, run_filter, scores_of, slopes_of, start_slopes
 
 SOLID, PUSHED, CHANNELS, ROWS = 3, 2, 3, 40
 SIZE = SOLID + PUSHED
@@ -16,7 +16,7 @@ LOGS = np.log([0.3, 0.5, 0.7, 0.4, 0.2, 3.0, 8.0])  # of channels, accelerations
 def system(
     seed: int = 0, begins: tuple[int, ...] = (0,), carried: tuple[int, ...] = (), dt: float | None = None
 ) -> System:
-    """A system that changes from row to row, with readings that are missing."""
+    """A system that changes from row to row, with readings that are missing, and means of several."""
     rng = np.random.default_rng(seed)
     a = np.concatenate([0.8 * np.eye(SOLID), rng.normal(size=(SOLID, PUSHED))], axis=1)
     a = a + 0.1 * rng.normal(size=(ROWS, SOLID, SIZE))
@@ -38,7 +38,8 @@ def system(
             start[w, 1], start[w, :, 1] = 0.0, 0.0
     error = np.where(finite, rng.normal(size=(ROWS, CHANNELS)), 0.0)
     forcing, origin = rng.normal(size=(ROWS, SOLID)), 0.3 * rng.normal(size=(count, SIZE))
-    return System(a, c, forcing, error, finite, begin, constant, durations, start, origin)
+    counts = rng.integers(1, 4, finite.shape).astype(float)
+    return System(a, c, forcing, error, finite, counts, begin, constant, durations, start, origin)
 
 
 def numbers(logs: np.ndarray):
@@ -62,7 +63,8 @@ class Reference(MLEModel):
             push[d, d] = deviations[d] ** 2 * (1.0 - decay[:, d] ** 2)
         self["transition"], self["state_cov"] = turn, push
         self["selection"] = np.eye(SIZE)[:, SOLID:]
-        self["design"], self["obs_cov"] = s.c.transpose(1, 2, 0), np.diag(variances)
+        self["design"] = s.c.transpose(1, 2, 0)
+        self["obs_cov"] = np.einsum("rc,cd->cdr", variances / s.counts, np.eye(CHANNELS))
         self["state_intercept"] = np.concatenate([-s.forcing.T, np.zeros((PUSHED, ROWS))])
 
     @staticmethod
@@ -111,7 +113,7 @@ def test_the_gradient_is_that_of_central_differences(begins, carried):
 
 def test_a_stretch_begins_anew():
     whole, cut = system(4, (0, 20)), slice(20, None)
-    names = ("a", "c", "forcing", "error", "finite", "begin", "durations")
+    names = ("a", "c", "forcing", "error", "finite", "counts", "begin", "durations")
     own = {name: getattr(whole, name)[cut] for name in names}
     rest = replace(whole, **own, start=whole.start[1:], origin=whole.origin[1:])
     assert run_filter(whole, *numbers(LOGS)).scores[cut] == pytest.approx(run_filter(rest, *numbers(LOGS)).scores)
@@ -168,3 +170,30 @@ def test_without_noise_of_motion_what_is_forgotten_stays_a_number():
     made = run_filter(s, *numbers(quiet))
     assert np.isfinite(made.scores).all()
     assert np.isfinite(slopes_of(s, made, np.ones(ROWS), *numbers(quiet)).noises).all()
+
+
+@pytest.mark.parametrize("left_out", [(0,), (1,), (0, 1)])
+def test_an_acceleration_without_deviation_is_left_out_at_no_loss(left_out):
+    """As if its deviation were a billionth."""
+    s, (variances, deviations, times) = system(7, begins=(0, 15), carried=(28,)), numbers(LOGS)
+    s.origin[:, SOLID:] = 0.0  # as nothing is known of an acceleration beforehand
+    deviations[list(left_out)] = 0.0
+    tiny = np.where(deviations > 0.0, deviations, 1e-9)
+    found, other = run_filter(s, variances, deviations, times), run_filter(s, variances, tiny, times)
+    assert found.scores == pytest.approx(other.scores, rel=1e-12)
+    assert found.gains == pytest.approx(other.gains, abs=1e-12)
+    own = slopes_of(s, found, np.ones(ROWS), variances, deviations, times)
+    theirs = slopes_of(s, other, np.ones(ROWS), variances, tiny, times)
+    assert own.noises == pytest.approx(theirs.noises, abs=1e-10)
+    assert own.means[:, :SOLID] == pytest.approx(theirs.means[:, :SOLID], abs=1e-10)
+    assert own.covariances[:, :SOLID, :SOLID] == pytest.approx(
+        theirs.covariances[:, :SOLID, :SOLID], rel=1e-12, abs=1e-10
+    )
+
+
+def test_gains_give_the_likelihood_from_other_means_too():
+    s, (variances, deviations, times) = system(8, begins=(0, 15), carried=(28,)), numbers(LOGS)
+    made = run_filter(s, variances, deviations, times)
+    other = replace(s, origin=s.origin + 0.5)
+    found = scores_of(other, made.gains, made.whiten, times)
+    assert found == pytest.approx(run_filter(other, variances, deviations, times).scores, abs=1e-12)

@@ -10,7 +10,7 @@ from auv_gym.model import outputs_of, simulate
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
-from identification.deciding import COST
+from identification.deciding import COST, LEAST_PROCESS
 from identification.experiments.missions import run_mission
 from identification.fit import filtering, stretches
 from identification.fit.greybox import GreyBox
@@ -182,11 +182,20 @@ def test_a_run_that_has_run_away_has_no_slope(pushed, monkeypatch):
     """Numbers of which the squares are none would end a regression, or a fit, in an error."""
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     point = problem.point(GLIDER.vector, problem.first_noise())
-    y, after = problem._follow(point.vector[None], point.starts, point.gains, point.logs, False)
+    y, after = problem._follow(point.vector[None], point.starts, point.gains, point.logs, point.system, False)
     y[0, -3:] = 1e200
     monkeypatch.setattr(problem, "_follow", lambda *arguments: (y, after))
     columns = problem.columns_of(point, moves_of(PATHS[:1]))
     assert np.isfinite((columns**2).sum())
+
+
+def test_accelerations_that_a_filter_does_without_are_brought_back(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    logs, first = problem.first_noise(), len(problem.channels)
+    logs[first : first + len(problem.pushed)] = np.log(LEAST_PROCESS * np.array(problem.unit))
+    point = problem.point(GLIDER.vector, logs)
+    assert np.all(point.gains[:, problem._size :] == 0.0)
+    assert problem._there(problem.better_noise(point)[0]).any()
 
 
 def test_a_wrong_start_is_corrected_and_costs_no_likelihood(pushed):
@@ -456,3 +465,22 @@ def test_a_fit_is_tried_with_weak_accelerations_where_strong_ones_took_the_part_
     plant = replace_at(problem.plant_at(without, COEFFICIENTS), path, 0.1)
     found = problem.plant_at(problem.solve(plant, (*COEFFICIENTS, path), without), (path,))
     assert value_at(found, path) == pytest.approx(4.0, abs=0.2)
+
+
+def test_slopes_of_a_filter_near_by_serve_while_parameters_stay_where_they_were_taken(pushed, monkeypatch):
+    """The likelihood is that of slopes taken anew, and a parameter that goes far has its own."""
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    near = problem.point(GLIDER.vector, problem.first_noise())
+    near = problem.point(GLIDER.vector, near.logs, near)  # whose path has settled
+    taken: list[int] = []
+    slopes = PredictionErrors._slopes
+    monkeypatch.setattr(PredictionErrors, "_slopes", lambda *a: taken.append(len(a[3])) or slopes(*a))
+    path, scale = COEFFICIENTS[0], problem.scale(COEFFICIENTS[0])
+    for share, most in ((0.05, 0), (3.0, len(problem.live))):
+        vector = problem.moved_vector(near.vector, [path], np.array([share]))
+        assert abs(vector[problem.index[path]] - near.vector[problem.index[path]]) == pytest.approx(share * scale)
+        taken.clear()
+        found = problem.point(vector, near.logs, near)
+        assert taken[0] == most
+        anew = problem.point(vector, near.logs, replace(near, system=None))
+        assert problem.total(found) == pytest.approx(problem.total(anew), abs=0.05)

@@ -1,0 +1,72 @@
+"""Slopes of the predictions: what a filter's gains make of a vehicle's responses to parameters (`responses.py`)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from auv_gym.compiled import outlined
+from identification.fit.kalman import System
+from identification.fit.responses import Responses
+
+
+def driven_slopes(
+    system: System, gains: np.ndarray, whiten: np.ndarray, times: np.ndarray, responses: Responses
+) -> np.ndarray:
+    """Slopes of the scaled predictions by parameters, the gains held, (P, rows, C), in the linearised filter.
+
+    gains: (rows, N, C) and whiten: (rows, C, C), as of a pass.  times: (D,), correlation times of accelerations, s.
+    """
+    s, rows, count = system, *system.c.shape[:2]
+    slopes = np.zeros((rows, count, len(responses.paths)))
+    decays = np.exp(-s.durations[:, None] / times)
+    numbers = (s.a, s.c, s.begin, s.constant, decays, np.ascontiguousarray(gains), whiten)
+    _driven(*numbers, np.ascontiguousarray(responses.onward), np.ascontiguousarray(responses.seen), slopes)
+    return np.ascontiguousarray(slopes.transpose(2, 0, 1))
+
+
+@outlined
+def _driven(a, c, begin, constant, decays, gains, whiten, onward, seen, slopes):
+    """See `driven_slopes`.  decays: (rows, D); slopes: (rows, C, P).  All parameters side by side."""
+    rows, count, size = c.shape
+    solid, number = onward.shape[1], onward.shape[2]
+    moved, after, change = np.zeros((size, number)), np.zeros((solid, number)), np.zeros((count, number))
+    for k in range(rows):
+        if begin[k] > 0:
+            for i in range(size):
+                if begin[k] == 1 or not constant[i]:
+                    for p in range(number):
+                        moved[i, p] = 0.0
+        for m in range(count):
+            for p in range(number):
+                change[m, p] = seen[k, m, p]
+            for i in range(size):
+                factor = c[k, m, i]
+                if factor != 0.0:
+                    for p in range(number):
+                        change[m, p] += factor * moved[i, p]
+        for m in range(count):
+            for n in range(m + 1):
+                factor = whiten[k, m, n]
+                if factor != 0.0:
+                    for p in range(number):
+                        slopes[k, m, p] += factor * change[n, p]
+        for i in range(size):
+            for m in range(count):
+                factor = gains[k, i, m]
+                if factor != 0.0:
+                    for p in range(number):
+                        moved[i, p] -= factor * change[m, p]
+        for i in range(solid):
+            for p in range(number):
+                after[i, p] = onward[k, i, p]
+            for n in range(size):
+                factor = a[k, i, n]
+                if factor != 0.0:
+                    for p in range(number):
+                        after[i, p] += factor * moved[n, p]
+        for i in range(solid):
+            for p in range(number):
+                moved[i, p] = after[i, p]
+        for d in range(size - solid):
+            for p in range(number):
+                moved[solid + d, p] *= decays[k, d]

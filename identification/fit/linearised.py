@@ -1,0 +1,115 @@
+"""A plant linearised about a path of states, row by row, for the filter of a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from identification.fit.kalman import System
+from identification.fit.parameters import moves_of
+from identification.fit.responses import Responses
+from identification.fit.stretches import Stretches
+
+_NEAR = 0.1  # of a scale, a hundredth of a coefficient: slopes serve while no parameter is farther from where they were
+NEAR_PATH = 0.01  # of the states' spread: as near, of a path
+AT_ONCE = 2**22  # numbers of the outputs of runs that are made at once, 32 MiB
+
+
+class Linearised(Stretches):
+    """A plant along the stretches of a record, with its slopes from row to row."""
+
+    def _system(self, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray) -> System:
+        """The plant linearised along a path of states, with what is assumed of the stretches' starts."""
+        live, solid, pushed = self.live, len(self.live), len(self.pushed)
+        a, c, y, after = self._slopes(vector, path, live)
+        rows = len(self.rows)
+        kicked = np.zeros((rows, solid, pushed))
+        for d, i in enumerate(self._pushed):
+            j = int(np.flatnonzero(live == i)[0])
+            kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
+            kicked[:, j, d] += self.kicks[d, 2]
+        kicked *= self.durations[:, None, None]
+        error = np.where(self.finite, self.measured - y, 0.0)
+        felt = np.zeros((rows, c.shape[1], pushed))  # within a row
+        if self.stride > 1:
+            for d, i in enumerate(self._pushed):
+                j = int(np.flatnonzero(live == i)[0])
+                felt[:, :, d] = (self.kicks[d, 1] * self.durations)[:, None] * c[:, :, j]
+            error += self.finite * np.einsum("rcd,rd->rc", felt, path[:, self._size :])
+        moves = np.concatenate([a, kicked], axis=2) if self.stride > 1 else None
+        for j in np.flatnonzero(live >= len(self._shared)):  # a sensor without a lag has no state that lasts
+            if np.median(np.abs(a[:, j, j] - 1.0)) < 1e-9:
+                a[:, j], a[:, :, j], c[:, :, j] = 0.0, 0.0, 0.0
+        forcing = np.zeros((rows, solid))
+        forcing[:-1] = path[1:, live] - after[:-1, live]
+        if pushed:
+            forcing += np.einsum("rnd,rd->rn", kicked, path[:, self._size :])
+        begin = np.zeros(rows, dtype=np.int64)
+        begin[self.offsets] = np.where(self.carried, 2, 1)
+        constant = np.zeros(solid + pushed, dtype=bool)
+        states = len(self._shared)
+        constant[:solid] = [i < states and bool(self._shared[i]) for i in live]
+        return System(
+            np.ascontiguousarray(np.concatenate([a, kicked], axis=2)),
+            np.ascontiguousarray(np.concatenate([c, felt], axis=2)), forcing, error, self.finite, self.counts,
+            begin, constant, self.durations, roots, self._origin(path, starts), moves, vector, path,
+        )  # fmt: skip
+
+    def _moved_on(
+        self, system: System, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray
+    ) -> System:
+        """A system about another path near by, with the slopes that it has: one run from row to row, and no more."""
+        y, after = self._slopes(vector, path, np.empty(0, dtype=np.int64))[2:]
+        pushes, solid = path[:, self._size :], len(self.live)
+        error = np.where(self.finite, self.measured - y, 0.0)
+        error += self.finite * np.einsum("rcd,rd->rc", system.c[:, :, solid:], pushes)
+        forcing = np.zeros((len(path), solid))
+        forcing[:-1] = path[1:, self.live] - after[:-1, self.live]
+        forcing += np.einsum("rnd,rd->rn", system.a[:, :, solid:], pushes)
+        return replace(system, error=error, forcing=forcing, start=roots, origin=self._origin(path, starts))
+
+    def _near_by(self, taken: np.ndarray | None, vector: np.ndarray) -> bool:
+        """Whether parameters are where slopes were taken, to `_NEAR` of a scale each."""
+        if taken is None:
+            return False
+        moved = set(np.flatnonzero(vector != taken).tolist())
+        paths = [p for p, i in self.index.items() if i in moved] if moved else []
+        return len(paths) == len(moved) and all(
+            abs(vector[self.index[p]] - taken[self.index[p]]) <= _NEAR * self.scale(p) for p in paths
+        )
+
+    def _moved(self, vector: np.ndarray, moves: Sequence[tuple[str, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Vectors (P, n) of which each has a path moved by a step in scales, within bounds, and the steps (P,)."""
+        vectors, steps = np.repeat(vector[None], len(moves), axis=0), []
+        for j, (path, step) in enumerate(moves):
+            i, size = self.index[path], step * self.scale(path)
+            if not self.bounds(path)[0] <= vectors[j, i] + size <= self.bounds(path)[1]:
+                step, size = -step, -size
+            vectors[j, i] += size
+            steps.append(step)
+        return vectors, np.array(steps)
+
+    def _responses(self, vector: np.ndarray, path: np.ndarray, paths: Sequence[str]) -> Responses:
+        """How outputs and the next row's states move with paths, from the states of a path, (rows, F), one row on."""
+        vectors, steps = self._moved(vector, moves_of(paths))
+        none = np.empty((0, path.shape[1], len(self.plant.outputs)))
+        correction = self._free(none, np.ones((len(self.rows), len(self.kicks))), True)
+        onward = np.empty((len(self.rows), len(self.live), len(steps)))
+        seen = np.empty((len(self.rows), len(self.columns), len(steps)))
+        size = max(AT_ONCE // max(self.every.size, 1), 2) - 1
+        for some in (slice(i, i + size) for i in range(0, len(steps), size)):
+            own = np.concatenate([vector[None], vectors[some]])
+            y, after = self.plant.follow_many(self._by_row, own, path[None], correction, True)
+            with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
+                for j, step in enumerate(steps[some], start=1):
+                    onward[:, :, some.start + j - 1] = (after[j] - after[0])[:, self.live] / step
+                    seen[:, :, some.start + j - 1] = (y[j] - y[0])[:, self.columns] / step
+        return Responses(tuple(paths), onward, seen)
+
+    def _origin(self, path: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        """The means with which stretches begin, from a path, (W, N); accelerations begin at none."""
+        origin = np.zeros((len(self.stretches), len(self.live) + len(self.pushed)))
+        origin[:, : len(self.live)] = (starts - path[self.offsets])[:, self.live]
+        return origin

@@ -1,0 +1,110 @@
+"""Over how many samples the readings of a dense record may be averaged at nearly no loss of what they tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from auv_gym.plant import Chart, Plant
+from auv_gym.records.record import Record
+from identification.fit.filtering import Point
+from identification.fit.parameters import STEP, kinked
+from identification.fit.prediction_errors import PredictionErrors
+
+MOST_LOST = 0.25  # of any parameter's variance: standard errors grow by an eighth at most
+# the same for an effect whose probe, the least change that is worth finding, is so many standard errors: evidence of
+# a hundred, five times the bar of a hundred candidates
+_MOST_OF_PLAIN, _PLAIN = 1.0, 10.0
+LEAST_ROWS = 1500  # of a record, however dense: colour is judged by them, and shorter ones are fitted soon enough
+_LEAST_OF_WINDOW = 8  # rows
+_STRIDES, _REFERENCE = (20, 15, 10, 7, 5, 4, 3), 2
+_JUDGED, _PIECES = 3000, 6  # samples by which strides are judged, and the pieces of a longer record that they are in
+_ABOUT_CORNERS = 1.0  # scales over which slopes are taken where an effect has a corner: a smaller one does nothing
+_SEEN = 1e-4  # share of a parameter's slopes that must remain beside the others' for it to count
+_NOTHING = 1e-12  # of squared slopes, below which they are rounding
+
+
+def stride_for(
+    plant: Plant,
+    record: Record,
+    windows: Sequence[slice],
+    fitted: Sequence[str],
+    others: Sequence[str] = (),
+    *,
+    doubt: float = np.inf,
+    process: bool = True,
+) -> int:
+    """The most samples to a row at which no parameter's variance grows by more than `MOST_LOST`.
+
+    By more only where a record is so long that it shows an effect all the same.
+
+    fitted: paths that are fitted together.  others: each beside these.
+    Judged by filters with the noises of a fit's first guess: where these take accelerations for stronger than they are,
+    more of what a record tells is quick, and rows are shorter.  Variances are compared with those of rows of two
+    samples, since filters along single readings are poor ones before a fit.  What these lose themselves is added: as
+    much for each sample as longer rows lose, which is more than a smooth signature does.
+    """
+    samples = sum(w.stop - w.start for w in windows)
+    shortest = min(w.stop - w.start for w in windows)
+    most = min(samples // LEAST_ROWS, shortest // _LEAST_OF_WINDOW)
+    tried = [s for s in _STRIDES if s <= most]
+    if not tried or not (fitted or others) or Chart.along(plant.family, record).on:  # a chart is of each sample
+        return 1
+    pieces = _spread_out(windows, samples)
+    judged = sum(w.stop - w.start for w in pieces)
+    short = PredictionErrors(plant, record, pieces, doubt=doubt, process=process, stride=_REFERENCE)
+    point = short.first_point()
+    if not np.isfinite(point.scores).all():
+        return 1
+    told = _variances(short, point, fitted, others)
+    for stride in tried:
+        problem = PredictionErrors(plant, record, pieces, doubt=doubt, process=process, stride=stride)
+        there = problem.first_point(point.logs) if problem.pushed == short.pushed else None
+        if there is None or not np.isfinite(there.scores).all():
+            continue
+        lost = (_variances(problem, there, fitted, others) - told) * (stride - 1) / (stride - _REFERENCE)
+        plain = (told + lost) * judged / samples < (1.0 / _PLAIN) ** 2
+        plain[: len(fitted)] = False
+        if np.all(lost <= np.where(plain, _MOST_OF_PLAIN, MOST_LOST) * told):
+            return stride
+    return 1
+
+
+def _spread_out(windows: Sequence[slice], samples: int) -> list[slice]:
+    """The windows, of many samples only pieces that are spread evenly over them."""
+    if samples <= _JUDGED:
+        return list(windows)
+    size, found = _JUDGED // _PIECES, []
+    every = np.concatenate([np.arange(w.start, w.stop) for w in windows])
+    of = np.repeat(np.arange(len(windows)), [w.stop - w.start for w in windows])
+    for middle in (np.arange(_PIECES) + 0.5) / _PIECES * samples:
+        own = windows[int(of[int(middle)])]
+        start = max(int(every[int(middle)]) - size // 2, own.start, found[-1].stop if found else 0)
+        if start + size <= own.stop:
+            found.append(slice(start, start + size))
+        elif own.start >= (found[-1].stop if found else 0):
+            found.append(slice(max(own.start, own.stop - size), own.stop))
+    return found
+
+
+def _variances(problem: PredictionErrors, point: Point, fitted: Sequence[str], others: Sequence[str]) -> np.ndarray:
+    """Variances of the paths, in squared scales, noises known; zero of those that the record cannot tell.
+
+    (fitted and others,): each of the first with all of them fitted, of the others one at a time.
+    """
+    paths = [*fitted, *others]
+    moves = [(p, _ABOUT_CORNERS if kinked(p) else STEP) for p in paths]
+    slopes = problem.counted_flat(problem.columns_of(point, moves))
+    flat = problem.without_starts(point, slopes)
+    normal = flat @ flat.T
+    normal += np.diag(problem.pulls(point.vector, paths)[1] ** 2)
+    count, full = len(fitted), np.maximum((slopes**2).sum(axis=1), 1e-300)
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+    normal /= np.outer(size, size)
+    inverse = np.linalg.pinv(normal[:count, :count], rcond=1e-12, hermitian=True)
+    left = 1.0 / np.maximum(np.diag(inverse), 1e-12)
+    cross = normal[count:, :count]
+    beside = np.diag(normal)[count:] - np.einsum("ij,jk,ik->i", cross, inverse, cross)
+    told = np.r_[left, beside] * size**2
+    return np.where(told > np.maximum(_SEEN * full, _NOTHING), 1.0 / np.maximum(told, 1e-300), 0.0)

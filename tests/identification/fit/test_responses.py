@@ -1,0 +1,67 @@
+"""Slopes by parameters from one row to the next, carried on by the linearised filter, and fits that go by them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, value_at
+from identification.fit import filtering
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.responses import Responses
+from tests.identification.fit.test_averaging import COEFFICIENTS, GLIDER, dense_log, whole
+
+WRONG = replace_at(GLIDER, {path: 1.4 * value_at(GLIDER, path) for path in COEFFICIENTS})
+
+
+@pytest.fixture(autouse=True)
+def few_are_many(monkeypatch):
+    monkeypatch.setattr(filtering, "_MANY", 2)
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    return dense_log(1, rows=1500, push=2e-4)
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride):
+    """To a thousandth, as slopes are taken over steps; with accelerations, and means of several readings."""
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed), stride=stride)
+    point = problem.solve(GLIDER, ())
+    assert problem._there(point.logs).any()
+    point = problem.prepared(point, COEFFICIENTS)
+    found = problem._slopes_for_steps(point, COEFFICIENTS)
+    exact = problem.counted_slopes(point, COEFFICIENTS)
+    for one, other in zip(found, exact, strict=True):
+        assert np.linalg.norm(one - other) < 2e-3 * np.linalg.norm(other)
+
+
+def test_a_fit_ends_by_the_vehicles_own_slopes(pushed, monkeypatch):
+    """Wherever responses come from: here the vehicle is taken to answer ever more strongly as time goes on."""
+    problem = PredictionErrors(WRONG, pushed, whole(pushed))
+    near = problem.solve(WRONG, ())
+    taken = PredictionErrors._responses
+
+    def growing(self: PredictionErrors, *arguments) -> Responses:
+        own = taken(self, *arguments)
+        return replace(own, onward=np.linspace(0.0, 2.0, len(own.onward))[:, None, None] * own.onward)
+
+    monkeypatch.setattr(PredictionErrors, "_responses", growing)
+    soon = problem.solve(WRONG, COEFFICIENTS, near)
+    assert soon.system is not None
+    assert soon.system.responses is not None
+    monkeypatch.setattr(filtering, "_MANY", 3)
+    exact = problem.solve(WRONG, COEFFICIENTS, near)
+    assert exact.system is not None
+    assert exact.system.responses is None
+    assert problem.objective(soon, COEFFICIENTS) == pytest.approx(problem.objective(exact, COEFFICIENTS), abs=0.01)
+
+
+def test_responses_are_kept_while_noises_and_parameters_move(pushed, monkeypatch):
+    problem = PredictionErrors(WRONG, pushed, whole(pushed))
+    near, calls = problem.solve(WRONG, ()), []
+    taken = PredictionErrors._responses
+    monkeypatch.setattr(PredictionErrors, "_responses", lambda *a: calls.append(a[3]) or taken(*a))
+    problem.solve(WRONG, COEFFICIENTS, near)
+    assert calls == [list(COEFFICIENTS)]
