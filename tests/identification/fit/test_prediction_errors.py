@@ -279,8 +279,8 @@ def test_a_fit_that_goes_by_short_steps_goes_on_the_same_way(pushed, monkeypatch
     problem, own = PredictionErrors(GLIDER, pushed, whole(pushed)), PredictionErrors.descended
     best = problem.solve(GLIDER, PATHS)
 
-    def short(self, here, paths, *given):
-        return self.with_gains(here, here.vector + 0.1 * (own(self, here, paths, *given).vector - here.vector))
+    def short(self, here, paths, *given, **how):
+        return self.with_gains(here, here.vector + 0.1 * (own(self, here, paths, *given, **how).vector - here.vector))
 
     monkeypatch.setattr(PredictionErrors, "descended", short)
     reached = problem.solve(GLIDER, PATHS, iterations=8)
