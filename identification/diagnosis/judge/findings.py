@@ -39,7 +39,8 @@ def effects_of(
         assert r.chosen is not None
         own = tuple(p for p in r.chosen.candidate.paths if p in state.paths)
         others = tuple(dict.fromkeys(p for t in r.tied for p in t.candidate.paths))
-        members = tuple(m for m in (_member(bench, found, path) for path in others) if m is not None)
+        beside = [p for o in rounds if o is not r and o.chosen is not None for p in o.chosen.candidate.paths]
+        members = tuple(m for m in (_member(bench, found, path, beside) for path in others) if m is not None)
         if others:
             groups.append((*own, *others))
         bar = threshold(count + r.chosen.screening.tried - 1, len(r.chosen.candidate.free))
@@ -68,15 +69,16 @@ def effects_of(
     return effects, groups
 
 
-def _member(bench: Workbench, found: Explanations, path: str) -> Member | None:
-    """A member of a tie, with its size in the likeliest set that has it."""
+def _member(bench: Workbench, found: Explanations, path: str, beside: Sequence[str]) -> Member | None:
+    """A member of a tie, with its size in the likeliest set that has it; beside: the other named effects."""
     best = found.best_with(path)
     if best is None:
         return None
     spec, (value, _, half) = spec_at(best.state.plant, path), bench.intervals(best.state)[path]
     low, high = spec.bounds
     limits = (max(value - half, min(low, value)), min(value + half, max(high, value)))
-    return Member(path, spec.title, found.probability(path), value, spec.neutral, spec.unit, limits)
+    spared = tuple(p for p in beside if p not in best.state.paths)
+    return Member(path, spec.title, found.probability(path), value, spec.neutral, spec.unit, limits, spared)
 
 
 def as_coefficients(plant: Plant, effects: Sequence[Effect]) -> list[Effect]:

@@ -45,7 +45,10 @@ class AsCoefficient:
 
 @dataclass(frozen=True)
 class Member:
-    """An effect that may be the cause in place of a named one: its probability, and its size if it is the cause."""
+    """An effect that may be the cause in place of a named one: its probability, and its size if it is the cause.
+
+    spared: other named effects, by path, that the likeliest set with it does without.
+    """
 
     path: str
     title: str
@@ -54,6 +57,7 @@ class Member:
     neutral: float
     unit: str
     ci95: tuple[float, float]
+    spared: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -253,6 +257,7 @@ class Diagnosis:
         """The verdict in plain words, with the error before and after."""
         parts = [
             _sentence(self),
+            _likelier_sentence(self),
             _common_sentence(self),
             _halves_sentence(self),
             _dropped_sentence(self),
@@ -302,6 +307,19 @@ def _odds(odds: Mapping[str, float], path: str) -> str:
         return ""
     percent = 100.0 * odds[path]
     return " (under 1 %)" if percent < 1.0 else " (over 99 %)" if percent > 99.0 else f" ({percent:.0f} %)"
+
+
+def _likelier_sentence(d: Diagnosis) -> str:
+    """What is said of members of a tie that are likelier than the effect that stands in the fitted vehicle."""
+    told = []
+    for e in d.effects:
+        for m in e.members:
+            if e.probability is None or m.probability <= e.probability:
+                continue
+            spared = _listed([d.titles.get(p, p) for p in m.spared])
+            why = f"with it, this log needs no {spared}" if spared else "more of the sets that explain this log have it"
+            told.append(f"{m.title[:1].upper()}{m.title[1:]} is likelier than {e.name}: {why}.")
+    return " ".join(told)
 
 
 def _common_sentence(d: Diagnosis) -> str:

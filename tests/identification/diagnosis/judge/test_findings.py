@@ -1,6 +1,7 @@
 """Effects with their intervals: by the profile of the likelihood at corners, all else refitted."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.intervals import information_of
-from tests.identification.diagnosis.stand_ins import round_of, trial_of
+from tests.identification.diagnosis.stand_ins import PLANT, round_of, state_of, trial_of
 from tests.identification.gliders import QUICK
 
 
@@ -38,3 +39,22 @@ def test_at_the_ends_of_a_profile_the_log_likelihood_has_fallen_by_the_quantile(
         there = bench.problem.solve(plant, paths[:-1], state.point, noise=False)
         fallen = 2.0 * (best - bench.problem.objective(there, paths[:-1]))
         assert fallen == pytest.approx(reach**2, rel=0.25)  # interpolated
+
+
+def test_a_member_of_a_tie_says_which_other_effects_its_likeliest_set_does_without():
+    width, play, offset, moment = (
+        f"effects.{name}" for name in ("rudder.deadband", "rudder.backlash", "rudder.offset", "yaw.moment")
+    )
+    trials = {p: trial_of(Candidate(p, (p,)), state_of(PLANT, width, offset, moment)) for p in (width, offset, moment)}
+    tied = trial_of(Candidate(play, (play,)), state_of(PLANT, play, moment))
+    rounds = [replace(round_of(t), evidence=(90.0, 80.0)) for t in trials.values()]
+    rounds[0] = replace(rounds[0], tied=(tied,))
+    sizes = dict.fromkeys((width, play, offset, moment), (0.1, 0.01, 0.02))
+    bench = SimpleNamespace(intervals=lambda state: sizes, interval=lambda state, path: (0.08, 0.12))
+    found = SimpleNamespace(
+        sets=(None,), best_with=lambda path: SimpleNamespace(state=tied.state), probability=lambda path: 0.5
+    )
+    survived = [Survival(1.0, {})] * 3
+    effects, groups = effects_of(bench, trials[width].state, rounds, sizes, survived, 18, found)  # type: ignore[arg-type]
+    assert groups == [(width, play)]
+    assert [m.spared for e in effects for m in e.members] == [(offset,)]

@@ -11,8 +11,10 @@ from identification.diagnosis.judge.verdict import (
     AsCoefficient,
     Diagnosis,
     Effect,
+    Member,
     _dropped_sentence,
     _halves_sentence,
+    _likelier_sentence,
     noise_sentence,
 )
 from identification.diagnosis.search.candidates import Candidate, Screening
@@ -75,3 +77,20 @@ def test_a_size_beyond_what_is_possible_is_none_that_the_record_shows():
         "changes nothing that was measured",
     ]
     assert detectable_effects(PLANT, screened, (), {"effects.compass.bias"}) == ()
+
+
+def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be_so_and_why():
+    width = ("effects.rudder.deadband", "rudder deadband", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0)
+    play = Member("effects.rudder.backlash", "rudder backlash", 0.72, 0.1, 0.0, "rad", (0.0, 0.2))
+    spared = replace(play, spared=("effects.rudder.offset",))
+    titles = {"effects.rudder.offset": "rudder offset"}
+
+    def said(member, probability):
+        effect = Effect(*width, probability=probability, members=(member,))
+        return _likelier_sentence(SimpleNamespace(effects=(effect,), titles=titles))  # type: ignore[arg-type]
+
+    assert said(spared, 0.48) == (
+        "Rudder backlash is likelier than rudder deadband: with it, this log needs no rudder offset."
+    )
+    assert said(play, 0.48).endswith("rudder deadband: more of the sets that explain this log have it.")
+    assert said(spared, 0.8) == said(spared, None) == ""
