@@ -394,7 +394,10 @@ def _unseen_sentence(d: Diagnosis) -> str:
     speeds = [channel(name).label for name in d.resting if name.endswith("_mps")]
     if not speeds:
         return ""
-    told = f"Nothing in the log tells {_listed(speeds)}: every run begins at rest in them, and nothing pushes them."
+    told = (
+        f"Nothing in the log tells {_listed(speeds)}: they are those that the vehicle's model makes of the commands, from "
+        "rest where the log begins, and nothing pushes them."
+    )
     if d.left_out:
         names = _listed([channel(name).label for name in d.left_out])
         told += f" {names[:1].upper()}{names[1:]} is left out, since these speeds move it where the vehicle loops."
