@@ -154,7 +154,7 @@ class Diagnosis:
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     noise: of the sensors and of the motion, as the filter found it.  coloured: channels whose one-step errors are not
     white even so.  loops: the closed loop with each of the vehicles.
-    resting: states that nothing measured tells, taken to begin at rest.  left_out: channels that were not compared.
+    resting: states that nothing measured tells.  left_out: channels that were not compared.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
     failures: parts that could not be made.  seconds: that each step took.
     """
@@ -395,7 +395,7 @@ def _unseen_sentence(d: Diagnosis) -> str:
     if not speeds:
         return ""
     told = (
-        f"Nothing in the log tells {_listed(speeds)}: they are those that the vehicle's model makes of the commands, from "
+        f"Nothing in the log tells {_listed(speeds)}: they are what the vehicle's model makes of the commands, from "
         "rest where the log begins, and nothing pushes them."
     )
     if d.left_out:
