@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.compiled import compiled
-from auv_gym.plant import Plant
+from auv_gym.plant import Plant, without_effects
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")  # of a wrench: X, Y, Z in N, then K, M, N in N m
 _ORDER = (0, 1, 2, 5, 3, 4)  # in which axes are taken as long as the thrusters can serve them one by one
@@ -121,7 +121,7 @@ def share_within(thrusts, about, least, most):
 
 def wrench_matrix(plant: Plant) -> np.ndarray:
     """The wrench of thrusts, (6, n): X, Y, Z in N and K, M, N in N m about the origin, per N of each thruster."""
-    derived = plant.family.view(plant.derived).derived
+    derived = plant.family.view(without_effects(plant).derived).derived
     columns, places = [], {}
     for part in _parts(plant):
         slot = part.found.slot

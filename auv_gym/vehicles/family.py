@@ -118,6 +118,8 @@ class Family:
     # states that come to rest near 0 by themselves, and the channels that tell them: without any, fits leave their
     # starts there, since starts that only their couplings reveal take up whatever a model lacks
     at_rest: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    # of these, those that commands move: they follow the vehicle's model, from rest where a segment of a log begins
+    driven: frozenset[str] = frozenset()
 
     # coefficients that only take energy: those that are negative stay so in fits, or runs would drive themselves
     dissipating: frozenset[str] = frozenset()
@@ -146,7 +148,7 @@ class Family:
         return self.main_output or self.outputs[0]
 
     def resting(self, channels: Collection[str]) -> set[str]:
-        """The states whose starts are at rest in fits, since none of these channels tells them."""
+        """The states whose starts no fit of free runs moves, since none of these channels tells them."""
         return {state for state, telling in self.at_rest.items() if not any(name in channels for name in telling)}
 
     def __reduce__(self):

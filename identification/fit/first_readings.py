@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 
-from auv_gym.plant import Chart, Plant
+from auv_gym.model import outputs_of
+from auv_gym.plant import Chart, Correction, Plant, Runs
 from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 
 RATES = {"r_radps": "heading_rad", "q_radps": "pitch_rad", "p_radps": "roll_rad", "depth_rate_mps": "depth_m"}
 LINE, LEAST_LINE = 0.6, 6  # s and samples at a window's start through which a line gives the first guess
 RATE_SAMPLES = 4  # at a window's start, from which a rate is guessed
+_RATE_SHARE = 0.3  # of what an angle is off after a sample, that makes up for its rate: some samples of memory
 
 
 class Windows(Protocol):
@@ -41,6 +45,7 @@ def first_readings(problem: Windows) -> np.ndarray:
     """
     family, chart = problem.plant.family, problem.chart
     starts = np.zeros((len(problem.windows), len(family.states)))
+    moving = driven_states(problem.plant, problem.record, chart, problem.channels)
     for w, offset in enumerate(problem.offsets):
         times = problem.record.time[problem.windows[w]]
         past = times - times[0]
@@ -49,6 +54,8 @@ def first_readings(problem: Windows) -> np.ndarray:
         starts[w] = problem.plant.initial(full)[: len(family.states)]
         if chart.on:
             starts[w] = chart.seen(starts[[w]], [problem.windows[w].start])[0]
+        for name, values in moving.items():
+            starts[w, family.states.index(name)] = values[problem.windows[w].start]
         rows = slice(offset, offset + int(np.searchsorted(past, LINE)))
         for name in family.states:
             told = next((n for n in (name, family.nearly.get(name)) if n in problem.channels), None)
@@ -64,6 +71,36 @@ def first_readings(problem: Windows) -> np.ndarray:
                 values = problem.signals[head, problem.channels.index(angle)]
                 starts[w, family.states.index(rate)] = _line(past[: len(values)], values)[0]
     return starts
+
+
+def driven_states(plant: Plant, record: Record, chart: Chart, channels: Collection[str]) -> dict[str, np.ndarray]:
+    """Along a record, (n,) by name, the `Family.driven` states that none of these channels tells.
+
+    Those of the vehicle's model under the logged commands, from rest where a segment begins, while all that is measured
+    is set to its readings: a model that is not quite right, run free for so long, would soon point elsewhere.
+    """
+    family = plant.family
+    found = [name for name in family.states if name in family.driven & family.resting(channels)]
+    if not found:
+        return {}
+    runs = Runs.over(plant, record, record.segments, chart)
+    measured = chart.readings(plant.outputs, outputs_of(plant, record))
+    count = len(family.states)
+    gains = np.zeros((len(measured), count + len(family.sensors), len(plant.outputs)))
+    for s, name in enumerate(family.states):
+        if name in channels:
+            gains[:, s, plant.outputs.index(name)] = 1.0
+        elif RATES.get(name) in channels:
+            gains[:, s, plant.outputs.index(RATES[name])] = _RATE_SHARE / plant.dt
+    correction = replace(
+        Correction.none(plant, runs), measured=measured, gains=gains, decays=np.ones((len(measured), 0))
+    )
+    first = np.zeros((len(runs.begin), gains.shape[1]))
+    first[:, :count] = chart.seen([plant.initial(y)[:count] for y in outputs_of(plant, record)[runs.begin]], runs.begin)
+    after = plant.follow_many(runs, plant.vector[None], first[None], correction, True)[1][0]
+    after[runs.stop - 1] = 0.0  # what a segment ends with is not what the next one begins with
+    moved = np.roll(np.where(np.isfinite(after), after, 0.0), 1, axis=0)
+    return {name: moved[:, family.states.index(name)] for name in found}
 
 
 def _line(t: np.ndarray, y: np.ndarray) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from auv_gym.plant import Chart, Correction, Plant, Runs
 from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 from identification.fit.averaging import Averages
-from identification.fit.first_readings import RATES
+from identification.fit.first_readings import RATES, driven_states
 from identification.fit.parameters import Parameters
 from identification.fit.residual import noise_floor, noise_floors, resolution
 from identification.fit.shooting import Shooting, unknown_states
@@ -39,8 +39,8 @@ class Stretches(Parameters):
     windows: neighbouring ones are one stretch, which the filter goes through; of vehicles with `stepped` inputs each is
     a stretch.  A channel whose readings are all the same is taken as not measured.  Where the attitude turns far, its
     states and readings are rotation vectors about the body axes, see `auv_gym.plant.Chart`.
-    States at rest (`Family.resting`) move in the vehicle's runs and are not followed: what a change of another state
-    does through them is missing in the linearised filter.
+    States that nothing tells (`Family.resting`) are not pushed, and only those that commands move (`Family.driven`) are
+    followed: what a change of another state does through the rest is missing in the linearised filter.
     process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.
     stride: samples to a row, over which readings, and the model's outputs, are averaged.
     counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
@@ -113,7 +113,8 @@ class Stretches(Parameters):
         resting = family.resting(self.channels)
         names = [n for n in family.states if n.endswith(("mps", "radps")) and n not in resting]
         names += [n for n in ("north_m", "east_m") if n in family.states and n in self.channels]
-        self.resting = np.array([n in resting for n in family.states])
+        self.driven = driven_states(self.plant, self.record, self.chart, self.channels)
+        self.resting = np.array([n in resting and n not in self.driven for n in family.states])
         self.pushed = tuple(names) if self.process else ()
         self._pushed = np.array([family.states.index(n) for n in self.pushed], dtype=int)
         self.kicks = np.array([[i, 0.5, 0.5] for i in self._pushed]).reshape(-1, 3)
@@ -136,7 +137,8 @@ class Stretches(Parameters):
             if told is not None:
                 path[:, s] = told
                 floor = noise_floor(told, self.stretch_of_row)
-                spread[s] = max(_WIDE * float(np.std(told)), 10.0 * floor, 1e-6)
+                least = _UNTOLD[1] if name in self.driven else 1e-6
+                spread[s] = max(_WIDE * float(np.std(told)), 10.0 * floor, least)
                 if self.chart.on and name in ANGLES:
                     spread[s] = _TURNED
             elif not self.resting[s] and name not in family.shared:
@@ -189,7 +191,9 @@ class Stretches(Parameters):
         self.kicks[:, 0] = self._pushed
 
     def _told(self, name: str) -> np.ndarray | None:
-        """What readings say of a state at every row, or None."""
+        """What readings, or the commands, say of a state at every row, or None."""
+        if name in self.driven:
+            return self.driven[name][self.rows]
         family, time = self.plant.family, self.record.time[self.rows]
         of = next((n for n in (name, family.nearly.get(name, "")) if n in self.channels), None)
         angle = RATES.get(name)

@@ -150,7 +150,7 @@ def _within(case: Case, plant: Plant, rng: np.random.Generator) -> dict | None:
         detectable = detectable_sizes(shared, clean, names)
         for path in names:
             value = _value(plant, path, detectable[path], rng)
-            if value is None:
+            if value is None or _same(log_of(replace_at(shared, {path: value}), case.conditions, seed), clean):
                 return None
             values[path] = value
         values |= periods
@@ -192,6 +192,11 @@ def detectable_sizes(plant: Plant, clean: Record, paths: list[str]) -> dict[str,
         (found,) = screen(problem, point, fitted, [candidate], bar)
         sizes[path] = float(found.detectable[0])
     return sizes
+
+
+def _same(one: Record, other: Record) -> bool:
+    """Whether an effect does nothing, such as a rate limit that a lag keeps from ever being met."""
+    return all(np.array_equal(one[name], other[name]) for name in other.names)
 
 
 def _value(plant: Plant, path: str, detectable: float, rng: np.random.Generator) -> float | None:

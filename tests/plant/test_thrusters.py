@@ -38,6 +38,13 @@ def test_the_heavy_bluerov2_turns_by_the_arms_of_its_paper():
     np.testing.assert_allclose(wrench[4, 4:], [0.120, 0.120, -0.120, -0.120], rtol=1e-15)
 
 
+def test_what_thrusters_make_is_what_they_were_built_to_make():
+    """Controllers and experiments know nothing of effects: the same signals move a vehicle with and without them."""
+    plant = load_vehicle("bluerov2_heavy")
+    moved = replace_at(plant, {"effects.t2.shift_z": 0.05, "effects.t5.turn_x": 0.2})
+    np.testing.assert_array_equal(wrench_matrix(moved), wrench_matrix(plant))
+
+
 @pytest.mark.parametrize("name, missing", [("bluerov", set()), ("bluerov2", {"pitch"}), ("bluerov2_heavy", set())])
 def test_thrusts_for_a_wrench_make_that_wrench(name, missing):
     wrench = wrench_matrix(load_vehicle(name))

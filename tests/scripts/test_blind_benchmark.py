@@ -13,7 +13,8 @@ from identification.diagnosis.log.parts import parts_of, windows_of
 from identification.experiments.float_dives import depth_control, oil_mission
 from identification.experiments.heading_control import closed_loop
 from identification.fit.validation import free_runs
-from scripts.blind.cases import KINDS, PERIOD_OF, Undrawn, detectable_sizes, draw, sketch
+from scripts.blind import cases
+from scripts.blind.cases import KINDS, PERIOD_OF, Case, Undrawn, detectable_sizes, draw, sketch
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
 from scripts.blind.kinds import kind_of, log_of, outside_log
@@ -114,6 +115,18 @@ def test_a_case_is_the_same_whatever_else_runs():
     assert value_at(one.believed, path) == neutral
     assert {c.kind for c in chosen(7, 60, None, None)} == set(KINDS)
     assert chosen(7, 5, None, None, first=40) == chosen(7, 45, None, None)[40:]
+
+
+def test_an_effect_that_does_nothing_is_not_drawn(monkeypatch):
+    """Thrusters that lag by tenths of a second never meet a rate limit of a few milliseconds."""
+    case = Case(0, 0, "one", "rov_attitude", "bluerov2_heavy", Conditions(1.0, 1.0, 10.0, "attitude"), 5.0, 1.0)
+    monkeypatch.setattr(cases, "effects_of", lambda vehicle: ["effects.t2.slowness"])
+    monkeypatch.setattr(cases, "ATTEMPTS", 2)
+    monkeypatch.setattr(cases, "detectable_sizes", lambda plant, clean, paths: dict.fromkeys(paths, 1e-3))
+    with pytest.raises(Undrawn):
+        draw(case)
+    monkeypatch.setattr(cases, "detectable_sizes", lambda plant, clean, paths: dict.fromkeys(paths, 1.0))
+    assert draw(case).effects["effects.t2.slowness"] > 1.0
 
 
 def test_what_a_log_hides_has_no_detectable_size():

@@ -34,6 +34,7 @@ OUTPUTS = (
     *("roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"),
     *("u_mps", "v_mps", "w_mps", "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "north_m", "east_m", "depth_m"),
 )
+_SPEEDS = STATES[:3]
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _HULL_COEFFICIENTS = (
     *("hull.surge.u_u", "hull.sway.uv", "hull.sway.ur", "hull.heave.uw", "hull.heave.uq"),
@@ -227,6 +228,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
         main_output="heading_rad",
         nearly={f"{axis}_mps": f"{axis}_dvl_mps" for axis in "uvw"},
         at_rest=_at_rest(body.hovers),
+        driven=frozenset(_SPEEDS if body.hovers else ()),
         dissipating=frozenset(_DRAG_COEFFICIENTS if body.hovers else ()),
         measured={"effects.supply.sag": "supply_V"},
         twins={
@@ -254,7 +256,9 @@ def _at_rest(hovers: bool) -> dict[str, tuple[str, ...]]:
     track = ("north_m", "east_m")
     level = tuple(f"{axis}{kind}_mps" for axis in "uv" for kind in ("", "_dvl"))
     if hovers:
-        found |= {"u_mps": (*level, *track), "v_mps": (*level, *track), "w_mps": ("w_mps", "w_dvl_mps", "depth_m")}
+        found |= dict(
+            zip(_SPEEDS, ((*level, *track), (*level, *track), ("w_mps", "w_dvl_mps", "depth_m")), strict=True)
+        )
     return found
 
 

@@ -159,7 +159,7 @@ class Diagnosis:
     averaged: s, over which readings were averaged, 0 where each was read by itself.
     noise: of a sensor's reading and of the motion, as the filter found it.  coloured: channels whose one-step errors
     are not white even so.
-    resting: states that nothing measured tells, taken to begin at rest.  left_out: channels that were not compared.
+    resting: states that nothing measured tells.  left_out: channels that were not compared.
     loops: the closed loop with each of the vehicles.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
     failures: parts that could not be made.  seconds: that each step took.
@@ -416,7 +416,10 @@ def _unseen_sentence(d: Diagnosis) -> str:
     speeds = [channel(name).label for name in d.resting if name.endswith("_mps")]
     if not speeds:
         return ""
-    told = f"Nothing in the log tells {_listed(speeds)}: every run begins at rest in them, and nothing pushes them."
+    told = (
+        f"Nothing in the log tells {_listed(speeds)}: they are what the vehicle's model makes of the commands, from "
+        "rest where the log begins, and nothing pushes them."
+    )
     if d.left_out:
         names = _listed([channel(name).label for name in d.left_out])
         told += f" {names[:1].upper()}{names[1:]} is left out, since these speeds move it where the vehicle loops."
