@@ -20,9 +20,7 @@ class Flight(NamedTuple):
     attack: float
 
 
-def neutral_engine(
-    plant: Plant, depth: float, density: float | None = None, temperature: float | None = None
-) -> float:
+def neutral_engine(plant: Plant, depth: float, density: float | None = None, temperature: float | None = None) -> float:
     """The engine's volume, m^3, at which a glider neither sinks nor rises at a depth, m.
 
     density: kg/m^3, and temperature: degC, of the water; by default those of the hull, as where nothing is measured.

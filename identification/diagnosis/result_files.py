@@ -144,6 +144,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "discovered": _discovered(d),
         "habitat": d.habitat.summary() if d.habitat is not None else None,
         "process_noise": _noise(d),
+        "currents": [current._asdict() for current in d.currents],
         "closed_loop": [_plain(asdict(loop)) for loop in d.loops],
         "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,

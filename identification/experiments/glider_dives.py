@@ -51,9 +51,10 @@ def yo_mission(
     """A record of dives to these depths, a segment each, from 12 m down and up to there again.
 
     Net buoyancy, 100 to 200 cm3 less than neutral at the deepest of a dive and more than neutral where its climb ends,
-    and pitch angles of 16 to 28 degrees are drawn for each; pitch and heading wander slowly.  buoyancy_volume_m3 and pitch_rad are what the log has, before any
-    effect.  noise: m, white, of the depth.  dt: s between samples, default the vehicle's.  measured: whether the log
-    has the water's density.  truth: the plant that flies, of the one that is planned with.  Raises Diverged.
+    and pitch angles of 16 to 28 degrees are drawn for each; pitch and heading wander slowly.  buoyancy_volume_m3 and
+    pitch_rad are what the log has, before any effect.  noise: m, white, of the depth.  dt: s between samples, default
+    the vehicle's.  measured: whether the log has the water's density.  truth: the plant that flies, of the one that is
+    planned with.  Raises Diverged.
     """
     low, high = plant.hull.engine_low, plant.hull.engine_high
     if not depths or not all(_START + 20.0 <= depth <= 1000.0 for depth in depths):
