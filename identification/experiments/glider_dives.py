@@ -21,7 +21,8 @@ _PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes
 _TURN = 15.0  # s, time constant of the change from dive to climb
 _NET = (1.0e-4, 2.0e-4)  # m^3 that a dive, and a climb, are off neutral by at their end
 _PITCH = (radians(16.0), radians(28.0))
-_WANDER, _PERIODS = radians(1.0), (140.0, 330.0)  # of the pitch, rad and s
+_WANDER, _PERIODS = radians(1.0), (140.0, 330.0)  # of the pitch, rad and s, where samples follow it
+_FOLLOWED = 8  # samples in the shorter of them, at least
 _MOST = 20_000.0  # s, of a dive that never comes back
 
 
@@ -62,6 +63,7 @@ def yo_mission(
     every = plant.dt if dt is None else dt
     if not every >= _FINE or not noise >= 0.0:
         raise ValueError(f"A mission needs dt of at least {_FINE:g} s and noise >= 0 m, got {every} and {noise}.")
+    slower = max(1.0, _FOLLOWED * every / _PERIODS[0])
     flying = replace(truth(plant), dt=_FINE, longest_step=_FINE)
     records, begun = [], 0.0
     for depth in depths:
@@ -78,7 +80,8 @@ def yo_mission(
             wanted = rising if climbing else sinking
             engine += min(max(wanted - engine, -_PUMP * _FINE), _PUMP * _FINE)
             pitch += ((pitches[1] if climbing else -pitches[0]) - pitch) * (1.0 - exp(-_FINE / _TURN))
-            wander = _WANDER * (np.sin(6.28 * t / _PERIODS[0] + lift) + np.sin(6.28 * t / _PERIODS[1] + turns))
+            phase = 6.28 * t / slower
+            wander = _WANDER * (np.sin(phase / _PERIODS[0] + lift) + np.sin(phase / _PERIODS[1] + turns))
             u = {
                 "buoyancy_volume_m3": engine,
                 "temperature_C": open_sea(x[0]),

@@ -25,7 +25,7 @@ _RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fi
 _WRENCH, _THRUSTERS = 0.15, 0.3  # of a vehicle with thrusters, over what they can do: along an axis, each by itself
 _SAMPLES = (5.0, 10.0, 20.0, 60.0)  # s, between the samples of a glider that flies
 _YOS, _YO_DEPTH = (100.0, 150.0, 200.0, 300.0), 0.05  # m, its dives and the noise of its pressure sensor
-_HEAVE = (2e-3, 60.0)  # m/s and s, vertical velocity of its water, RMS and correlation time
+_HEAVE = (2e-3, 120.0)  # m/s and s, vertical velocity of its water, RMS and correlation time
 
 
 @dataclass(frozen=True)

@@ -113,8 +113,9 @@ def hover_outside(
 def slipped_clock(record: Record, size: float, spacing: float, rng: np.random.Generator) -> Record:
     """A record with the stamps of a clock that slips about every `spacing` s."""
     stamps = np.concatenate([slipped(record.time[s], rng, 0.03 * size, spacing) for s in record.segments])
-    labels = np.repeat(record.labels, [s.stop - s.start for s in record.segments])
-    return Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=labels, attrs=record.attrs)
+    number = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
+    slips = Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=number, attrs=record.attrs)
+    return slips.with_labels(record.labels)
 
 
 def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.random.Generator) -> OwnGlider:
