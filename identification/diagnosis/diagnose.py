@@ -9,6 +9,7 @@ from typing import TypeVar
 
 from auv_gym.plant import Plant
 from auv_gym.plant.currents import dive_currents
+from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.deciding import DOUBT, MOST_EFFECTS
 from identification.diagnosis.judge.judging import judge
@@ -61,4 +62,5 @@ def diagnose(
     searched = timed("searching effects", lambda: search_effects(log, known, progress))
     found = timed("judging", lambda: judge(log, known, searched, source, progress))
     currents = dive_currents(found.after.plant, log.record)
-    return replace(found, record=record, seconds=seconds, currents=currents)
+    # with the channels that were not compared, and the rows that windows count
+    return replace(found, record=described(plant, record), seconds=seconds, currents=currents)

@@ -25,9 +25,9 @@ def glider() -> Plant:
 
 def dive(glider: Plant, begun: float, heading: float) -> Record:
     """A dive and a climb in a current, as its log has them, with a fix before and one after."""
-    time = np.arange(0.0, 3000.0, 10.0)
+    time = np.arange(0.0, 4500.0, 10.0)
     down = time < 1500.0
-    engine = neutral_engine(glider, 100.0) + np.where(down, -2e-4, 2e-4)
+    engine = neutral_engine(glider, 100.0) + np.where(down, -2e-4, 3e-4)
     columns = {"buoyancy_volume_m3": engine, "pitch_rad": np.where(down, -0.35, 0.35)}
     columns |= {"heading_rad": np.full(time.size, heading), "depth_m": np.full(time.size, 0.5)}
     moving = replace_at(glider, dict(zip(("effects.current.north", "effects.current.east"), CURRENT, strict=True)))
