@@ -48,11 +48,11 @@ def test_the_current_of_each_dive_is_found(glider):
     found = dive_currents(glider, record)
     assert len(found) == 2
     for current in found:
-        # the way through what is left out, some 20 m of 600, goes on evenly there
-        assert (current.north, current.east) == pytest.approx(CURRENT, abs=0.01)
+        # measured, 0.0006: what is left out at the turn goes on evenly, and the glider is slower there
+        assert (current.north, current.east) == pytest.approx(CURRENT, abs=0.001)
     assert found[1].start > found[0].stop
     deep = dive_currents(glider, record.select(record["depth_m"] > 30.0))
-    assert (deep[0].north, deep[0].east) == pytest.approx(CURRENT, abs=0.02)
+    assert (deep[0].north, deep[0].east) == pytest.approx(CURRENT, abs=0.001)
 
 
 def test_nothing_is_said_without_fixes_or_a_heading(glider):
