@@ -20,11 +20,15 @@ class Flight(NamedTuple):
     attack: float
 
 
-def neutral_engine(plant: Plant, depth: float) -> float:
-    """The engine's volume, m^3, at which a glider neither sinks nor rises at a depth, m, where nothing is measured."""
+def neutral_engine(plant: Plant, depth: float, density: float | None = None, temperature: float | None = None) -> float:
+    """The engine's volume, m^3, at which a glider neither sinks nor rises at a depth, m.
+
+    density: kg/m^3, and temperature: degC, of the water; by default those of the hull, as where nothing is measured.
+    """
     hull, p = plant.hull, plant.family.view(plant.derived)
-    force = net_buoyancy(depth, 0.0, 0.0, hull.temperature, hull.density, 0.0, p)
-    return float(-force / (GRAVITY * hull.density))
+    water = hull.density if density is None else density
+    force = net_buoyancy(depth, 0.0, 0.0, hull.temperature if temperature is None else temperature, water, 0.0, p)
+    return float(-force / (GRAVITY * water))
 
 
 def steady_flight(plant: Plant, depth: float, **inputs: float) -> Flight:

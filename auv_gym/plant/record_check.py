@@ -41,17 +41,22 @@ def check_ranges(plant: Plant, record: Record) -> None:
             continue
         least, most = (value_at(plant, edge) if isinstance(edge, str) else edge for edge in (low, high))
         slack = _TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
-        values = record[name]
-        beyond = (values < least - slack) | (values > most + slack)
+        values, lowest, highest = record[name], least - slack, most + slack
+        beyond = (values < lowest) | (values > highest)
         if beyond.any():
             row = int(np.argmax(beyond))
             segment = next(k for k, s in enumerate(record.segments) if row < s.stop)
             label = record.labels[segment]
             where = f"at {record.time[row]:.0f} s" + (f" of {label}" if label else "")
             share = f"{int(beyond.sum())} of {values.size} samples"
+            mended = {"; its sign looks turned": -values}
+            if channel(name).unit == "m3":
+                mended["; it looks like cm3 (a name that ends in _cm3)"] = 1e-6 * values
+            looks = next((w for w, v in mended.items() if lowest <= v.min() and v.max() <= highest), "")
             raise ValueError(
                 f"{plant.name} has {channel(name).label} from {least:g} to {most:g} {channel(name).unit}; {name} is "
-                f"{values[row]:.4g} {where} ({share} are beyond): check the column's sign and unit, throughout the log."
+                f"{values[row]:.4g} {where} ({share} are beyond): check the column's sign and unit, throughout the log"
+                f"{looks}."
             )
 
 

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 Column = np.ndarray | list[str]
+FIXES = "gps_fixes"  # attribute of a log: s since 1970, latitude and longitude, deg, of each fix, one after the other
 MOST_ELEMENTS = 64  # of an array in a message; longer ones are images, scans or plots, not signals
 
 

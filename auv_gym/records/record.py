@@ -14,6 +14,7 @@ import numpy as np
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, channel
 from auv_gym.param import did_you_mean
 from auv_gym.records.attitude import ANGLES, QUATERNION, interpolated, interpolated_angles, turns_far
+from auv_gym.records.log import FIXES
 from auv_gym.writing import replacing
 
 if TYPE_CHECKING:
@@ -395,6 +396,8 @@ def concat(records: Sequence[Record]) -> Record:
     }
     notes = list(dict.fromkeys(line for record in records for line in record.notes))
     attrs |= {_NOTES: notes} if notes else {}
+    fixes = [float(number) for record in records for number in np.ravel(record.attrs.get(FIXES, ()))]
+    attrs |= {FIXES: fixes} if fixes else {}
     attrs[_LABELS] = [label for record in records for label in record.labels]
     return Record(_dataset(variables, np.concatenate([record.time for record in records]), attrs))
 

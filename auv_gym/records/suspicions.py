@@ -32,6 +32,7 @@ _POSSIBLE: Final[dict[str, tuple[float, float, tuple[tuple[float, str, str], ...
         ((1e-4, "pascals", "Pa"), (0.1, "kilopascals", "kPa"), (1e-2, "millibars", "mbar")),
     ),
     "salinity_psu": (0.0, 50.0, ()),
+    "buoyancy_volume_m3": (-0.1, 0.1, ((1e-6, "cubic centimetres", "cm3"),)),
     "density_kgpm3": (900.0, 1100.0, ()),
 }
 _ANYTHING: Final = (-np.inf, np.inf, ())
@@ -178,16 +179,20 @@ def _angle_rate(record: Record, angle: str, rate: str) -> np.ndarray:
 
 
 def _against_depth(record: Record) -> list[str]:
-    if not (record.has("depth_m") and record.has("pitch_rad")):
-        return []
-    sunk, pitch = _increments(record, record["depth_m"], record["pitch_rad"], block=10.0)
-    moves = sunk.size >= _LEAST and sunk.std() > 0.5 and pitch.std() > 0.0
-    if moves and float(np.corrcoef(sunk, pitch)[0, 1]) > _STEEP:
-        return [
-            "pitch_rad is positive where depth grows; bow up is positive here and depth grows downwards: turn one of "
-            'them in a mapping, as in "-pitch_rad", unless the vehicle moves backwards.'
-        ]
-    return []
+    words = {
+        "pitch_rad": "pitch_rad is positive where depth grows; bow up is positive here and depth grows downwards: turn "
+        'one of them in a mapping, as in "-pitch_rad", unless the vehicle moves backwards.',
+        "buoyancy_volume_m3": "buoyancy_volume_m3 is larger where depth grows, and more volume lifts: turn one of them "
+        'in a mapping, as in "-buoyancy_volume_m3".',
+    }
+    found = []
+    for name, said in words.items():
+        if record.has("depth_m") and record.has(name):
+            sunk, signal = _increments(record, record["depth_m"], record[name], block=10.0)
+            moves = sunk.size >= _LEAST and sunk.std() > 0.5 and signal.std() > 0.0
+            if moves and float(np.corrcoef(sunk, signal)[0, 1]) > _STEEP:
+                found.append(said)
+    return found
 
 
 def _increments(

@@ -47,7 +47,8 @@ class DisplacementEffects:
     expansion: float = param(
         0.0, "1/K", "thermal expansion more than given, by", bounds=(-3e-4, 3e-4), probe=2e-5, apart=_WARM
     )
-    expansion_lag: float = param(0.0, "s", "lag of the hull's temperature", bounds=(0.0, 7200.0), probe=60.0)
+    # without a probe: what a log tells of the hull's temperature ends where samples are left out
+    expansion_lag: float = param(0.0, "s", "lag of the hull's temperature", bounds=(0.0, 7200.0))
     air: float = param(0.0, "m^3", "trapped air, at the surface", bounds=(0.0, 1e-3), probe=1e-5, apart=_SHALLOW)
     leak: float = param(0.0, "m^3/s", "leak rate", bounds=(0.0, 1e-6), probe=1e-9, apart=_LONG)
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, save_vehicle
+from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from auv_gym.vehicles import Body, Part, family_named
 from auv_gym.writing import replacing, writable_folder
@@ -145,6 +146,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "habitat": d.habitat.summary() if d.habitat is not None else None,
         "process_noise": _noise(d),
         "averaged_over_s": d.averaged,
+        "currents": [current._asdict() for current in d.currents],
         "closed_loop": [_plain(asdict(loop)) for loop in d.loops],
         "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,
@@ -179,11 +181,11 @@ def again(file: str | os.PathLike, record: Record, progress: Progress = lambda f
         parts = [Part(**{**part, "channels": tuple(part["channels"])}) for part in vehicle["parts"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{file} is no diagnosis.json of this version ({error}): make one by a diagnosis.") from error
-    if digest != digest_of(record):
-        raise ValueError(f"{file} is of another record, or of one read otherwise: give the same log, mapping and cuts.")
     family = family_named(vehicle["family"], parts)
     times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
     plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times, **known), vehicle["parameters"])
+    if digest != digest_of(described(plant, record)):
+        raise ValueError(f"{file} is of another record, or of one read otherwise: give the same log, mapping and cuts.")
     return diagnose(record, plant, source=told["source"], progress=progress, **asked)
 
 

@@ -19,9 +19,10 @@ _START = 12.0  # m, where a dive's record begins and ends: bubbles and waves are
 _FINE = 1.0  # s, in which attitude, engine and water change between samples
 _PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes
 _TURN = 15.0  # s, time constant of the change from dive to climb
-_NET = (1.0e-4, 2.0e-4)  # m^3 that a dive is flown off neutral by, either side
+_NET = (1.0e-4, 2.0e-4)  # m^3 that a dive, and a climb, are off neutral by at their end
 _PITCH = (radians(16.0), radians(28.0))
-_WANDER, _PERIODS = radians(1.0), (140.0, 330.0)  # of the pitch, rad and s
+_WANDER, _PERIODS = radians(1.0), (140.0, 330.0)  # of the pitch, rad and s, where samples follow it
+_FOLLOWED = 8  # samples in the shorter of them, at least
 _MOST = 20_000.0  # s, of a dive that never comes back
 
 
@@ -50,10 +51,11 @@ def yo_mission(
 ) -> Record:
     """A record of dives to these depths, a segment each, from 12 m down and up to there again.
 
-    Net buoyancy of 100 to 200 cm3 either side of neutral, and pitch angles of 16 to 28 degrees, are drawn for each dive
-    and climb; pitch and heading wander slowly.  buoyancy_volume_m3 and pitch_rad are what the log has, before any
-    effect.  noise: m, white, of the depth.  dt: s between samples, default the vehicle's.  measured: whether the log
-    has the water's density.  truth: the plant that flies, of the one that is planned with.  Raises Diverged.
+    Net buoyancy, 100 to 200 cm3 less than neutral at the deepest of a dive and more than neutral where its climb ends,
+    and pitch angles of 16 to 28 degrees are drawn for each; pitch and heading wander slowly.  buoyancy_volume_m3 and
+    pitch_rad are what the log has, before any effect.  noise: m, white, of the depth.  dt: s between samples, default
+    the vehicle's.  measured: whether the log has the water's density.  truth: the plant that flies, of the one that is
+    planned with.  Raises Diverged.
     """
     low, high = plant.hull.engine_low, plant.hull.engine_high
     if not depths or not all(_START + 20.0 <= depth <= 1000.0 for depth in depths):
@@ -61,22 +63,25 @@ def yo_mission(
     every = plant.dt if dt is None else dt
     if not every >= _FINE or not noise >= 0.0:
         raise ValueError(f"A mission needs dt of at least {_FINE:g} s and noise >= 0 m, got {every} and {noise}.")
+    slower = max(1.0, _FOLLOWED * every / _PERIODS[0])
     flying = replace(truth(plant), dt=_FINE, longest_step=_FINE)
     records, begun = [], 0.0
     for depth in depths:
-        neutral = neutral_engine(plant, depth)
+        deep, shallow = (neutral_engine(plant, d, sea_density(d), open_sea(d)) for d in (depth, _START))
         net, pitches = rng.uniform(*_NET, size=2), rng.uniform(*_PITCH, size=2)
         lift, turns, heading = rng.uniform(0.0, 6.28, size=3)
-        engine, pitch, climbing, t, rows = max(neutral - net[0], low), -pitches[0], False, 0.0, []
+        sinking, rising = max(deep - net[0], low), min(shallow + net[1], high)
+        engine, pitch, climbing, t, rows = sinking, -pitches[0], False, 0.0, []
         x = flying.initial(np.array([_START, 0.0, 0.0]))
         position = flying.states.index("buoyancy_volume_m3 position")
         x[position] = engine
         while not (climbing and x[0] <= _START) and t < _MOST:
             climbing = climbing or x[0] >= depth
-            wanted = min(neutral + net[1], high) if climbing else max(neutral - net[0], low)
+            wanted = rising if climbing else sinking
             engine += min(max(wanted - engine, -_PUMP * _FINE), _PUMP * _FINE)
             pitch += ((pitches[1] if climbing else -pitches[0]) - pitch) * (1.0 - exp(-_FINE / _TURN))
-            wander = _WANDER * (np.sin(6.28 * t / _PERIODS[0] + lift) + np.sin(6.28 * t / _PERIODS[1] + turns))
+            phase = 6.28 * t / slower
+            wander = _WANDER * (np.sin(phase / _PERIODS[0] + lift) + np.sin(phase / _PERIODS[1] + turns))
             u = {
                 "buoyancy_volume_m3": engine,
                 "temperature_C": open_sea(x[0]),

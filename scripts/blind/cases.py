@@ -10,6 +10,7 @@ import numpy as np
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
+from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.bars import threshold
@@ -41,6 +42,7 @@ _GROUPS = (
     Group("glider", ("slocum", "ganeshblue")),
     Group("float", ("qiandao_float", "mermaid")),
     Group("torpedo", ("remus100", "vt690", "npsauv"), (200.0, 400.0), window=25.0, settle=5.0),
+    Group("glide", ("seaglider", "slocum_flight", "seaexplorer"), drawn=False),
     Group("rov", ("bluerov2_heavy", "bluerov"), (40.0, 80.0), window=5.0, settle=1.0, drawn=False),
     Group(
         "rov_attitude",
@@ -178,6 +180,7 @@ def detectable_sizes(plant: Plant, clean: Record, paths: list[str]) -> dict[str,
 
     Infinite where none would, as of what acts as a coefficient does; in the parameter's unit.
     """
+    clean = described(plant, clean)
     pieces = [piece for part in parts_of(plant, clean) for piece in part]
     problem = PredictionErrors(plant, clean, pieces, doubt=WRONG)
     point = problem.solve(plant, plant.family.coefficients)

@@ -20,6 +20,7 @@ from scripts.blind.logs import (
     lake_settings,
     sea_log,
     torpedo_log,
+    yo_log,
 )
 from scripts.blind.outside import (
     glider_outside,
@@ -28,6 +29,7 @@ from scripts.blind.outside import (
     sea_outside,
     slipped_clock,
     torpedo_outside,
+    yo_outside,
 )
 
 _NO_PISTON = "a float with an oil bladder has no piston"
@@ -35,6 +37,7 @@ _NO_OIL = "a float with a piston logs no oil"
 _OWN_VOLUME = "each dive has an unknown volume, which does the same"
 _NO_WAVE = "without the wave its period says nothing"
 _NO_GROWTH = "without the expansion its lag says nothing"
+_HEAVE = ("heave_sin", "heave_cos")
 _NO_SURFACE = "the initial depth of each free run does the same, and none is at the surface"
 
 
@@ -81,6 +84,21 @@ _HIDDEN_AT_SEA = {
     "effects.depth.scale": "without inertia it acts as the drag coefficients do, which are refitted",
     "effects.depth.lag": "in a steady dive the initial depth does the same; three probes are about the noise",
 }
+_PUMPED = "samples in which the engine moves are left out"
+_NO_TRACK = "a dive has no track"
+_HIDDEN_IN_FLIGHT = {
+    "effects.clock.delay": _PUMPED,
+    "effects.clock.rate": "it acts as the drag coefficient does, which is refitted",
+    **{f"effects.engine.{name}": _PUMPED for name in ("dead_time", "lag", "slowness")},
+    **{f"effects.compass.{name}": _NO_TRACK for name in ("bias", "deviation_sin", "deviation_cos")},
+    **{f"effects.current.{name}": _NO_TRACK for name in ("north", "east")},
+    **{f"effects.water.{name}": "the wave's phase is not known from one dive to the next" for name in _HEAVE},
+    "effects.water.gradient": "the density is measured",
+    "effects.water.heave_period": _NO_WAVE,
+    "effects.depth.bias": _NO_SURFACE,
+    "effects.depth.scale": "it acts as the drag coefficient does, which is refitted",
+    "effects.depth.lag": "in steady flight the start of each run does the same",
+}
 _KINDS = (
     Kind(
         "glider",
@@ -100,6 +118,7 @@ _KINDS = (
         _HIDDEN_IN_A_LAKE,
     ),
     Kind("float_oil", sea_log, sea_outside, ("drag", "current", "tether", "clock"), 2e4, dive_settings, _HIDDEN_AT_SEA),
+    Kind("glide", yo_log, yo_outside, ("current", "clock"), 1800.0, hidden=_HIDDEN_IN_FLIGHT),
     Kind("body", torpedo_log, torpedo_outside, ("drag", "current", "tether", "fin", "clock"), 25.0),
     Kind("hover", hover_log, hover_outside, ("clock",), 15.0),
 )

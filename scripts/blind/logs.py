@@ -7,12 +7,14 @@ from math import radians
 from typing import Any
 
 import numpy as np
+from scipy.signal import lfilter
 
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from controllers.pid import heading_pid
 from identification.experiments.float_dives import depth_control, oil_mission, summer_lake
+from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.hovering import hover
 from identification.experiments.manoeuvres import NOISE, steer
@@ -21,6 +23,9 @@ _COMPASS, _TRACK = radians(0.5), 1.0  # rad, m
 _LAKE_DEPTH, _SEA_DEPTH = 0.02, 0.1  # m, noise of a float's pressure sensor; a torpedo's is the first
 _RUDDER, _FINS = 0.3, 0.15  # excitation of a glider and of a torpedo, over a fin's stop
 _WRENCH, _THRUSTERS = 0.15, 0.3  # of a vehicle with thrusters, over what they can do: along an axis, each by itself
+_SAMPLES = (5.0, 10.0, 20.0, 60.0)  # s, between the samples of a glider that flies
+_YOS, _YO_DEPTH = (100.0, 150.0, 200.0, 300.0), 0.05  # m, its dives and the noise of its pressure sensor
+_HEAVE = (2e-3, 120.0)  # m/s and s, vertical velocity of its water, RMS and correlation time
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,26 @@ def lake_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, mov
     return depth_control(
         plant, targets, rng=rng, hold=hold, noise=noise, temperature_profile=summer_lake, under_way=moving
     )
+
+
+def yo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
+    """Dives of a glider that flies, whose place nothing takes, in water that moves up and down at random."""
+    depths = [conditions.excitation * depth for depth in rng.permutation(_YOS).tolist()]
+    noise, every = conditions.noise * _YO_DEPTH, float(rng.choice(_SAMPLES))
+    record = yo_mission(plant, depths, rng=rng, noise=noise, dt=every)
+    kept, rate = np.exp(-every / _HEAVE[1]), np.zeros(len(record))
+    for part in record.segments:
+        pushes = conditions.noise * _HEAVE[0] * rng.standard_normal(part.stop - part.start)
+        rate[part] = lfilter([np.sqrt(1.0 - kept**2)], [1.0, -kept], pushes)
+    return heaved(record, rate)
+
+
+def heaved(record: Record, rate: np.ndarray) -> Record:
+    """Dives in water that moves down at a rate, m/s, (n,), at each sample; its density moves along with it."""
+    moved = np.zeros(len(record))
+    for part in record.segments:
+        moved[part] = np.r_[0.0, np.cumsum(rate[part][:-1] * np.diff(record.time[part]))]
+    return record.with_channels({"depth_m": record["depth_m"] + moved})
 
 
 def sea_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:

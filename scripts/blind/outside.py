@@ -8,12 +8,23 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import find_cruise
+from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.blind import own_float, own_torpedo
 from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
-from scripts.blind.logs import Conditions, glider_log, hover_log, lake_log, sea_log, torpedo_excitation, torpedo_noise
+from scripts.blind.logs import (
+    Conditions,
+    glider_log,
+    heaved,
+    hover_log,
+    lake_log,
+    sea_log,
+    torpedo_excitation,
+    torpedo_noise,
+    yo_log,
+)
 from scripts.blind.own_glider import OwnGlider
 
 SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
@@ -25,7 +36,7 @@ _MERMAID_DAYS = 4e5  # s, more than eight dives take
 def excess(plant: Plant, record: Record, clean: Record, window: float) -> float:
     """Mean square that is left after a refit, over that in a clean log, less 1, in the channel where it is largest."""
     left = []
-    for log in (record, clean):
+    for log in (described(plant, record), described(plant, clean)):
         problem = Shooting(plant, log, free_run_windows(plant, log, window))
         left.append(problem.sigma(problem.solve(plant, plant.family.coefficients, max_iterations=15)) ** 2)
     return float(np.max(left[0] / left[1])) - 1.0
@@ -72,6 +83,17 @@ def sea_outside(
     return sea_log(plant, conditions, experiment, _started(around, np.cumsum(rng.uniform(2e4, 4e4, 64))))
 
 
+def yo_outside(
+    plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
+) -> Record:
+    """The log of a glider that flies."""
+    record = yo_log(plant, conditions, experiment)
+    if cause != "current":
+        return record
+    gusts = Gusts.draw(rng, float(record["elapsed_s"].max()), 0.01 * size, 240.0, "vertical")
+    return heaved(record, np.array([gusts.velocity(t)[2] for t in record["elapsed_s"]]))
+
+
 def torpedo_outside(
     plant: Plant, cause: str, size: float, conditions: Conditions, experiment: np.random.Generator, rng: Draws
 ) -> Record:
@@ -91,8 +113,9 @@ def hover_outside(
 def slipped_clock(record: Record, size: float, spacing: float, rng: np.random.Generator) -> Record:
     """A record with the stamps of a clock that slips about every `spacing` s."""
     stamps = np.concatenate([slipped(record.time[s], rng, 0.03 * size, spacing) for s in record.segments])
-    labels = np.repeat(record.labels, [s.stop - s.start for s in record.segments])
-    return Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=labels, attrs=record.attrs)
+    number = np.repeat(np.arange(len(record.segments)), [s.stop - s.start for s in record.segments])
+    slips = Record.from_arrays(stamps, {n: record[n] for n in record.names}, segment=number, attrs=record.attrs)
+    return slips.with_labels(record.labels)
 
 
 def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.random.Generator) -> OwnGlider:

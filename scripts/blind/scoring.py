@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.diagnosis.log.parts import parts_of, windows_of
 from identification.diagnosis.search.candidates import TOGETHER
@@ -85,6 +86,7 @@ def error_ratio(
     after: Mapping[str, Mapping[str, float]], record: Record, true: Plant, parts: int, window: float, settle: float
 ) -> float:
     """Geometric mean over the channels of a diagnosis's error in unseen parts over that of the true plant there."""
+    record = described(true, record)
     windows = [w for part in parts_of(true, record, parts) for w in windows_of(record, part, window)]
     scores = free_runs(true, record, sorted(windows, key=lambda w: w.start), settle).scores(record)
     ratios = [after[name]["rmse"] / scores[name].rmse for name in after if name in scores and scores[name].rmse > 0.0]

@@ -5,7 +5,7 @@
 DIR has the files of `seaglider/`; gliders whose files are not there are left out.  Below 30 m, away from pumping and
 inflections, the vertical velocity of the model is compared with the differenced depth: with the constants that the
 first fitted dive states, with their coefficients refitted, and with what the diagnosis names.  The judged dives are
-seen by nothing before.
+seen by nothing before.  A second table has their depth-averaged currents beside the operators' own.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ import numpy as np
 from auv_gym.cli.options.console import errors, output
 from auv_gym.model import inputs_of
 from auv_gym.plant import Plant
+from auv_gym.plant.currents import dive_currents
 from auv_gym.plant.record_check import described, needs_of
 from auv_gym.plant.stated import vehicle_from_dive
-from auv_gym.records.reading import read_record
+from auv_gym.records.reading import open_log, read_record
 from auv_gym.records.record import Record
 from auv_gym.writing import replacing, writable_folder
 from identification.diagnosis import Diagnosis, diagnose
@@ -31,6 +32,8 @@ from identification.diagnosis.wording import interval, quantity
 from scripts.studies.harness import Sheet
 
 LEAST_DEPTH = 30.0  # m
+
+CURRENTS = ("dive", "as stated, m/s north and east>", "with effects>", "operators>")
 
 
 @dataclass(frozen=True)
@@ -109,8 +112,8 @@ def named(found: Diagnosis) -> str:
     return "; ".join(words) or found.verdict
 
 
-def row_of(split: Split, data: Path) -> list[str]:
-    """A line of the table."""
+def rows_of(split: Split, data: Path) -> tuple[list[str], list[list[str]]]:
+    """A line of the table, and one for the current of each judged dive."""
     fitted = [data / file for file in split.fitted]
     plant = vehicle_from_dive(fitted[0])
     found = diagnose(used(plant, fitted), plant, source=split.glider)
@@ -121,7 +124,29 @@ def row_of(split: Split, data: Path) -> list[str]:
     rising, sinking = (float(np.mean(logged[side])) for side in (logged < 0.0, logged > 0.0))
     seconds = f"{sum(found.seconds.values()):.0f}"
     mean = f"{100.0 * sinking:.1f} down, {-100.0 * rising:.1f} up"
-    return [split.glider, split.words, str(len(judged)), *sizes, named(found), mean, seconds]
+    currents = [
+        [
+            f"{split.glider}, {dive_of(file)}",
+            *(current_of(stage, data / file) for stage in stages[::2]),
+            own_current(data / file),
+        ]
+        for file in split.judged
+    ]
+    return [split.glider, split.words, str(len(judged)), *sizes, named(found), mean, seconds], currents
+
+
+def current_of(plant: Plant, file: Path) -> str:
+    """The depth-averaged current of a dive, by a plant and GPS."""
+    found = dive_currents(plant, described(plant, read_record(file, None, needs_of(plant))))
+    return ", ".join(f"{c.north:.3f} {c.east:.3f}" for c in found) or "-"
+
+
+def own_current(file: Path) -> str:
+    """The depth-averaged current that the operators state for a dive."""
+    known = open_log(file).attrs
+    if "current_north_mps" not in known:
+        return "-"
+    return f"{known['current_north_mps']:.3f} {known['current_east_mps']:.3f}"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -130,7 +155,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, required=True, help="folder for glider_dives.md")
     parser.add_argument("--only", default="", help="gliders whose name contains this")
     args = parser.parse_args(argv)
-    folder, rows = writable_folder(args.out), []
+    folder, rows, currents = writable_folder(args.out), [], []
     data = args.data / "seaglider"
     for split in (one for one in SPLITS if args.only.upper() in one.glider):
         missing = [file for file in (*split.fitted, *split.judged) if not (data / file).exists()]
@@ -138,8 +163,11 @@ def main(argv: Sequence[str] | None = None) -> int:
             errors.print(f"{split.glider} is left out: {', '.join(missing)} not in {data}.")
             continue
         errors.print(f"{split.glider}, {split.words}")
-        rows.append(row_of(split, data))
+        row, own = rows_of(split, data)
+        rows.append(row)
+        currents += own
     text = Sheet("glider_dives", "RMS error of the vertical velocity on judged dives", HEADS, rows).markdown()
+    text += Sheet("currents", "Depth-averaged currents of judged dives", CURRENTS, sorted(currents)).markdown()
     with replacing(folder / "glider_dives.md") as aside:
         aside.write_text(text, encoding="utf-8")
     output.print(text, markup=False, soft_wrap=True)

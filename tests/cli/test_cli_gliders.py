@@ -1,6 +1,7 @@
 """`auv-gym diagnose` with dives of a Seaglider: several files are one record, and what is said of them."""
 
 import json
+import re
 
 import h5py
 import numpy as np
@@ -33,6 +34,54 @@ def write_dive(path, number, columns):
         file["depth"].attrs["units"] = "meters"
         for key, value in STATED.items():
             file[key] = value
+
+
+def write_log(path, **changes):
+    """A table of two dives of the preset, ten minutes afloat behind each; changes: factors of columns, 0 for none."""
+    glider, rows = load_vehicle("seaglider"), []
+    record = yo_mission(glider, (250.0, 250.0), rng=np.random.default_rng(1), dt=20.0)
+    names = ("buoyancy_volume_m3", "pitch_rad", "heading_rad", "temperature_C", "density_kgpm3", "depth_m")
+    for number, part in enumerate(record.segments):
+        dive = np.column_stack([record.time[part], *(record[name][part] for name in names)])
+        afloat = np.tile(dive[-1], (30, 1)) + np.outer(20.0 * np.arange(1, 31), [1.0, *[0.0] * 6])
+        afloat[:, 1], afloat[:, 2], afloat[:, -1] = 0.0, -1.1, 0.2
+        rows += [np.column_stack([np.full(len(dive) + 30, number), np.vstack([dive, afloat])])]
+    table = np.vstack(rows) * [1.0, 1.0, *(changes.get(name, 1.0) for name in names)]
+    kept = [0, 1, *(k for k, name in enumerate(names, start=2) if changes.get(name, 1.0))]
+    head = ["segment", "time_s", *names]
+    np.savetxt(path, table[:, kept], delimiter=",", header=",".join(head[k] for k in kept), comments="")
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    "changes, words",
+    [
+        ({"pitch_rad": 0.0, "heading_rad": 0.0}, "The log has no channel pitch_rad, which the vehicle needs"),
+        ({"buoyancy_volume_m3": -1.0}, "check the column's sign and unit, throughout the log; its sign looks turned."),
+        ({"buoyancy_volume_m3": 1e6}, "throughout the log; it looks like cm3 (a name that ends in _cm3)."),
+        ({"depth_m": 0.03}, "100 % near the surface. Check signs and units of depth, pitch and the inputs"),
+    ],
+)
+def test_a_log_that_no_dive_can_have_is_refused_with_what_to_do(tmp_path, capsys, changes, words):
+    log = write_log(tmp_path / "log.csv", **changes)
+    assert main(["diagnose", log, "--vehicle", "seaglider", "--out", str(tmp_path / "out")]) != 0
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.slow
+def test_dives_that_end_afloat_without_a_ctd_or_a_heading_say_what_is_assumed_and_left_out(tmp_path, capsys):
+    none = dict.fromkeys(("temperature_C", "density_kgpm3", "heading_rad"), 0.0)
+    log = write_log(tmp_path / "log.csv", **none)
+    assert main(["diagnose", log, "--vehicle", "seaglider", "--out", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().err.split())
+    assert "(density_kgpm3): 1027.5 kg/m3 is assumed throughout" in said
+    assert "(temperature_C): 15 degC is assumed throughout" in said
+    assert re.search(
+        r"\d+ % of the log is left out, since seaglider does not describe it: \d+ % near the surface", said
+    )
+    result = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert result["failures"] == []  # pictures count the rows that are left
+    assert result["currents"] == []
 
 
 @pytest.mark.slow

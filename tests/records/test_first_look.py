@@ -80,6 +80,7 @@ def test_a_log_in_which_nothing_is_known_is_looked_at_all_the_same(tmp_path):
         ({"u_mps": 150.0 + np.sin(np.arange(100))}, "centimetres per second"),
         ({"depth_m": 50_000 + np.arange(100.0)}, "centimetres"),
         ({"heading_deg": np.linspace(0.0, 6.28, 100)}, "looks like radians"),
+        ({"buoyancy_volume_m3": 200.0 * np.sin(np.arange(100))}, 'centimetres: map it to "buoyancy_volume_cm3"'),
     ],
 )
 def test_units_and_signs_that_cannot_be_are_doubted(tmp_path, changes, words):
@@ -114,10 +115,14 @@ def test_a_clean_log_is_not_doubted(tmp_path):
     clean = {"time_s": t, "pitch_rad": pitch, "depth_m": 50 - np.cumsum(0.6 * np.sin(pitch)), "u_mps": 0.3 + 0 * t}
     assert look_at(write(tmp_path / "a.csv", clean)).doubts == ()
     assert look_at(write(tmp_path / "b.csv", turning())).doubts == ()
-    clean["pitch_rad"] = -pitch
-    assert any(
-        "pitch_rad is positive where depth grows" in line for line in look_at(write(tmp_path / "c.csv", clean)).doubts
-    )
+    clean |= {"pitch_rad": -pitch, "buoyancy_volume_cm3": 200.0 * np.sign(pitch)}
+    doubts = " ".join(look_at(write(tmp_path / "c.csv", clean)).doubts)
+    assert "pitch_rad is positive where depth grows" in doubts
+    assert "volume" not in doubts
+    clean |= {"pitch_rad": pitch, "buoyancy_volume_cm3": -200.0 * np.sign(pitch)}
+    assert [line[:50] for line in look_at(write(tmp_path / "d.csv", clean)).doubts] == [
+        "buoyancy_volume_m3 is larger where depth grows, an"
+    ]
 
 
 def test_an_angle_that_wraps_in_no_channel_of_angles_is_named(tmp_path):

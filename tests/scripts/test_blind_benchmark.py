@@ -94,7 +94,10 @@ def test_causes_are_absent_at_size_zero_and_do_what_they_say():
     assert 0.89 < np.diff(stamps).min() < 1.0 < np.diff(stamps).max() < 1.11
 
 
-@pytest.mark.parametrize("vehicle, cause", [("slocum", "current"), ("mermaid", "tether")])
+@pytest.mark.parametrize(
+    "vehicle, cause",
+    [("slocum", "current"), ("mermaid", "tether"), ("seaglider", "current"), ("slocum_flight", "clock")],
+)
 def test_a_cause_outside_the_library_shows_in_the_log(vehicle, cause):
     plant = load_vehicle(vehicle)
     assert cause in kind_of(plant).causes

@@ -16,7 +16,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from auv_gym.records.log import Column, Format, Group, Log, Scope
+from auv_gym.records.log import FIXES, Column, Format, Group, Log, Scope
 from auv_gym.records.readers.netcdf_variables import (
     CLASSIC_MAGIC,
     HDF5_MAGIC,
@@ -271,12 +271,6 @@ def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
     else:
         attrs["current_north_mps"] = _number(file, "depth_avg_curr_north")
         attrs["current_east_mps"] = _number(file, "depth_avg_curr_east")
-    fixes = [file.variables.get(f"log_gps_{name}") for name in ("time", "lat", "lon")]
-    if all(fix is not None and fix.shape == (3,) for fix in fixes):
-        for row, name in ((1, "before"), (2, "after")):  # the last fix before the dive, the first after it
-            values = [float(fix.numbers()[row]) for fix in fixes if fix is not None]
-            named = (f"gps_{name}_epoch_s", f"gps_{name}_latitude_deg", f"gps_{name}_longitude_deg")
-            attrs.update(zip(named, values, strict=True))
     for name, variable in file.variables.items():
         if name.startswith("sg_cal_") and not variable.is_text and not _OTHER_CONSTANTS.match(name):
             attrs[name] = variable.number()
@@ -285,6 +279,14 @@ def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
     for name in ("platform_id", "project"):
         if isinstance(file.attrs.get(name), str):
             known[name] = file.attrs[name]
+    fixes = [file.variables.get(f"log_gps_{name}") for name in ("time", "lat", "lon")]
+    if all(fix is not None and fix.shape == (3,) for fix in fixes):
+        # the last fix before the dive, the first after it
+        table = np.column_stack([fix.numbers() for fix in fixes if fix is not None])[1:]
+        if np.isfinite(table).all():
+            known[FIXES] = table.ravel().tolist()
+        else:
+            notes.append("The current cannot be known from GPS: the dive has no fix before it, or none after it.")
     return known
 
 

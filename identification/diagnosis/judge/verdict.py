@@ -10,6 +10,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.plant import Plant
+from auv_gym.plant.currents import DiveCurrent
 from auv_gym.records.record import Record
 from identification.deciding import SLIGHT, STABLE
 from identification.diagnosis.extras import Failure
@@ -162,6 +163,7 @@ class Diagnosis:
     resting: states that nothing measured tells.  left_out: channels that were not compared.
     loops: the closed loop with each of the vehicles.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
+    currents: of the dives between two GPS fixes, by the vehicle after.
     failures: parts that could not be made.  seconds: that each step took.
     """
 
@@ -197,6 +199,7 @@ class Diagnosis:
     loops: tuple[ClosedLoop, ...] = ()
     common: tuple[Common, ...] = ()
     planned: bool = False
+    currents: tuple[DiveCurrent, ...] = ()
     failures: tuple[Failure, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
@@ -266,6 +269,7 @@ class Diagnosis:
             _error_sentence(self),
             noise_sentence(self),
             averaged_sentence(self),
+            _currents_sentence(self),
             _limit_sentence(self),
             _unseen_sentence(self),
         ]
@@ -409,6 +413,14 @@ def noise_sentence(d: Diagnosis) -> str:
         pushes.append(f"{known.label} {quantity(size, unit)} over {quantity(time, 's')}")
     kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
     return f"Random {' and '.join(sorted(kinds))} push the vehicle (RMS and correlation time): {'; '.join(pushes)}."
+
+
+def _currents_sentence(d: Diagnosis) -> str:
+    """The current of each dive, where fixes tell it."""
+    if not d.currents:
+        return ""
+    dives = "; ".join(current.words for current in d.currents)
+    return f"Depth-averaged current to the north and east, by GPS and dead reckoning: {dives}."
 
 
 def _unseen_sentence(d: Diagnosis) -> str:

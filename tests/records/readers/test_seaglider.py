@@ -172,9 +172,8 @@ def test_what_is_known_once_a_dive(tmp_path, whole):
     log = FORMAT.read(put(tmp_path / "dive.nc", whole["scipy"]), Scope())
     assert log.attrs == {
         "latitude_deg": 60.05, "magnetic_variation_deg": -8.8, "start_of_climb_s": 500.0, "current_north_mps": 0.1,
-        "current_east_mps": -0.2, "gps_before_epoch_s": START - 60, "gps_before_latitude_deg": 60.1,
-        "gps_before_longitude_deg": -8.1, "gps_after_epoch_s": START + 1200, "gps_after_latitude_deg": 60.2,
-        "gps_after_longitude_deg": -8.2, "sg_cal_mass": 52.3, "sg_cal_volmax": 51459.0, "platform_id": "SG171",
+        "current_east_mps": -0.2, "gps_fixes": [START - 60, 60.1, -8.1, START + 1200, 60.2, -8.2],
+        "sg_cal_mass": 52.3, "sg_cal_volmax": 51459.0, "platform_id": "SG171",
         "log_C_VBD": 2500.0, "log_VBD_CNV": -0.25,
     }  # fmt: skip
     bad = dive(depth_avg_curr_qc=("string_1", chars("4")), magnetic_variation=None)

@@ -1,0 +1,95 @@
+"""The current that carried a vehicle from one GPS fix to the next, averaged over a dive."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from math import cos, radians, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from auv_gym.model import outputs_of
+from auv_gym.plant.plant import Plant
+from auv_gym.records.log import FIXES
+from auv_gym.records.record import Record
+
+_EQUATOR, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # m and 1, of the ellipsoid of WGS 84
+_PLACE = ("north_m", "east_m")
+_ENDS = 10  # samples at either end of a dive, whose depth rate tells how long it took from the surface
+
+
+class DiveCurrent(NamedTuple):
+    """A depth-averaged current, m/s, over one dive: its label, and the fixes' times, s since the record's start."""
+
+    dive: str
+    north: float
+    east: float
+    start: float
+    stop: float
+
+    @property
+    def words(self) -> str:
+        """The current with its name."""
+        return f"{self.dive + ': ' if self.dive else ''}{self.north:.3f} and {self.east:.3f} m/s"
+
+
+def dive_currents(plant: Plant, record: Record) -> tuple[DiveCurrent, ...]:
+    """The current of each dive of a record that lies between two GPS fixes: what is left of the way between them.
+
+    record: of samples that the vehicle's family describes.  The way through the water is the plant's, from sample to
+    sample at the measured depth and heading; in what is left out it goes on evenly, and from the surface to the first
+    sample and back it goes on as there.  One way and one current for each dive: fixes tell the vehicle nothing else.
+    """
+    fixes = np.reshape(record.attrs.get(FIXES, ()), (-1, 3))
+    needed = {"depth_m", "heading_rad"} <= set(record.names) and set(_PLACE) <= set(plant.outputs)
+    if not len(fixes) or not needed or "start_epoch_s" not in record.attrs:
+        return ()
+    fixes = fixes[np.argsort(fixes[:, 0])]
+    fixes[:, 0] -= float(record.attrs["start_epoch_s"])
+    middles, velocities = _through_water(plant, record)
+    labels, found = np.repeat(record.labels, [s.stop - s.start for s in record.segments]), []
+    for before, after in pairwise(fixes):
+        rows = np.flatnonzero((record.time >= before[0]) & (record.time <= after[0]))
+        own = (middles >= before[0]) & (middles <= after[0])
+        if own.any():
+            way = _way(record, rows, middles[own], velocities[own], (before[0], after[0]))
+            north, east = (_apart(before, after) - way) / (after[0] - before[0])
+            found.append(
+                DiveCurrent(str(labels[rows[0]]), float(north), float(east), float(before[0]), float(after[0]))
+            )
+    return tuple(found)
+
+
+def _through_water(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """Times between samples, s, (n,), and velocities there, north and east, m/s, (n, 2), from each sample alone."""
+    begins = np.concatenate([np.arange(s.start, s.stop - 1) for s in record.segments])
+    read = outputs_of(plant, record)
+    read[:, [plant.outputs.index(name) for name in _PLACE]] = 0.0
+    starts = np.array([plant.initial(read[k])[: len(plant.family.states)] for k in begins])
+    ran = plant.run(record, [slice(k, k + 2) for k in begins.tolist()], starts)
+    moved = (ran[1::2] - ran[0::2])[:, [plant.outputs.index(name) for name in _PLACE]]
+    time = record.time
+    return 0.5 * (time[begins] + time[begins + 1]), moved / (time[begins + 1] - time[begins])[:, None]
+
+
+def _way(
+    record: Record, rows: np.ndarray, middles: np.ndarray, velocities: np.ndarray, fixes: tuple[float, float]
+) -> np.ndarray:
+    """The way through the water, m north and east, from fix to fix."""
+    time, depth = record.time[rows], record["depth_m"][rows]
+    between, lengths = 0.5 * (time[1:] + time[:-1]), np.diff(time)
+    way = np.array([np.interp(between, middles, v) @ lengths for v in velocities.T])
+    few = min(_ENDS, len(rows) - 1)
+    for end, far, limit in ((0, few, time[0] - fixes[0]), (-1, -1 - few, fixes[1] - time[-1])):
+        rate = abs((depth[far] - depth[end]) / (time[far] - time[end]))
+        way += velocities[end] * (min(max(depth[end], 0.0) / rate, limit) if rate > 0.0 else 0.0)
+    return way
+
+
+def _apart(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """The way from one fix to another, m north and east; fixes: s, and latitude and longitude in deg."""
+    middle, square = radians(0.5 * (before[1] + after[1])), _FLATTENING * (2.0 - _FLATTENING)
+    across = _EQUATOR / sqrt(1.0 - square * sin(middle) ** 2)
+    along = across * (1.0 - square) / (1.0 - square * sin(middle) ** 2)
+    turned = (after[2] - before[2] + 180.0) % 360.0 - 180.0
+    return np.array([along * radians(after[1] - before[1]), across * cos(middle) * radians(turned)])
