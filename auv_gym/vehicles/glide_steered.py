@@ -16,8 +16,10 @@ from auv_gym.compiled import compiled
 from auv_gym.physics.actuators import command_within
 from auv_gym.physics.sensors import deviation
 from auv_gym.vehicles.family import registered
-from auv_gym.vehicles.glide import FLATTEST, GLIDE, beyond, carry, flight_at
+from auv_gym.vehicles.glide import FLATTEST, GLIDE, beyond, carry, flight_at, net_buoyancy
 
+# s: longest step, and that at the surface; m/s, fastest rise there, and one that does not count; steps between
+_LONGEST, _AT_SURFACE, _CALM, _RISING, _KEPT = 60.0, 5.0, 0.5, 0.02, 2
 _STALL = 0.5  # rad of attack, beyond which the wings turn it no faster; chosen, twice the attack of a Seaglider
 
 
@@ -38,12 +40,21 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     """State derivative of [depth, depth rate, north, east, unknown volume, heading, time into the sample] into dx."""
     time = inputs[6] + x[6]
     pitch, roll = attitude(actuators, x[1] < 0.0, p)
-    speed, path, attack = flight_at(x[0], x[4], actuators[0], actuators[4], pitch, inputs[5], time, p)
+    depth = max(x[0], 0.0)
+    speed, path, attack = 0.0, 0.0, 0.0
+    if x[0] > 0.0 or net_buoyancy(depth, x[4], actuators[0], actuators[4], inputs[5], time, p) < 0.0:  # not afloat
+        speed, path, attack = flight_at(depth, x[4], actuators[0], actuators[4], pitch, inputs[5], time, p)
     carry(x, speed, path, x[5], time, p, dx)
     dx[4] = 0.0
     lifting = min(max(attack, -_STALL), _STALL)
     dx[5] = speed * (p.steering.turn_roll * lifting * sin(roll) + p.steering.turn_rudder * actuators[3])
     dx[6] = 1.0
+
+
+@compiled
+def stable_step(x, inputs, p):
+    """The longest RK4 step, s, that does not take a rising glider out of the water."""
+    return min(max(x[0] / (_KEPT * _CALM), _AT_SURFACE), _LONGEST) if x[1] < -_RISING else _LONGEST
 
 
 @compiled
@@ -118,6 +129,7 @@ GLIDE_STEERED = registered(
         required=("buoyancy_volume_m3", "battery_position_m"),
         states=("depth_m", "depth_rate_mps", "north_m", "east_m", "volume_m3", "heading_rad"),
         integrated=7,
+        block=_KEPT,
         actuators=("buoyancy_volume_m3", "battery_position_m", "battery_roll_rad", "rudder_rad", "temperature_C"),
         outputs=("depth_m", "north_m", "east_m", "roll_rad", "pitch_rad", "heading_rad"),
         doubted=lambda parameters: tuple(
@@ -143,6 +155,7 @@ GLIDE_STEERED = registered(
         hooks=replace(
             GLIDE.hooks,
             derivative=derivative,
+            stable_step=stable_step,
             shape=shape,
             actuator_times=actuator_times,
             output=output,

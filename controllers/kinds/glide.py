@@ -13,7 +13,7 @@ from controllers.kinds import ControlKind, Ranges
 _BAND = 10.0  # m from the target, beyond which it flies as fast as it can
 _DEEP = 100.0  # m, at which it is trimmed
 _APOGEE, _SURFACE = 150.0, 1.0  # m, between which it flies yos: of the usual 200 m of water, room for the pump
-_LIFT = 0.5  # of what its engine can move to either side, with which it flies yos
+_LIFT = 0.75  # of what its engine can move to either side, with which it flies yos
 
 
 def _placed(
