@@ -33,13 +33,17 @@ class GlideView:
         """The present moment and how it came there."""
         episodes, record = self._episodes, self._record
         track, told = np.array(self._track), dict(zip(episodes.plant.inputs, record["command"].tolist(), strict=True))
-        last = np.diff(track[-2:], axis=0)[0] if len(track) > 1 else np.zeros(4)
+        current = current_of(episodes, self._row)
+        speed = 0.0
+        if len(track) > 1:
+            step = np.diff(track[-2:], axis=0)[0]
+            speed = float(np.linalg.norm(step[1:] / step[0] - [*(current or (0.0, 0.0)), 0.0]))
         roll, pitch = (float(record["raw"][at]) for at in self._attitude)
         return Scene(
             trail=track[:, 1:],
             time=track[:, 0],
             attitude=(roll, pitch, float(self._row[self._at[3]])),
-            speed=float(np.linalg.norm(last[1:]) / last[0]) if last[0] else 0.0,
+            speed=speed,
             commands={
                 name: (told[name], (middle - limit, middle + limit))
                 for name, middle, limit in zip(episodes.actions, episodes.middles, episodes.limits, strict=True)
@@ -49,7 +53,7 @@ class GlideView:
                 active=int(record["reached"]),
                 radius=float(episodes.settings["radius"]),
             ),
-            current=current_of(episodes, self._row),
+            current=current,
             title=f"{episodes.task.name}   {episodes.plant.title or episodes.plant.name}",
             caption=f"{track[-1, 0] / 3600.0:.2f} h, {float(record['energy']) / 1e3:.1f} kJ",
         )
