@@ -84,6 +84,8 @@ _LISTED: Final = (
     Channel("valved_depth_m4", "m4", "oil let in, each part times its depth", "input"),
     Channel("volume_m3", "m3", "volume beyond neutral trim"),
     Channel("buoyancy_volume_m3", "m3", "volume of the buoyancy engine"),
+    Channel("battery_position_m", "m", "position of the battery along the hull"),
+    Channel("battery_roll_rad", "rad", "angle of the turned battery"),
     Channel("elapsed_s", "s", "time since the segment began"),
     Channel("heading_cmd_rad", "rad", "commanded heading", "command", angle=True),
     Channel("pitch_cmd_rad", "rad", "commanded pitch", "command", angle=True),

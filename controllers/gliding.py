@@ -1,9 +1,16 @@
-"""A glider's way to a depth: heavy and nose down above it, light and nose up below."""
+"""Gliders that fly: to a depth, and over yos to a waypoint in a current, as their operators have them fly."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import asin, atan2, cos, remainder, sin, tau
+
+from auv_gym.plant import Plant
+from auv_gym.plant.flying import Flight, battery_for, turning_input
+
+_STEEPEST = 0.9  # of the speed, that a heading may take to make up for a current across
+_SOFT = 2.0  # samples in which an error of heading is to vanish
 
 
 @dataclass(frozen=True)
@@ -11,15 +18,20 @@ class GlideToDepth:
     """Engine and pitch in proportion to the distance from the wanted depth, within `band` m of it; no memory.
 
     neutral, half: m^3, the engine's volume at rest and what it may move from there.  pitch: rad, the steepest.
+    steered: the glider whose battery gives the pitch, None where pitch itself is commanded.
     """
 
     neutral: float
     half: float
     pitch: float
     band: float
+    steered: Plant | None = None
 
     targets = ("depth_m",)
-    commands = ("buoyancy_volume_m3", "pitch_rad")
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return ("buoyancy_volume_m3", "pitch_rad" if self.steered is None else "battery_position_m")
 
     def start(self) -> None:
         return None
@@ -29,4 +41,62 @@ class GlideToDepth:
     ) -> tuple[dict[str, float], None]:
         """reading: depth_m.  target: depth_m."""
         share = min(max((target["depth_m"] - reading["depth_m"]) / self.band, -1.0), 1.0)
-        return {"buoyancy_volume_m3": self.neutral - share * self.half, "pitch_rad": -share * self.pitch}, None
+        engine, pitch = self.neutral - share * self.half, -share * self.pitch
+        moved = pitch if self.steered is None else battery_for(self.steered, pitch, engine)
+        return dict(zip(self.commands, (engine, moved), strict=True)), None
+
+
+@dataclass(frozen=True)
+class YoPilot:
+    """The operators' rule: yos between the surface and a depth, on the heading that makes up for the last current.
+
+    plant: the steered glider.  neutral, lift: m^3, the engine's volume at rest and what it is flown off that by.
+    pitch: rad, of dives and climbs.  apogee: m, where a climb begins.  surface: m, where the next dive begins.
+    flight: steady flight of a dive, which says how fast roll or fin turn it.  Its memory is whether it climbs.
+    """
+
+    plant: Plant
+    neutral: float
+    lift: float
+    pitch: float
+    apogee: float
+    surface: float
+    flight: Flight
+
+    targets = ("north_m", "east_m", "depth_m")
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return ("buoyancy_volume_m3", "battery_position_m", turning_input(self.plant)[0])
+
+    def start(self) -> bool:
+        return False
+
+    def act(
+        self, climbing: bool, reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], bool]:
+        """reading: depth_m, heading_rad, north_m, east_m, dt_s, and the current where one is known.  target: a place.
+
+        The target's depth is left alone.
+        """
+        depth = reading["depth_m"]
+        climbing = depth > self.surface if climbing else depth >= self.apogee
+        side = 1.0 if climbing else -1.0
+        engine = self.neutral + side * self.lift
+        course = atan2(target["east_m"] - reading["east_m"], target["north_m"] - reading["north_m"])
+        north, east = (reading.get(f"current_{name}_mps", 0.0) for name in ("north", "east"))
+        across = (east * cos(course) - north * sin(course)) / (self.flight.speed * cos(self.flight.path))
+        heading = course - asin(min(max(across, -_STEEPEST), _STEEPEST))
+        turn = remainder(heading - reading["heading_rad"], tau) / (_SOFT * reading["dt_s"])
+        moved = (engine, battery_for(self.plant, side * self.pitch, engine), self._turned(turn, side))
+        return dict(zip(self.commands, moved, strict=True)), climbing
+
+    def _turned(self, turn: float, side: float) -> float:
+        """The fin or the battery's angle, rad, for a rate of turn, rad/s."""
+        s, (name, limit) = self.plant.parameters.steering, turning_input(self.plant)
+        if name == "rudder_rad":
+            angle = turn / (self.flight.speed * s.turn_rudder)
+        else:
+            sine = turn / (self.flight.speed * s.turn_roll * -side * abs(self.flight.attack))
+            angle = (asin(min(max(sine, -1.0), 1.0)) - s.roll) / s.roll_mass
+        return min(max(angle, -limit), limit)

@@ -11,6 +11,7 @@ import numpy as np
 from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import Layout
 from auv_gym.envs.tasks import Observed
+from auv_gym.plant import Plant
 from auv_gym.vehicles.family import Family
 
 
@@ -60,6 +61,10 @@ class View(Protocol):
         ...
 
 
+def _as_it_is(plant: Plant, dt: float | None) -> Plant:
+    return plant
+
+
 def _no_numbers(family: Family) -> Mapping[str, int]:
     return {}
 
@@ -73,7 +78,8 @@ class EnvKind:
     those that only this kind has.  view: of an `Episodes` and a row, made when a picture is wanted.  reasons: why an
     episode was terminated, by code: words with {value} and {limit}, and the field of the plan that is the limit.
     readings: what an info shows as measured, by channel the name of its feature; by default all outputs.  infos: single
-    numbers of an info, by name the field of the row.  numbers: further open names of the hooks.
+    numbers of an info, by name the field of the row.  numbers: further open names of the hooks.  prepare: the vehicle as environments
+    step it, of the one that was given and of dt=.
     """
 
     title: str
@@ -86,3 +92,4 @@ class EnvKind:
     readings: Mapping[str, str] = field(default_factory=dict)
     infos: Mapping[str, str] = field(default_factory=dict)
     numbers: Callable[[Family], Mapping[str, int]] = _no_numbers
+    prepare: Callable[[Plant, float | None], Plant] = _as_it_is

@@ -57,6 +57,7 @@ def make_episodes(
         task = tasks.TASKS[task]
     plant = resolve_plant(task.vehicle if vehicle is None else vehicle, dt)
     task, kind = _task_for(task, plant)
+    plant = kind.prepare(plant, dt)
     own = {name: value for name, value in own.items() if value is not None}
     for name in own:
         if name not in kind.options:

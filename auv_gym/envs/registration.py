@@ -16,7 +16,7 @@ ENVIRONMENTS: dict[str, dict[str, Any]] = {
         "order_enforce": False,
         "disable_env_checker": True,
     }
-    for task in ("GliderHeading", "Depth", "Heading", "Speed", "Path", "FloatDepth", "StationKeeping", "Pose")
+    for task in ("GliderHeading", "Depth", "Heading", "Speed", "Path", "FloatDepth", "StationKeeping", "Pose", "Glide")
 }
 
 

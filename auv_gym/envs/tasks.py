@@ -4,7 +4,8 @@ Sizes are in units of the vehicle, so that they fit one of any size: a length, a
 Those of a torpedo are its own length and its cruise speed (see `plant.cruise`); those of a float are its speed at full
 travel and how far that takes it in a time of its own (see `plant.float_engine`). A glider has its nominal speed and its
 steady turn at full rudder, and its times are in s. A vehicle that thrusters move has its own length, and the speed
-and the rate of turn that they can give it.
+and the rate of turn that they can give it. A glider that flies has its speed over ground at a usual pitch and all of
+its engine, and how far that takes it in a yo, down to the bottom and up again.
 """
 
 from __future__ import annotations
@@ -333,6 +334,41 @@ GLIDER_HEADING = Task(
     duration=600.0,
 )
 
+# Gliders that fly
+TURNING = "turning"  # stands for the vehicle's own channel: battery_roll_rad or rudder_rad
+BOTTOM, SHALLOWEST = 200.0, 30.0  # m, depth of the water by default, and the least
+YOS = (2.0, 4.0)  # of a leg, in lengths, which are yos
+ARRIVAL = 0.33  # lengths; operators of Seagliders call 2 km reached, of the 6 km that a dive to 1000 m covers
+
+GLIDE = Task(
+    name="Glide",
+    vehicle="seaglider",
+    unit="length",
+    scale=1.0,
+    actions=("buoyancy_volume_m3", "battery_position_m", TURNING),
+    observed=(
+        Observed("across", "across", 1.0, "length"),
+        Observed("remaining", "remaining", YOS[1], "length"),
+        Observed("course_error_sin", "course_sin"),
+        Observed("course_error_cos", "course_cos"),
+        Observed("next_course_error_sin", "next_course_sin"),
+        Observed("next_course_error_cos", "next_course_cos"),
+        Observed("depth", "depth_m", 1.0, "deepest"),
+        Observed("depth_rate", "sinking", 1.0, "speed"),
+        _PITCH,
+        _ROLL,
+        Observed("current_along", "current_along", 1.0, "speed"),
+        Observed("current_across", "current_across", 1.0, "speed"),
+        Observed("buoyancy", "buoyancy_volume_m3"),
+        Observed("battery", "battery_position_m"),
+        Observed("turning", TURNING),
+    ),
+    weights={"path": 0.3, "energy": 0.2, "progress": 0.5},
+    duration=16.0,  # yos
+    current=0.4,
+)
+
 TASKS = {
-    task.name: task for task in (DEPTH, HEADING, SPEED, PATH, STATION_KEEPING, POSE_TASK, FLOAT_DEPTH, GLIDER_HEADING)
+    task.name: task
+    for task in (DEPTH, HEADING, SPEED, PATH, STATION_KEEPING, POSE_TASK, FLOAT_DEPTH, GLIDER_HEADING, GLIDE)
 }

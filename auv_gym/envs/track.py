@@ -54,7 +54,7 @@ class BodyView:
                 if limit
             },
             target=self._goal(self._episodes, self._record, np.array(self._waypoints)),
-            current=self._current(),
+            current=current_of(self._episodes, self._row),
             title=f"{self._episodes.task.name}   {self._episodes.plant.title or self._episodes.plant.name}",
             caption=f"{track[-1, 0]:.1f} s",
         )
@@ -62,11 +62,12 @@ class BodyView:
     def _states(self, *names: str) -> tuple[Any, ...]:
         return tuple(float(self._row[self._at[name]]) for name in names)
 
-    def _current(self) -> tuple[float, float] | None:
-        """The steady current, where a plant drives the environment; drawn values stand before the plant's."""
-        if not isinstance(self._episodes.driver, Plant) or self._episodes.by_model:
-            return None
-        drawn = self._episodes.randomised_values(self._row)
-        paths = ("effects.current.north", "effects.current.east")
-        north, east = (drawn.get(path, value_at(self._episodes.driver, path)) for path in paths)
-        return (north, east) if north or east else None
+
+def current_of(episodes: Episodes, row: np.ndarray) -> tuple[float, float] | None:
+    """The steady current, where a plant drives the environment; drawn values stand before the plant's."""
+    if not isinstance(episodes.driver, Plant) or episodes.by_model:
+        return None
+    drawn = episodes.randomised_values(row)
+    paths = ("effects.current.north", "effects.current.east")
+    north, east = (drawn.get(path, value_at(episodes.driver, path)) for path in paths)
+    return (north, east) if north or east else None

@@ -1,7 +1,8 @@
-"""What a glider's plant flies by: its neutral engine volume, and speed and path of its steady flight."""
+"""What a glider's plant flies by: its neutral engine volume, its steady flight, and how its masses take it there."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,11 @@ import numpy as np
 from auv_gym.param import value_at
 from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant
-from auv_gym.vehicles.glide import flight, net_buoyancy
+from auv_gym.vehicles.glide import flight, flight_at, net_buoyancy
+from auv_gym.vehicles.glide_steered import GLIDE_STEERED
+
+STEP = 30.0  # s between commands of a glider that is steered: a Seaglider's samples in deep water
+NOMINAL_PITCH = 0.4  # rad; operators fly at 15 to 30 degrees
 
 
 class Flight(NamedTuple):
@@ -40,3 +45,38 @@ def steady_flight(plant: Plant, depth: float, **inputs: float) -> Flight:
     u = np.array([named.get(name, 0.0) for name in plant.inputs])
     actuators = u[: len(plant.family.actuators)].copy()
     return Flight(*map(float, flight(depth, 0.0, actuators, u, 0.0, plant.family.view(plant.derived))))
+
+
+def nominal_flight(plant: Plant, depth: float, lift: float, pitch: float = NOMINAL_PITCH) -> Flight:
+    """Steady flight with so much volume, m^3, above neutral at a depth, m, or below (negative); pitch: rad, its size."""
+    hull, engine = plant.hull, neutral_engine(plant, depth) + lift
+    pitch = pitch if lift > 0.0 else -pitch
+    p = plant.family.view(plant.derived)
+    return Flight(*map(float, flight_at(depth, 0.0, engine, hull.temperature, pitch, hull.density, 0.0, p)))
+
+
+def steered(plant: Plant, dt: float | None = STEP) -> Plant:
+    """The glider with its masses as inputs in the place of its attitude; raises where nothing is known of them.
+
+    dt: s between commands, None for the vehicle's own.
+    """
+    steering = plant.parameters.steering
+    if not steering.pitch_mass or not (steering.turn_roll * steering.roll_mass or steering.turn_rudder):
+        raise ValueError(
+            f"{plant.name} cannot be steered: it needs steering.pitch_mass, and steering.turn_rudder or roll_mass and "
+            "turn_roll, which are 0: give them in the table [steering] of its vehicle file."
+        )
+    return replace(plant, family=GLIDE_STEERED, dt=plant.dt if dt is None else dt)
+
+
+def battery_for(plant: Plant, pitch: float, engine: float) -> float:
+    """The battery's position, m, that gives a pitch, rad, with the engine at a volume, m^3, as far as its way goes."""
+    s = plant.parameters.steering
+    position = (pitch - s.pitch - s.pitch_engine * engine) / s.pitch_mass
+    return min(max(position, s.battery_low), s.battery_high)
+
+
+def turning_input(plant: Plant) -> tuple[str, float]:
+    """What turns a steered glider, its fin or its battery's angle, and how far it goes either way, rad."""
+    s = plant.parameters.steering
+    return ("rudder_rad", s.rudder_limit) if s.turn_rudder else ("battery_roll_rad", s.roll_limit)

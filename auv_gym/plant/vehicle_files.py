@@ -26,7 +26,7 @@ _FILE_KEYS = (
     "family", "name", "title", "description", "fitted_to", "dt_s", "longest_step_s", "window_s", "settle_s",
     "written_by",
 )  # fmt: skip
-_TABLES = ("hull", "parts", "effects")
+_TABLES = ("hull", "steering", "parts", "effects")
 _ENTRY_KEYS = {"value", "unit", "deviation", "source"}
 _ANY = (-np.inf, np.inf)
 

@@ -10,7 +10,7 @@ from auv_gym.channels import channel
 from auv_gym.rendering.depth import Strip, depth_axis, time_axis
 from auv_gym.rendering.panel import draw_title, frame
 from auv_gym.rendering.plan import kept
-from auv_gym.rendering.scales import number, outward, round_step
+from auv_gym.rendering.scales import SMALL, number, outward, round_step
 from auv_gym.rendering.sheet import (
     COMMAND,
     DASHED,
@@ -33,7 +33,6 @@ _ARROW = 34.0  # of the fastest speed so far, pixels
 _BANDS = 16  # of the water's shades
 _LEAST_SPEED = 0.05  # m/s that the axis shows
 _COMMANDED = mixed(COMMAND, PAPER, 0.5)
-_SHOWN = {"m": ("mm", 1e3), "m3": ("mL", 1e6)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +144,7 @@ def _speed(sheet: Sheet, dive: Dive, strip: Strip, area: Box) -> None:
 
 def _engine(sheet: Sheet, dive: Dive, strip: Strip, area: Box) -> None:
     signal = channel(dive.engine)
-    unit, scale = _SHOWN.get(signal.unit, (signal.unit, 1.0))
+    unit, scale = SMALL.get(signal.unit, (signal.unit, 1.0))
     low, high = (scale * limit for limit in dive.limits)
     panel = _panel(area, strip, low, high, round_step((high - low) / 4.0))
     command, position = scale * dive.command, scale * dive.position

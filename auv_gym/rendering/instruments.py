@@ -9,7 +9,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.rendering.panel import TITLE, draw_title
 from auv_gym.rendering.plan import outline
-from auv_gym.rendering.scales import number, round_step, shortest
+from auv_gym.rendering.scales import SMALL, number, round_step, shortest
 from auv_gym.rendering.scene import Scene, ends
 from auv_gym.rendering.sheet import (
     COMMAND,
@@ -139,7 +139,7 @@ def _dial(sheet: Sheet, x: float, y: float, heading: float, wanted: float | None
 
 def _command(sheet: Sheet, row: Box, name: str, value: float, limits: tuple[float, float]) -> None:
     signal = channel(name)
-    named = {"rad": ("°", degrees(1.0)), "rad/s": ("°/s", degrees(1.0)), "1": ("", 1.0)}
+    named = {"rad": ("°", degrees(1.0)), "rad/s": ("°/s", degrees(1.0)), "1": ("", 1.0)} | SMALL
     shown, scale = named.get(signal.unit, (signal.unit, 1.0))
     unit = shown if shown.startswith("°") or not shown else f" {shown}"
     low, high = (scale * limit for limit in limits)

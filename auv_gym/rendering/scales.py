@@ -6,6 +6,8 @@ from math import ceil, floor, log10
 
 import numpy as np
 
+SMALL = {"m": ("mm", 1e3), "m3": ("mL", 1e6)}  # what actuators move in, by the unit of their channel
+
 _MINUS = "\N{MINUS SIGN}"
 
 

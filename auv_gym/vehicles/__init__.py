@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from auv_gym.vehicles import glide, glider, profiling_float  # noqa: F401  # each registers its families
+from auv_gym.vehicles import glide_steered, glider, profiling_float  # noqa: F401  # each registers its families
 from auv_gym.vehicles.body.compose import Body, Part, compose
 from auv_gym.vehicles.family import FAMILIES, Family
 

@@ -22,7 +22,8 @@ from auv_gym.physics.polar import steady_glide
 from auv_gym.physics.sensors import deviation
 from auv_gym.vehicles.depth_sensor import sense, settle_sensors
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
-from auv_gym.vehicles.glide_effects import GlideEffects
+from auv_gym.vehicles.glide_effects import STEERED, GlideEffects
+from auv_gym.vehicles.glide_steering import Steering
 from auv_gym.vehicles.operators_constants import seaglider_constants
 
 
@@ -61,6 +62,7 @@ class GlideParameters:
     """The parameter tree of a glider that flies by its polar."""
 
     hull: GlideHull = part(GlideHull)
+    steering: Steering = part(Steering)
     effects: GlideEffects = part(GlideEffects)
 
 
@@ -106,10 +108,16 @@ def flight(depth, unknown, actuators, inputs, time, p):
 
     actuators: [engine m^3, hull temperature degC].  inputs: as in the family.
     """
-    hull, polar, water = p.hull, p.effects.polar, p.effects.water
-    density = inputs[4] + _SALTS * water.salinity + water.gradient * depth
-    force = net_buoyancy(depth, unknown, actuators[0], actuators[1], density, time, p)
     pitch = inputs[2] - p.effects.inclinometer.pitch_bias
+    return flight_at(depth, unknown, actuators[0], actuators[1], pitch, inputs[4], time, p)
+
+
+@compiled
+def flight_at(depth, unknown, engine, hull_temperature, pitch, density, time, p):
+    """The same at a true pitch, rad, in water of a density, kg/m^3, as it was measured or assumed."""
+    hull, polar, water = p.hull, p.effects.polar, p.effects.water
+    density = density + _SALTS * water.salinity + water.gradient * depth
+    force = net_buoyancy(depth, unknown, engine, hull_temperature, density, time, p)
     drag_0, lift_1 = hull.drag_0 * (1.0 + polar.growth), hull.lift_1 * (1.0 + polar.lift)
     return steady_glide(force, pitch, density, hull.area, drag_0, hull.drag_power, hull.drag_2, lift_1)
 
@@ -135,16 +143,22 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     """
     time = inputs[5] + x[5]
     speed, path, _ = flight(x[0], x[4], actuators, inputs, time, p)
+    carry(x, speed, path, true_heading(inputs[3], p.effects.compass), time, p, dx)
+    dx[4] = 0.0
+    dx[5] = 1.0
+
+
+@compiled
+def carry(x, speed, path, heading, time, p, dx):
+    """The slopes of depth, depth rate, north and east into dx, of a flight on a true heading, rad."""
     rate = water_velocity(time, p.effects.water) - speed * sin(path)
     if x[0] <= 0.0:  # afloat
         rate = max(rate, 0.0)
     dx[0] = rate
     dx[1] = (rate - x[1]) / _RATE_LAG
-    heading, along = true_heading(inputs[3], p.effects.compass), speed * cos(path)
+    along = speed * cos(path)
     dx[2] = along * cos(heading) + p.effects.current.north
     dx[3] = along * sin(heading) + p.effects.current.east
-    dx[4] = 0.0
-    dx[5] = 1.0
 
 
 @compiled
@@ -252,7 +266,11 @@ GLIDE = Family(
         "density_kgpm3": (900.0, 1100.0),
         "temperature_C": (-5.0, 60.0),
     },
-    measured={"effects.water.gradient": "density_kgpm3"},
+    measured={
+        "effects.water.gradient": "density_kgpm3",
+        # attitude is measured in every log, so what trims it is nothing to look for
+        **dict.fromkeys((*STEERED, "effects.inclinometer.roll_bias"), "pitch_rad"),
+    },
     shared={"volume_m3": "effects.volume.offset"},
     shared_unless="hull.trim_known",
     interpolated=("buoyancy_volume_m3", "temperature_C", "pitch_rad", "heading_rad", "density_kgpm3"),

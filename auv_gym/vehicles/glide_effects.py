@@ -6,7 +6,7 @@ a net buoyancy of 1 to 2 N.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import pi
 from typing import Any
 
@@ -23,6 +23,7 @@ _ANGLES = "dives and climbs at several pitch angles"
 _BOTH = "dives as well as climbs, at several pitch angles"
 _SAMPLES = "a water sample, or a second CTD"
 _FIX = "a track with a known current"
+_TURNS = "turns to either side, diving and climbing"
 _CIRCLE = "tracks over headings all around the circle"
 _PROFILE = "a profile of the water's density, measured with the log"
 
@@ -83,9 +84,10 @@ class GlideWaterEffects:
 
 @dataclass(frozen=True)
 class GlideInclinometer:
-    """Error of the measured pitch."""
+    """Errors of the measured pitch and roll."""
 
     pitch_bias: float = param(0.0, "rad", "pitch sensor bias", bounds=(-0.3, 0.3), probe=0.01, apart=_BOTH)
+    roll_bias: float = param(0.0, "rad", "roll sensor bias", bounds=(-0.3, 0.3), probe=0.01, apart=_TURNS)
 
 
 @dataclass(frozen=True)
@@ -111,10 +113,24 @@ class GlideDepthSensor:
 
 
 @dataclass(frozen=True)
+class SteeringEffects:
+    """Trim that the static relation of a glider's masses leaves out; where attitude is an input, it has it already."""
+
+    pitch: float = param(0.0, "rad", "pitch trim", bounds=(-0.5, 0.5), probe=0.01, apart=_BOTH)
+    roll: float = param(0.0, "rad", "roll trim", bounds=(-0.5, 0.5), probe=0.01, apart=_TURNS)
+    roll_climb: float = param(0.0, "rad", "roll trim more in climbs, by", bounds=(-0.5, 0.5), probe=0.01, apart=_TURNS)
+
+
+STEERED = tuple(f"effects.steering.{field.name}" for field in fields(SteeringEffects))
+
+
+@dataclass(frozen=True)
 class GlideSampling:
     """Sampling of a glider's readings."""
 
     depth: Sampling = part(Sampling, "depth sensor")
+    compass: Sampling = part(Sampling, "compass")
+    inclinometer: Sampling = part(Sampling, "inclinometer")
     position: Sampling = part(Sampling, "position")
 
 
@@ -126,6 +142,7 @@ class GlideEffects:
     volume: DisplacementEffects = part(DisplacementEffects)
     polar: PolarEffects = part(PolarEffects)
     water: GlideWaterEffects = part(GlideWaterEffects)
+    steering: SteeringEffects = part(SteeringEffects)
     inclinometer: GlideInclinometer = part(GlideInclinometer)
     compass: GlideCompass = part(GlideCompass)
     current: CurrentEffects = part(CurrentEffects)

@@ -27,7 +27,8 @@ def _every_sample(plant: Plant) -> float:
 class ControlKind:
     """Autopilots of a kind of vehicle.
 
-    targets: channels that they follow by default.  plans: predictive control of each channel that it can follow, of a
+    targets: channels that they follow by default, and `asked` those besides that PID follows where they are
+    named.  plans: predictive control of each channel that it can follow, of a
     plant and the settings of a Gpc.  ranges: the lowest and the highest of each command.  pid, s_plane: of a plant,
     targets, tuned gains and, for PID, the limit of pitch, rad, in place of the tuned one; None where there is no such
     law.  placed: in place of `pid`, PID whose gains follow from the model: of a plant, targets, s between calls and
@@ -46,6 +47,7 @@ class ControlKind:
     placed: Callable[..., Controller] | None = None
     joined: Callable[..., Controller] | None = None
     shared: tuple[str, ...] = ()
+    asked: tuple[str, ...] = ()
     held: Callable[[Plant], tuple[str, ...]] = _nothing
     able: Callable[[Plant], tuple[str, ...]] | None = None
     alternatives: tuple[tuple[str, ...], ...] = ()
@@ -57,7 +59,7 @@ class ControlKind:
     @property
     def followed(self) -> tuple[str, ...]:
         """All channels that some autopilot of such a vehicle can follow."""
-        return (*self.targets, *(name for name in self.plans if name not in self.targets))
+        return tuple(dict.fromkeys((*self.targets, *self.plans, *self.asked)))
 
 
 KINDS: Kinds[ControlKind] = Kinds("controllers.kinds", "Controllers know")

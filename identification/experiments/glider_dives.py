@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_gym.model import check_finite
 from auv_gym.plant import Plant
-from auv_gym.plant.flying import neutral_engine
+from auv_gym.plant.flying import battery_for, neutral_engine, turning_input
 from auv_gym.records.record import Record, concat
 
 Profile = Callable[[float], float]
@@ -18,6 +18,7 @@ Profile = Callable[[float], float]
 _START = 12.0  # m, where a dive's record begins and ends: bubbles and waves are over
 _FINE = 1.0  # s, in which attitude, engine and water change between samples
 _PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes
+_ATTITUDE = ("roll_rad", "pitch_rad", "heading_rad")
 _TURN = 15.0  # s, time constant of the change from dive to climb
 _NET = (1.0e-4, 2.0e-4)  # m^3 that a dive, and a climb, are off neutral by at their end
 _PITCH = (radians(16.0), radians(28.0))
@@ -53,9 +54,10 @@ def yo_mission(
 
     Net buoyancy, 100 to 200 cm3 less than neutral at the deepest of a dive and more than neutral where its climb ends,
     and pitch angles of 16 to 28 degrees are drawn for each; pitch and heading wander slowly.  buoyancy_volume_m3 and
-    pitch_rad are what the log has, before any effect.  noise: m, white, of the depth.  dt: s between samples, default
-    the vehicle's.  measured: whether the log has the water's density.  truth: the plant that flies, of the one that is
-    planned with.  Raises Diverged.
+    pitch_rad are what the log has, before any effect.  Where masses steer the glider, they are moved for these angles,
+    and attitude is what follows.  noise: m, white, of the depth.  dt: s between samples, default the vehicle's.
+    measured: whether the log has the water's density.  truth: the plant that flies, of the one that is planned with.
+    Raises Diverged.
     """
     low, high = plant.hull.engine_low, plant.hull.engine_high
     if not depths or not all(_START + 20.0 <= depth <= 1000.0 for depth in depths):
@@ -72,9 +74,11 @@ def yo_mission(
         lift, turns, heading = rng.uniform(0.0, 6.28, size=3)
         sinking, rising = max(deep - net[0], low), min(shallow + net[1], high)
         engine, pitch, climbing, t, rows = sinking, -pitches[0], False, 0.0, []
-        x = flying.initial(np.array([_START, 0.0, 0.0]))
+        x = flying.initial(np.array([{"depth_m": _START, "heading_rad": heading}.get(n, 0.0) for n in flying.outputs]))
         position = flying.states.index("buoyancy_volume_m3 position")
         x[position] = engine
+        read = ["depth_m", *(name for name in _ATTITUDE if name in flying.outputs)]
+        at = [flying.outputs.index(name) for name in read]
         while not (climbing and x[0] <= _START) and t < _MOST:
             climbing = climbing or x[0] >= depth
             wanted = rising if climbing else sinking
@@ -85,24 +89,32 @@ def yo_mission(
             u = {
                 "buoyancy_volume_m3": engine,
                 "temperature_C": open_sea(x[0]),
-                "pitch_rad": pitch + wander,
-                "heading_rad": heading + 3.0 * wander,
+                **_steering(flying, pitch + wander, heading + 3.0 * wander, engine, np.sin(0.2 * t / every)),
                 "density_kgpm3": sea_density(x[0]),
                 "elapsed_s": begun + t,
             }
             if t % every < _FINE:
-                rows.append((t, float(flying.output(x)[0]), *u.values()))
+                rows.append((t, *flying.output(x)[at], *u.values()))
             x = flying.step(x, np.array([u[name] for name in flying.inputs]))
             check_finite(flying.states, np.array([t]), x[None, :])
             t += _FINE
         begun += t + 600.0  # at the surface
-        records.append(_record(np.array(rows), tuple(u), rng, noise, measured))
+        records.append(_record(np.array(rows), (*read, *u), rng, noise, measured))
     return concat(records).with_notes([], source="simulated", vehicle=plant.name, depth_noise_m=noise)
 
 
+def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: float) -> dict[str, float]:
+    """The inputs that take a glider to an attitude; one that is steered goes to either side by turns, as weave says."""
+    if "pitch_rad" in plant.inputs:
+        return {"pitch_rad": pitch, "heading_rad": heading}
+    turning, limit = turning_input(plant)
+    still = {"battery_roll_rad": 0.0, "rudder_rad": 0.0}
+    return {"battery_position_m": battery_for(plant, pitch, engine), **still, turning: 0.5 * limit * weave}
+
+
 def _record(rows: np.ndarray, names: tuple[str, ...], rng: np.random.Generator, noise: float, measured: bool) -> Record:
-    columns = dict(zip(names, rows.T[2:], strict=True))
+    columns = dict(zip(names, rows.T[1:], strict=True))
     if not measured:
         columns.pop("density_kgpm3")
-    depth = rows[:, 1] + noise * rng.standard_normal(len(rows))
-    return Record.from_arrays(rows[:, 0], {"depth_m": depth, **columns})
+    columns["depth_m"] = columns["depth_m"] + noise * rng.standard_normal(len(rows))
+    return Record.from_arrays(rows[:, 0], columns)

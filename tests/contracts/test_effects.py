@@ -50,7 +50,8 @@ def showing() -> list[tuple[str, str]]:
         if spec_at(with_bow_plane, path).probe and ".bow_plane." in path:
             free.append(("npsauv", path))
     flyer = load_vehicle("seaglider")
-    free += [("seaglider", p) for p in effect_paths(flyer) if spec_at(flyer, p).probe and p not in COMPANIONS]
+    unseen = {*COMPANIONS, *(path for path, channel in flyer.family.measured.items() if channel == "pitch_rad")}
+    free += [("seaglider", p) for p in effect_paths(flyer) if spec_at(flyer, p).probe and p not in unseen]
     for path in effect_paths(diver):
         if spec_at(diver, path).probe and path not in COMPANIONS:
             free += [("qiandao_float", path)] if ".oil." not in path else []

@@ -211,6 +211,17 @@ CASES = {
         "compass",
         computed=("u_mps",),
     ),
+    "glide": Case(
+        "Glide",
+        {
+            "effects.current.north": 0.1,
+            "effects.engine.dead_time": 20.0,
+            "effects.steering.roll_climb": 0.05,
+            "effects.polar.growth": 0.3,
+        },
+        "depth",
+        computed=("depth_rate_mps", "north_m", "east_m", "current_north_mps", "current_east_mps"),
+    ),
 }
 every_kind = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 
@@ -355,7 +366,7 @@ def test_memory_does_not_grow(case):
     assert after - before < 10_000  # bytes: less than one for each step
 
 
-@pytest.mark.parametrize("vehicle", [v for v in sorted(list_vehicles()) if load_vehicle(v).family.kind in KINDS.names])
+@pytest.mark.parametrize("vehicle", sorted(list_vehicles()))
 def test_random_steps_of_a_preset_stay_finite(vehicle):
     plant = load_vehicle(vehicle)
     name = next(case.name for case in CASES.values() if case.make().episodes.kind is KINDS.of(plant.family))
@@ -379,6 +390,7 @@ for task, options in (
     ("FloatDepth", {"near": (3.0, 0.36), "effects": {"effects.sampling.depth.noise": 0.02}}),
     ("FloatDepth", {"vehicle": "mermaid"}),
     ("Pose", {"effects": {"effects.t3.lost": 0.5, "effects.sampling.compass.noise": 0.02}}),
+    ("Glide", {"effects": {"effects.volume.offset": 2e-5, "effects.sampling.depth.noise": 0.2}}),
     ("GliderHeading", {"compass_noise": 0.02, "randomise": {"effects.yaw.moment": (-0.01, 0.01)}}),
 ):
     env = TaskEnv(task, **options)

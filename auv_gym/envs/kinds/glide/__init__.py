@@ -1,0 +1,58 @@
+"""Gliders that fly by their polar, steered by their masses, in environments."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from auv_gym.envs.kernel import path
+from auv_gym.envs.kernel.layout import Layout
+from auv_gym.envs.kind import EnvKind, View
+from auv_gym.envs.kinds.glide import hooks
+from auv_gym.envs.kinds.glide.scale import prepare, scale
+
+
+def _view(episodes: Any, row: np.ndarray) -> View:
+    from auv_gym.envs.kinds.glide.view import GlideView  # with matplotlib, so not before a picture is wanted
+
+    return GlideView(episodes, row)
+
+
+KIND = EnvKind(
+    title="a glider that flies",
+    layout=Layout(
+        geometry=(
+            *path.GEOMETRY, "sinking", "reckoned_north", "reckoned_east", "current_north", "current_east",
+            "current_along", "current_across",
+        ),
+        sensors={
+            "depth": ("depth_m",),
+            "compass": ("heading_rad",),
+            "inclinometer": ("roll_rad", "pitch_rad"),
+            "position": ("north_m", "east_m"),
+        },
+        plan={
+            **path.PLAN, "limit": "actuators", "middle": "actuators", "action_of": "actuators",
+            "bottom": 1, "engine_rate": 1, "pump": 1, "hotel": 1, "usual_power": 1, "usual_attack": 1,
+        },
+        # flown: through the water since the last fix, m.  drift: velocity of the water as the last dive showed it, m/s
+        row={**path.ROW, "engine": 1, "last_depth": 1, "fix": 2, "fix_time": 1, "flown": 2, "drift": 2},
+        shown={"reached": 1, "energy": 1},
+    ),
+    hooks=hooks.HOOKS,
+    scale=scale,
+    options=("bottom", "waypoints"),
+    view=_view,
+    prepare=prepare,
+    reasons={
+        hooks.GROUNDED: ("touched the bottom: depth_m is {value:.4g}, the bottom at {limit:.4g}", "bottom"),
+        hooks.ARRIVED: ("arrived at the last waypoint", ""),
+    },
+    readings={
+        "depth_m": "depth_m", "roll_rad": "roll_rad", "pitch_rad": "pitch_rad", "heading_rad": "heading_rad",
+        "depth_rate_mps": "sinking", "north_m": "reckoned_north", "east_m": "reckoned_east",
+        "current_north_mps": "current_north", "current_east_mps": "current_east",
+    },
+    infos={"energy_J": "energy"},
+)  # fmt: skip
