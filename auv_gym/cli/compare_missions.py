@@ -1,0 +1,98 @@
+"""`auv-gym compare-missions`: what of a vehicle has changed between missions before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from typer.core import TyperCommand
+
+from auv_gym.cli.application import app
+from auv_gym.cli.options import logs
+from auv_gym.cli.options.console import errors, output, progress_bar
+from auv_gym.cli.options.numbers import whole_number
+
+_WITH = "--with"
+
+
+class _Sides(TyperCommand):
+    """A command whose option --with takes all that follows it, up to the next option."""
+
+    def parse_args(self, ctx, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, spread(args))
+
+
+def spread(args: Sequence[str]) -> list[str]:
+    """`--with A B` as `--with A --with B`."""
+    found, after = [], False
+    for arg in args:
+        if arg.startswith("-"):
+            after = arg == _WITH
+        elif after:
+            found += [arg] if found[-1] == _WITH else [_WITH, arg]
+            continue
+        found.append(arg)
+    return found
+
+
+@app.command(cls=_Sides)
+def compare_missions(
+    before: Annotated[list[str], typer.Argument(help=f"Logs of missions before. {logs.ANY_LOG}")],
+    after: Annotated[list[str], typer.Option(_WITH, help="Logs of missions after, one or several.")],
+    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html.")],
+    min_depth: logs.MinDepth = None,
+    max_depth: logs.MaxDepth = None,
+    resample: logs.Thinning = None,
+    mapping: logs.ColumnNames = None,
+    cut_gaps: logs.CutGaps = True,
+    doubt: logs.Doubt = 0.1,
+    most: Annotated[int, whole_number("How many effects and changes may be named at once.", 1, 20)] = 3,
+    trust: logs.Trust = False,
+    cache_dir: logs.CacheFolder = None,
+) -> None:
+    """Find what of a vehicle has changed between missions, and how small a change would have been seen."""
+    from auv_gym.presets import find_vehicle
+    from auv_gym.writing import writable_folder
+
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        find_vehicle(vehicle)
+        writable_folder(out)
+        logs.check_log_files([*before, *after])
+
+        from auv_gym.plant import load_vehicle
+        from auv_gym.plant.record_check import needs_of
+        from auv_gym.plant.stated import as_stated
+        from identification.changes.missions import compare_missions as compare
+        from identification.changes.page import write_comparison
+        from identification.changes.wording import summary
+        from identification.pages.drawing import require_render
+
+        require_render()
+        plant, stated = as_stated(load_vehicle(vehicle), before[0])
+        if stated:
+            names = ", ".join(path.removeprefix("hull.") for path in stated)
+            errors.print(f"Log: constants of the vehicle that {escape(before[0])} states: {names}.", soft_wrap=True)
+        sides = []
+        for files in (before, after):
+            records = {}
+            for file in files:
+                progress(0.0, f"reading {Path(file).name}")
+                record = logs.read_log(file, mapping, cache_dir, needs_of(plant), cut_gaps)
+                record = logs.between_depths(record, min_depth, max_depth)
+                records[file] = logs.thinned(record, plant.dt) if resample is None else record.resample(resample)
+            sides.append(records)
+        found = compare(
+            *sides, plant, most=most, doubt=doubt, trust=trust, progress=lambda f, text: progress(0.05 + 0.9 * f, text)
+        )
+        progress(0.95, "writing the report")
+        written = write_comparison(found, out)
+    output.print()
+    for line in summary(found):
+        output.print(line, markup=False, soft_wrap=True)
+    for path in written.values():
+        output.print(str(path), markup=False, soft_wrap=True)

@@ -1,0 +1,89 @@
+"""What a comparison of missions found, in sentences and as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from identification.changes.missions import Changed, Common, Comparison, Sized, Unchanged
+from identification.diagnosis.wording import interval, quantity
+
+_TOLD = 4  # that did not change, in the summary; the page has all
+
+
+def summary(found: Comparison) -> list[str]:
+    """What changed, what is the same on both sides, and how small a change would have been seen; a sentence each."""
+    lines = [changed_words(c) for c in found.changed] or ["Nothing has changed that these missions could show."]
+    lines += [common_words(c) for c in found.common]
+    steady = [u for u in found.unchanged if np.isfinite(u.detectable)][:_TOLD]
+    if steady:
+        told = "; ".join(f"{named(u)}, {size_of(u.detectable, u)}" for u in steady)
+        lines.append(f"No change was found of the rest. Changes that would have been found: {told}.")
+    return lines
+
+
+def changed_words(c: Changed) -> str:
+    """`The rudder offset changed from 0.0 deg to 2.9 deg`, with the interval of the change."""
+    text = f"{c.title[0].upper()}{c.title[1:]} changed from {quantity(c.before.value, c.unit)} to "
+    text += f"{quantity(c.after.value, c.unit)}: by {quantity(c.change.value, c.unit)}{_relative(c)} "
+    text += f"(95 % interval {interval(c.change.ci95, c.unit)})."
+    if c.tied:
+        text += f" The missions do not tell this from: {', '.join(c.tied)}."
+        text += "" if c.surely else " So it is not sure that anything has changed."
+    return text
+
+
+def common_words(c: Common) -> str:
+    text = f"{c.title[0].upper()}{c.title[1:]} of {quantity(c.size.value, c.unit)} is there before and after "
+    text += f"(95 % interval {interval(c.size.ci95, c.unit)})."
+    return text + (f" The missions do not tell this from: {', '.join(c.tied)}." if c.tied else "")
+
+
+def named(item: Changed | Unchanged) -> str:
+    """The title without its remark in brackets."""
+    return item.title.partition(" (")[0]
+
+
+def size_of(size: float, u: Unchanged) -> str:
+    """A size of a change: of coefficients in percent."""
+    if u.path.startswith("effects.") or u.value == 0.0:
+        return quantity(size, u.unit)
+    return f"{100.0 * size / abs(u.value):.2g} %"
+
+
+def _relative(c: Changed) -> str:
+    if c.path.startswith("effects.") or c.before.value == 0.0:
+        return ""
+    return f" or {100.0 * c.change.value / abs(c.before.value):+.2g} %"
+
+
+def as_json(found: Comparison) -> dict[str, Any]:
+    """The comparison as plain data, SI throughout."""
+    before, after = found.missions
+    return {
+        "vehicle": found.plant.name,
+        "before": list(before),
+        "after": list(after),
+        "summary": summary(found),
+        "changed": [_plain(c) for c in found.changed],
+        "common": [_plain(c) for c in found.common],
+        "unchanged": [_plain(u) for u in found.unchanged],
+        "candidates": found.candidates,
+        "notes": list(found.notes),
+    }
+
+
+def _plain(item: Changed | Common | Unchanged | Sized) -> dict[str, Any]:
+    return {name: _finite(value) for name, value in asdict(item).items()}
+
+
+def _finite(value: Any) -> Any:
+    """Without numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_finite(v) for v in value]
+    return (float(value) if np.isfinite(value) else None) if isinstance(value, float) else value
