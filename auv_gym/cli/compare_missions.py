@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.markup import escape
 from typer.core import TyperCommand
 
 from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
-from auv_gym.cli.options.console import errors, output, progress_bar
+from auv_gym.cli.options.console import output, progress_bar
 from auv_gym.cli.options.numbers import whole_number
 
 _WITH = "--with"
@@ -64,27 +63,18 @@ def compare_missions(
         writable_folder(out)
         logs.check_log_files([*before, *after])
 
-        from auv_gym.plant import load_vehicle
-        from auv_gym.plant.record_check import needs_of
-        from auv_gym.plant.stated import as_stated
         from identification.changes.missions import compare_missions as compare
         from identification.changes.page import write_comparison
         from identification.changes.wording import summary
         from identification.pages.drawing import require_render
 
         require_render()
-        plant, stated = as_stated(load_vehicle(vehicle), before[0])
-        if stated:
-            names = ", ".join(path.removeprefix("hull.") for path in stated)
-            errors.print(f"Log: constants of the vehicle that {escape(before[0])} states: {names}.", soft_wrap=True)
-        sides = []
+        plant, sides = logs.load_stated(vehicle, before[0]), []
         for files in (before, after):
             records = {}
             for file in files:
                 progress(0.0, f"reading {Path(file).name}")
-                record = logs.read_log(file, mapping, cache_dir, needs_of(plant), cut_gaps)
-                record = logs.between_depths(record, min_depth, max_depth)
-                records[file] = logs.thinned(record, plant.dt) if resample is None else record.resample(resample)
+                records[file] = logs.read_cut(file, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
             sides.append(records)
         found = compare(
             *sides, plant, most=most, doubt=doubt, trust=trust, progress=lambda f, text: progress(0.05 + 0.9 * f, text)

@@ -73,9 +73,6 @@ def diagnose(
         writable_folder(out)
         logs.check_log_files(log)
 
-        from auv_gym.plant import load_vehicle
-        from auv_gym.plant.record_check import needs_of
-        from auv_gym.plant.stated import as_stated
         from auv_gym.records.density import read_profiles, with_density
         from identification.diagnosis import again as diagnose_again, diagnose as diagnose_record, write_diagnosis
         from identification.diagnosis.extras import Extras
@@ -83,16 +80,12 @@ def diagnose(
 
         require_render()
 
-        (plant, stated), began = as_stated(load_vehicle(vehicle), log[0]), perf_counter()
-        if stated:
-            names = ", ".join(path.removeprefix("hull.") for path in stated)
-            errors.print(f"Log: constants of the vehicle that {escape(log[0])} states: {names}.", soft_wrap=True)
+        plant, began = logs.load_stated(vehicle, log[0]), perf_counter()
         progress(0.0, "reading the log")
-        record = logs.read_log(
-            log, mapping, cache_dir, needs_of(plant), cut_gaps, lambda f, text: progress(0.05 * f, text)
-        )
-        record = logs.between_depths(record, min_depth, max_depth)
-        record = logs.thinned(record, plant.dt) if resample is None else record.resample(resample)
+        record = logs.read_cut(
+            log, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample,
+            lambda f, text: progress(0.05 * f, text),
+        )  # fmt: skip
         if profile is not None:
             if "density_kgpm3" not in plant.inputs:
                 raise ValueError(

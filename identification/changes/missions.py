@@ -13,13 +13,13 @@ from auv_gym.records.record import Record
 from identification.changes.joined import joined_missions, of_plant
 from identification.deciding import DOUBT, MOST_EFFECTS
 from identification.diagnosis.log.checking import Asked
-from identification.diagnosis.search.attribution import Round, attribute, confirmed
+from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, candidates_of, screen
 from identification.diagnosis.search.known import fit_known
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.changing import ChangingPlant, change, changed
+from identification.fit.changing import ChangingPlant, Course, change, changed
 
 BEFORE, AFTER = "before", "after"
 _WIDE = 1.96  # standard errors of a 95 % interval
@@ -119,13 +119,12 @@ def compare_missions(
     progress(0.0, "checking the missions")
     asked = Asked(most=most, doubt=doubt, trust=trust)
     log, edges = joined_missions({**before, **after}, plant, asked)
-    shares = np.r_[np.zeros(len(before)), np.ones(len(after))]
+    edge = edges[len(before) - 1]
     effects = [c for c in candidates_of(plant, log.record) if not c.period]
     paths = [p for c in effects for p in c.paths]
     coefficients = [p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0]
-    changing = ChangingPlant.of(
-        log.plant, {BEFORE: paths, AFTER: [*coefficients, *paths]}, {BEFORE: 1.0 - shares, AFTER: shares}, edges
-    )
+    courses = {BEFORE: Course((edge,), (1.0, 0.0)), AFTER: Course((edge,), (0.0, 1.0))}
+    changing = ChangingPlant.of(log.plant, {BEFORE: paths, AFTER: [*coefficients, *paths]}, courses)
     known = fit_known(of_plant(log, changing), progress)
     bench = known.bench
     singles = [Candidate(spec_at(plant, p).title or p, (p,)) for p in known.coefficients if p in coefficients]
@@ -135,6 +134,7 @@ def compare_missions(
         *(_in_form(c, BEFORE) for c in effects),
     ]
     state, rounds = attribute(bench, known.nominal, candidates, most, (), lambda f, text: progress(0.1 + 0.7 * f, text))
+    state = without_idle_parts(bench, state, [r.chosen.candidate.paths for r in rounds if r.chosen])
     state, rounds = confirmed(bench, known.nominal, state, rounds, len(candidates))
     progress(0.85, "sizing what has changed")
     found = [r for r in rounds if r.chosen is not None]

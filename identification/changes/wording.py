@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from identification.changes.missions import Changed, Common, Comparison, Sized, Unchanged
+from identification.changes.missions import Changed, Common, Comparison, Unchanged
+from identification.changes.onset import FROM, Timed, Timeline
 from identification.diagnosis.wording import interval, quantity
 
 _TOLD = 4  # that did not change, in the summary; the page has all
@@ -40,6 +41,36 @@ def common_words(c: Common) -> str:
     text = f"{c.title[0].upper()}{c.title[1:]} of {quantity(c.size.value, c.unit)} is there before and after "
     text += f"(95 % interval {interval(c.size.ci95, c.unit)})."
     return text + (f" The missions do not tell this from: {', '.join(c.tied)}." if c.tied else "")
+
+
+def timeline_summary(found: Timeline) -> list[str]:
+    """What is missing and when it acts, a sentence each."""
+    return [timed_words(t) for t in found.found] or ["Nothing is missing that this log could show, at any time."]
+
+
+def timed_words(t: Timed) -> str:
+    """`A rudder offset of 1.7 deg acts from 396 s on (95 % interval 384 to 404 s)`, with the size's interval."""
+    size, limits = quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit)
+    text = f"{t.title[0].upper()}{t.title[1:]}{'' if t.path.startswith('effects.') else ', a change'}"
+    text += f" of {size} (95 % interval {limits})"
+    if t.time is not None:
+        low, high = t.time.ci95
+        when = f"{t.form} {t.time.value:.0f} s{' on' if t.form == FROM else ''}"
+        text += f", {when} (95 % interval {low:.0f} to {high:.0f} s)."
+    else:
+        text += ", which grows from nothing to this size over the log." if t.form else ", throughout the log."
+    return text + (f" The log does not tell this from: {', '.join(t.tied)}." if t.tied else "")
+
+
+def timeline_json(found: Timeline) -> dict[str, Any]:
+    """The timeline as plain data, SI throughout."""
+    return {
+        "vehicle": found.plant.name,
+        "summary": timeline_summary(found),
+        "found": [_plain(t) for t in found.found],
+        "candidates": found.candidates,
+        "notes": list(found.notes),
+    }
 
 
 def named(item: Changed | Unchanged) -> str:
@@ -76,7 +107,7 @@ def as_json(found: Comparison) -> dict[str, Any]:
     }
 
 
-def _plain(item: Changed | Common | Unchanged | Sized) -> dict[str, Any]:
+def _plain(item: Changed | Common | Unchanged | Timed) -> dict[str, Any]:
     return {name: _finite(value) for name, value in asdict(item).items()}
 
 

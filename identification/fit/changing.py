@@ -18,91 +18,83 @@ _SHARE = 0.1  # of a coefficient's value, the change in which a fit steps
 
 
 @dataclass(frozen=True)
+class Course:
+    """The share of a change that acts at each row of a record: from each of the edges on another one, see `shares`."""
+
+    edges: tuple[int, ...]
+    shares: tuple[float, ...]
+
+    def at(self, row: int) -> float:
+        """The share at a row."""
+        return self.shares[int(np.searchsorted(self.edges, row, side="right"))]
+
+
+@dataclass(frozen=True)
 class ChangingPlant(Plant):
     """A plant that has one more parameter for each form in which one of its parameters may change.
 
-    Their paths are `changes.FORM.PATH`; zero is no change.  forms: by name, the share of a change that acts in each
-    epoch.  edges: rows of the record where epochs begin, after the first.  What has changed stays within the bounds of
-    the parameter.  Actuators stand where an epoch begins as if its values had held before, too.
+    Their paths are `changes.FORM.PATH`; zero is no change.  courses: of the forms, by name.  What has changed stays
+    within the bounds of the parameter.  Actuators stand where a share changes as if it had held before, too.
     """
 
-    forms: Mapping[str, tuple[float, ...]] = field(default_factory=dict, hash=False)
-    edges: tuple[int, ...] = ()
+    courses: Mapping[str, Course] = field(default_factory=dict, hash=False)
 
     @classmethod
-    def of(
-        cls,
-        plant: Plant,
-        paths: Mapping[str, Sequence[str]],
-        forms: Mapping[str, Sequence[float]],
-        edges: Sequence[int],
-    ) -> ChangingPlant:
-        """The plant with changes of these paths, by form; edges and forms: see the class."""
+    def of(cls, plant: Plant, paths: Mapping[str, Sequence[str]], courses: Mapping[str, Course]) -> ChangingPlant:
+        """The plant with changes of these paths, by form."""
         specs = {f"{form}.{path}": _spec(plant, path) for form, own in paths.items() for path in own}
         tree = plant.parameters
         group = _group("Changes", specs)
         kind = make_dataclass("Changing", [(CHANGES, group, part(group))], bases=(type(tree),), frozen=True)
         parameters = kind(**{f.name: getattr(tree, f.name) for f in fields(tree)})
         given = {f.name: getattr(plant, f.name) for f in fields(Plant)} | {"parameters": parameters}
-        shares = {name: tuple(float(w) for w in own) for name, own in forms.items()}
-        return cls(**given, forms=shares, edges=tuple(int(edge) for edge in edges))
+        return cls(**given, courses=dict(courses))
 
-    def moved(self, edges: Sequence[int]) -> ChangingPlant:
-        """The same plant whose epochs begin elsewhere."""
-        return replace(self, edges=tuple(int(edge) for edge in edges))
-
-    def in_epoch(self, epoch: int) -> Plant:
-        """The plant as it is in an epoch, without changes."""
+    def at_row(self, row: int) -> Plant:
+        """The plant as it is at a row of the record, without changes."""
         tree = self.parameters
         plain = type(tree).__bases__[0](**{f.name: getattr(tree, f.name) for f in fields(tree) if f.name != CHANGES})
         plant = Plant(**{f.name: getattr(self, f.name) for f in fields(Plant)} | {"parameters": plain})
-        values = self._values(self.vector[None], epoch)[0]
-        changed = {path: float(values[i]) for path, i in positions(plant).items() if path in self._layout.changed}
-        return replace_at(plant, changed)
+        values, places = self._layout.acting(self.vector[None], row)[0], positions(plant)
+        return replace_at(plant, {path: float(values[places[path]]) for path in self._layout.changed})
 
     @cached_property
     def _layout(self) -> _Layout:
         return _Layout.of(self)
 
-    def _values(self, vectors: np.ndarray, epoch: int) -> np.ndarray:
-        """Parameter vectors as the compiled functions take them in an epoch, of vectors with changes, (S, n)."""
-        at, count = self._layout, self._layout.shares.shape[1]
-        found = np.delete(vectors, slice(at.first, at.first + count), axis=1)
-        np.add.at(found, (slice(None), at.index), vectors[:, at.first : at.first + count] * at.shares[epoch])
-        found[:, at.index] = np.clip(found[:, at.index], at.low, at.high)
-        return np.ascontiguousarray(found)
-
     @cached_property
     def derived(self) -> np.ndarray:
-        """What follows from the parameters of the first epoch."""
-        return self.in_epoch(0).derived
+        """What follows from the parameters at the first row."""
+        return self.at_row(0).derived
 
     def _run(
         self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, c: Correction, y: np.ndarray, after: Any = None
     ) -> None:
-        """The runs in pieces, epoch by epoch, each from where the one before has ended."""
+        """The runs in pieces between the edges, each from where the one before has ended."""
+        edges = [0, *self._layout.edges(vectors), np.iinfo(np.int64).max]
+        if len(edges) == 2:
+            super()._run(runs, self._layout.acting(vectors, 0), starts, c, y, after)
+            return
         offsets = np.r_[0, np.cumsum(runs.stop - runs.begin)[:-1]]
-        states, constant = len(self.family.states), np.flatnonzero(c.constant)
-        size = max(states + len(self.family.sensors), starts.shape[2])
+        constant = np.flatnonzero(c.constant)
+        size = max(len(self.family.states) + len(self.family.sensors), starts.shape[2])
         keep = after is not None and after.shape[0] > 0
         reached = after if keep else np.empty((len(vectors), runs.rows, size))
-        for epoch, (first, last) in enumerate(pairwise((0, *self.edges, np.iinfo(np.int64).max))):
+        for first, last in pairwise(edges):
             begin, stop = np.maximum(runs.begin, first), np.minimum(runs.stop, last)
             own = np.flatnonzero(begin < stop)
             if not own.size:
                 continue
-            rows = np.concatenate([np.arange(b, e) + o for b, e, o in zip(
-                (begin - runs.begin)[own], (stop - runs.begin)[own], offsets[own], strict=True
-            )])  # fmt: skip
+            at = offsets[own] + (begin - runs.begin)[own]  # of the first row of each piece
+            lengths = (stop - begin)[own]
+            rows = np.repeat(at - np.r_[0, np.cumsum(lengths)[:-1]], lengths) + np.arange(lengths.sum())
             begun = np.array(np.broadcast_to(starts[:, own], (len(vectors), own.size, starts.shape[2])))
-            carried = c.carried[own].copy()
-            for k, w in enumerate(own):
-                if begin[w] > runs.begin[w]:
-                    begun[:, k] = reached[:, offsets[w] + begin[w] - runs.begin[w] - 1, : begun.shape[2]]
-                    carried[k] = False
-                elif k == 0 and carried[0]:
-                    begun[:, 0, constant] = reached[:, offsets[w] - 1][:, constant]
-                    carried[0] = False
+            carried, goes_on = c.carried[own], begin[own] > runs.begin[own]
+            begun[:, goes_on] = reached[:, at[goes_on] - 1, : starts.shape[2]]
+            if carried[0] and not goes_on[0]:  # what a stretch takes over from the last one, of the piece before
+                begun[:, 0, constant] = reached[:, at[0] - 1][:, constant]
+            carried = carried & ~goes_on
+            carried[0] = False
             piece = replace(runs, begin=begin[own], stop=stop[own], rows=rows.size)
             corrected = replace(
                 c,
@@ -112,20 +104,24 @@ class ChangingPlant(Plant):
                 carried=carried,
             )
             read, ended = np.empty((len(vectors), rows.size, y.shape[2])), np.empty((len(vectors), rows.size, size))
-            super()._run(piece, self._values(vectors, epoch), np.ascontiguousarray(begun), corrected, read, ended)
+            super()._run(piece, self._layout.acting(vectors, first), begun, corrected, read, ended)
             y[:, rows], reached[:, rows] = read, ended
 
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Where changes act: number of the first one in the vector, the parameters (K,), shares (E, K), and bounds (K,)."""
+    """Where changes act.
+
+    first: number of the first change in the vector.  index: (K,), of the parameter that each changes, by number;
+    changed: their paths.  low, high: (K,), their bounds.  courses: of each.
+    """
 
     first: int
     index: np.ndarray
-    shares: np.ndarray
     low: np.ndarray
     high: np.ndarray
     changed: frozenset[str]
+    courses: tuple[Course, ...]
 
     @classmethod
     def of(cls, plant: ChangingPlant) -> _Layout:
@@ -135,11 +131,27 @@ class _Layout:
         return cls(
             len(places) - len(names),
             np.array([places[path] for _, path in split], dtype=int),
-            np.array([plant.forms[form] for form, _ in split]).T,
             np.array([low for low, _ in bounds]),
             np.array([high for _, high in bounds]),
             frozenset(path for _, path in split),
+            tuple(plant.courses[form] for form, _ in split),
         )
+
+    def edges(self, vectors: np.ndarray) -> list[int]:
+        """The rows from which on any of some vectors acts otherwise than before."""
+        moved = (vectors[:, self.first : self.first + self.index.size] != 0.0).any(axis=0)
+        return sorted({edge for k in np.flatnonzero(moved) for edge in self.courses[k].edges})
+
+    def acting(self, vectors: np.ndarray, row: int) -> np.ndarray:
+        """Parameters at a row as the compiled functions take them, of vectors with changes, (S, n)."""
+        own = slice(self.first, self.first + self.index.size)
+        found, sizes = np.delete(vectors, own, axis=1), vectors[:, own]
+        moved = np.flatnonzero((sizes != 0.0).any(axis=0))
+        for k in moved:
+            found[:, self.index[k]] += self.courses[k].at(row) * sizes[:, k]
+        at = self.index[moved]
+        found[:, at] = np.clip(found[:, at], self.low[moved], self.high[moved])
+        return np.ascontiguousarray(found)
 
 
 def changed(path: str) -> tuple[str, str]:

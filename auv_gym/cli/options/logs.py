@@ -13,6 +13,7 @@ from auv_gym.cli.options.console import errors
 from auv_gym.cli.options.numbers import DEPTH, TIME_STEP, number
 
 if TYPE_CHECKING:
+    from auv_gym.plant import Plant
     from auv_gym.records.reading import Needs
     from auv_gym.records.record import Record
 
@@ -129,3 +130,34 @@ def thinned(record: Record, step: float) -> Record:
         "that it moves in; --resample sets another."
     )
     return record.resample(step).with_notes([*record.notes, note])
+
+
+def load_stated(vehicle: str, log: str) -> Plant:
+    """A vehicle with the constants that a log states of it, which is said on stderr."""
+    from auv_gym.plant import load_vehicle
+    from auv_gym.plant.stated import as_stated
+
+    plant, stated = as_stated(load_vehicle(vehicle), log)
+    if stated:
+        names = ", ".join(path.removeprefix("hull.") for path in stated)
+        errors.print(f"Log: constants of the vehicle that {escape(log)} states: {names}.", soft_wrap=True)
+    return plant
+
+
+def read_cut(
+    log: str | Sequence[str],
+    plant: Plant,
+    mapping: Path | None,
+    cache_dir: Path | None,
+    cut_gaps: bool,
+    shallowest: float | None,
+    deepest: float | None,
+    resample: float | None,
+    progress: Callable[[float, str], None] | None = None,
+) -> Record:
+    """The record of logs for a vehicle, between two depths, at the samples that were asked for or its own step."""
+    from auv_gym.plant.record_check import needs_of as needs_of_plant
+
+    record = read_log(log, mapping, cache_dir, needs_of_plant(plant), cut_gaps, progress)
+    record = between_depths(record, shallowest, deepest)
+    return thinned(record, plant.dt) if resample is None else record.resample(resample)
