@@ -40,9 +40,13 @@ def spread(args: Sequence[str]) -> list[str]:
 @app.command(cls=_Sides)
 def compare_missions(
     before: Annotated[list[str], typer.Argument(help=f"Logs of missions before. {logs.ANY_LOG}")],
-    after: Annotated[list[str], typer.Option(_WITH, help="Logs of missions after, one or several.")],
     vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
-    out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html.")],
+    out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; a series that is there goes on.")],
+    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of missions after, one or several.")] = None,
+    series: Annotated[
+        bool, typer.Option("--series", help="Trends over missions that follow one another, in place of two sides.")
+    ] = False,
+    jobs: Annotated[int, whole_number("Processes that take the missions of a series.", 1, 1024)] = 1,
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
     resample: logs.Thinning = None,
@@ -57,32 +61,37 @@ def compare_missions(
     from auv_gym.presets import find_vehicle
     from auv_gym.writing import writable_folder
 
+    if series == bool(after):
+        raise ValueError(f"Give missions after by {_WITH}, or --series for trends over missions; not both.")
     with progress_bar() as progress:
         progress(0.0, "starting")
         find_vehicle(vehicle)
         writable_folder(out)
-        logs.check_log_files([*before, *after])
+        logs.check_log_files([*before, *(after or [])])
 
         from identification.changes.missions import compare_missions as compare
-        from identification.changes.page import write_comparison
-        from identification.changes.wording import summary
+        from identification.changes.page import write_comparison, write_series
+        from identification.changes.series import follow_series
+        from identification.changes.wording import series_summary, summary
         from identification.pages.drawing import require_render
 
         require_render()
         plant, sides = logs.load_stated(vehicle, before[0]), []
-        for files in (before, after):
+        for files in (before, after or []):
             records = {}
             for file in files:
                 progress(0.0, f"reading {Path(file).name}")
                 records[file] = logs.read_cut(file, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
             sides.append(records)
-        found = compare(
-            *sides, plant, most=most, doubt=doubt, trust=trust, progress=lambda f, text: progress(0.05 + 0.9 * f, text)
-        )
-        progress(0.95, "writing the report")
-        written = write_comparison(found, out)
+        options = {"most": most, "doubt": doubt, "trust": trust, "progress": lambda f, t: progress(0.05 + 0.9 * f, t)}
+        if series:
+            trends = follow_series(sides[0], plant, out, jobs=jobs, **options)
+            lines, written = series_summary(trends), write_series(trends, out)
+        else:
+            found = compare(*sides, plant, **options)
+            lines, written = summary(found), write_comparison(found, out)
     output.print()
-    for line in summary(found):
+    for line in lines:
         output.print(line, markup=False, soft_wrap=True)
     for path in written.values():
         output.print(str(path), markup=False, soft_wrap=True)

@@ -83,7 +83,7 @@ class Unchanged:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What `compare_missions` found; missions: names of those before and after."""
+    """What `compare_missions` found; missions: names of those before and after; fitted: values before, by path."""
 
     plant: Plant
     missions: tuple[tuple[str, ...], tuple[str, ...]]
@@ -91,6 +91,7 @@ class Comparison:
     common: tuple[Common, ...]
     unchanged: tuple[Unchanged, ...]
     candidates: int
+    fitted: Mapping[str, float]
     notes: tuple[str, ...] = ()
 
 
@@ -153,6 +154,7 @@ def compare_missions(
         ),
         tuple(_unchanged(bench, state, rest, len(candidates))),
         len(candidates),
+        {p: value_at(state.plant, p) for p in state.paths if not changed(p)[0]},
         tuple(log.record.notes),
     )
 

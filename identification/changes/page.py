@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,8 @@ import numpy as np
 from auv_gym import __version__
 from auv_gym.writing import replacing, writable_folder
 from identification.changes.missions import Comparison
-from identification.changes.wording import as_json, named, size_of, summary
+from identification.changes.series import Series
+from identification.changes.wording import as_json, named, series_json, series_summary, size_of, summary
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
 from identification.pages.page import Table, amount, drawn, page, span
@@ -28,15 +30,76 @@ def write_comparison(found: Comparison, folder: str | os.PathLike) -> dict[str, 
 
     Raises ValueError if the folder cannot be written, ImportError without the extra `render`.
     """
-    out = writable_folder(folder)
     texts = {
         "changes.json": json.dumps(as_json(found), indent=2) + "\n",
         "report.html": comparison_page(found),
     }
+    return _written(texts, folder)
+
+
+def _written(texts: Mapping[str, str], folder: str | os.PathLike) -> dict[str, Path]:
+    """Files of these texts in a folder, by name."""
+    out = writable_folder(folder)
     for name, text in texts.items():
         with replacing(out / name) as new:
             new.write_text(text, encoding="utf-8")
     return {name: out / name for name in texts}
+
+
+def write_series(found: Series, folder: str | os.PathLike) -> dict[str, Path]:
+    """Write series.json and series.html; as `write_comparison`."""
+    texts = {"series.json": json.dumps(series_json(found), indent=2) + "\n", "series.html": series_page(found)}
+    return _written(texts, folder)
+
+
+def series_page(found: Series) -> str:
+    """The trends over missions as the text of one HTML page, with one picture."""
+    rows = [
+        (t.title, (amount(t.rate.value, t.unit), span(t.rate.ci95, t.unit)), t.per, amount(t.scatter, t.unit))
+        for t in found.trends
+    ]
+    texts = [f"Mission {name} has no sizes: {why}" for name, why in found.failed.items()]
+    picture = drawn(
+        lambda: series_figure(found),
+        "series",
+        "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
+        "What each mission says by itself, with its 95 % interval, and the line through the missions.",
+    )
+    section = Section(
+        "Trends",
+        [
+            "A trend's 95 % interval allows for what missions differ by beyond their own intervals: the scatter.",
+            *texts,
+        ],
+        [Table(("what", "rate", "per", "scatter"), rows)],
+        [picture] if found.trends else (),
+    )
+    content: dict[str, Any] = {
+        "title": f"{found.plant.name}: {len(found.missions)} missions",
+        "eyebrow": ", ".join(found.missions),
+        "found": series_summary(found),
+        "sections": [section],
+        "version": __version__,
+    }
+    return page("models.html", content)
+
+
+def series_figure(found: Series) -> Figure:
+    """The sizes of the missions over time, a panel for each parameter."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 1.9 * len(found.trends) + 0.4), layout="constrained")
+    for axes, t in zip(figure.subplots(len(found.trends), 1, sharex=True, squeeze=False)[:, 0], found.trends):
+        at, values = np.array(t.at), np.array([s.value for s in t.sizes])
+        limits = np.array([s.ci95 for s in t.sizes])
+        axes.errorbar(at, values, [values - limits[:, 0], limits[:, 1] - values], fmt="o", color=BEFORE, capsize=3)
+        weights = 1.0 / ((limits[:, 1] - values) ** 2 / 3.84 + t.scatter**2)
+        middle = at.mean() + np.array([-0.5, 0.5]) * np.ptp(at)
+        level = np.average(values - t.rate.value * (at - at.mean()), weights=weights)
+        axes.plot(middle, level + t.rate.value * (middle - at.mean()), color=AFTER)
+        axes.set_ylabel(f"{named(t)}, {t.unit}")
+        axes.set_xlabel(t.per)
+    return figure
 
 
 def comparison_page(found: Comparison) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 
 from identification.changes.missions import Changed, Common, Comparison, Unchanged
 from identification.changes.onset import FROM, Timed, Timeline
+from identification.changes.series import Series, Trend
 from identification.diagnosis.wording import interval, quantity
 
 _TOLD = 4  # that did not change, in the summary; the page has all
@@ -73,7 +74,41 @@ def timeline_json(found: Timeline) -> dict[str, Any]:
     }
 
 
-def named(item: Changed | Unchanged) -> str:
+def series_summary(found: Series) -> list[str]:
+    """Each trend, surely there or not, in a sentence."""
+    lines = []
+    for t in found.trends:
+        low, high = (_rate(limit, t) for limit in t.rate.ci95)
+        rate = f"{_rate(t.rate.value, t)} a {t.per} (95 % interval {low} to {high})"
+        name = named(t)
+        lines.append(
+            f"{name[0].upper()}{name[1:]} changes by {rate}."
+            if t.sure
+            else f"{name[0].upper()}{name[1:]} shows no trend: {rate}."
+        )
+    return lines or ["No parameter is told by enough missions for a trend."]
+
+
+def _rate(size: float, t: Trend) -> str:
+    """A rate: of coefficients in percent of the missions' mean."""
+    mean = float(np.mean([s.value for s in t.sizes]))
+    if t.path.startswith("effects.") or mean == 0.0:
+        return quantity(size, t.unit)
+    return f"{100.0 * size / abs(mean):+.2g} %"
+
+
+def series_json(found: Series) -> dict[str, Any]:
+    """The trends as plain data, SI throughout."""
+    return {
+        "vehicle": found.plant.name,
+        "missions": list(found.missions),
+        "summary": series_summary(found),
+        "trends": [_plain(t) for t in found.trends],
+        "failed": dict(found.failed),
+    }
+
+
+def named(item: Changed | Unchanged | Trend) -> str:
     """The title without its remark in brackets."""
     return item.title.partition(" (")[0]
 
@@ -107,7 +142,7 @@ def as_json(found: Comparison) -> dict[str, Any]:
     }
 
 
-def _plain(item: Changed | Common | Unchanged | Timed) -> dict[str, Any]:
+def _plain(item: Changed | Common | Unchanged | Timed | Trend) -> dict[str, Any]:
     return {name: _finite(value) for name, value in asdict(item).items()}
 
 
