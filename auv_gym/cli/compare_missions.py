@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -13,6 +13,9 @@ from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import output, progress_bar
 from auv_gym.cli.options.numbers import whole_number
+
+if TYPE_CHECKING:
+    from auv_gym.records.record import Record
 
 _WITH = "--with"
 
@@ -63,6 +66,8 @@ def compare_missions(
 
     if series == bool(after):
         raise ValueError(f"Give missions after by {_WITH}, or --series for trends over missions; not both.")
+    if twice := sorted(set(before) & set(after or [])):
+        raise ValueError(f"A mission is before or after, not both: leave out {', '.join(twice)} on one side.")
     with progress_bar() as progress:
         progress(0.0, "starting")
         find_vehicle(vehicle)
@@ -76,19 +81,20 @@ def compare_missions(
         from identification.pages.drawing import require_render
 
         require_render()
-        plant, sides = logs.load_stated(vehicle, before[0]), []
-        for files in (before, after or []):
-            records = {}
-            for file in files:
-                progress(0.0, f"reading {Path(file).name}")
-                records[file] = logs.read_cut(file, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
-            sides.append(records)
-        options = {"most": most, "doubt": doubt, "trust": trust, "progress": lambda f, t: progress(0.05 + 0.9 * f, t)}
+        plant = logs.load_stated(vehicle, before[0])
+
+        def read(files: str | list[str]) -> Record:
+            progress(0.0, "reading the logs")
+            return logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+
+        options: Any = {"most": most, "doubt": doubt, "trust": trust}
+        options["progress"] = lambda f, text: progress(0.05 + 0.9 * f, text)
         if series:
-            trends = follow_series(sides[0], plant, out, jobs=jobs, **options)
+            trends = follow_series({file: read(file) for file in before}, plant, out, jobs=jobs, **options)
             lines, written = series_summary(trends), write_series(trends, out)
         else:
-            found = compare(*sides, plant, **options)
+            names = before, after or []
+            found = compare(read(before), read(names[1]), plant, names=names, **options)
             lines, written = summary(found), write_comparison(found, out)
     output.print()
     for line in lines:

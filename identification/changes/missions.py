@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.changes.joined import joined_missions, of_plant
+from identification.changes.joined import joined_sides
 from identification.deciding import DOUBT, MOST_EFFECTS
 from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
@@ -96,37 +96,31 @@ class Comparison:
 
 
 def compare_missions(
-    before: Mapping[str, Record],
-    after: Mapping[str, Record],
+    before: Record,
+    after: Record,
     plant: Plant,
     *,
+    names: tuple[Sequence[str], Sequence[str]] = (("before",), ("after",)),
     most: int = MOST_EFFECTS,
     doubt: float = DOUBT,
     trust: bool = False,
     progress: Progress = lambda fraction, text: None,
 ) -> Comparison:
-    """What of a vehicle has changed between missions, by name, before and after.
+    """What of a vehicle has changed between two records, each of one mission or of several in segments.
 
-    All missions are fitted at once with common coefficients, noises and, as evidence says, effects that are common or
-    of one side only; a coefficient may change, too.  A change passes the gate that every name of a diagnosis passes.
-    most: effects and changes at once.  doubt, trust: see `identification.diagnosis.diagnose`.
+    All is fitted at once with common coefficients, noises and, as evidence says, effects that are common or of one side
+    only; a coefficient may change, too.  A change passes the gate that every name of a diagnosis passes.
+    names: of the missions, for the report.  most: effects and changes at once.  doubt, trust: see
+    `identification.diagnosis.diagnose`.
     """
-    twice = sorted(set(before) & set(after))
-    if not before or not after or twice:
-        raise ValueError(
-            "A comparison needs missions before and after, each once"
-            + (f", got {', '.join(twice)} on both sides." if twice else f", got {len(before)} and {len(after)}.")
-        )
     progress(0.0, "checking the missions")
-    asked = Asked(most=most, doubt=doubt, trust=trust)
-    log, edges = joined_missions({**before, **after}, plant, asked)
-    edge = edges[len(before) - 1]
+    log, edge = joined_sides({BEFORE: before, AFTER: after}, plant, Asked(most=most, doubt=doubt, trust=trust))
     effects = [c for c in candidates_of(plant, log.record) if not c.period]
     paths = [p for c in effects for p in c.paths]
     coefficients = [p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0]
     courses = {BEFORE: Course((edge,), (1.0, 0.0)), AFTER: Course((edge,), (0.0, 1.0))}
     changing = ChangingPlant.of(log.plant, {BEFORE: paths, AFTER: [*coefficients, *paths]}, courses)
-    known = fit_known(of_plant(log, changing), progress)
+    known = fit_known(replace(log, plant=changing), progress)
     bench = known.bench
     singles = [Candidate(spec_at(plant, p).title or p, (p,)) for p in known.coefficients if p in coefficients]
     candidates = [
@@ -144,7 +138,7 @@ def compare_missions(
     rest = [c for c in (*singles, *effects) if moving.keys().isdisjoint(c.paths)]
     return Comparison(
         plant,
-        (tuple(before), tuple(after)),
+        (tuple(names[0]), tuple(names[1])),
         tuple(_changed(bench, state, path, found) for path in moving),
         tuple(
             _common(bench, state, r, path)

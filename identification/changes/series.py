@@ -15,7 +15,7 @@ from scipy.stats import t as student
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, concat
 from auv_gym.writing import replacing, writable_folder
 from identification.campaign.running.pool import in_parallel
 from identification.changes.missions import Comparison, Sized, compare_missions
@@ -86,8 +86,8 @@ def follow_series(
     key = _key(plant, [digest_of(r) for r in missions.values()], most, doubt, trust)
     followed = _kept(out.parent / FOLLOWED, key)
     if followed is None:
-        names = list(missions)
-        halves = [{n: missions[n] for n in part} for part in (names[: len(names) // 2], names[len(names) // 2 :])]
+        records, half = list(missions.values()), len(missions) // 2
+        halves = concat(records[:half]), concat(records[half:])
         found = compare_missions(*halves, plant, most=most, doubt=doubt, trust=trust, progress=progress)
         followed = {"key": key, "paths": followed_paths(found), "values": found.fitted}
         _keep(out.parent / FOLLOWED, followed)

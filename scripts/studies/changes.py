@@ -136,7 +136,7 @@ def _missions(case: str, plant: Plant, conditions: Conditions, rng: np.random.Ge
     if not logs:
         raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
     begin = perf_counter()
-    found = compare_missions({"before": logs[0]}, {"after": logs[1]}, plant)
+    found = compare_missions(logs[0], logs[1], plant)
     truth = [value_at(p, path) for p in plants] if path else []
     return _told(found, path, truth) | {"seconds": perf_counter() - begin}
 

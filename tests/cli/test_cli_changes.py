@@ -16,6 +16,16 @@ def test_with_takes_all_logs_that_follow():
     assert spread(args) == ["a", "b", "--with", "c", "--with", "d", "--out", "x", "e"]
 
 
+def test_sides_are_given_once_and_each_mission_on_one(tmp_path, capsys):
+    common = ["compare-missions", "a.csv", "--vehicle", "slocum", "--out", str(tmp_path)]
+    assert main(common) == 1
+    assert main([*common, "--with", "b.csv", "--series"]) == 1
+    assert main([*common, "--with", "a.csv"]) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert told.count("--series for trends over missions") == 2
+    assert "leave out a.csv on one side" in told
+
+
 @pytest.mark.slow
 def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
     plant, files = load_vehicle("slocum"), []
