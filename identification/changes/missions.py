@@ -37,7 +37,7 @@ class Sized:
 class Changed:
     """A parameter that is not the same before and after.
 
-    evidence: twice the gain in log-likelihood against the final model without the change.  tied: paths of what else
+    evidence: twice the gain in log-likelihood against one value for both sides.  tied: paths of what else
     would explain it as well, with the form in front where that is a change.  surely: whether all of these are changes.
     """
 
@@ -136,16 +136,18 @@ def compare_missions(
     own = [_own_paths(r, state) for r in found]
     moving = dict.fromkeys(changed(p)[1] for paths in own for p in paths if changed(p)[0])
     rest = [c for c in (*singles, *effects) if moving.keys().isdisjoint(c.paths)]
+    sized = [_changed(bench, state, path, found, len(candidates)) for path in moving]
+    common = [
+        _common(bench, state, r, p)
+        for r, paths in zip(found, own, strict=True)
+        for p in paths
+        if not changed(p)[0] and p not in moving
+    ]
     return Comparison(
         plant,
         (tuple(names[0]), tuple(names[1])),
-        tuple(_changed(bench, state, path, found) for path in moving),
-        tuple(
-            _common(bench, state, r, path)
-            for r, paths in zip(found, own, strict=True)
-            for path in paths
-            if not changed(path)[0] and path not in moving
-        ),
+        tuple(c for c in sized if isinstance(c, Changed)),
+        (*common, *(c for c in sized if isinstance(c, Common))),
         tuple(_unchanged(bench, state, rest, len(candidates))),
         len(candidates),
         {p: value_at(state.plant, p) for p in state.paths if not changed(p)[0]},
@@ -166,23 +168,32 @@ def _tied(made: Round) -> tuple[str, ...]:
     return tuple(" ".join(filter(None, changed(p))) for t in made.tied for p in t.candidate.paths)
 
 
-def _changed(bench: Workbench, state: State, path: str, rounds: Sequence[Round]) -> Changed:
-    """What a parameter is on each side, both free, with the covariance of the two."""
+def _changed(bench: Workbench, state: State, path: str, rounds: Sequence[Round], count: int) -> Changed | Common:
+    """What a parameter is on each side, both free; common, where evidence does not ask for two values.
+
+    count: of all candidates, for the bar.
+    """
     spec, plant = spec_at(state.plant, path), state.plant
     early, late, added = change(BEFORE, path), change(AFTER, path), 0.0
-    mine = [r for r in rounds if {early, late} & set(_own_paths(r, state))]
+    mine = [r for r in rounds if {path, early, late} & set(_own_paths(r, state))]
+    kept = [p for p in state.paths if p not in (path, early, late)]
     if path in plant.doubted:  # its value is fitted, with what is known of it: the change is beside it
-        free, first, second = state.paths, {path: 1.0}, {path: 1.0, late: 1.0}
+        free, first, second = [*kept, path, late], {path: 1.0}, {path: 1.0, late: 1.0}
+        alike = replace_at(plant, late, 0.0)
     else:
         added = spec.neutral
         base = value_at(plant, path) - added
         values = {path: added, early: base + value_at(plant, early), late: base + value_at(plant, late)}
-        kept = [p for p in state.paths if p not in values]
-        free, first, second = (*kept, early, late), {early: 1.0}, {late: 1.0}
+        free, first, second = [*kept, early, late], {early: 1.0}, {late: 1.0}
+        middle = added + 0.5 * (values[early] + values[late])
+        alike = replace_at(plant, {path: float(np.clip(middle, *spec.bounds)), early: 0.0, late: 0.0})
         plant = replace_at(plant, values)
-    both = state if free == state.paths else bench.fit(plant, free, state)
+    both, common = bench.fit(plant, free, state), bench.fit(alike, [*kept, path], state)
+    evidence, tied = bench.gain(common, both), tuple(dict.fromkeys(t for r in mine for t in _tied(r)))
+    if evidence < threshold(count):
+        size = Sized(value_at(common.plant, path), bench.interval(common, path))
+        return Common(path, spec.title or path, spec.unit, size, sum(r.evidence[0] for r in mine), tied)
     moved = {p: second.get(p, 0.0) - first.get(p, 0.0) for p in {**first, **second}}
-    tied = tuple(dict.fromkeys(t for r in mine for t in _tied(r)))
     return Changed(
         path,
         spec.title or path,
@@ -190,7 +201,7 @@ def _changed(bench: Workbench, state: State, path: str, rounds: Sequence[Round])
         _sized(bench, both, first, added, spec.bounds),
         _sized(bench, both, second, added, spec.bounds),
         _sized(bench, both, moved, 0.0),
-        sum(r.evidence[0] for r in mine),
+        evidence,
         tied,
         all(t.startswith((f"{BEFORE} ", f"{AFTER} ")) for t in tied),
     )

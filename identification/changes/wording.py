@@ -11,7 +11,7 @@ import numpy as np
 from identification.changes.missions import Changed, Common, Comparison, Unchanged
 from identification.changes.onset import FROM, Timed, Timeline
 from identification.changes.series import Series, Trend
-from identification.diagnosis.wording import interval, quantity
+from identification.diagnosis.wording import interval, quantity, sized
 
 _TOLD = 4  # that did not change, in the summary; the page has all
 
@@ -29,7 +29,7 @@ def summary(found: Comparison) -> list[str]:
 
 def changed_words(c: Changed) -> str:
     """`The rudder offset changed from 0.0 deg to 2.9 deg`, with the interval of the change."""
-    text = f"{c.title[0].upper()}{c.title[1:]} changed from {quantity(c.before.value, c.unit)} to "
+    text = f"{_head(c)} changed from {quantity(c.before.value, c.unit)} to "
     text += f"{quantity(c.after.value, c.unit)}: by {quantity(c.change.value, c.unit)}{_relative(c)} "
     text += f"(95 % interval {interval(c.change.ci95, c.unit)})."
     if c.tied:
@@ -38,9 +38,14 @@ def changed_words(c: Changed) -> str:
     return text
 
 
+def _head(c: Changed) -> str:
+    """The title to begin a sentence, without the remark and the `by` that sizes follow."""
+    name = named(c)
+    return f"{name[0].upper()}{name[1:]}"
+
+
 def common_words(c: Common) -> str:
-    text = f"{c.title[0].upper()}{c.title[1:]} of {quantity(c.size.value, c.unit)} is there before and after "
-    text += f"(95 % interval {interval(c.size.ci95, c.unit)})."
+    text = f"There before and after: {sized(c.title, quantity(c.size.value, c.unit), interval(c.size.ci95, c.unit))}."
     return text + (f" The missions do not tell this from: {', '.join(c.tied)}." if c.tied else "")
 
 
@@ -50,10 +55,10 @@ def timeline_summary(found: Timeline) -> list[str]:
 
 
 def timed_words(t: Timed) -> str:
-    """`A rudder offset of 1.7 deg acts from 396 s on (95 % interval 384 to 404 s)`, with the size's interval."""
-    size, limits = quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit)
-    text = f"{t.title[0].upper()}{t.title[1:]}{'' if t.path.startswith('effects.') else ', a change'}"
-    text += f" of {size} (95 % interval {limits})"
+    """`Rudder offset, 1.7 deg (95 % interval 1.6 to 1.8 deg), from 396 s on (95 % interval 384 to 404 s).`"""
+    text = sized(t.title, quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
+    text = f"{'' if t.path.startswith('effects.') else 'a change of '}{text}"
+    text = f"{text[0].upper()}{text[1:]}"
     if t.time is not None:
         low, high = t.time.ci95
         when = f"{t.form} {t.time.value:.0f} s{' on' if t.form == FROM else ''}"
@@ -109,8 +114,8 @@ def series_json(found: Series) -> dict[str, Any]:
 
 
 def named(item: Changed | Unchanged | Trend) -> str:
-    """The title without its remark in brackets."""
-    return item.title.partition(" (")[0]
+    """The title without its remark in brackets, and without a `by` that a size would follow."""
+    return item.title.partition(" (")[0].removesuffix(" by").removesuffix(",")
 
 
 def size_of(size: float, u: Unchanged) -> str:

@@ -25,7 +25,7 @@ def test_a_rudder_that_goes_off_is_named_with_the_time():
     assert only.time.ci95[0] <= 400.0 <= only.time.ci95[1]
     assert only.time.ci95[1] - only.time.ci95[0] < 80.0
     assert only.size.ci95[0] < 0.03 < only.size.ci95[1]
-    assert timeline_summary(found)[0].startswith("Rudder offset of 1.7")
+    assert timeline_summary(found)[0].startswith("Rudder offset, 1.7")
 
 
 @pytest.mark.slow
