@@ -182,6 +182,8 @@ BEYOND = 2.0 * DOUBT
 """Relative change of a coefficient from which the effect that acts alike is as likely.  Source: twice `DOUBT`."""
 SLIGHT = 1.0
 """Change of free runs, over the noise of a reading, that is called little.  Source: less than one reading shows."""
+UNSTEADY = FALSE_ALARM
+"""Probability of a difference between parts below which an effect is not of one size.  Source: `FALSE_ALARM`."""
 SIMILAR = 60.0
 """Degrees between signatures below which a result file has the angle.  Source: convention."""
 LEVEL = 0.05

@@ -9,7 +9,20 @@ import os
 import sys
 from collections.abc import Sequence
 
-from auv_gym.cli import campaign, compare, diagnose, drawing, evaluate, identify, listing, look, simulate, train  # noqa: F401  # each puts its command into `app`
+from auv_gym.cli import (  # noqa: F401  # each puts its command into `app`
+    campaign,
+    compare,
+    compare_missions,
+    diagnose,
+    drawing,
+    evaluate,
+    identify,
+    listing,
+    look,
+    onset,
+    simulate,
+    train,
+)
 from auv_gym.cli.application import app
 from auv_gym.cli.options.console import errors
 

@@ -16,12 +16,9 @@ from auv_gym.cli.application import app
 from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import errors, output, progress_bar, table
 from auv_gym.cli.options.next_experiment import propose_experiments, tell
-from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
-
-FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters take as long as a log has rows
+from auv_gym.cli.options.numbers import LENGTH, SEED, number, whole_number
 
 if TYPE_CHECKING:
-    from auv_gym.records.record import Record
     from identification.diagnosis import Diagnosis
 
 
@@ -30,16 +27,9 @@ def diagnose(
     log: Annotated[list[str], typer.Argument(help=f"{logs.ANY_LOG} Several files are one record, in segments.")],
     vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
-    min_depth: Annotated[float | None, number("Use the log below this depth only, m.", *DEPTH)] = None,
-    max_depth: Annotated[float | None, number("Use the log above this depth only, m.", *DEPTH)] = None,
-    resample: Annotated[
-        float | None,
-        number(
-            "Sample time, s, to thin a log to that is finer than the vehicle moves; default: the vehicle's, where the "
-            f"log is over {FINER} times as fine.",
-            *TIME_STEP,
-        ),
-    ] = None,
+    min_depth: logs.MinDepth = None,
+    max_depth: logs.MaxDepth = None,
+    resample: logs.Thinning = None,
     window: Annotated[
         float | None,
         number("Length of the free runs that give the errors, s; default: the vehicle's.", *LENGTH),
@@ -52,16 +42,9 @@ def diagnose(
         ),
     ] = None,
     cut_gaps: logs.CutGaps = True,
-    doubt: Annotated[
-        float,
-        number(
-            "Standard deviation of the vehicle's own coefficients, relative; they are refitted. 0 holds them fixed.",
-            0,
-            10,
-        ),
-    ] = 0.1,
+    doubt: logs.Doubt = 0.1,
     most: Annotated[int, whole_number("How many effects may be named at once.", 1, 20)] = 3,
-    trust: Annotated[bool, typer.Option("--trust", help="Go on where the log itself looks mislabelled.")] = False,
+    trust: logs.Trust = False,
     again: Annotated[
         Path | None, typer.Option(help="A diagnosis.json of the same log: repeat it, vehicle and settings included.")
     ] = None,
@@ -90,9 +73,6 @@ def diagnose(
         writable_folder(out)
         logs.check_log_files(log)
 
-        from auv_gym.plant import load_vehicle
-        from auv_gym.plant.record_check import needs_of
-        from auv_gym.plant.stated import as_stated
         from auv_gym.records.density import read_profiles, with_density
         from identification.diagnosis import again as diagnose_again, diagnose as diagnose_record, write_diagnosis
         from identification.diagnosis.extras import Extras
@@ -100,16 +80,12 @@ def diagnose(
 
         require_render()
 
-        (plant, stated), began = as_stated(load_vehicle(vehicle), log[0]), perf_counter()
-        if stated:
-            names = ", ".join(path.removeprefix("hull.") for path in stated)
-            errors.print(f"Log: constants of the vehicle that {escape(log[0])} states: {names}.", soft_wrap=True)
+        plant, began = logs.load_stated(vehicle, log[0]), perf_counter()
         progress(0.0, "reading the log")
-        record = logs.read_log(
-            log, mapping, cache_dir, needs_of(plant), cut_gaps, lambda f, text: progress(0.05 * f, text)
-        )
-        record = _between_depths(record, min_depth, max_depth)
-        record = _thinned(record, plant.dt) if resample is None else record.resample(resample)
+        record = logs.read_cut(
+            log, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample,
+            lambda f, text: progress(0.05 * f, text),
+        )  # fmt: skip
         if profile is not None:
             if "density_kgpm3" not in plant.inputs:
                 raise ValueError(
@@ -172,40 +148,10 @@ def diagnose(
         output.print(str(path), markup=False, soft_wrap=True)
 
 
-def _thinned(record: Record, step: float) -> Record:
-    """The record at the vehicle's own step, s, where its samples are much finer, with a note that says so."""
-    if not record.sample_interval * FINER < step:
-        return record
-    note = (
-        f"Thinned from samples {record.sample_interval:.2g} s apart to the vehicle's step of {step:g} s, which is all "
-        "that it moves in; --resample sets another."
-    )
-    return record.resample(step).with_notes([*record.notes, note])
-
-
 def _source(log: Sequence[str]) -> str:
     """The log in words: its file's name, or the first and how many more."""
     more = f" and {len(log) - 1} more" if len(log) > 1 else ""
     return Path(log[0]).name + more
-
-
-def _between_depths(record: Record, shallowest: float | None, deepest: float | None) -> Record:
-    import numpy as np
-
-    low = -np.inf if shallowest is None else shallowest
-    high = np.inf if deepest is None else deepest
-    if low >= high:
-        raise ValueError(f"--min-depth needs to be less than --max-depth, got {low:g} and {high:g} m.")
-    if shallowest is None and deepest is None:
-        return record
-    depth = record["depth_m"]
-    kept = (depth >= low) & (depth <= high)
-    if not kept.any():
-        raise ValueError(
-            f"No sample of the log lies between {low:g} and {high:g} m: its depth goes from {np.nanmin(depth):.1f} to "
-            f"{np.nanmax(depth):.1f} m. Change --min-depth or --max-depth."
-        )
-    return record.select(kept)
 
 
 def _error_table(diagnosis: Diagnosis) -> Table:

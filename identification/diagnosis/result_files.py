@@ -83,6 +83,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "ci95": list(e.ci95),
                 "evidence": {"all_rows": e.evidence_train, "foretold": e.evidence_held},
                 "frequency": e.frequency if e.path in searched else None,
+                "steady": e.steady,
                 "changes": {name: _finite(size) for name, size in e.changes.items()},
                 "tied_with": list(e.tied_with),
                 "probability": e.probability,

@@ -11,6 +11,7 @@ import numpy as np
 from auv_gym.param import list_paths, spec_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
+from scripts.blind.changing import At, ChangingGlider, ChangingSwim
 from scripts.blind.logs import (
     Conditions,
     dive_settings,
@@ -47,7 +48,8 @@ class Kind:
 
     log: of the standard experiment.  outside: of a vehicle without effects and with one of `causes`, "clock" apart,
     whose errors are about `clock_spacing` s apart.  settings: of the standard experiment in the study of single
-    effects.  hidden: effects that no log of the kind can show, and why.
+    effects.  hidden: effects that no log of the kind can show, and why.  changing: what moves in the place of
+    a vehicle whose parameters follow time.
     """
 
     family: str
@@ -57,6 +59,7 @@ class Kind:
     clock_spacing: float
     settings: Callable[[np.random.Generator], dict[str, Any]] = lambda rng: {}
     hidden: Mapping[str, str] = field(default_factory=dict)
+    changing: Callable[[Plant, At], Any] | None = None
 
 
 _ONE_COMMAND = "with one command, its dead time does the same"
@@ -107,6 +110,7 @@ _KINDS = (
         ("drag", "current", "fin", "clock"),
         60.0,
         hidden={"effects.clock.delay": _ONE_COMMAND},
+        changing=ChangingGlider,
     ),
     Kind(
         "float_piston",
@@ -116,6 +120,7 @@ _KINDS = (
         200.0,
         lake_settings,
         _HIDDEN_IN_A_LAKE,
+        ChangingSwim.starting,
     ),
     Kind("float_oil", sea_log, sea_outside, ("drag", "current", "tether", "clock"), 2e4, dive_settings, _HIDDEN_AT_SEA),
     Kind("glide", yo_log, yo_outside, ("current", "clock"), 1800.0, hidden=_HIDDEN_IN_FLIGHT),

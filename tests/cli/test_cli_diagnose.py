@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from auv_gym.cli import main
-from auv_gym.cli.diagnose import _thinned
+from auv_gym.cli.options.logs import thinned
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.readers.slocum import bundled_slocum_log
@@ -165,7 +165,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(log, tmp_pat
 def test_a_log_much_finer_than_the_vehicles_step_is_brought_to_it():
     time = 0.005 * np.arange(2001)
     fine = Record.from_arrays(time, {"heading_rad": np.sin(time)})
-    thinned = _thinned(fine, 0.05)
-    assert thinned.sample_interval == pytest.approx(0.05)
-    assert thinned.notes[-1].startswith("Thinned from samples 0.005 s apart to the vehicle's step of 0.05 s")
-    assert _thinned(fine, 0.019) is fine  # not four times as fine
+    coarse = thinned(fine, 0.05)
+    assert coarse.sample_interval == pytest.approx(0.05)
+    assert coarse.notes[-1].startswith("Thinned from samples 0.005 s apart to the vehicle's step of 0.05 s")
+    assert thinned(fine, 0.019) is fine  # not four times as fine

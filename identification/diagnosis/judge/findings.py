@@ -10,6 +10,7 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import BEYOND, LEAST_CHANGE, REACH, SURPRISE
+from identification.diagnosis.judge.constancy import steadiness
 from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect, Member
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
@@ -62,6 +63,7 @@ def effects_of(
                     evidence_held=r.evidence[1],
                     tied_with=others,
                     frequency=survived.frequency,
+                    steady=steadiness(bench, state, path),
                     probability=found.probability(path) if found.sets else None,
                     members=members,
                 )

@@ -12,7 +12,7 @@ from auv_gym.channels import channel
 from auv_gym.plant import Plant
 from auv_gym.plant.currents import DiveCurrent
 from auv_gym.records.record import Record
-from identification.deciding import SLIGHT, STABLE
+from identification.deciding import SLIGHT, STABLE, UNSTEADY
 from identification.diagnosis.extras import Failure
 from identification.diagnosis.judge.closing import ClosedLoop
 from identification.diagnosis.judge.common import Common
@@ -70,6 +70,7 @@ class Effect:
     coefficient: what it is reported as, where it does nothing but change that one.
     probability: of all sets of effects that explain the record nearly as well, those that have it; None where it was
     found by a coefficient's change.  members: what it is tied with, the same of each.
+    steady: probability that parts of the record differ in its size as much, if it is the same in all.
     """
 
     path: str
@@ -86,6 +87,7 @@ class Effect:
     coefficient: AsCoefficient | None = None
     probability: float | None = None
     members: tuple[Member, ...] = ()
+    steady: float = 1.0
 
     @property
     def name(self) -> str:
@@ -263,6 +265,7 @@ class Diagnosis:
             _likelier_sentence(self),
             _common_sentence(self),
             _halves_sentence(self),
+            _unsteady_sentence(self),
             _dropped_sentence(self),
             _slight_sentence(self),
             _rest_sentence(self),
@@ -341,6 +344,15 @@ def _halves_sentence(d: Diagnosis) -> str:
         if e.frequency < STABLE:
             rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(e.name)
     return " ".join(f"Only {share} of the halves of the log choose {_listed(t)}." for share, t in rare.items())
+
+
+def _unsteady_sentence(d: Diagnosis) -> str:
+    """Which effects are not of one size throughout."""
+    names = [e.name for e in d.effects if e.steady < UNSTEADY]
+    if not names:
+        return ""
+    which = "its size" if len(names) == len(d.effects) == 1 else f"the size of {' and '.join(names)}"
+    return f"Parts of the log contradict each other in {which}: `auv-gym onset` looks for when it begins or ends."
 
 
 def _dropped_sentence(d: Diagnosis) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from weakref import WeakKeyDictionary
 
@@ -162,6 +162,14 @@ class Workbench:
     def interval(self, state: State, path: str) -> tuple[float, float]:
         """The 95 % interval of a fitted path (see `identification.fit.intervals.interval_of`)."""
         return interval_of(self.problem, state.point, state.paths, path, self._information(state))
+
+    def half_width_of(self, state: State, shares: Mapping[str, float]) -> float:
+        """Half the width of the 95 % interval of a sum of fitted paths, each with its share."""
+        found = self._information(state)
+        rows = [state.paths.index(p) for p in shares]
+        units = np.array([share * self.problem.scale(p) for p, share in shares.items()])
+        variance = float(units @ found.covariance[np.ix_(rows, rows)] @ units)
+        return half_width(float(found.freedom[rows].min())) * float(np.sqrt(max(variance, 0.0)))
 
     def _information(self, state: State) -> Information:
         if state not in self._told:

@@ -1,0 +1,103 @@
+"""`auv-gym compare-missions`: what of a vehicle has changed between missions before and after."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+from auv_gym.cli.application import app
+from auv_gym.cli.options import logs
+from auv_gym.cli.options.console import output, progress_bar
+from auv_gym.cli.options.numbers import whole_number
+
+if TYPE_CHECKING:
+    from auv_gym.records.record import Record
+
+_WITH = "--with"
+
+
+class _Sides(TyperCommand):
+    """A command whose option --with takes all that follows it, up to the next option."""
+
+    def parse_args(self, ctx, args: list[str]) -> list[str]:
+        return super().parse_args(ctx, spread(args))
+
+
+def spread(args: Sequence[str]) -> list[str]:
+    """`--with A B` as `--with A --with B`."""
+    found, after = [], False
+    for arg in args:
+        if arg.startswith("-"):
+            after = arg == _WITH
+        elif after:
+            found += [arg] if found[-1] == _WITH else [_WITH, arg]
+            continue
+        found.append(arg)
+    return found
+
+
+@app.command(cls=_Sides)
+def compare_missions(
+    before: Annotated[list[str], typer.Argument(help=f"Logs of missions before. {logs.ANY_LOG}")],
+    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; a series that is there goes on.")],
+    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of missions after, one or several.")] = None,
+    series: Annotated[
+        bool, typer.Option("--series", help="Trends over missions that follow one another, in place of two sides.")
+    ] = False,
+    jobs: Annotated[int, whole_number("Processes that take the missions of a series.", 1, 1024)] = 1,
+    min_depth: logs.MinDepth = None,
+    max_depth: logs.MaxDepth = None,
+    resample: logs.Thinning = None,
+    mapping: logs.ColumnNames = None,
+    cut_gaps: logs.CutGaps = True,
+    doubt: logs.Doubt = 0.1,
+    most: Annotated[int, whole_number("How many effects and changes may be named at once.", 1, 20)] = 3,
+    trust: logs.Trust = False,
+    cache_dir: logs.CacheFolder = None,
+) -> None:
+    """Find what of a vehicle has changed between missions, and how small a change would have been seen."""
+    from auv_gym.presets import find_vehicle
+    from auv_gym.writing import writable_folder
+
+    if series == bool(after):
+        raise ValueError(f"Give missions after by {_WITH}, or --series for trends over missions; not both.")
+    if twice := sorted(set(before) & set(after or [])):
+        raise ValueError(f"A mission is before or after, not both: leave out {', '.join(twice)} on one side.")
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        find_vehicle(vehicle)
+        writable_folder(out)
+        logs.check_log_files([*before, *(after or [])])
+
+        from identification.changes.missions import compare_missions as compare
+        from identification.changes.page import write_comparison, write_series
+        from identification.changes.series import follow_series
+        from identification.changes.wording import series_summary, summary
+        from identification.pages.drawing import require_render
+
+        require_render()
+        plant = logs.load_stated(vehicle, before[0])
+
+        def read(files: str | list[str]) -> Record:
+            progress(0.0, "reading the logs")
+            return logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+
+        options: Any = {"most": most, "doubt": doubt, "trust": trust}
+        options["progress"] = lambda f, text: progress(0.05 + 0.9 * f, text)
+        if series:
+            trends = follow_series({file: read(file) for file in before}, plant, out, jobs=jobs, **options)
+            lines, written = series_summary(trends), write_series(trends, out)
+        else:
+            names = before, after or []
+            found = compare(read(before), read(names[1]), plant, names=names, **options)
+            lines, written = summary(found), write_comparison(found, out)
+    output.print()
+    for line in lines:
+        output.print(line, markup=False, soft_wrap=True)
+    for path in written.values():
+        output.print(str(path), markup=False, soft_wrap=True)

@@ -1,0 +1,57 @@
+"""`auv-gym onset`: since when, until when, or how steadily an effect acts in a log."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from auv_gym.cli.application import app
+from auv_gym.cli.options import logs
+from auv_gym.cli.options.console import output, progress_bar
+from auv_gym.cli.options.numbers import whole_number
+
+_FILE = "onset.json"
+
+
+@app.command()
+def onset(
+    log: Annotated[list[str], typer.Argument(help=f"{logs.ANY_LOG} Several files are one record, in segments.")],
+    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    out: Annotated[Path, typer.Option(help=f"Folder for {_FILE}.")],
+    min_depth: logs.MinDepth = None,
+    max_depth: logs.MaxDepth = None,
+    resample: logs.Thinning = None,
+    mapping: logs.ColumnNames = None,
+    cut_gaps: logs.CutGaps = True,
+    doubt: logs.Doubt = 0.1,
+    most: Annotated[int, whole_number("How many effects may be named at once.", 1, 20)] = 3,
+    trust: logs.Trust = False,
+    cache_dir: logs.CacheFolder = None,
+) -> None:
+    """Find the effects that a vehicle's model lacks in a log, and when each began, ended or grew."""
+    from auv_gym.presets import find_vehicle
+    from auv_gym.writing import replacing, writable_folder
+
+    with progress_bar() as progress:
+        progress(0.0, "starting")
+        find_vehicle(vehicle)
+        writable_folder(out)
+        logs.check_log_files(log)
+
+        from identification.changes.onset import find_onsets
+        from identification.changes.wording import timeline_json, timeline_summary
+
+        plant = logs.load_stated(vehicle, log[0])
+        record = logs.read_cut(log, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+        found = find_onsets(
+            record, plant, most=most, doubt=doubt, trust=trust, progress=lambda f, text: progress(0.05 + 0.9 * f, text)
+        )
+        with replacing(out / _FILE) as new:
+            new.write_text(json.dumps(timeline_json(found), indent=2) + "\n", encoding="utf-8")
+    output.print()
+    for line in timeline_summary(found):
+        output.print(line, markup=False, soft_wrap=True)
+    output.print(str(out / _FILE), markup=False, soft_wrap=True)

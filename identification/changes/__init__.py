@@ -1,0 +1,1 @@
+"""What has changed between missions, and when it began."""

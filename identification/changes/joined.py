@@ -1,0 +1,63 @@
+"""Logs of one vehicle before and after as one checked log, whose parts hold a share of both."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record, concat
+from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
+from identification.diagnosis.log.parts import Part
+
+
+def joined_sides(sides: Mapping[str, Record], plant: Plant, asked: Asked) -> tuple[CheckedLog, int]:
+    """The log before and the log after, one after the other, and the row at which the second begins.
+
+    Each is checked by itself; a part is the same share of both, so that any part can be foretold from the others on
+    both sides of a change.  Channels that only one has are left out.
+    Raises ValueError, with the side's name, where one cannot be used or looks mislabelled.
+    """
+    checked: list[CheckedLog] = []
+    for name, record in sides.items():
+        try:
+            log = check_log(record, plant, asked)
+        except ValueError as error:
+            raise ValueError(f"The log {name}: {error}") from None
+        if log.slipped:
+            told = "; ".join(d.text for d in log.doubts if d.slip is not None)
+            raise ValueError(
+                f"The log {name} looks mislabelled: {told}. Mend the log, or go on all the same with --trust."
+            )
+        checked.append(log)
+    common = set.intersection(*(set(log.record.names) for log in checked))
+    alone = sorted({n for log in checked for n in log.record.names} - common)
+    records = [log.record.without([n for n in log.record.names if n not in common]) for log in checked]
+    record = concat(records)
+    if alone:
+        line = f"Only one side has {', '.join(alone)}: left out of the comparison."
+        record = record.with_notes([*record.notes, line])
+    begins = np.cumsum([0, *(len(r) for r in records)]).tolist()
+    joined = CheckedLog(
+        record,
+        plant,
+        asked,
+        _together([log.parts for log in checked], begins),
+        _together([log.windows for log in checked], begins),
+        min(log.window for log in checked),
+        min(log.settle for log in checked),
+        all(log.steady for log in checked),
+        tuple(d for log in checked for d in log.doubts),
+        tuple(dict.fromkeys(n for log in checked for n in log.left_out)),
+    )
+    return joined, begins[1]
+
+
+def _together(parts: Sequence[Sequence[Part]], begins: Sequence[int]) -> tuple[Part, ...]:
+    """The first parts of all sides as one, then the second ones, as rows of the joined record."""
+    found: list[list[slice]] = [[] for _ in range(max(len(own) for own in parts))]
+    for own, begin in zip(parts, begins, strict=False):
+        for k, part in enumerate(own):
+            found[k] += [slice(w.start + begin, w.stop + begin) for w in part]
+    return tuple(tuple(part) for part in found)

@@ -1,0 +1,244 @@
+"""What has changed between the missions of a vehicle before and after: one fit, and each change by its evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.changes.joined import joined_sides
+from identification.deciding import DOUBT, MOST_EFFECTS
+from identification.diagnosis.log.checking import Asked
+from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
+from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.candidates import Candidate, candidates_of, screen
+from identification.diagnosis.search.known import fit_known
+from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.changing import ChangingPlant, Course, change, changed
+
+BEFORE, AFTER = "before", "after"
+_WIDE = 1.96  # standard errors of a 95 % interval
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A value with its 95 % interval, in the parameter's unit."""
+
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Changed:
+    """A parameter that is not the same before and after.
+
+    evidence: twice the gain in log-likelihood against one value for both sides.  tied: paths of what else
+    would explain it as well, with the form in front where that is a change.  surely: whether all of these are changes.
+    """
+
+    path: str
+    title: str
+    unit: str
+    before: Sized
+    after: Sized
+    change: Sized
+    evidence: float
+    tied: tuple[str, ...] = ()
+    surely: bool = True
+
+
+@dataclass(frozen=True)
+class Common:
+    """An effect that is there before and after alike; tied: see `Changed`."""
+
+    path: str
+    title: str
+    unit: str
+    size: Sized
+    evidence: float
+    tied: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Unchanged:
+    """A parameter that shows no change.
+
+    change: its estimate.  detectable: the change that would have been found with 95 % probability; infinite where the
+    missions cannot show one, with the reason.  value: of the vehicle.
+    """
+
+    path: str
+    title: str
+    unit: str
+    value: float
+    change: Sized
+    detectable: float
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What `compare_missions` found; missions: names of those before and after; fitted: values before, by path."""
+
+    plant: Plant
+    missions: tuple[tuple[str, ...], tuple[str, ...]]
+    changed: tuple[Changed, ...]
+    common: tuple[Common, ...]
+    unchanged: tuple[Unchanged, ...]
+    candidates: int
+    fitted: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+
+
+def compare_missions(
+    before: Record,
+    after: Record,
+    plant: Plant,
+    *,
+    names: tuple[Sequence[str], Sequence[str]] = (("before",), ("after",)),
+    most: int = MOST_EFFECTS,
+    doubt: float = DOUBT,
+    trust: bool = False,
+    progress: Progress = lambda fraction, text: None,
+) -> Comparison:
+    """What of a vehicle has changed between two records, each of one mission or of several in segments.
+
+    All is fitted at once with common coefficients, noises and, as evidence says, effects that are common or of one side
+    only; a coefficient may change, too.  A change passes the gate that every name of a diagnosis passes.
+    names: of the missions, for the report.  most: effects and changes at once.  doubt, trust: see
+    `identification.diagnosis.diagnose`.
+    """
+    progress(0.0, "checking the missions")
+    log, edge = joined_sides({BEFORE: before, AFTER: after}, plant, Asked(most=most, doubt=doubt, trust=trust))
+    effects = [c for c in candidates_of(plant, log.record) if not c.period]
+    paths = [p for c in effects for p in c.paths]
+    coefficients = [p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0]
+    courses = {BEFORE: Course((edge,), (1.0, 0.0)), AFTER: Course((edge,), (0.0, 1.0))}
+    changing = ChangingPlant.of(log.plant, {BEFORE: paths, AFTER: [*coefficients, *paths]}, courses)
+    known = fit_known(replace(log, plant=changing), progress)
+    bench = known.bench
+    singles = [Candidate(spec_at(plant, p).title or p, (p,)) for p in known.coefficients if p in coefficients]
+    candidates = [
+        *effects,
+        *(_in_form(c, AFTER) for c in (*singles, *effects)),
+        *(_in_form(c, BEFORE) for c in effects),
+    ]
+    state, rounds = attribute(bench, known.nominal, candidates, most, (), lambda f, text: progress(0.1 + 0.7 * f, text))
+    state = without_idle_parts(bench, state, [r.chosen.candidate.paths for r in rounds if r.chosen])
+    state, rounds = confirmed(bench, known.nominal, state, rounds, len(candidates))
+    progress(0.85, "sizing what has changed")
+    found = [r for r in rounds if r.chosen is not None]
+    own = [_own_paths(r, state) for r in found]
+    moving = dict.fromkeys(changed(p)[1] for paths in own for p in paths if changed(p)[0])
+    rest = [c for c in (*singles, *effects) if moving.keys().isdisjoint(c.paths)]
+    sized = [_changed(bench, state, path, found, len(candidates)) for path in moving]
+    common = [
+        _common(bench, state, r, p)
+        for r, paths in zip(found, own, strict=True)
+        for p in paths
+        if not changed(p)[0] and p not in moving
+    ]
+    return Comparison(
+        plant,
+        (tuple(names[0]), tuple(names[1])),
+        tuple(c for c in sized if isinstance(c, Changed)),
+        (*common, *(c for c in sized if isinstance(c, Common))),
+        tuple(_unchanged(bench, state, rest, len(candidates))),
+        len(candidates),
+        {p: value_at(state.plant, p) for p in state.paths if not changed(p)[0]},
+        tuple(log.record.notes),
+    )
+
+
+def _in_form(candidate: Candidate, form: str) -> Candidate:
+    return Candidate(f"{candidate.title}, {form}", tuple(change(form, p) for p in candidate.paths))
+
+
+def _own_paths(made: Round, state: State) -> list[str]:
+    assert made.chosen is not None
+    return [p for p in made.chosen.candidate.paths if p in state.paths]
+
+
+def _tied(made: Round) -> tuple[str, ...]:
+    return tuple(" ".join(filter(None, changed(p))) for t in made.tied for p in t.candidate.paths)
+
+
+def _changed(bench: Workbench, state: State, path: str, rounds: Sequence[Round], count: int) -> Changed | Common:
+    """What a parameter is on each side, both free; common, where evidence does not ask for two values.
+
+    count: of all candidates, for the bar.
+    """
+    spec, plant = spec_at(state.plant, path), state.plant
+    early, late, added = change(BEFORE, path), change(AFTER, path), 0.0
+    mine = [r for r in rounds if {path, early, late} & set(_own_paths(r, state))]
+    kept = [p for p in state.paths if p not in (path, early, late)]
+    if path in plant.doubted:  # its value is fitted, with what is known of it: the change is beside it
+        free, first, second = [*kept, path, late], {path: 1.0}, {path: 1.0, late: 1.0}
+        alike = replace_at(plant, late, 0.0)
+    else:
+        added = spec.neutral
+        base = value_at(plant, path) - added
+        values = {path: added, early: base + value_at(plant, early), late: base + value_at(plant, late)}
+        free, first, second = [*kept, early, late], {early: 1.0}, {late: 1.0}
+        middle = added + 0.5 * (values[early] + values[late])
+        alike = replace_at(plant, {path: float(np.clip(middle, *spec.bounds)), early: 0.0, late: 0.0})
+        plant = replace_at(plant, values)
+    both, common = bench.fit(plant, free, state), bench.fit(alike, [*kept, path], state)
+    evidence, tied = bench.gain(common, both), tuple(dict.fromkeys(t for r in mine for t in _tied(r)))
+    if evidence < threshold(count):
+        size = Sized(value_at(common.plant, path), bench.interval(common, path))
+        return Common(path, spec.title or path, spec.unit, size, sum(r.evidence[0] for r in mine), tied)
+    moved = {p: second.get(p, 0.0) - first.get(p, 0.0) for p in {**first, **second}}
+    return Changed(
+        path,
+        spec.title or path,
+        spec.unit,
+        _sized(bench, both, first, added, spec.bounds),
+        _sized(bench, both, second, added, spec.bounds),
+        _sized(bench, both, moved, 0.0),
+        evidence,
+        tied,
+        all(t.startswith((f"{BEFORE} ", f"{AFTER} ")) for t in tied),
+    )
+
+
+def _sized(
+    bench: Workbench,
+    state: State,
+    shares: Mapping[str, float],
+    added: float,
+    bounds: tuple[float, float] = (-np.inf, np.inf),
+) -> Sized:
+    """A sum of fitted parameters and its interval."""
+    value = added + sum(share * value_at(state.plant, p) for p, share in shares.items())
+    half = bench.half_width_of(state, shares)
+    low, high = np.clip([value - half, value + half], *bounds)
+    return Sized(float(np.clip(value, *bounds)), (float(low), float(high)))
+
+
+def _common(bench: Workbench, state: State, made: Round, path: str) -> Common:
+    spec = spec_at(state.plant, path)
+    size = Sized(value_at(state.plant, path), bench.interval(state, path))
+    return Common(path, spec.title, spec.unit, size, made.evidence[0], _tied(made))
+
+
+def _unchanged(bench: Workbench, state: State, rest: Sequence[Candidate], count: int) -> list[Unchanged]:
+    """What shows no change, by the regression of the final model's errors on a change of each."""
+    late = [replace(_in_form(c, AFTER), title=c.title) for c in rest]
+    bar, found = threshold(count), []
+    for screening in screen(bench.problem, state.point, state.paths, late, bar):
+        for k, name in enumerate(screening.candidate.paths):
+            path = changed(name)[1]
+            spec, detectable = spec_at(state.plant, path), float(screening.detectable[k])
+            estimate = float(screening.estimate[k]) * bench.problem.scale(name)
+            half = _WIDE * detectable / (np.sqrt(bar) + 1.645)  # see `Screening.detectable`
+            size = Sized(estimate, (estimate - half, estimate + half))
+            value = value_at(state.plant, path)
+            found.append(Unchanged(path, spec.title or path, spec.unit, value, size, detectable, screening.unseen))
+    order = bench.problem.index
+    return sorted(found, key=lambda u: (u.path not in state.paths, order[u.path]))

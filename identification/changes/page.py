@@ -1,0 +1,207 @@
+"""The page of a comparison of missions, and the files that it leaves."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auv_gym import __version__
+from auv_gym.writing import replacing, writable_folder
+from identification.changes.missions import Comparison
+from identification.changes.series import Series
+from identification.changes.wording import as_json, named, series_json, series_summary, size_of, summary
+from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
+from identification.pages.model_page import Section
+from identification.pages.page import Table, amount, drawn, page, span
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_ROW = 0.42  # inches of a picture for a parameter
+
+
+def write_comparison(found: Comparison, folder: str | os.PathLike) -> dict[str, Path]:
+    """Write changes.json and report.html; their paths by name.
+
+    Raises ValueError if the folder cannot be written, ImportError without the extra `render`.
+    """
+    texts = {
+        "changes.json": json.dumps(as_json(found), indent=2) + "\n",
+        "report.html": comparison_page(found),
+    }
+    return _written(texts, folder)
+
+
+def _written(texts: Mapping[str, str], folder: str | os.PathLike) -> dict[str, Path]:
+    """Files of these texts in a folder, by name."""
+    out = writable_folder(folder)
+    for name, text in texts.items():
+        with replacing(out / name) as new:
+            new.write_text(text, encoding="utf-8")
+    return {name: out / name for name in texts}
+
+
+def write_series(found: Series, folder: str | os.PathLike) -> dict[str, Path]:
+    """Write series.json and series.html; as `write_comparison`."""
+    texts = {"series.json": json.dumps(series_json(found), indent=2) + "\n", "series.html": series_page(found)}
+    return _written(texts, folder)
+
+
+def series_page(found: Series) -> str:
+    """The trends over missions as the text of one HTML page, with one picture."""
+    rows = [
+        (t.title, (amount(t.rate.value, t.unit), span(t.rate.ci95, t.unit)), t.per, amount(t.scatter, t.unit))
+        for t in found.trends
+    ]
+    texts = [f"Mission {name} has no sizes: {why}" for name, why in found.failed.items()]
+    picture = drawn(
+        lambda: series_figure(found),
+        "series",
+        "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
+        "What each mission says by itself, with its 95 % interval, and the line through the missions.",
+    )
+    section = Section(
+        "Trends",
+        [
+            "A trend's 95 % interval allows for what missions differ by beyond their own intervals: the scatter.",
+            *texts,
+        ],
+        [Table(("what", "rate", "per", "scatter"), rows)],
+        [picture] if found.trends else (),
+    )
+    content: dict[str, Any] = {
+        "title": f"{found.plant.name}: {len(found.missions)} missions",
+        "eyebrow": ", ".join(found.missions),
+        "found": series_summary(found),
+        "sections": [section],
+        "version": __version__,
+    }
+    return page("models.html", content)
+
+
+def series_figure(found: Series) -> Figure:
+    """The sizes of the missions over time, a panel for each parameter."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 1.9 * len(found.trends) + 0.4), layout="constrained")
+    for axes, t in zip(figure.subplots(len(found.trends), 1, sharex=True, squeeze=False)[:, 0], found.trends):
+        at, values = np.array(t.at), np.array([s.value for s in t.sizes])
+        limits = np.array([s.ci95 for s in t.sizes])
+        axes.errorbar(at, values, [values - limits[:, 0], limits[:, 1] - values], fmt="o", color=BEFORE, capsize=3)
+        weights = 1.0 / ((limits[:, 1] - values) ** 2 / 3.84 + t.scatter**2)
+        middle = at.mean() + np.array([-0.5, 0.5]) * np.ptp(at)
+        level = np.average(values - t.rate.value * (at - at.mean()), weights=weights)
+        axes.plot(middle, level + t.rate.value * (middle - at.mean()), color=AFTER)
+        axes.set_ylabel(f"{named(t)}, {t.unit}")
+        axes.set_xlabel(t.per)
+    return figure
+
+
+def comparison_page(found: Comparison) -> str:
+    """The report as the text of one HTML page, which needs no other file and no network."""
+    before, after = found.missions
+    sections = [
+        Section("What has changed", tables=[_changes(found)] if found.changed else (), texts=_texts(found)),
+        Section(
+            "What has not",
+            [
+                "The estimate of a change of each, if it alone had changed, and the change that would have been found "
+                "with 95 % probability."
+            ],
+            [_steady(found)],
+            [
+                drawn(
+                    lambda: change_figure(found),
+                    "changes",
+                    "Estimated change of each parameter with its 95 % interval, over the change that would be found.",
+                    "Changes with their 95 % intervals, over the change of each that would have been found with 95 % "
+                    "probability. Blue: changed.",
+                )
+            ],
+        ),
+        Section("The logs", found.notes or ("Nothing was left out, mended or cut.",)),
+    ]
+    content: dict[str, Any] = {
+        "title": f"{found.plant.name}: what has changed",
+        "eyebrow": f"before: {', '.join(before)}; after: {', '.join(after)}",
+        "found": summary(found),
+        "sections": sections,
+        "version": __version__,
+    }
+    return page("models.html", content)
+
+
+def _texts(found: Comparison) -> list[str]:
+    if not found.changed:
+        return [f"Nothing, of {found.candidates} forms of effects and coefficients that were tried."]
+    return [
+        "Each side has its own value, all else is common. A change is named as an effect of a diagnosis is: by "
+        f"evidence beyond the bar for {found.candidates} candidates, which each part of the missions foretells from "
+        "the others."
+    ]
+
+
+def _changes(found: Comparison) -> Table:
+    rows = [
+        (
+            c.title,
+            *((amount(s.value, c.unit), span(s.ci95, c.unit)) for s in (c.before, c.after, c.change)),
+            f"{c.evidence:.0f}",
+            ", ".join(c.tied),
+        )
+        for c in found.changed
+    ]
+    for c in found.common:
+        same = (amount(c.size.value, c.unit), span(c.size.ci95, c.unit))
+        rows.append((c.title, same, same, "–", f"{c.evidence:.0f}", ", ".join(c.tied)))
+    return Table(("what", "before", "after", "change", "evidence", "could also be"), rows)
+
+
+def _steady(found: Comparison) -> Table:
+    rows = [
+        (
+            u.title,
+            amount(u.value, u.unit),
+            (size_of(u.change.value, u), f"{size_of(u.change.ci95[0], u)} to {size_of(u.change.ci95[1], u)}")
+            if np.isfinite(u.detectable)
+            else "–",
+            size_of(u.detectable, u) if np.isfinite(u.detectable) else u.reason or "not seen",
+        )
+        for u in found.unchanged
+    ]
+    return Table(("what", "value", "change", "would have been found"), rows)
+
+
+def change_figure(found: Comparison) -> Figure:
+    """Changes with their intervals, each over the change that would have been found."""
+    from matplotlib.figure import Figure
+
+    steady = [u for u in found.unchanged if np.isfinite(u.detectable)]
+    figure = Figure(figsize=(WIDTH, 1.1 + _ROW * max(len(steady) + len(found.changed), 1)), layout="constrained")
+    axes = figure.add_subplot()
+    names = []
+    for c in found.changed:
+        size = abs(c.change.value)
+        axes.errorbar(*_bar(c.change.value, c.change.ci95, size or 1.0, len(names)), fmt="o", color=AFTER, capsize=3)
+        names.append(f"{named(c)}, over itself")
+    for u in steady:
+        axes.errorbar(*_bar(u.change.value, u.change.ci95, u.detectable, len(names)), fmt="o", color=BEFORE, capsize=3)
+        names.append(named(u))
+    for limit in (-1.0, 1.0):
+        axes.axvline(limit, color=QUIET, linewidth=0.8, linestyle="--")
+    axes.axvline(0.0, color=QUIET, linewidth=0.8)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set_xlabel("change, over what would have been found")
+    return figure
+
+
+def _bar(value: float, limits: tuple[float, float], scale: float, row: int) -> tuple[list[float], list[int], None, Any]:
+    """What a bar of an interval is drawn from: place, row, and lengths to either side."""
+    low, high = limits
+    return [value / scale], [row], None, [[(value - low) / scale], [(high - value) / scale]]

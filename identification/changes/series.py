@@ -1,0 +1,197 @@
+"""Trends over a series of missions: what each mission says by itself of a few parameters, and how that goes on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record, concat
+from auv_gym.writing import replacing, writable_folder
+from identification.campaign.running.pool import in_parallel
+from identification.changes.missions import Comparison, Sized, compare_missions
+from identification.deciding import DOUBT, MISSED, MOST_EFFECTS
+from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.result_files import digest_of
+from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.workbench import Workbench
+
+MISSIONS, FOLLOWED = "missions", "followed.json"
+LEAST = 4  # missions of a trend, which leave two degrees of freedom
+_DAY = 86400.0  # s
+
+
+@dataclass(frozen=True)
+class Trend:
+    """How a parameter goes on over missions.
+
+    rate: per `per`, with its 95 % interval, which allows for what missions differ by beyond their own intervals;
+    scatter: standard deviation of that.  at: (M,), when the missions were, in `per`; sizes: of each, from it alone.
+    """
+
+    path: str
+    title: str
+    unit: str
+    per: str
+    rate: Sized
+    scatter: float
+    at: tuple[float, ...]
+    sizes: tuple[Sized, ...]
+
+    @property
+    def sure(self) -> bool:
+        """Whether the interval of the rate leaves out zero."""
+        return self.rate.ci95[0] > 0.0 or self.rate.ci95[1] < 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """What `follow_series` found; failed: why a mission has no sizes, by name."""
+
+    plant: Plant
+    missions: tuple[str, ...]
+    trends: tuple[Trend, ...]
+    failed: Mapping[str, str]
+
+
+def follow_series(
+    missions: Mapping[str, Record],
+    plant: Plant,
+    folder: str | Path,
+    *,
+    most: int = MOST_EFFECTS,
+    doubt: float = DOUBT,
+    trust: bool = False,
+    jobs: int = 1,
+    progress: Progress = lambda fraction, text: None,
+) -> Series:
+    """The trends of a vehicle's first coefficients, and of the effects that its missions name, one after the other.
+
+    The earlier half is compared with the later one (`compare_missions`); what that names as changed or common is
+    followed beside the coefficients of a first fit.  Each mission then gives its own sizes of these, all else as in the
+    comparison; a file in `folder` keeps them, so that what was stopped goes on, and ends in the same.  jobs: processes.
+    """
+    if len(missions) < LEAST:
+        raise ValueError(f"A trend needs at least {LEAST} missions, one after the other, got {len(missions)}.")
+    out = writable_folder(Path(folder) / MISSIONS)
+    key = _key(plant, [digest_of(r) for r in missions.values()], most, doubt, trust)
+    followed = _kept(out.parent / FOLLOWED, key)
+    if followed is None:
+        records, half = list(missions.values()), len(missions) // 2
+        halves = concat(records[:half]), concat(records[half:])
+        found = compare_missions(*halves, plant, most=most, doubt=doubt, trust=trust, progress=progress)
+        followed = {"key": key, "paths": followed_paths(found), "values": found.fitted}
+        _keep(out.parent / FOLLOWED, followed)
+    paths = followed["paths"]
+    held = replace_at(plant, {p: v for p, v in followed["values"].items() if p not in paths})
+    tasks = []
+    for name, record in missions.items():
+        own = _key(held, [digest_of(record)], paths, trust)
+        tasks.append((name, record, out / f"{own}.json", own))
+    left = [task for task in tasks if _kept(task[2], task[3]) is None]
+    work = partial(_write_sizes, plant=held, paths=paths, trust=trust)
+    for done, _ in enumerate(in_parallel(work, left, jobs), 1):
+        progress(0.85 + 0.1 * done / len(left), f"{done} of {len(left)} missions")
+    told = {name: _kept(file, own) or {"failed": "its process died"} for name, _, file, own in tasks}
+    at, per = _times(missions)
+    usable = [(when, told[name]["sizes"]) for name, when in zip(missions, at, strict=True) if "sizes" in told[name]]
+    trends = [t for path in paths if (t := _trend(plant, path, usable, per)) is not None]
+    failed = {name: own["failed"] for name, own in told.items() if "failed" in own}
+    return Series(plant, tuple(missions), tuple(trends), failed)
+
+
+def followed_paths(found: Comparison) -> list[str]:
+    """The first coefficients of a vehicle that are not zero, and what a comparison names."""
+    first = [p for p in found.plant.coefficients if value_at(found.plant, p) != 0.0]
+    return list(dict.fromkeys([*first, *(c.path for c in (*found.changed, *found.common))]))
+
+
+def _write_sizes(task: tuple[str, Record, Path, str], plant: Plant, paths: Sequence[str], trust: bool) -> None:
+    _, record, file, key = task
+    try:
+        told: dict[str, Any] = {"sizes": sizes_of(record, plant, paths, trust)}
+    except ValueError as error:
+        told = {"failed": str(error)}
+    _keep(file, {"key": key, **told})
+
+
+def sizes_of(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, tuple[float, float]]:
+    """Value and standard error of each path from a mission alone, nothing being known of them beforehand."""
+    log = check_log(record, plant, Asked(trust=trust))
+    bench = Workbench(log.plant, log.record, log.parts, np.inf, log.every_window)
+    state = bench.fit(bench.plant, paths)
+    return {path: (value, error) for path, (value, error, _) in bench.intervals(state).items()}
+
+
+def _trend(plant: Plant, path: str, usable: Sequence[tuple[float, Mapping[str, Any]]], per: str) -> Trend | None:
+    """The line through the missions' sizes, weighted, with a scatter of their own; None of too few that tell it."""
+    told = [(when, *sizes[path]) for when, sizes in usable if 0.0 < sizes[path][1] < np.inf]
+    if len(told) < LEAST:
+        return None
+    at, values, errors = np.array(told).T
+    slope, error, scatter = line(at, values, errors)
+    half = float(student.isf(0.5 * MISSED, at.size - 2)) * error
+    sizes = tuple(Sized(v, (v - 1.96 * e, v + 1.96 * e)) for v, e in zip(values.tolist(), errors.tolist(), strict=True))
+    spec = spec_at(plant, path)
+    rate = Sized(slope, (slope - half, slope + half))
+    return Trend(path, spec.title or path, spec.unit, per, rate, scatter, tuple(at.tolist()), sizes)
+
+
+def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float, float, float]:
+    """Slope of a line through values with standard errors, its own standard error, and the values' scatter about it.
+
+    The scatter is that beside the errors which makes the weighted squares as many as the degrees of freedom, or nothing
+    (Paule and Mandel 1982).
+    """
+    design = np.stack([np.ones(at.size), at - at.mean()], axis=1)
+
+    def fitted(scatter: float) -> tuple[np.ndarray, np.ndarray, float]:
+        weights = 1.0 / (errors**2 + scatter**2)
+        covariance = np.linalg.inv(design.T @ (weights[:, None] * design))
+        found = covariance @ (design.T @ (weights * values))
+        return found, covariance, float(weights @ (values - design @ found) ** 2)
+
+    free, low, high = at.size - 2, 0.0, 2.0 * float(np.ptp(values)) + float(errors.max())
+    if fitted(0.0)[2] > free:
+        for _ in range(60):  # halvings, to rounding
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if fitted(middle)[2] > free else (low, middle)
+    found, covariance, _ = fitted(low)
+    return float(found[1]), float(np.sqrt(covariance[1, 1])), low
+
+
+def _times(missions: Mapping[str, Record]) -> tuple[list[float], str]:
+    """When missions began, in days from the first, where their logs say so; else their numbers."""
+    begins = [float(r.attrs.get("start_epoch_s", np.nan)) + float(r.time[0]) for r in missions.values()]
+    if np.isfinite(begins).all() and np.all(np.diff(begins) > 0.0):
+        return [(b - begins[0]) / _DAY for b in begins], "day"
+    return [float(k) for k in range(len(begins))], "mission"
+
+
+def _key(plant: Plant, *facts: Any) -> str:
+    """A number of all that a result follows from."""
+    told = json.dumps([plant.name, plant.vector.tolist(), plant.dt, plant.longest_step, facts])
+    return hashlib.sha256(told.encode()).hexdigest()
+
+
+def _kept(file: Path, key: str) -> dict[str, Any] | None:
+    """What a file keeps, if it is of this key."""
+    try:
+        told = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return told if told.get("key") == key else None
+
+
+def _keep(file: Path, told: Mapping[str, Any]) -> None:
+    with replacing(file) as new:
+        new.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,160 @@
+"""What a comparison of missions found, in sentences and as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from identification.changes.missions import Changed, Common, Comparison, Unchanged
+from identification.changes.onset import FROM, Timed, Timeline
+from identification.changes.series import Series, Trend
+from identification.diagnosis.wording import interval, quantity, sized
+
+_TOLD = 4  # that did not change, in the summary; the page has all
+
+
+def summary(found: Comparison) -> list[str]:
+    """What changed, what is the same on both sides, and how small a change would have been seen; a sentence each."""
+    lines = [changed_words(c) for c in found.changed] or ["Nothing has changed that these missions could show."]
+    lines += [common_words(c) for c in found.common]
+    steady = [u for u in found.unchanged if np.isfinite(u.detectable)][:_TOLD]
+    if steady:
+        told = "; ".join(f"{named(u)}, {size_of(u.detectable, u)}" for u in steady)
+        lines.append(f"No change was found of the rest. Changes that would have been found: {told}.")
+    return lines
+
+
+def changed_words(c: Changed) -> str:
+    """`The rudder offset changed from 0.0 deg to 2.9 deg`, with the interval of the change."""
+    text = f"{_head(c)} changed from {quantity(c.before.value, c.unit)} to "
+    text += f"{quantity(c.after.value, c.unit)}: by {quantity(c.change.value, c.unit)}{_relative(c)} "
+    text += f"(95 % interval {interval(c.change.ci95, c.unit)})."
+    if c.tied:
+        text += f" The missions do not tell this from: {', '.join(c.tied)}."
+        text += "" if c.surely else " So it is not sure that anything has changed."
+    return text
+
+
+def _head(c: Changed) -> str:
+    """The title to begin a sentence, without the remark and the `by` that sizes follow."""
+    name = named(c)
+    return f"{name[0].upper()}{name[1:]}"
+
+
+def common_words(c: Common) -> str:
+    text = f"There before and after: {sized(c.title, quantity(c.size.value, c.unit), interval(c.size.ci95, c.unit))}."
+    return text + (f" The missions do not tell this from: {', '.join(c.tied)}." if c.tied else "")
+
+
+def timeline_summary(found: Timeline) -> list[str]:
+    """What is missing and when it acts, a sentence each."""
+    return [timed_words(t) for t in found.found] or ["Nothing is missing that this log could show, at any time."]
+
+
+def timed_words(t: Timed) -> str:
+    """`Rudder offset, 1.7 deg (95 % interval 1.6 to 1.8 deg), from 396 s on (95 % interval 384 to 404 s).`"""
+    text = sized(t.title, quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
+    text = f"{'' if t.path.startswith('effects.') else 'a change of '}{text}"
+    text = f"{text[0].upper()}{text[1:]}"
+    if t.time is not None:
+        low, high = t.time.ci95
+        when = f"{t.form} {t.time.value:.0f} s{' on' if t.form == FROM else ''}"
+        text += f", {when} (95 % interval {low:.0f} to {high:.0f} s)."
+    else:
+        text += ", which grows from nothing to this size over the log." if t.form else ", throughout the log."
+    return text + (f" The log does not tell this from: {', '.join(t.tied)}." if t.tied else "")
+
+
+def timeline_json(found: Timeline) -> dict[str, Any]:
+    """The timeline as plain data, SI throughout."""
+    return {
+        "vehicle": found.plant.name,
+        "summary": timeline_summary(found),
+        "found": [_plain(t) for t in found.found],
+        "candidates": found.candidates,
+        "notes": list(found.notes),
+    }
+
+
+def series_summary(found: Series) -> list[str]:
+    """Each trend, surely there or not, in a sentence."""
+    lines = []
+    for t in found.trends:
+        low, high = (_rate(limit, t) for limit in t.rate.ci95)
+        rate = f"{_rate(t.rate.value, t)} a {t.per} (95 % interval {low} to {high})"
+        name = named(t)
+        lines.append(
+            f"{name[0].upper()}{name[1:]} changes by {rate}."
+            if t.sure
+            else f"{name[0].upper()}{name[1:]} shows no trend: {rate}."
+        )
+    return lines or ["No parameter is told by enough missions for a trend."]
+
+
+def _rate(size: float, t: Trend) -> str:
+    """A rate: of coefficients in percent of the missions' mean."""
+    mean = float(np.mean([s.value for s in t.sizes]))
+    if t.path.startswith("effects.") or mean == 0.0:
+        return quantity(size, t.unit)
+    return f"{100.0 * size / abs(mean):+.2g} %"
+
+
+def series_json(found: Series) -> dict[str, Any]:
+    """The trends as plain data, SI throughout."""
+    return {
+        "vehicle": found.plant.name,
+        "missions": list(found.missions),
+        "summary": series_summary(found),
+        "trends": [_plain(t) for t in found.trends],
+        "failed": dict(found.failed),
+    }
+
+
+def named(item: Changed | Unchanged | Trend) -> str:
+    """The title without its remark in brackets, and without a `by` that a size would follow."""
+    return item.title.partition(" (")[0].removesuffix(" by").removesuffix(",")
+
+
+def size_of(size: float, u: Unchanged) -> str:
+    """A size of a change: of coefficients in percent."""
+    if u.path.startswith("effects.") or u.value == 0.0:
+        return quantity(size, u.unit)
+    return f"{100.0 * size / abs(u.value):.2g} %"
+
+
+def _relative(c: Changed) -> str:
+    if c.path.startswith("effects.") or c.before.value == 0.0:
+        return ""
+    return f" or {100.0 * c.change.value / abs(c.before.value):+.2g} %"
+
+
+def as_json(found: Comparison) -> dict[str, Any]:
+    """The comparison as plain data, SI throughout."""
+    before, after = found.missions
+    return {
+        "vehicle": found.plant.name,
+        "before": list(before),
+        "after": list(after),
+        "summary": summary(found),
+        "changed": [_plain(c) for c in found.changed],
+        "common": [_plain(c) for c in found.common],
+        "unchanged": [_plain(u) for u in found.unchanged],
+        "candidates": found.candidates,
+        "notes": list(found.notes),
+    }
+
+
+def _plain(item: Changed | Common | Unchanged | Timed | Trend) -> dict[str, Any]:
+    return {name: _finite(value) for name, value in asdict(item).items()}
+
+
+def _finite(value: Any) -> Any:
+    """Without numbers that JSON does not have."""
+    if isinstance(value, dict):
+        return {k: _finite(v) for k, v in value.items()}
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [_finite(v) for v in value]
+    return (float(value) if np.isfinite(value) else None) if isinstance(value, float) else value

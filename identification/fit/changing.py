@@ -1,0 +1,187 @@
+"""A vehicle whose parameters change along a record: from a row on, up to a row, or more and more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, make_dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from auv_gym.param import Spec, list_paths, part, positions, replace_at, spec_at, value_at
+from auv_gym.plant import Correction, Plant, Runs
+
+CHANGES = "changes"
+_SHARE = 0.1  # of a coefficient's value, the change in which a fit steps
+
+
+@dataclass(frozen=True)
+class Course:
+    """The share of a change that acts at each row of a record: from each of the edges on another one, see `shares`."""
+
+    edges: tuple[int, ...]
+    shares: tuple[float, ...]
+
+    def at(self, row: int) -> float:
+        """The share at a row."""
+        return self.shares[int(np.searchsorted(self.edges, row, side="right"))]
+
+
+@dataclass(frozen=True)
+class ChangingPlant(Plant):
+    """A plant that has one more parameter for each form in which one of its parameters may change.
+
+    Their paths are `changes.FORM.PATH`; zero is no change.  courses: of the forms, by name.  What has changed stays
+    within the bounds of the parameter.  Actuators stand where a share changes as if it had held before, too.
+    """
+
+    courses: Mapping[str, Course] = field(default_factory=dict, hash=False)
+
+    @classmethod
+    def of(cls, plant: Plant, paths: Mapping[str, Sequence[str]], courses: Mapping[str, Course]) -> ChangingPlant:
+        """The plant with changes of these paths, by form."""
+        specs = {f"{form}.{path}": _spec(plant, path) for form, own in paths.items() for path in own}
+        tree = plant.parameters
+        group = _group("Changes", specs)
+        kind = make_dataclass("Changing", [(CHANGES, group, part(group))], bases=(type(tree),), frozen=True)
+        parameters = kind(**{f.name: getattr(tree, f.name) for f in fields(tree)})
+        given = {f.name: getattr(plant, f.name) for f in fields(Plant)} | {"parameters": parameters}
+        return cls(**given, courses=dict(courses))
+
+    def at_row(self, row: int) -> Plant:
+        """The plant as it is at a row of the record, without changes."""
+        tree = self.parameters
+        plain = type(tree).__bases__[0](**{f.name: getattr(tree, f.name) for f in fields(tree) if f.name != CHANGES})
+        plant = Plant(**{f.name: getattr(self, f.name) for f in fields(Plant)} | {"parameters": plain})
+        values, places = self._layout.acting(self.vector[None], row)[0], positions(plant)
+        return replace_at(plant, {path: float(values[places[path]]) for path in self._layout.changed})
+
+    @cached_property
+    def _layout(self) -> _Layout:
+        return _Layout.of(self)
+
+    @cached_property
+    def derived(self) -> np.ndarray:
+        """What follows from the parameters at the first row."""
+        return self.at_row(0).derived
+
+    def _run(
+        self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, c: Correction, y: np.ndarray, after: Any = None
+    ) -> None:
+        """The runs in pieces between the edges, each from where the one before has ended."""
+        edges = [0, *self._layout.edges(vectors), np.iinfo(np.int64).max]
+        if len(edges) == 2:
+            super()._run(runs, self._layout.acting(vectors, 0), starts, c, y, after)
+            return
+        offsets = np.r_[0, np.cumsum(runs.stop - runs.begin)[:-1]]
+        constant = np.flatnonzero(c.constant)
+        size = max(len(self.family.states) + len(self.family.sensors), starts.shape[2])
+        keep = after is not None and after.shape[0] > 0
+        reached = after if keep else np.empty((len(vectors), runs.rows, size))
+        for first, last in pairwise(edges):
+            begin, stop = np.maximum(runs.begin, first), np.minimum(runs.stop, last)
+            own = np.flatnonzero(begin < stop)
+            if not own.size:
+                continue
+            at = offsets[own] + (begin - runs.begin)[own]  # of the first row of each piece
+            lengths = (stop - begin)[own]
+            rows = np.repeat(at - np.r_[0, np.cumsum(lengths)[:-1]], lengths) + np.arange(lengths.sum())
+            begun = np.array(np.broadcast_to(starts[:, own], (len(vectors), own.size, starts.shape[2])))
+            carried, goes_on = c.carried[own], begin[own] > runs.begin[own]
+            begun[:, goes_on] = reached[:, at[goes_on] - 1, : starts.shape[2]]
+            if carried[0] and not goes_on[0]:  # what a stretch takes over from the last one, of the piece before
+                begun[:, 0, constant] = reached[:, at[0] - 1][:, constant]
+            carried = carried & ~goes_on
+            carried[0] = False
+            piece = replace(runs, begin=begin[own], stop=stop[own], rows=rows.size)
+            corrected = replace(
+                c,
+                measured=c.measured[rows] if len(c.measured) else c.measured,
+                gains=c.gains[rows] if len(c.gains) else c.gains,
+                decays=c.decays[rows] if len(c.decays) else c.decays,
+                carried=carried,
+            )
+            read, ended = np.empty((len(vectors), rows.size, y.shape[2])), np.empty((len(vectors), rows.size, size))
+            super()._run(piece, self._layout.acting(vectors, first), begun, corrected, read, ended)
+            y[:, rows], reached[:, rows] = read, ended
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Where changes act.
+
+    first: number of the first change in the vector.  index: (K,), of the parameter that each changes, by number;
+    changed: their paths.  low, high: (K,), their bounds.  courses: of each.
+    """
+
+    first: int
+    index: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    changed: frozenset[str]
+    courses: tuple[Course, ...]
+
+    @classmethod
+    def of(cls, plant: ChangingPlant) -> _Layout:
+        places, names = positions(plant), [p for p in list_paths(plant) if p.startswith(f"{CHANGES}.")]
+        split = [changed(name) for name in names]
+        bounds = [spec_at(plant, path).bounds for _, path in split]
+        return cls(
+            len(places) - len(names),
+            np.array([places[path] for _, path in split], dtype=int),
+            np.array([low for low, _ in bounds]),
+            np.array([high for _, high in bounds]),
+            frozenset(path for _, path in split),
+            tuple(plant.courses[form] for form, _ in split),
+        )
+
+    def edges(self, vectors: np.ndarray) -> list[int]:
+        """The rows from which on any of some vectors acts otherwise than before."""
+        moved = (vectors[:, self.first : self.first + self.index.size] != 0.0).any(axis=0)
+        return sorted({edge for k in np.flatnonzero(moved) for edge in self.courses[k].edges})
+
+    def acting(self, vectors: np.ndarray, row: int) -> np.ndarray:
+        """Parameters at a row as the compiled functions take them, of vectors with changes, (S, n)."""
+        own = slice(self.first, self.first + self.index.size)
+        found, sizes = np.delete(vectors, own, axis=1), vectors[:, own]
+        moved = np.flatnonzero((sizes != 0.0).any(axis=0))
+        for k in moved:
+            found[:, self.index[k]] += self.courses[k].at(row) * sizes[:, k]
+        at = self.index[moved]
+        found[:, at] = np.clip(found[:, at], self.low[moved], self.high[moved])
+        return np.ascontiguousarray(found)
+
+
+def changed(path: str) -> tuple[str, str]:
+    """The form and the parameter of a change's path; no form where the path is that of no change."""
+    head, _, rest = path.partition(".")
+    if head != CHANGES:
+        return "", path
+    form, _, own = rest.partition(".")
+    return form, own
+
+
+def change(form: str, path: str) -> str:
+    """The path of a change."""
+    return f"{CHANGES}.{form}.{path}"
+
+
+def _spec(plant: Plant, path: str) -> Spec:
+    """What is known of a change: it may take the parameter from one bound to the other."""
+    spec = spec_at(plant, path)
+    low, high = spec.bounds
+    probe = _SHARE * abs(value_at(plant, path)) if path in plant.doubted else spec.probe
+    return spec._replace(title=spec.title or path, neutral=0.0, bounds=(low - high, high - low), probe=probe)
+
+
+def _group(name: str, specs: Mapping[str, Spec]) -> type:
+    """A class of nested groups of parameters, by their paths."""
+    own: list[tuple[str, Any, Any]] = []
+    for head in dict.fromkeys(path.partition(".")[0] for path in specs):
+        inner = {path.partition(".")[2]: spec for path, spec in specs.items() if path.startswith(f"{head}.")}
+        kind = _group(head.title(), inner) if inner else float
+        leaf = None if inner else specs[head]
+        own.append((head, kind, part(kind) if leaf is None else field(default=0.0, metadata={"spec": leaf})))
+    return make_dataclass(name, own, frozen=True)

@@ -1,0 +1,245 @@
+"""Changes between missions of gliders and floats, and within a log: how often they are named, and when.
+
+    python -m scripts.studies.changes --seeds 40 --jobs 2 --out changes
+
+Vehicle, effect, noise and excitation are drawn from the seed.  Effects have 3 to 6 times the size that the part of a
+log with them would just show.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from functools import cache
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from scipy.stats import beta
+
+from auv_gym.model import Diverged
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.changes.missions import Comparison, compare_missions
+from identification.changes.onset import FROM, find_onsets
+from scripts.blind.cases import FAMILIES, PERIOD_OF, detectable_sizes
+from scripts.blind.kinds import effects_of, kind_of, known, log_of
+from scripts.blind.logs import Conditions
+from scripts.studies.harness import Found, Option, Sheet, Study
+
+VEHICLES = tuple(v for name in ("glider", "float") for v in FAMILIES[name].vehicles)
+MULTIPLES = (3.0, 6.0)  # of the detectable size
+DURATION = 600.0  # s, of a glider's log
+ATTEMPTS = 60
+MISSIONS = {  # whether the effect is there before and after
+    "missions: the same": (False, False),
+    "missions: effect in both": (True, True),
+    "missions: effect new": (False, True),
+    "missions: effect gone": (True, False),
+}
+ONSETS: dict[str, Callable[[float, float], float]] = {  # share of the effect at a share of the log
+    "log: nothing": lambda t, begins: 0.0,
+    "log: effect throughout": lambda t, begins: 1.0,
+    "log: effect from a time on": lambda t, begins: float(t >= begins),
+    "log: effect that grows": lambda t, begins: round(min(max(t, 0.0), 1.0), 2),
+    "log: effect on, off, on": lambda t, begins: float(not 0.35 <= t < 0.65),
+}
+
+
+def attempt(case: str, seed: int, vehicle: str) -> dict[str, Any]:
+    """What was drawn, and what was found of it."""
+    rng = np.random.default_rng([seed, len(case), *case.encode()])
+    names = VEHICLES if vehicle == "all" else (vehicle,)
+    if case in ONSETS:
+        names = [name for name in names if kind_of(known(name)).changing]
+        if not names:
+            raise ValueError(f"Nothing changes within the simulated logs of {vehicle}.")
+    plant = known(str(rng.choice(names)))
+    conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), DURATION)
+    work = _missions if case in MISSIONS else _onset
+    return work(case, plant, conditions, rng) | {"vehicle": plant.name}
+
+
+def _onset(case: str, plant: Plant, conditions: Conditions, rng: np.random.Generator) -> dict[str, Any]:
+    """An effect from a time on, growing, on for a part of the log only, or none."""
+    shape, seed, begins = ONSETS[case], int(rng.integers(2**31)), float(rng.uniform(0.2, 0.8))
+    path, value, record, length = "", 0.0, None, kind_length(plant, conditions)
+    for _ in range(ATTEMPTS):
+        try:
+            other = plant
+            if case != "log: nothing":
+                path, other = drawn_effect(plant, conditions, seed, rng, 1.0 - begins)
+                value = value_at(other, path)
+            record = changing_log(plant, other, path, conditions, seed, lambda t: shape(t / length, begins))
+            break
+        except (ValueError, Diverged, np.linalg.LinAlgError):
+            record = None
+    if record is None:
+        raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
+    begin = perf_counter()
+    found = find_onsets(record, plant)
+    time = begins * length
+    own = [f for f in found.found if path and (f.path == path or any(t.endswith(path) for t in f.tied))]
+    timed = [f for f in own if f.form == FROM and f.time is not None]
+    return {
+        "path": path,
+        "size": value,
+        "time": time,
+        "length": length,
+        "found": [[f.form, f.path, f.size.value, *f.size.ci95, list(f.tied)] for f in found.found],
+        "named": bool(own),
+        "forms": [f.form for f in own],
+        "changing": [f.path for f in found.found if f.form],
+        "false": [f.path for f in found.found if f not in own],
+        "near": bool(timed) and min(abs(f.time.value - time) for f in timed if f.time) <= 0.05 * length,
+        "holds": any(f.time.ci95[0] <= time <= f.time.ci95[1] for f in timed if f.time),
+        "timed": bool(timed),
+        "seconds": perf_counter() - begin,
+    }
+
+
+def kind_length(plant: Plant, conditions: Conditions) -> float:
+    """The length of the standard experiment's log, s."""
+    record = log_of(plant, conditions, 0)
+    return float(record.time[-1] - record.time[0])
+
+
+def changing_log(
+    plant: Plant, other: Plant, path: str, conditions: Conditions, seed: int, share: Callable[[float], float]
+) -> Record:
+    """The log of a plant's standard experiment, with an effect of another plant times a share that follows time, s."""
+    low, high = (value_at(p, path) if path else 0.0 for p in (plant, other))
+
+    @cache
+    def at(size: float) -> Plant:
+        return replace_at(plant, path, low + size * (high - low)) if size else plant
+
+    kind = kind_of(plant)
+    assert kind.changing is not None
+    moving = kind.changing(plant, lambda t: at(share(t)))
+    return kind.log(plant, conditions, np.random.default_rng(seed), moving)
+
+
+def _missions(case: str, plant: Plant, conditions: Conditions, rng: np.random.Generator) -> dict[str, Any]:
+    seeds, there = [int(s) for s in rng.integers(2**31, size=2)], MISSIONS[case]
+    path, plants, logs = "", (plant, plant), []
+    for _ in range(ATTEMPTS):
+        try:
+            if any(there):
+                path, other = drawn_effect(plant, conditions, seeds[1], rng)
+                plants = tuple(other if effect else plant for effect in there)
+            logs = [log_of(p, conditions, seed) for p, seed in zip(plants, seeds, strict=True)]
+            break
+        except (ValueError, Diverged, np.linalg.LinAlgError):  # the vehicle cannot be kept on its way with it
+            logs = []
+    if not logs:
+        raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
+    begin = perf_counter()
+    found = compare_missions(logs[0], logs[1], plant)
+    truth = [value_at(p, path) for p in plants] if path else []
+    return _told(found, path, truth) | {"seconds": perf_counter() - begin}
+
+
+def drawn_effect(
+    plant: Plant, conditions: Conditions, seed: int, rng: np.random.Generator, share: float = 1.0
+) -> tuple[str, Plant]:
+    """An effect, and the plant with it; raises ValueError where a clean log of this seed would not show it.
+
+    share: of the log, the last part, in which it is to show.
+    """
+    path = str(rng.choice([p for p in effects_of(plant.name) if p not in PERIOD_OF]))
+    clean = log_of(plant, conditions, seed)
+    last = clean.select(clean.time >= clean.time[-1] - share * (clean.time[-1] - clean.time[0]))
+    size = detectable_sizes(plant, last, [path])[path]
+    spec = spec_at(plant, path)
+    side = rng.choice([-1.0, 1.0]) if spec.bounds[0] < spec.neutral else 1.0
+    value = spec.neutral + float(side * rng.uniform(*MULTIPLES) * size)
+    if not spec.bounds[0] < value < spec.bounds[1]:
+        raise ValueError(f"{path} shows nothing.")
+    return path, replace_at(plant, path, value)
+
+
+def _told(found: Comparison, path: str, truth: list[float]) -> dict[str, Any]:
+    own = [c for c in found.changed if c.path == path or any(t.endswith(f" {path}") for t in c.tied)]
+    same = [c for c in found.common if c.path == path or path in c.tied]
+    exact = next((c for c in found.changed if c.path == path), None)
+    return {
+        "path": path,
+        "truth": truth,
+        "changed": [c.path for c in found.changed],
+        "tied": [list(c.tied) for c in found.changed],
+        "common": [c.path for c in found.common],
+        "right_change": bool(own),
+        "false_changes": [c.path for c in found.changed if c not in own],
+        "sure_changes": [c.path for c in found.changed if c.surely],
+        "right_common": bool(same),
+        "covered": exact is not None and _holds(exact.change.ci95, truth),
+        "sized": exact is not None,
+    }
+
+
+def _holds(limits: tuple[float, float], truth: list[float]) -> bool:
+    return limits[0] <= truth[1] - truth[0] <= limits[1]
+
+
+def exact(hits: int, count: int) -> str:
+    """`19 of 20 (75 to 100 %)`, the exact 95 % interval.  Source: Clopper and Pearson 1934."""
+    low = beta.ppf(0.025, hits, count - hits + 1) if hits else 0.0
+    high = beta.ppf(0.975, hits + 1, count - hits) if hits < count else 1.0
+    return f"{hits} of {count} ({100.0 * low:.0f} to {100.0 * high:.0f} %)" if count else "–"
+
+
+_RIGHT: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
+    "missions: the same": lambda r: not r["changed"],
+    "missions: effect in both": lambda r: r["right_common"],
+    "missions: effect new": lambda r: r["right_change"],
+    "missions: effect gone": lambda r: r["right_change"],
+    "log: nothing": lambda r: not r["changing"],
+    "log: effect throughout": lambda r: r["named"] and not r["changing"],
+    "log: effect from a time on": lambda r: r["named"],
+    "log: effect that grows": lambda r: "growing" in r["forms"],
+    "log: effect on, off, on": lambda r: r["named"] and bool(r["changing"]),
+}
+
+
+def sheets(found: Found) -> list[Sheet]:
+    """A row for each case, and one for each log that came out wrong."""
+    rows, misses = {"missions": [], "log": []}, []
+    for case in found.runs:
+        runs, missions = found.of(case), case in MISSIONS
+        right, false = [_RIGHT[case](r) for r in runs], "false_changes" if missions else "false"
+        row = [case, exact(sum(right), len(runs)), exact(sum(bool(r[false]) for r in runs), len(runs))]
+        if missions:
+            sized = [r for r in runs if r["sized"]]
+            row.append(exact(sum(r["covered"] for r in sized), len(sized)))
+        else:
+            timed = [r for r in runs if r["timed"] and case == "log: effect from a time on"]
+            row += [exact(sum(r[key] for r in timed), len(timed)) for key in ("near", "holds")]
+        rows[case.partition(":")[0]].append([*row, f"{np.median([r['seconds'] for r in runs]):.0f}"])
+        for seed, r in found.runs[case].items():
+            if not _RIGHT[case](r) or r[false]:
+                told = [f"{f[0]} {f[1]}".strip() for f in r["found"]] if not missions else r["changed"] + r["common"]
+                misses.append([case, str(seed), r["vehicle"], r["path"], "; ".join(told)])
+    heads = ("case", "right>", "something false>")
+    wrong = ("case", "seed>", "vehicle", "truth", "found")
+    of_missions, of_logs = ("interval of the change holds>", "s>"), ("time within 5 %>", "its interval holds>", "s>")
+    return [
+        Sheet("missions", "Changes between missions", (*heads, *of_missions), rows["missions"]),
+        Sheet("logs", "Changes within a log", (*heads, *of_logs), rows["log"]),
+        Sheet("misses", "What came out wrong", wrong, misses),
+    ]
+
+
+STUDY = Study(
+    __doc__ or "",
+    attempt,
+    (*MISSIONS, *ONSETS),
+    sheets,
+    seeds=20,
+    first_seed=9000,
+    options={"vehicle": Option("all", "one of them alone", choices=("all", *VEHICLES))},
+)
+
+if __name__ == "__main__":
+    sys.exit(STUDY.main())

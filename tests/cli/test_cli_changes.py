@@ -1,0 +1,41 @@
+"""`auv-gym compare-missions` and `auv-gym onset`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auv_gym.cli import main
+from auv_gym.cli.compare_missions import spread
+from auv_gym.plant import load_vehicle
+from identification.experiments.heading_control import closed_loop
+
+
+def test_with_takes_all_logs_that_follow():
+    args = ["a", "b", "--with", "c", "d", "--out", "x", "e"]
+    assert spread(args) == ["a", "b", "--with", "c", "--with", "d", "--out", "x", "e"]
+
+
+def test_sides_are_given_once_and_each_mission_on_one(tmp_path, capsys):
+    common = ["compare-missions", "a.csv", "--vehicle", "slocum", "--out", str(tmp_path)]
+    assert main(common) == 1
+    assert main([*common, "--with", "b.csv", "--series"]) == 1
+    assert main([*common, "--with", "a.csv"]) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert told.count("--series for trends over missions") == 2
+    assert "leave out a.csv on one side" in told
+
+
+@pytest.mark.slow
+def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
+    plant, files = load_vehicle("slocum"), []
+    for seed in range(2):
+        files.append(str(tmp_path / f"m{seed}.nc"))
+        closed_loop(plant, rng=np.random.default_rng(seed), duration=600.0).save(files[-1])
+    out = tmp_path / "out"
+    assert main(["compare-missions", files[0], "--with", files[1], "--vehicle", "slocum", "--out", str(out)]) == 0
+    assert "Nothing has changed that these missions could show." in capsys.readouterr().out
+    assert json.loads((out / "changes.json").read_text())["changed"] == []
+    assert main(["onset", files[0], "--vehicle", "slocum", "--out", str(out)]) == 0
+    assert "Nothing is missing" in capsys.readouterr().out
+    assert json.loads((out / "onset.json").read_text())["found"] == []

@@ -1,0 +1,51 @@
+"""What has changed between missions: named on the side where it is, and not where it is on both."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from identification.changes.missions import compare_missions
+from identification.changes.page import write_comparison
+from identification.changes.wording import summary
+from identification.experiments.heading_control import closed_loop
+
+OFFSET = "effects.rudder.offset"
+
+
+def mission(seed, offset=0.0):
+    plant = replace_at(load_vehicle("slocum"), OFFSET, offset)
+    return closed_loop(plant, rng=np.random.default_rng(seed), duration=800.0)
+
+
+def test_an_effect_that_is_new_is_named_with_its_size_on_either_side(tmp_path):
+    plant = load_vehicle("slocum")
+    found = compare_missions(mission(1), mission(2, 0.05), plant, names=(("spring",), ("autumn",)))
+    (only,) = found.changed
+    assert (only.path, only.surely, found.common) == (OFFSET, True, ())
+    assert only.before.ci95[0] - 0.001 < 0.0 < only.before.ci95[1] + 0.001
+    assert only.after.ci95[0] < 0.05 < only.after.ci95[1]
+    assert only.change.ci95[0] < 0.05 < only.change.ci95[1]
+    damping = next(u for u in found.unchanged if u.path == "hull.n_r")
+    assert abs(damping.change.value) < damping.detectable < 0.1 * abs(damping.value)
+    assert "The rudder offset" not in summary(found)[0]
+    assert summary(found)[0].startswith("Rudder offset changed from ")
+    written = write_comparison(found, tmp_path)
+    told = json.loads(written["changes.json"].read_text())
+    assert told["changed"][0]["path"] == OFFSET
+    assert "spring" in written["report.html"].read_text()
+
+
+@pytest.mark.slow
+def test_an_effect_on_both_sides_has_not_changed():
+    found = compare_missions(mission(1, 0.05), mission(2, 0.05), load_vehicle("slocum"))
+    assert found.changed == ()
+    assert [c.path for c in found.common] == [OFFSET]
+
+
+def test_a_side_that_cannot_be_used_is_named():
+    log = mission(1)
+    with pytest.raises(ValueError, match="The log after: A diagnosis needs at least 4 windows"):
+        compare_missions(log, log.between(0.0, 200.0), load_vehicle("slocum"))

@@ -1,0 +1,36 @@
+"""When an effect began, in a log in which it acts from a time on."""
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from identification.changes.onset import find_onsets
+from identification.changes.wording import timeline_summary
+from identification.experiments.heading_control import closed_loop
+from scripts.blind.changing import ChangingGlider
+
+OFFSET = "effects.rudder.offset"
+
+
+@pytest.mark.slow
+def test_a_rudder_that_goes_off_is_named_with_the_time():
+    plant = load_vehicle("slocum")
+    bent = replace_at(plant, OFFSET, 0.03)
+    moving = ChangingGlider(plant, lambda t: bent if t >= 400.0 else plant)
+    record = closed_loop(moving, rng=np.random.default_rng(5), duration=800.0)
+    found = find_onsets(record, plant)
+    (only,) = found.found
+    assert (only.path, only.form) == (OFFSET, "from")
+    assert only.time.ci95[0] <= 400.0 <= only.time.ci95[1]
+    assert only.time.ci95[1] - only.time.ci95[0] < 80.0
+    assert only.size.ci95[0] < 0.03 < only.size.ci95[1]
+    assert timeline_summary(found)[0].startswith("Rudder offset, 1.7")
+
+
+@pytest.mark.slow
+def test_a_clean_log_has_no_time():
+    plant = load_vehicle("slocum")
+    found = find_onsets(closed_loop(plant, rng=np.random.default_rng(6), duration=800.0), plant)
+    assert found.found == ()
+    assert timeline_summary(found) == ["Nothing is missing that this log could show, at any time."]

@@ -1,0 +1,75 @@
+"""Vehicles whose parameters change along a record: runs in pieces, and what they must be equal to."""
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import load_vehicle
+from identification.experiments.float_dives import oil_mission
+from identification.experiments.heading_control import closed_loop
+from identification.fit.changing import ChangingPlant, Course, change, changed
+from identification.fit.prediction_errors import PredictionErrors
+
+OFFSET, BIAS, LEAK = "effects.rudder.offset", "effects.rudder.deadband", "effects.volume.leak"
+
+
+@pytest.fixture(scope="module")
+def glider():
+    plant = load_vehicle("slocum")
+    return plant, closed_loop(plant, rng=np.random.default_rng(3), duration=400.0)
+
+
+def changing(plant, paths, edge, shares):
+    return ChangingPlant.of(plant, {"after": paths}, {"after": Course((edge,), shares)})
+
+
+def errors_of(plant, record, values, near=None):
+    problem = PredictionErrors(plant, record, record.segments)
+    point = problem.point(plant.vector, problem.first_noise()) if near is None else near
+    return problem.with_gains(point, replace_at(plant, values).vector).errors, point
+
+
+def test_a_change_that_acts_all_along_is_the_parameter_itself(glider):
+    plant, record = glider
+    both = changing(plant, [OFFSET], len(record) // 2, (1.0, 1.0))
+    found, _ = errors_of(both, record, {change("after", OFFSET): 0.05})
+    wanted, _ = errors_of(plant, record, {OFFSET: 0.05})
+    np.testing.assert_array_equal(found, wanted)
+
+
+def test_dives_go_on_with_the_volume_of_the_dive_before_a_change():
+    plant = load_vehicle("mermaid")
+    record = oil_mission(plant, (300.0, 500.0), rng=np.random.default_rng(1))
+    windows = [w for s in record.segments for w in (slice(s.start, s.start + 9), slice(s.start + 9, s.stop))]
+    both, near = changing(plant, [LEAK], record.segments[0].start + 9, (1.0, 1.0)), {}
+    for name, vehicle, path in (("whole", plant, LEAK), ("pieces", both, change("after", LEAK))):
+        problem = PredictionErrors(vehicle, record, windows)
+        point = problem.point(vehicle.vector, problem.first_noise())
+        near[name] = problem.with_gains(point, replace_at(vehicle, path, 1e-9).vector).errors
+        assert problem.carried.any()
+    np.testing.assert_allclose(near["pieces"], near["whole"], rtol=0.0, atol=1e-9)
+
+
+def test_nothing_moves_before_a_change(glider):
+    plant, record = glider
+    edge = len(record) // 2
+    late = changing(plant, [OFFSET], edge, (0.0, 1.0))
+    problem = PredictionErrors(late, record, record.segments)
+    point = problem.point(late.vector, problem.first_noise())
+    columns = problem.columns_of(point, [(change("after", OFFSET), 0.01)])[0]
+    assert np.abs(columns[: edge + 1]).max() < 1e-12 < 1.0 < np.abs(columns[edge + 1 :]).max()
+
+
+def test_a_plant_has_its_values_at_a_row_and_stays_within_bounds(glider):
+    plant, _ = glider
+    high = spec_at(plant, BIAS).bounds[1]
+    late = replace_at(changing(plant, [BIAS], 7, (0.0, 1.0)), change("after", BIAS), high)
+    assert value_at(late.at_row(6), BIAS) == 0.0
+    assert value_at(late.at_row(7), BIAS) == high
+    less = replace_at(late, change("after", BIAS), -high)
+    assert value_at(less.at_row(7), BIAS) == spec_at(plant, BIAS).bounds[0]
+
+
+def test_paths_of_changes_tell_form_and_parameter():
+    assert changed(change("after", OFFSET)) == ("after", OFFSET)
+    assert changed(OFFSET) == ("", OFFSET)
