@@ -75,18 +75,23 @@ class ChangingPlant(Plant):
         if len(edges) == 2:
             super()._run(runs, self._layout.acting(vectors, 0), starts, c, y, after)
             return
-        offsets = np.r_[0, np.cumsum(runs.stop - runs.begin)[:-1]]
+        rows_of = (runs.stop - runs.begin) // runs.stride
+        offsets = np.r_[0, np.cumsum(rows_of)[:-1]]
         constant = np.flatnonzero(c.constant)
         size = max(len(self.family.states) + len(self.family.sensors), starts.shape[2])
         keep = after is not None and after.shape[0] > 0
         reached = after if keep else np.empty((len(vectors), runs.rows, size))
         for first, last in pairwise(edges):
-            begin, stop = np.maximum(runs.begin, first), np.minimum(runs.stop, last)
+            # a row of several samples is whole: what changes within it acts from the next one on
+            begin, stop = (
+                runs.begin + runs.stride * np.clip(-((runs.begin - edge) // runs.stride), 0, rows_of)
+                for edge in (first, last)
+            )
             own = np.flatnonzero(begin < stop)
             if not own.size:
                 continue
-            at = offsets[own] + (begin - runs.begin)[own]  # of the first row of each piece
-            lengths = (stop - begin)[own]
+            at = offsets[own] + (begin - runs.begin)[own] // runs.stride  # of the first row of each piece
+            lengths = (stop - begin)[own] // runs.stride
             rows = np.repeat(at - np.r_[0, np.cumsum(lengths)[:-1]], lengths) + np.arange(lengths.sum())
             begun = np.array(np.broadcast_to(starts[:, own], (len(vectors), own.size, starts.shape[2])))
             carried, goes_on = c.carried[own], begin[own] > runs.begin[own]

@@ -71,8 +71,8 @@ class Linearised(Stretches):
         return replace(system, error=error, forcing=forcing, start=roots, origin=self._origin(path, starts))
 
     def _near_by(self, taken: np.ndarray | None, vector: np.ndarray) -> bool:
-        """Whether parameters are where slopes were taken, to `_NEAR` of a scale each."""
-        if taken is None:
+        """Whether parameters, and no others, are where slopes were taken, to `_NEAR` of a scale each."""
+        if taken is None or taken.shape != vector.shape:
             return False
         moved = set(np.flatnonzero(vector != taken).tolist())
         paths = [p for p, i in self.index.items() if i in moved] if moved else []

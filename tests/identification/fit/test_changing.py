@@ -23,17 +23,18 @@ def changing(plant, paths, edge, shares):
     return ChangingPlant.of(plant, {"after": paths}, {"after": Course((edge,), shares)})
 
 
-def errors_of(plant, record, values, near=None):
-    problem = PredictionErrors(plant, record, record.segments)
+def errors_of(plant, record, values, near=None, stride=1):
+    problem = PredictionErrors(plant, record, record.segments, stride=stride)
     point = problem.point(plant.vector, problem.first_noise()) if near is None else near
     return problem.with_gains(point, replace_at(plant, values).vector).errors, point
 
 
-def test_a_change_that_acts_all_along_is_the_parameter_itself(glider):
+@pytest.mark.parametrize("stride", [1, 7])
+def test_a_change_that_acts_all_along_is_the_parameter_itself(glider, stride):
     plant, record = glider
     both = changing(plant, [OFFSET], len(record) // 2, (1.0, 1.0))
-    found, _ = errors_of(both, record, {change("after", OFFSET): 0.05})
-    wanted, _ = errors_of(plant, record, {OFFSET: 0.05})
+    found, _ = errors_of(both, record, {change("after", OFFSET): 0.05}, stride=stride)
+    wanted, _ = errors_of(plant, record, {OFFSET: 0.05}, stride=stride)
     np.testing.assert_array_equal(found, wanted)
 
 
@@ -58,6 +59,16 @@ def test_nothing_moves_before_a_change(glider):
     point = problem.point(late.vector, problem.first_noise())
     columns = problem.columns_of(point, [(change("after", OFFSET), 0.01)])[0]
     assert np.abs(columns[: edge + 1]).max() < 1e-12 < 1.0 < np.abs(columns[edge + 1 :]).max()
+
+
+def test_within_a_row_of_several_samples_nothing_changes(glider):
+    plant, record = glider
+    ends = []
+    for edge in (72, 77, 78):
+        late = changing(plant, [OFFSET], edge, (0.0, 1.0))
+        ends.append(errors_of(late, record, {change("after", OFFSET): 0.05}, stride=7)[0])
+    np.testing.assert_array_equal(ends[0], ends[1])
+    assert np.abs(ends[2] - ends[1]).max() > 0.0
 
 
 def test_a_plant_has_its_values_at_a_row_and_stays_within_bounds(glider):
