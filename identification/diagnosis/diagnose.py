@@ -8,7 +8,6 @@ from time import perf_counter
 from typing import TypeVar
 
 from auv_gym.plant import Plant
-from auv_gym.plant.currents import dive_currents
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.deciding import DOUBT, MOST_EFFECTS
@@ -61,6 +60,5 @@ def diagnose(
     known = timed("fitting what is known", lambda: fit_known(log, progress))
     searched = timed("searching effects", lambda: search_effects(log, known, progress))
     found = timed("judging", lambda: judge(log, known, searched, source, progress))
-    currents = dive_currents(found.after.plant, log.record)
     # with the channels that were not compared, and the rows that windows count
-    return replace(found, record=described(plant, record), seconds=seconds, currents=currents)
+    return replace(found, record=described(plant, record), seconds=seconds)

@@ -79,10 +79,16 @@ def lake_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, mov
 
 
 def yo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:
-    """Dives of a glider that flies, whose place nothing takes, in water that moves up and down at random."""
+    """Dives of a glider that flies, whose place nothing takes, in water that moves up and down at random.
+
+    Raises ValueError where one hangs at the depth at which it is neutral.
+    """
     depths = [conditions.excitation * depth for depth in rng.permutation(_YOS).tolist()]
     noise, every = conditions.noise * _YO_DEPTH, float(rng.choice(_SAMPLES))
     record = yo_mission(plant, depths, rng=rng, noise=noise, dt=every)
+    ends = [(record["depth_m"][part][-1], record["depth_m"][part].max()) for part in record.segments]
+    if any(last > 0.5 * deepest for last, deepest in ends):
+        raise ValueError(f"{plant.name} does not come back from every dive: choose other effects.")
     kept, rate = np.exp(-every / _HEAVE[1]), np.zeros(len(record))
     for part in record.segments:
         pushes = conditions.noise * _HEAVE[0] * rng.standard_normal(part.stop - part.start)

@@ -34,6 +34,13 @@ def write_dive(path, number, columns):
         file["depth"].attrs["units"] = "meters"
         for key, value in STATED.items():
             file[key] = value
+        fixes = file.create_dataset("gps_info", data=np.arange(3.0))
+        fixes.make_scale("gps_info")
+        begun, ended = columns["time"][0] - 60.0, columns["time"][-1] + 60.0
+        for key, values in {"time": (begun - 60.0, begun, ended), "lat": [47.0] * 3, "lon": [-125.0] * 3}.items():
+            file[f"log_gps_{key}"] = np.array(values)
+            file[f"log_gps_{key}"].dims[0].attach_scale(fixes)
+        file["log_gps_time"].attrs["units"] = "seconds since 1970-1-1 00:00:00"
 
 
 def write_log(path, **changes):
@@ -114,3 +121,6 @@ def test_dives_of_a_seaglider_are_one_record_of_the_glider_that_they_state(tmp_p
     result = json.loads((out / "diagnosis.json").read_text())
     assert result["verdict"] in ("named", "tied")
     assert load_vehicle(out / "vehicle.toml").hull.mass == 54.5
+    # it surfaces where it dived, so that the water took it back
+    assert "Depth-averaged current to the north and east, by GPS and dead reckoning: dive 1: " in result["summary"]
+    assert [0.1 < np.hypot(c["north"], c["east"]) < 0.4 for c in result["currents"]] == [True] * 3

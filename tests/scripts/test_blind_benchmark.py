@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from auv_gym.param import value_at
+from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from controllers.pid import heading_pid
@@ -104,6 +104,12 @@ def test_a_cause_outside_the_library_shows_in_the_log(vehicle, cause):
     clean, own = log_of(plant, QUIET, 5), outside_log(plant, "", 0.0, QUIET, 5)
     assert excess(plant, own, clean, plant.window) == pytest.approx(0.0, abs=0.02)
     assert excess(plant, outside_log(plant, cause, 4.0, QUIET, 5), clean, plant.window) > 1.0
+
+
+def test_a_glider_that_hangs_where_it_is_neutral_is_no_case():
+    half = replace_at(load_vehicle("seaexplorer"), "effects.engine.gain", 0.45)
+    with pytest.raises(ValueError, match="does not come back from every dive"):
+        log_of(half, Conditions(1.0, 1.2, 600.0), 0)
 
 
 def test_a_case_is_the_same_whatever_else_runs():

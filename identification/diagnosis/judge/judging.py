@@ -12,6 +12,7 @@ import numpy as np
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant
+from auv_gym.plant.currents import dive_currents
 from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.closing import closed_loop
@@ -160,7 +161,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         common=common,
     )
     loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, diagnosis.plants), ())
-    return replace(diagnosis, loops=loops, failures=tuple(extras.failures))
+    currents = extras.attempt("The current of each dive", lambda: dive_currents(after.plant, record), ())
+    return replace(diagnosis, loops=loops, currents=currents, failures=tuple(extras.failures))
 
 
 def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Sequence[Plant]]) -> Stage:
