@@ -33,7 +33,11 @@ in other units, by suffix (`heading_deg`, `speed_kn`, `pressure_dbar`).
 """.strip()
 _FAMILIES = (
     ("glider", "Gliders", "The heading of a glider."),
-    ("glide", "Gliders that fly", "Depth and displacement of a glider, by its polar; `effects.steering` acts where its masses steer it."),
+    (
+        "glide",
+        "Gliders that fly",
+        "Depth and displacement of a glider, by its polar; `effects.steering` acts where its masses steer it.",
+    ),
     ("body", "Vehicles in six degrees of freedom", "Of every hull, beside the effects of its parts."),
     (
         "float",

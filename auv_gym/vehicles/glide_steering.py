@@ -27,7 +27,9 @@ class Steering:
     battery_high: float = param(0.01, "m", "the other end of its way", bounds=(-1.0, 1.0))
     battery_slowness: float = param(0.0, "s/m", "rate limit of the battery, as time per way", bounds=(0.0, 1e5))
     roll_limit: float = param(0.5, "rad", "largest angle of the battery", bounds=(0.01, 3.0))
-    roll_slowness: float = param(0.0, "s/rad", "rate limit of the battery's angle, as time per angle", bounds=(0.0, 1e3))
+    roll_slowness: float = param(
+        0.0, "s/rad", "rate limit of the battery's angle, as time per angle", bounds=(0.0, 1e3)
+    )
     rudder_limit: float = param(0.5, "rad", "largest rudder", bounds=(0.01, 1.5))
     lag: float = param(0.0, "s", "lag of the attitude behind masses and rudder", bounds=(0.0, 600.0))
     pump_slowness: float = param(0.0, "s/m^3", "rate limit of the engine, as time per volume", bounds=(0.0, 1e9))

@@ -19,6 +19,8 @@ _START = 12.0  # m, where a dive's record begins and ends: bubbles and waves are
 _FINE = 1.0  # s, in which attitude, engine and water change between samples
 _PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes
 _ATTITUDE = ("roll_rad", "pitch_rad", "heading_rad")
+_MASSES = ("battery_position_m", "battery_roll_rad", "rudder_rad")
+_ANGLE_NOISE = radians(0.3)  # of attitude that is read; chosen
 _TURN = 15.0  # s, time constant of the change from dive to climb
 _NET = (1.0e-4, 2.0e-4)  # m^3 that a dive is flown off neutral by, either side
 _PITCH = (radians(16.0), radians(28.0))
@@ -53,8 +55,9 @@ def yo_mission(
 
     Net buoyancy of 100 to 200 cm3 either side of neutral, and pitch angles of 16 to 28 degrees, are drawn for each dive
     and climb; pitch and heading wander slowly.  buoyancy_volume_m3 and pitch_rad are what the log has, before any
-    effect.  Where masses steer the glider, they are moved for these angles, and attitude is what follows.  noise: m, white, of the depth.  dt: s between samples, default the vehicle's.  measured: whether the log
-    has the water's density.  truth: the plant that flies, of the one that is planned with.  Raises Diverged.
+    effect.  Where masses steer the glider, they are moved for these angles, and attitude is what follows.  noise: m,
+    white, of the depth.  dt: s between samples, default the vehicle's.  measured: whether the log has the water's
+    density.  truth: the plant that flies, of the one that is planned with.  Raises Diverged.
     """
     low, high = plant.hull.engine_low, plant.hull.engine_high
     if not depths or not all(_START + 20.0 <= depth <= 1000.0 for depth in depths):
@@ -74,6 +77,8 @@ def yo_mission(
         x[position] = engine
         read = ["depth_m", *(name for name in _ATTITUDE if name in flying.outputs)]
         at = [flying.outputs.index(name) for name in read]
+        # a log has where masses stand; an engine is moved at its rate here
+        moved = {name: flying.states.index(f"{name} position") for name in flying.inputs if name in _MASSES}
         while not (climbing and x[0] <= _START) and t < _MOST:
             climbing = climbing or x[0] >= depth
             wanted = min(neutral + net[1], high) if climbing else max(neutral - net[0], low)
@@ -88,12 +93,12 @@ def yo_mission(
                 "elapsed_s": begun + t,
             }
             if t % every < _FINE:
-                rows.append((t, *flying.output(x)[at], *u.values()))
+                rows.append((t, *flying.output(x)[at], *(x[moved[n]] if n in moved else u[n] for n in u)))
             x = flying.step(x, np.array([u[name] for name in flying.inputs]))
             check_finite(flying.states, np.array([t]), x[None, :])
             t += _FINE
         begun += t + 600.0  # at the surface
-        records.append(_record(np.array(rows), (*read, *u), rng, noise, measured))
+        records.append(_record(np.array(rows), tuple(read), tuple(u), rng, noise, measured))
     return concat(records).with_notes([], source="simulated", vehicle=plant.name, depth_noise_m=noise)
 
 
@@ -102,13 +107,22 @@ def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: 
     if "pitch_rad" in plant.inputs:
         return {"pitch_rad": pitch, "heading_rad": heading}
     turning, limit = turning_input(plant)
-    still = {"battery_roll_rad": 0.0, "rudder_rad": 0.0}
-    return {"battery_position_m": battery_for(plant, pitch, engine), **still, turning: 0.5 * limit * weave}
+    still = dict.fromkeys(_MASSES, 0.0)
+    return {**still, "battery_position_m": battery_for(plant, pitch, engine), turning: 0.5 * limit * weave}
 
 
-def _record(rows: np.ndarray, names: tuple[str, ...], rng: np.random.Generator, noise: float, measured: bool) -> Record:
-    columns = dict(zip(names, rows.T[1:], strict=True))
+def _record(
+    rows: np.ndarray,
+    read: tuple[str, ...],
+    given: tuple[str, ...],
+    rng: np.random.Generator,
+    noise: float,
+    measured: bool,
+) -> Record:
+    columns = dict(zip((*read, *given), rows.T[1:], strict=True))
     if not measured:
         columns.pop("density_kgpm3")
     columns["depth_m"] = columns["depth_m"] + noise * rng.standard_normal(len(rows))
+    for name in read[1:]:
+        columns[name] = columns[name] + _ANGLE_NOISE * rng.standard_normal(len(rows))
     return Record.from_arrays(rows[:, 0], columns)

@@ -1,5 +1,6 @@
 """Glide: what its tables promise, its options, and the operators' rule at the wheel."""
 
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -50,7 +51,7 @@ def test_energy_is_pump_work_over_efficiency_and_hotel_load(dives):
     env = TaskEnv("Glide")
     hull, s = env.plant.hull, env.plant.parameters.steering
     spent, engine = 0.0, hull.engine_high
-    for before, after in zip(dives, dives[1:], strict=False):
+    for before, after in pairwise(dives):
         most = env.plant.dt / s.pump_slowness
         move = np.clip(after["command"]["buoyancy_volume_m3"] - engine, -most, most)
         engine += move
@@ -98,10 +99,10 @@ def test_the_rule_arrives_with_every_preset(name):
 def test_an_episode_ends_at_the_bottom():
     env = TaskEnv("Glide", bottom=60.0)
     env.reset(seed=0)
-    for taken in range(1, 80):
+    taken, terminated = 0, False
+    while not terminated:
         _, reward, terminated, _, info = env.step([-1.0, -0.5, 0.0])
-        if terminated:
-            break
+        taken += 1
     assert "touched the bottom: depth_m is 6" in info["reason"]
     assert reward == pytest.approx(-(env.episodes.settings["steps"] - taken + 1.0))
 

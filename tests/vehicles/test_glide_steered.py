@@ -126,7 +126,9 @@ def test_half_the_step_is_a_sixteenth_of_the_error(glider):
     """Of a turn that the battery's rate begins; where it moves, the heading is smooth but for its stop."""
 
     def end(step):
-        return run(replace(glider, dt=40.0, longest_step=step), masses(replace(glider, dt=40.0), turn=0.5))["north_m"][-1]
+        return run(replace(glider, dt=40.0, longest_step=step), masses(replace(glider, dt=40.0), turn=0.5))["north_m"][
+            -1
+        ]
 
     exact = end(0.5)
     coarse, fine = end(40.0) - exact, end(20.0) - exact
