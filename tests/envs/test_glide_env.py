@@ -9,7 +9,7 @@ import pytest
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.plant.flying import steered
+from auv_gym.plant.flying import neutral_engine, steered
 from auv_gym.vehicles.glide_steered import GLIDE_STEERED
 from controllers.autopilots import autopilot
 from controllers.piloting import pilot_for
@@ -137,5 +137,5 @@ def test_autopilots_of_gliders_say_what_they_follow():
     with pytest.raises(ValueError, match="Yos need apogee > 1 m"):
         autopilot(masses, targets=("north_m", "east_m", "depth_m"), apogee=0.5)
     command, _ = autopilot(masses).act(None, {"depth_m": 50.0}, {"depth_m": 80.0})
-    assert command["buoyancy_volume_m3"] < autopilot(masses).neutral
+    assert command["buoyancy_volume_m3"] < neutral_engine(masses, 50.0)
     assert command["battery_position_m"] == pytest.approx(-0.6 / 64.2, rel=0.01)
