@@ -73,14 +73,14 @@ class YoPilot:
         return False
 
     def act(
-        self, climbing: bool, reading: Mapping[str, float], target: Mapping[str, float]
+        self, state: bool, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], bool]:
         """reading: depth_m, heading_rad, north_m, east_m, dt_s, and the current where one is known.  target: a place.
 
         The target's depth is left alone.
         """
         depth = reading["depth_m"]
-        climbing = depth > self.surface if climbing else depth >= self.apogee
+        climbing = depth > self.surface if state else depth >= self.apogee
         side = 1.0 if climbing else -1.0
         engine = self.neutral + side * self.lift
         course = atan2(target["east_m"] - reading["east_m"], target["north_m"] - reading["north_m"])

@@ -78,8 +78,8 @@ class EnvKind:
     those that only this kind has.  view: of an `Episodes` and a row, made when a picture is wanted.  reasons: why an
     episode was terminated, by code: words with {value} and {limit}, and the field of the plan that is the limit.
     readings: what an info shows as measured, by channel the name of its feature; by default all outputs.  infos: single
-    numbers of an info, by name the field of the row.  numbers: further open names of the hooks.  prepare: the vehicle as environments
-    step it, of the one that was given and of dt=.
+    numbers of an info, by name the field of the row.  numbers: further open names of the hooks.
+    prepare: the vehicle as environments step it, of the one that was given and of dt=.
     """
 
     title: str

@@ -48,7 +48,7 @@ class TaskEnv(gymnasium.Env):
         ranges (low, high) by parameter path, from which each episode draws.  model: drives the environment in place of
         the vehicle, a Model or a vehicle file.  dt, duration: s.  target: fixed, in the task's channel, or of a pose by
         channel; by default it changes in steps.  own: options of the kind of vehicle: actions, waypoints of a vehicle
-        in six degrees of freedom, near, depths of a float, speed, compass_noise of a glider.
+        in six degrees of freedom, near, depths of a float, speed, compass_noise of a glider, bottom of one that flies.
         """
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode is None, 'rgb_array' or 'human', got {render_mode!r}.")

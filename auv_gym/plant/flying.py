@@ -48,7 +48,7 @@ def steady_flight(plant: Plant, depth: float, **inputs: float) -> Flight:
 
 
 def nominal_flight(plant: Plant, depth: float, lift: float, pitch: float = NOMINAL_PITCH) -> Flight:
-    """Steady flight with so much volume, m^3, above neutral at a depth, m, or below (negative); pitch: rad, its size."""
+    """Steady flight at a depth, m, with the engine `lift`, m^3, off neutral, nose up where that lifts; pitch: rad."""
     hull, engine = plant.hull, neutral_engine(plant, depth) + lift
     pitch = pitch if lift > 0.0 else -pitch
     p = plant.family.view(plant.derived)

@@ -19,6 +19,8 @@ _START = 12.0  # m, where a dive's record begins and ends: bubbles and waves are
 _FINE = 1.0  # s, in which attitude, engine and water change between samples
 _PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes
 _ATTITUDE = ("roll_rad", "pitch_rad", "heading_rad")
+_MASSES = ("battery_position_m", "battery_roll_rad", "rudder_rad")
+_ANGLE_NOISE = radians(0.3)  # of attitude that is read; chosen
 _TURN = 15.0  # s, time constant of the change from dive to climb
 _NET = (1.0e-4, 2.0e-4)  # m^3 that a dive, and a climb, are off neutral by at their end
 _PITCH = (radians(16.0), radians(28.0))
@@ -79,6 +81,8 @@ def yo_mission(
         x[position] = engine
         read = ["depth_m", *(name for name in _ATTITUDE if name in flying.outputs)]
         at = [flying.outputs.index(name) for name in read]
+        # a log has where masses stand; an engine is moved at its rate here
+        moved = {name: flying.states.index(f"{name} position") for name in flying.inputs if name in _MASSES}
         while not (climbing and x[0] <= _START) and t < _MOST:
             climbing = climbing or x[0] >= depth
             wanted = rising if climbing else sinking
@@ -94,12 +98,12 @@ def yo_mission(
                 "elapsed_s": begun + t,
             }
             if t % every < _FINE:
-                rows.append((t, *flying.output(x)[at], *u.values()))
+                rows.append((t, *flying.output(x)[at], *(x[moved[n]] if n in moved else u[n] for n in u)))
             x = flying.step(x, np.array([u[name] for name in flying.inputs]))
             check_finite(flying.states, np.array([t]), x[None, :])
             t += _FINE
         begun += t + 600.0  # at the surface
-        records.append(_record(np.array(rows), (*read, *u), rng, noise, measured))
+        records.append(_record(np.array(rows), tuple(read), tuple(u), rng, noise, measured))
     return concat(records).with_notes([], source="simulated", vehicle=plant.name, depth_noise_m=noise)
 
 
@@ -108,13 +112,22 @@ def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: 
     if "pitch_rad" in plant.inputs:
         return {"pitch_rad": pitch, "heading_rad": heading}
     turning, limit = turning_input(plant)
-    still = {"battery_roll_rad": 0.0, "rudder_rad": 0.0}
-    return {"battery_position_m": battery_for(plant, pitch, engine), **still, turning: 0.5 * limit * weave}
+    still = dict.fromkeys(_MASSES, 0.0)
+    return {**still, "battery_position_m": battery_for(plant, pitch, engine), turning: 0.5 * limit * weave}
 
 
-def _record(rows: np.ndarray, names: tuple[str, ...], rng: np.random.Generator, noise: float, measured: bool) -> Record:
-    columns = dict(zip(names, rows.T[1:], strict=True))
+def _record(
+    rows: np.ndarray,
+    read: tuple[str, ...],
+    given: tuple[str, ...],
+    rng: np.random.Generator,
+    noise: float,
+    measured: bool,
+) -> Record:
+    columns = dict(zip((*read, *given), rows.T[1:], strict=True))
     if not measured:
         columns.pop("density_kgpm3")
     columns["depth_m"] = columns["depth_m"] + noise * rng.standard_normal(len(rows))
+    for name in read[1:]:
+        columns[name] = columns[name] + _ANGLE_NOISE * rng.standard_normal(len(rows))
     return Record.from_arrays(rows[:, 0], columns)

@@ -1,5 +1,6 @@
 """Glide: what its tables promise, its options, and the operators' rule at the wheel."""
 
+from itertools import pairwise
 from math import hypot
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.plant.flying import steered
+from auv_gym.plant.flying import neutral_engine, steered
 from auv_gym.vehicles.glide_steered import GLIDE_STEERED
 from controllers.autopilots import autopilot
 from controllers.piloting import pilot_for
@@ -50,7 +51,7 @@ def test_energy_is_pump_work_over_efficiency_and_hotel_load(dives):
     env = TaskEnv("Glide")
     hull, s = env.plant.hull, env.plant.parameters.steering
     spent, engine = 0.0, hull.engine_high
-    for before, after in zip(dives, dives[1:], strict=False):
+    for before, after in pairwise(dives):
         most = env.plant.dt / s.pump_slowness
         move = np.clip(after["command"]["buoyancy_volume_m3"] - engine, -most, most)
         engine += move
@@ -98,10 +99,10 @@ def test_the_rule_arrives_with_every_preset(name):
 def test_an_episode_ends_at_the_bottom():
     env = TaskEnv("Glide", bottom=60.0)
     env.reset(seed=0)
-    for taken in range(1, 80):
+    taken, terminated = 0, False
+    while not terminated:
         _, reward, terminated, _, info = env.step([-1.0, -0.5, 0.0])
-        if terminated:
-            break
+        taken += 1
     assert "touched the bottom: depth_m is 6" in info["reason"]
     assert reward == pytest.approx(-(env.episodes.settings["steps"] - taken + 1.0))
 
@@ -136,5 +137,5 @@ def test_autopilots_of_gliders_say_what_they_follow():
     with pytest.raises(ValueError, match="Yos need apogee > 1 m"):
         autopilot(masses, targets=("north_m", "east_m", "depth_m"), apogee=0.5)
     command, _ = autopilot(masses).act(None, {"depth_m": 50.0}, {"depth_m": 80.0})
-    assert command["buoyancy_volume_m3"] < autopilot(masses).neutral
+    assert command["buoyancy_volume_m3"] < neutral_engine(masses, 50.0)
     assert command["battery_position_m"] == pytest.approx(-0.6 / 64.2, rel=0.01)

@@ -8,6 +8,7 @@ from scipy.optimize import brentq
 
 from auv_gym.param import positions, replace_at
 from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant.flying import steered
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record, concat
 from identification.diagnosis import diagnose
@@ -151,3 +152,15 @@ def test_what_no_effect_explains_is_said_to_be_left(glider):
     found = diagnose(dives(glider.hull, sinking=0.02, seed=6), glider)
     assert found.unexplained
     assert found.failures == ()
+
+
+def test_a_mission_of_a_steered_glider_has_the_attitude_that_its_masses_gave(glider):
+    plant = steered(glider, dt=None)
+    rng = np.random.default_rng(4)
+    record = yo_mission(plant, (60.0, 80.0), rng=rng, truth=lambda one: replace_at(one, "effects.steering.roll", 0.05))
+    s = plant.parameters.steering
+    assert record["pitch_rad"] == pytest.approx(s.pitch + s.pitch_mass * record["battery_position_m"], abs=0.03)
+    rolled = record["roll_rad"] - s.roll - s.roll_mass * record["battery_roll_rad"]
+    assert rolled.mean() == pytest.approx(0.05, abs=0.001)  # 0.3 deg of noise in some hundred samples
+    assert np.ptp(record["battery_roll_rad"]) > s.roll_limit * 0.9
+    assert np.abs(np.diff(record["heading_rad"])).max() > 0.01

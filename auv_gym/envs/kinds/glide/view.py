@@ -17,7 +17,7 @@ class GlideView:
         self._episodes, self._row, self._record = episodes, row, episodes.record(row)
         self._at = [state_at + family.states.index(name) for name in ("north_m", "east_m", "depth_m", "heading_rad")]
         self._attitude = [family.outputs.index(name) for name in ("roll_rad", "pitch_rad")]
-        self._track: list[tuple[float, float, float, float]] = []
+        self._track: list[tuple[float, ...]] = []
         self._waypoints: list[np.ndarray] = []
 
     def follow(self, begin: bool = False) -> None:
