@@ -96,7 +96,8 @@ def driven_states(plant: Plant, record: Record, chart: Chart, channels: Collecti
         Correction.none(plant, runs), measured=measured, gains=gains, decays=np.ones((len(measured), 0))
     )
     first = np.zeros((len(runs.begin), gains.shape[1]))
-    first[:, :count] = chart.seen([plant.initial(y)[:count] for y in outputs_of(plant, record)[runs.begin]], runs.begin)
+    begun = np.array([plant.initial(y)[:count] for y in outputs_of(plant, record)[runs.begin]])
+    first[:, :count] = chart.seen(begun, runs.begin)
     after = plant.follow_many(runs, plant.vector[None], first[None], correction, True)[1][0]
     after[runs.stop - 1] = 0.0  # what a segment ends with is not what the next one begins with
     moved = np.roll(np.where(np.isfinite(after), after, 0.0), 1, axis=0)
