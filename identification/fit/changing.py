@@ -78,8 +78,7 @@ class ChangingPlant(Plant):
         offsets = np.r_[0, np.cumsum(runs.stop - runs.begin)[:-1]]
         constant = np.flatnonzero(c.constant)
         size = max(len(self.family.states) + len(self.family.sensors), starts.shape[2])
-        keep = after is not None and after.shape[0] > 0
-        reached = after if keep else np.empty((len(vectors), runs.rows, size))
+        reached = np.empty((len(vectors), runs.rows, size)) if after is None or not after.shape[0] else after
         for first, last in pairwise(edges):
             begin, stop = np.maximum(runs.begin, first), np.minimum(runs.stop, last)
             own = np.flatnonzero(begin < stop)
