@@ -136,7 +136,7 @@ def compare_missions(
     own = [_own_paths(r, state) for r in found]
     moving = dict.fromkeys(changed(p)[1] for paths in own for p in paths if changed(p)[0])
     rest = [c for c in (*singles, *effects) if moving.keys().isdisjoint(c.paths)]
-    sized = [_changed(bench, state, path, found, len(candidates)) for path in moving]
+    sized = [one_or_two(bench, state, path, found, len(candidates)) for path in moving]
     common = [
         _common(bench, state, r, p)
         for r, paths in zip(found, own, strict=True)
@@ -168,7 +168,7 @@ def _tied(made: Round) -> tuple[str, ...]:
     return tuple(" ".join(filter(None, changed(p))) for t in made.tied for p in t.candidate.paths)
 
 
-def _changed(bench: Workbench, state: State, path: str, rounds: Sequence[Round], count: int) -> Changed | Common:
+def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round], count: int) -> Changed | Common:
     """What a parameter is on each side, both free; common, where evidence does not ask for two values.
 
     count: of all candidates, for the bar.

@@ -215,7 +215,7 @@ def _moved_to_best(bench: Workbench, state: State, form: str) -> tuple[Workbench
             course = replace(plant.courses[form], edges=(row,))
             other.plant = replace(plant, courses={**plant.courses, form: course})
             near = tried[best][2] if tried else state.point
-            point = other.descended(other.with_gains(near, near.vector), state.paths)
+            point = other.descended(other.with_gains(near, near.vector), state.paths, exact=True)
             tried[row] = other.objective(point, state.paths), other, point
         return tried[row][0]
 

@@ -158,7 +158,7 @@ def _changes(found: Comparison) -> Table:
     ]
     for c in found.common:
         same = (amount(c.size.value, c.unit), span(c.size.ci95, c.unit))
-        rows.append((c.title, same, same, "–", f"{c.evidence:.0f}", ", ".join(c.tied)))
+        rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", ", ".join(c.tied)))
     return Table(("what", "before", "after", "change", "evidence", "could also be"), rows)
 
 

@@ -83,8 +83,8 @@ def series_summary(found: Series) -> list[str]:
     """Each trend, surely there or not, in a sentence."""
     lines = []
     for t in found.trends:
-        low, high = (_rate(limit, t) for limit in t.rate.ci95)
-        rate = f"{_rate(t.rate.value, t)} a {t.per} (95 % interval {low} to {high})"
+        size, limits = _rate(t)
+        rate = f"{size} a {t.per} (95 % interval {limits})"
         name = named(t)
         lines.append(
             f"{name[0].upper()}{name[1:]} changes by {rate}."
@@ -94,12 +94,13 @@ def series_summary(found: Series) -> list[str]:
     return lines or ["No parameter is told by enough missions for a trend."]
 
 
-def _rate(size: float, t: Trend) -> str:
-    """A rate: of coefficients in percent of the missions' mean."""
+def _rate(t: Trend) -> tuple[str, str]:
+    """A rate and its interval: of coefficients in percent of the missions' mean."""
     mean = float(np.mean([s.value for s in t.sizes]))
     if t.path.startswith("effects.") or mean == 0.0:
-        return quantity(size, t.unit)
-    return f"{100.0 * size / abs(mean):+.2g} %"
+        return quantity(t.rate.value, t.unit), interval(t.rate.ci95, t.unit)
+    size, low, high = (f"{100.0 * rate / abs(mean):+.3g}" for rate in (t.rate.value, *t.rate.ci95))
+    return f"{size} %", f"{low} to {high} %"
 
 
 def series_json(found: Series) -> dict[str, Any]:

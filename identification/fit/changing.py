@@ -79,8 +79,7 @@ class ChangingPlant(Plant):
         offsets = np.r_[0, np.cumsum(rows_of)[:-1]]
         constant = np.flatnonzero(c.constant)
         size = max(len(self.family.states) + len(self.family.sensors), starts.shape[2])
-        keep = after is not None and after.shape[0] > 0
-        reached = after if keep else np.empty((len(vectors), runs.rows, size))
+        reached = np.empty((len(vectors), runs.rows, size)) if after is None or not after.shape[0] else after
         for first, last in pairwise(edges):
             # a row of several samples is whole: what changes within it acts from the next one on
             begin, stop = (

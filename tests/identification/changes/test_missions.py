@@ -7,10 +7,14 @@ import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from identification.changes.missions import compare_missions
+from identification.changes.joined import joined_sides
+from identification.changes.missions import Common, compare_missions, one_or_two
 from identification.changes.page import write_comparison
 from identification.changes.wording import summary
+from identification.diagnosis.log.checking import Asked
+from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
+from identification.fit.changing import ChangingPlant, Course, change
 
 OFFSET = "effects.rudder.offset"
 
@@ -49,3 +53,17 @@ def test_a_side_that_cannot_be_used_is_named():
     log = mission(1)
     with pytest.raises(ValueError, match="The log after: A diagnosis needs at least 4 windows"):
         compare_missions(log, log.between(0.0, 200.0), load_vehicle("slocum"))
+
+
+def test_two_values_where_one_would_do_are_one():
+    """A search may choose `after` where the effect is common: what is said of it does not follow from that."""
+    plant = load_vehicle("slocum")
+    sides = {"before": mission(1, 0.05), "after": mission(2, 0.05)}
+    log, edge = joined_sides(sides, plant, Asked(trust=True))
+    courses = {"before": Course((edge,), (1.0, 0.0)), "after": Course((edge,), (0.0, 1.0))}
+    changing = ChangingPlant.of(plant, {form: [OFFSET] for form in courses}, courses)
+    bench = Workbench(changing, log.record, log.parts, 0.1, log.every_window)
+    state = bench.fit(bench.plant, (*plant.coefficients, change("before", OFFSET), change("after", OFFSET)))
+    found = one_or_two(bench, state, OFFSET, [], 50)
+    assert isinstance(found, Common)
+    assert found.size.value == pytest.approx(0.05, abs=0.001)  # over ten standard errors
