@@ -14,7 +14,7 @@ from auv_gym import __version__
 from auv_gym.writing import replacing, writable_folder
 from identification.changes.missions import Comparison
 from identification.changes.series import Series
-from identification.changes.wording import as_json, named, series_json, series_summary, size_of, summary
+from identification.changes.wording import as_json, named, series_json, series_summary, size_of, summary, tied_words
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
 from identification.pages.page import Table, amount, drawn, page, span
@@ -152,13 +152,13 @@ def _changes(found: Comparison) -> Table:
             c.title,
             *((amount(s.value, c.unit), span(s.ci95, c.unit)) for s in (c.before, c.after, c.change)),
             f"{c.evidence:.0f}",
-            ", ".join(c.tied),
+            tied_words(c.tied, found.plant),
         )
         for c in found.changed
     ]
     for c in found.common:
         same = (amount(c.size.value, c.unit), span(c.size.ci95, c.unit))
-        rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", ", ".join(c.tied)))
+        rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", tied_words(c.tied, found.plant)))
     return Table(("what", "before", "after", "change", "evidence", "could also be"), rows)
 
 

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.param import spec_at
+from auv_gym.plant import Plant
 from identification.changes.missions import Changed, Common, Comparison, Unchanged
 from identification.changes.onset import FROM, Timed, Timeline
 from identification.changes.series import Series, Trend
@@ -18,8 +20,10 @@ _TOLD = 4  # that did not change, in the summary; the page has all
 
 def summary(found: Comparison) -> list[str]:
     """What changed, what is the same on both sides, and how small a change would have been seen; a sentence each."""
-    lines = [changed_words(c) for c in found.changed] or ["Nothing has changed that these missions could show."]
-    lines += [common_words(c) for c in found.common]
+    lines = [changed_words(c, found.plant) for c in found.changed] or [
+        "Nothing has changed that these missions could show."
+    ]
+    lines += [common_words(c, found.plant) for c in found.common]
     steady = [u for u in found.unchanged if np.isfinite(u.detectable)][:_TOLD]
     if steady:
         told = "; ".join(f"{named(u)}, {size_of(u.detectable, u)}" for u in steady)
@@ -27,15 +31,21 @@ def summary(found: Comparison) -> list[str]:
     return lines
 
 
-def changed_words(c: Changed) -> str:
+def changed_words(c: Changed, plant: Plant) -> str:
     """`The rudder offset changed from 0.0 deg to 2.9 deg`, with the interval of the change."""
     text = f"{_head(c)} changed from {quantity(c.before.value, c.unit)} to "
     text += f"{quantity(c.after.value, c.unit)}: by {quantity(c.change.value, c.unit)}{_relative(c)} "
     text += f"(95 % interval {interval(c.change.ci95, c.unit)})."
     if c.tied:
-        text += f" The missions do not tell this from: {', '.join(c.tied)}."
+        text += f" The missions do not tell this from: {tied_words(c.tied, plant)}."
         text += "" if c.surely else " So it is not sure that anything has changed."
     return text
+
+
+def tied_words(tied: Sequence[str], plant: Plant) -> str:
+    """What else would explain it, by title, with the form in brackets: `yaw moment (after), rudder offset`."""
+    split = [name.rpartition(" ")[::2] for name in tied]
+    return ", ".join(f"{spec_at(plant, path).title or path}{f' ({form})' if form else ''}" for form, path in split)
 
 
 def _head(c: Changed) -> str:
@@ -44,17 +54,19 @@ def _head(c: Changed) -> str:
     return f"{name[0].upper()}{name[1:]}"
 
 
-def common_words(c: Common) -> str:
+def common_words(c: Common, plant: Plant) -> str:
     text = f"There before and after: {sized(c.title, quantity(c.size.value, c.unit), interval(c.size.ci95, c.unit))}."
-    return text + (f" The missions do not tell this from: {', '.join(c.tied)}." if c.tied else "")
+    return text + (f" The missions do not tell this from: {tied_words(c.tied, plant)}." if c.tied else "")
 
 
 def timeline_summary(found: Timeline) -> list[str]:
     """What is missing and when it acts, a sentence each."""
-    return [timed_words(t) for t in found.found] or ["Nothing is missing that this log could show, at any time."]
+    return [timed_words(t, found.plant) for t in found.found] or [
+        "Nothing is missing that this log could show, at any time."
+    ]
 
 
-def timed_words(t: Timed) -> str:
+def timed_words(t: Timed, plant: Plant) -> str:
     """`Rudder offset, 1.7 deg (95 % interval 1.6 to 1.8 deg), from 396 s on (95 % interval 384 to 404 s).`"""
     text = sized(t.title, quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
     text = f"{'' if t.path.startswith('effects.') else 'a change of '}{text}"
@@ -65,7 +77,7 @@ def timed_words(t: Timed) -> str:
         text += f", {when} (95 % interval {low:.0f} to {high:.0f} s)."
     else:
         text += ", which grows from nothing to this size over the log." if t.form else ", throughout the log."
-    return text + (f" The log does not tell this from: {', '.join(t.tied)}." if t.tied else "")
+    return text + (f" The log does not tell this from: {tied_words(t.tied, plant)}." if t.tied else "")
 
 
 def timeline_json(found: Timeline) -> dict[str, Any]:

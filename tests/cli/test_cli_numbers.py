@@ -22,7 +22,7 @@ def numbers():
                 (option,) = hint.__metadata__
                 flag = next(iter(option.param_decls or ()), f"--{name.replace('_', '-')}")
                 yield pytest.param(
-                    command.name or command.callback.__name__,
+                    command.name or command.callback.__name__.replace("_", "-"),
                     flag,
                     option.help,
                     int in (hint.__origin__, *get_args(hint.__origin__)) or list[int] in get_args(hint.__origin__),

@@ -10,7 +10,7 @@ from auv_gym.plant import load_vehicle
 from identification.changes.joined import joined_sides
 from identification.changes.missions import Common, compare_missions, one_or_two
 from identification.changes.page import write_comparison
-from identification.changes.wording import summary
+from identification.changes.wording import summary, tied_words
 from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
@@ -67,3 +67,10 @@ def test_two_values_where_one_would_do_are_one():
     found = one_or_two(bench, state, OFFSET, [], 50)
     assert isinstance(found, Common)
     assert found.size.value == pytest.approx(0.05, abs=0.001)  # over ten standard errors
+
+
+def test_what_else_would_explain_a_change_is_told_by_its_title():
+    plant = load_vehicle("slocum")
+    told = tied_words(("after effects.rudder.offset", "effects.yaw.moment"), plant)
+    assert told == "rudder offset (after), constant yaw moment"
+    assert tied_words((), plant) == ""
