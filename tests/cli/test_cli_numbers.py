@@ -14,6 +14,10 @@ def is_number(hint) -> bool:
     return hint in (int, float) or any(is_number(part) for part in get_args(hint) if part is not NoneType)
 
 
+def named(command) -> str:
+    return command.name or command.callback.__name__.replace("_", "-")
+
+
 def numbers():
     """Command, flag, help and whether it is whole, of all options and arguments that are numbers."""
     for command in app.registered_commands:
@@ -22,7 +26,7 @@ def numbers():
                 (option,) = hint.__metadata__
                 flag = next(iter(option.param_decls or ()), f"--{name.replace('_', '-')}")
                 yield pytest.param(
-                    command.name or command.callback.__name__.replace("_", "-"),
+                    named(command),
                     flag,
                     option.help,
                     int in (hint.__origin__, *get_args(hint.__origin__)) or list[int] in get_args(hint.__origin__),
@@ -52,7 +56,7 @@ def test_a_number_has_a_range(command, flag, help, whole, capsys):
 
 def test_there_are_numbers_in_every_command_but_those_that_show():
     found = {param.values[0] for param in numbers()}
-    assert found == {command.name or command.callback.__name__ for command in app.registered_commands} - {
+    assert found == {named(command) for command in app.registered_commands} - {
         "list",
         "draw",
         "look",
