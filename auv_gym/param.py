@@ -61,7 +61,7 @@ def list_paths(tree: Any) -> list[str]:
 
 def spec_at(tree: Any, path: str) -> Spec:
     """Unit, title, neutral value, bounds and probe of the parameter at a path; raises on an unknown path."""
-    specs = dict(_specs(type(_tree(tree))))
+    specs = _by_path(type(_tree(tree)))
     if path not in specs:
         raise _unknown_path(path, specs)
     return specs[path]
@@ -145,6 +145,11 @@ def _specs(tree_type: type) -> tuple[tuple[str, Spec], ...]:
                 title, apart = (words.replace("{}", subject) for words in (spec.title, spec.apart))
                 found.append((f"{field.name}.{path}", spec._replace(title=title, apart=apart)))
     return tuple(found)
+
+
+@lru_cache
+def _by_path(tree_type: type) -> dict[str, Spec]:
+    return dict(_specs(tree_type))
 
 
 def _group_of(tree_type: type, field: dataclasses.Field) -> type:

@@ -165,6 +165,9 @@ NOT_FREED = re.compile(
     r"|effects\.(current\.reference_depth|waves\.(period|direction)|load\.tether_station|\w+_fin\.stuck_at)$"
 )
 
+# what was before the samples that a family describes is not known, so that no log tells a slow lag
+NOT_SEEN = {("glide", "effects.volume.expansion_lag")}
+
 
 @pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
 def test_every_parameter_says_what_it_is_and_is_neutral_within_its_bounds(family):
@@ -178,7 +181,8 @@ def test_every_parameter_says_what_it_is_and_is_neutral_within_its_bounds(family
         assert spec.neutral + spec.probe <= high, path
         assert "{}" not in spec.title, path
         if path.startswith("effects."):
-            assert (spec.probe > 0.0) != bool(NOT_FREED.match(path)), path
+            held = NOT_FREED.match(path) or (family.kind, path) in NOT_SEEN
+            assert (spec.probe > 0.0) != bool(held), path
     assert family.coefficients
     for path in family.coefficients:
         # a coefficient of a vehicle of any size has no smallest change: a fit steps by a share of its value

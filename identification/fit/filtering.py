@@ -405,12 +405,17 @@ class Filter(Linearised):
         the filter lets them be off.
         """
         columns, _ = self._run_starts(point)
-        size = np.linalg.norm(columns, axis=1)
-        kept = size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
-        if not kept.any():
+        kept = columns[self._told_starts(columns)]
+        if not len(kept):
             return np.zeros((point.errors.size, 0))
-        left, values, _ = np.linalg.svd((columns[kept] / size[kept, None]).T, full_matrices=False)
+        left, values, _ = np.linalg.svd((kept / np.linalg.norm(kept, axis=1)[:, None]).T, full_matrices=False)
         return left[:, values > 1e-6 * values[0]]
+
+    @staticmethod
+    def _told_starts(columns: np.ndarray) -> np.ndarray:
+        """Which starts do anything to the errors, by their columns, (m, rows * C)."""
+        size = np.linalg.norm(columns, axis=1)
+        return size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
 
     def _run_starts(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
         """Columns of the starts by the vehicle itself; see `_by_start`."""
@@ -500,7 +505,8 @@ class Filter(Linearised):
         for _ in range(iterations):
             if self.carried.any() or not self._near_by(taken, here.vector):
                 starts, owners = self._starts_for_steps(here)
-                moving = [k for k, (stretches, _) in enumerate(owners) if not self._held_first[stretches].all()]
+                told = self._told_starts(starts)
+                moving = [k for k, (of, _) in enumerate(owners) if told[k] and not self._held_first[of].all()]
                 starts, owners, taken = starts[moving], [owners[k] for k in moving], here.vector
                 slopes = self.counted_slopes(here, paths) if exact else self._slopes_for_steps(here, paths)
                 every = np.vstack([slopes, starts])

@@ -56,7 +56,7 @@ def test_euler_angles_would_not_do(logs, monkeypatch):
     forced(monkeypatch, False)
     fit = fitted(logs[0])
     assert max(fit.residual_rms.values()) > 20.0 * NOISE
-    assert fit[DAMPING[0]].ci95[1] - fit[DAMPING[0]].ci95[0] > 0.1 * abs(value_at(TRUE, DAMPING[0]))
+    assert max(np.ptp(fit[path].ci95) / abs(value_at(TRUE, path)) for path in DAMPING) > 0.1
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def test_slopes_by_starts_are_those_of_the_vehicle(logs):
     """The linearised filter goes from chart to chart as the vehicle does, once its path has settled."""
     problem = PredictionErrors(TRUE, logs[0], [slice(0, 60)])
     point = problem.point(TRUE.vector, problem.first_noise())
-    for _ in range(2):  # each leaves a tenth of what the linearisation is off
+    for _ in range(8):  # each leaves two thirds of what the linearisation about speeds that nothing tells is off
         point = problem.point(TRUE.vector, point.logs, point)
     linear, _ = problem._starts_for_steps(point)
     vehicle, _ = problem._run_starts(point)

@@ -41,7 +41,8 @@ def test_at_the_ends_of_a_profile_the_log_likelihood_has_fallen_by_the_quantile(
         assert fallen == pytest.approx(reach**2, rel=0.25)  # interpolated
 
 
-def test_a_member_of_a_tie_says_which_other_effects_its_likeliest_set_does_without():
+def test_a_member_of_a_tie_says_which_other_effects_its_likeliest_set_does_without(monkeypatch):
+    monkeypatch.setattr("identification.diagnosis.judge.findings.steadiness", lambda *given: 1.0)
     width, play, offset, moment = (
         f"effects.{name}" for name in ("rudder.deadband", "rudder.backlash", "rudder.offset", "yaw.moment")
     )
