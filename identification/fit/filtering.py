@@ -506,7 +506,8 @@ class Filter(Linearised):
             if self.carried.any() or not self._near_by(taken, here.vector):
                 starts, owners = self._starts_for_steps(here)
                 told = self._told_starts(starts)
-                moving = [k for k, (of, _) in enumerate(owners) if told[k] and not self._held_first[of].all()]
+                owned = np.array([not self._held_first[stretches].all() for stretches, _ in owners], dtype=bool)
+                moving = np.flatnonzero(told & owned)
                 starts, owners, taken = starts[moving], [owners[k] for k in moving], here.vector
                 slopes = self.counted_slopes(here, paths) if exact else self._slopes_for_steps(here, paths)
                 every = np.vstack([slopes, starts])
