@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
+from typing import Any
 
 
 @contextmanager
@@ -30,6 +33,28 @@ def replacing(path: str | os.PathLike) -> Iterator[Path]:
         ) from error
     finally:
         aside.unlink(missing_ok=True)
+
+
+def write_text(path: str | os.PathLike, text: str) -> None:
+    """Write text to a file, whole or not at all; raises ValueError as `replacing` does."""
+    with replacing(path) as new:
+        new.write_text(text, encoding="utf-8")
+
+
+def write_json(path: str | os.PathLike, content: Any) -> None:
+    """Write plain data as JSON, indented by one space, whole or not at all; raises ValueError as `replacing` does."""
+    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+
+
+def finite(content: Any) -> Any:
+    """Plain data without numbers that JSON does not have: None in their place."""
+    if isinstance(content, Mapping):
+        return {key: finite(value) for key, value in content.items()}
+    if isinstance(content, list | tuple):
+        return [finite(value) for value in content]
+    if isinstance(content, float):
+        return float(content) if isfinite(content) else None
+    return content
 
 
 def writable_folder(folder: str | os.PathLike) -> Path:

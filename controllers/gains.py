@@ -12,7 +12,7 @@ from math import isfinite, log
 from pathlib import Path
 from typing import Any
 
-from auv_gym.writing import replacing
+from auv_gym.writing import write_text
 
 Loops = Mapping[str, Mapping[str, float]]
 
@@ -98,8 +98,7 @@ def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
                 lines += ["", f"[vehicle.{kind}.{loop}]"]
                 lines += [f"{key} = {float(value)!r}" for key, value in settings.items()]
         lines.append("")
-    with replacing(path) as new:
-        new.write_text("\n".join(lines), encoding="utf-8")
+    write_text(path, "\n".join(lines))
 
 
 def _entry(content: Mapping) -> Gains:

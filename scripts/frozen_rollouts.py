@@ -33,7 +33,7 @@ from auv_gym.cli.options.console import table
 from auv_gym.compiled import JIT
 from auv_gym.model import Diverged, check_finite
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
-from auv_gym.writing import replacing
+from auv_gym.writing import replacing, write_text
 from controllers.autopilots import autopilot
 from controllers.composed.loops import targets_of
 from controllers.trials.trial import at_rest
@@ -191,8 +191,7 @@ def write(rollouts: Sequence[Rollout], folder: Path) -> None:
     with replacing(folder / "rollouts.npz") as new, new.open("wb") as file:
         np.savez_compressed(file, **arrays)
     index = {"made_with": versions(), "vehicles": {r.vehicle: r.hashes() for r in rollouts}}
-    with replacing(folder / "rollouts.json") as new:
-        new.write_text(json.dumps(index, indent=1) + "\n", encoding="utf-8")
+    write_text(folder / "rollouts.json", json.dumps(index, indent=1) + "\n")
 
 
 def read(folder: Path = FOLDER) -> tuple[dict[str, Stored], dict[str, str]]:

@@ -1,12 +1,14 @@
 """A file is written whole or not at all."""
 
+import json
 import os
 import stat
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from auv_gym.writing import replacing
+from auv_gym.writing import finite, replacing, write_json
 
 
 def names(folder: Path) -> list[str]:
@@ -73,3 +75,13 @@ def test_the_file_may_be_read_by_whom_the_system_lets(tmp_path):
         new.write_text("text")
     modes = [stat.S_IMODE(os.stat(tmp_path / name).st_mode) for name in ("plain", "a.txt")]
     assert modes[0] == modes[1]
+
+
+def test_plain_data_is_written_as_json_without_numbers_that_json_does_not_have(tmp_path):
+    told = {"sizes": (1.5, np.float64(np.nan)), "counts": [3, -np.inf], "name": "drag", "sure": True, "none": None}
+    assert finite(told) == {"sizes": [1.5, None], "counts": [3, None], "name": "drag", "sure": True, "none": None}
+    write_json(tmp_path / "a.json", finite(told))
+    assert json.loads((tmp_path / "a.json").read_text(encoding="utf-8")) == finite(told)
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        write_json(tmp_path / "a.json", told)
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]

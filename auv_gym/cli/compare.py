@@ -128,13 +128,12 @@ def _check_sample_times(models: Mapping[str, Model], data: Record) -> None:
 
 
 def _write(folder: Path, files: Mapping[str, str]) -> list[Path]:
-    from auv_gym.writing import replacing
+    from auv_gym.writing import write_text
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ValueError(f"Cannot make the folder {folder}: {error.strerror or error}.") from error
     for name, text in files.items():
-        with replacing(folder / name) as new:
-            new.write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     return [folder / name for name in files]

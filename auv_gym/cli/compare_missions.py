@@ -43,7 +43,7 @@ def spread(args: Sequence[str]) -> list[str]:
 @app.command(cls=_Sides)
 def compare_missions(
     before: Annotated[list[str], typer.Argument(help=f"Logs of missions before. {logs.ANY_LOG}")],
-    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    vehicle: logs.Vehicle,
     out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; a series that is there goes on.")],
     after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of missions after, one or several.")] = None,
     series: Annotated[
@@ -61,18 +61,13 @@ def compare_missions(
     cache_dir: logs.CacheFolder = None,
 ) -> None:
     """Find what of a vehicle has changed between missions, and how small a change would have been seen."""
-    from auv_gym.presets import find_vehicle
-    from auv_gym.writing import writable_folder
-
     if series == bool(after):
         raise ValueError(f"Give missions after by {_WITH}, or --series for trends over missions; not both.")
     if twice := sorted(set(before) & set(after or [])):
         raise ValueError(f"A mission is before or after, not both: leave out {', '.join(twice)} on one side.")
     with progress_bar() as progress:
         progress(0.0, "starting")
-        find_vehicle(vehicle)
-        writable_folder(out)
-        logs.check_log_files([*before, *(after or [])])
+        logs.refuse_early(vehicle, out, [*before, *(after or [])])
 
         from identification.changes.missions import compare_missions as compare
         from identification.changes.page import write_comparison, write_series

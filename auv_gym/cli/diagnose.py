@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 @app.command()
 def diagnose(
-    log: Annotated[list[str], typer.Argument(help=f"{logs.ANY_LOG} Several files are one record, in segments.")],
-    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    log: logs.Logs,
+    vehicle: logs.Vehicle,
     out: Annotated[Path, typer.Option(help="Folder for diagnosis.json, vehicle.toml and report.html.")],
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
@@ -63,15 +63,10 @@ def diagnose(
     cache_dir: logs.CacheFolder = None,
 ) -> None:
     """Find the physical effect that a vehicle's model lacks to explain a measured log."""
-    from auv_gym.presets import find_vehicle
-    from auv_gym.writing import writable_folder
-
     with progress_bar() as progress:
         progress(0.0, "starting")
         # what can be refused at once comes before what takes long to import
-        find_vehicle(vehicle)
-        writable_folder(out)
-        logs.check_log_files(log)
+        logs.refuse_early(vehicle, out, log)
 
         from auv_gym.records.density import read_profiles, with_density
         from identification.diagnosis import again as diagnose_again, diagnose as diagnose_record, write_diagnosis

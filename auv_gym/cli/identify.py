@@ -191,11 +191,10 @@ def _check_name(out: Path, suffix: str) -> None:
 
 
 def _write_page(path: Path, text: str) -> None:
-    from auv_gym.writing import replacing
+    from auv_gym.writing import write_text
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    with replacing(path) as new:
-        new.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def _words(method: str, fitted: Record, names: Sequence[str]) -> str:

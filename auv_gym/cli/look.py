@@ -47,7 +47,7 @@ def look(
     with progress_bar() as progress:
         progress(0.0, "reading the log")
         from auv_gym.records.first_look import look_at, mapping_text
-        from auv_gym.writing import replacing, writable_folder
+        from auv_gym.writing import writable_folder, write_text
 
         for path in (mapping_out, picture):
             if path is not None:
@@ -61,8 +61,7 @@ def look(
             progress(0.8, "drawing")
             draw_log(found, picture)
         if mapping_out is not None:
-            with replacing(mapping_out) as new:
-                new.write_text(mapping_text(found, [needs[_ranked(found, needs)[0]]]), encoding="utf-8")
+            write_text(mapping_out, mapping_text(found, [needs[_ranked(found, needs)[0]]]))
         progress(1.0, "done")
     _print_head(found)
     _print_signals(found, every)

@@ -18,8 +18,8 @@ _FILE = "onset.json"
 
 @app.command()
 def onset(
-    log: Annotated[list[str], typer.Argument(help=f"{logs.ANY_LOG} Several files are one record, in segments.")],
-    vehicle: Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    log: logs.Logs,
+    vehicle: logs.Vehicle,
     out: Annotated[Path, typer.Option(help=f"Folder for {_FILE}.")],
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
@@ -32,15 +32,11 @@ def onset(
     cache_dir: logs.CacheFolder = None,
 ) -> None:
     """Find the effects that a vehicle's model lacks in a log, and when each began, ended or grew."""
-    from auv_gym.presets import find_vehicle
-    from auv_gym.writing import replacing, writable_folder
-
     with progress_bar() as progress:
         progress(0.0, "starting")
-        find_vehicle(vehicle)
-        writable_folder(out)
-        logs.check_log_files(log)
+        logs.refuse_early(vehicle, out, log)
 
+        from auv_gym.writing import write_text
         from identification.changes.onset import find_onsets
         from identification.changes.wording import timeline_json, timeline_summary
 
@@ -49,8 +45,7 @@ def onset(
         found = find_onsets(
             record, plant, most=most, doubt=doubt, trust=trust, progress=lambda f, text: progress(0.05 + 0.9 * f, text)
         )
-        with replacing(out / _FILE) as new:
-            new.write_text(json.dumps(timeline_json(found), indent=2) + "\n", encoding="utf-8")
+        write_text(out / _FILE, json.dumps(timeline_json(found), indent=2) + "\n")
     output.print()
     for line in timeline_summary(found):
         output.print(line, markup=False, soft_wrap=True)

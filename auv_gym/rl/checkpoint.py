@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auv_gym.writing import replacing
+from auv_gym.writing import replacing, write_text
 
 if TYPE_CHECKING:
     from auv_gym.rl.policy import Policy
@@ -64,8 +64,7 @@ class Checkpoint:
             with self._arrays.open("wb") as file:
                 np.savez(file, allow_pickle=False, **arrays)
         state = {name: value for name, value in asdict(self).items() if name != "folder"}
-        with replacing(self.folder / _STATE) as new:
-            new.write_text(json.dumps(state), encoding="utf-8")
+        write_text(self.folder / _STATE, json.dumps(state))
         keep = {_STATE, self._agent.name, self._arrays.name, self._best.name}
         for path in self.folder.iterdir():
             if path.name not in keep:

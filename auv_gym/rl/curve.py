@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from auv_gym.writing import replacing
+from auv_gym.writing import replacing, write_text
 
 CURVE = "learning_curve.csv"
 
@@ -13,8 +13,7 @@ CURVE = "learning_curve.csv"
 def write_curve(rows: Sequence[Mapping[str, float]], path: Path) -> None:
     """Write the rows, whole or not at all."""
     lines = [",".join(rows[0]), *(",".join(f"{value:.10g}" for value in row.values()) for row in rows)]
-    with replacing(path) as new:
-        new.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def draw_curve(rows: Sequence[Mapping[str, float]], path: Path, env: str, algorithm: str) -> bool:

@@ -22,7 +22,7 @@ from auv_gym.rl.extra import needs
 from auv_gym.rl.hyperparameters import Imitation, Ppo
 from auv_gym.rl.policy import Policy, read_settings
 from auv_gym.rl.settings import SETTINGS, Training, described, make_env
-from auv_gym.writing import replacing
+from auv_gym.writing import replacing, write_text
 
 POLICY = "policy.zip"
 _SHOWN_EVERY = 0.2  # s between two movements of the bar
@@ -214,8 +214,7 @@ def _begun(training: Training, folder: Path) -> dict[str, Any]:
 
 
 def _write(folder: Path, settings: dict[str, Any]) -> None:
-    with replacing(folder / SETTINGS) as new:
-        new.write_text(json.dumps(settings, indent=1) + "\n", encoding="utf-8")
+    write_text(folder / SETTINGS, json.dumps(settings, indent=1) + "\n")
 
 
 def _made(out: str | os.PathLike) -> Path:

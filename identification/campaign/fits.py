@@ -18,7 +18,7 @@ from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model, save_model
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from auv_gym.writing import replacing
+from auv_gym.writing import write_json
 from identification.campaign.file.plan import plan, selected
 from identification.campaign.file.settings import Campaign, Fit, RunSettings
 from identification.campaign.index import Row, read_index
@@ -259,8 +259,3 @@ def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
 
 def _file_of(name: str, folder: Path) -> Path:
     return folder / FOLDER / f"{name}.json"
-
-
-def write_json(path: Path, content: Any) -> None:
-    with replacing(path) as new:
-        new.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")

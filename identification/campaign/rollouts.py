@@ -16,9 +16,10 @@ from auv_gym.channels import channel, set_point_of
 from auv_gym.model import Model
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from auv_gym.writing import write_json
 from identification.campaign.file.plan import plan, selected
 from identification.campaign.file.settings import Campaign, EnvExperiment, RunSettings
-from identification.campaign.fits import VEHICLE, Progress, designed_vehicle, load_fitted, read_fits, write_json
+from identification.campaign.fits import VEHICLE, Progress, designed_vehicle, load_fitted, read_fits
 from identification.campaign.index import Row, read_index
 from identification.campaign.running.perform import run_status
 from identification.campaign.running.pool import in_parallel

@@ -8,7 +8,8 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record, concat
-from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
+from identification.changes.forms import usable_log
+from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part
 
 
@@ -19,18 +20,7 @@ def joined_sides(sides: Mapping[str, Record], plant: Plant, asked: Asked) -> tup
     both sides of a change.  Channels that only one has are left out.
     Raises ValueError, with the side's name, where one cannot be used or looks mislabelled.
     """
-    checked: list[CheckedLog] = []
-    for name, record in sides.items():
-        try:
-            log = check_log(record, plant, asked)
-        except ValueError as error:
-            raise ValueError(f"The log {name}: {error}") from None
-        if log.slipped:
-            told = "; ".join(d.text for d in log.doubts if d.slip is not None)
-            raise ValueError(
-                f"The log {name} looks mislabelled: {told}. Mend the log, or go on all the same with --trust."
-            )
-        checked.append(log)
+    checked = [usable_log(record, plant, asked, name) for name, record in sides.items()]
     common = set.intersection(*(set(log.record.names) for log in checked))
     alone = sorted({n for log in checked for n in log.record.names} - common)
     records = [log.record.without([n for n in log.record.names if n not in common]) for log in checked]

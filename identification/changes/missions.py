@@ -10,27 +10,19 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from identification.changes.forms import Changeable, Sized, in_form, sized, tied_names
 from identification.changes.joined import joined_sides
-from identification.deciding import DOUBT, MOST_EFFECTS
+from identification.deciding import DOUBT, MOST_EFFECTS, SURPRISE
 from identification.diagnosis.log.checking import Asked
-from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
+from identification.diagnosis.search.attribution import Round, attribute, settled
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Candidate, candidates_of, screen
+from identification.diagnosis.search.candidates import Candidate, deviations_shown, screen
 from identification.diagnosis.search.known import fit_known
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change, changed
 
 BEFORE, AFTER = "before", "after"
-_WIDE = 1.96  # standard errors of a 95 % interval
-
-
-@dataclass(frozen=True)
-class Sized:
-    """A value with its 95 % interval, in the parameter's unit."""
-
-    value: float
-    ci95: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -115,28 +107,25 @@ def compare_missions(
     """
     progress(0.0, "checking the missions")
     log, edge = joined_sides({BEFORE: before, AFTER: after}, plant, Asked(most=most, doubt=doubt, trust=trust))
-    effects = [c for c in candidates_of(plant, log.record) if not c.period]
-    paths = [p for c in effects for p in c.paths]
-    coefficients = [p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0]
+    may = Changeable.of(plant, log.record, doubt)
     courses = {BEFORE: Course((edge,), (1.0, 0.0)), AFTER: Course((edge,), (0.0, 1.0))}
-    changing = ChangingPlant.of(log.plant, {BEFORE: paths, AFTER: [*coefficients, *paths]}, courses)
+    changing = ChangingPlant.of(log.plant, {BEFORE: may.paths, AFTER: [*may.coefficients, *may.paths]}, courses)
     known = fit_known(replace(log, plant=changing), progress)
     bench = known.bench
-    singles = [Candidate(spec_at(plant, p).title or p, (p,)) for p in known.coefficients if p in coefficients]
+    alone = [*may.refitted(known), *may.effects]
     candidates = [
-        *effects,
-        *(_in_form(c, AFTER) for c in (*singles, *effects)),
-        *(_in_form(c, BEFORE) for c in effects),
+        *may.effects,
+        *(in_form(c, AFTER) for c in alone),
+        *(in_form(c, BEFORE) for c in may.effects),
     ]
     state, rounds = attribute(bench, known.nominal, candidates, most, (), lambda f, text: progress(0.1 + 0.7 * f, text))
-    state = without_idle_parts(bench, state, [r.chosen.candidate.paths for r in rounds if r.chosen])
-    state, rounds = confirmed(bench, known.nominal, state, rounds, len(candidates))
+    state, rounds = settled(bench, known.nominal, state, rounds, len(candidates))
     progress(0.85, "sizing what has changed")
     found = [r for r in rounds if r.chosen is not None]
     own = [_own_paths(r, state) for r in found]
     moving = dict.fromkeys(changed(p)[1] for paths in own for p in paths if changed(p)[0])
-    rest = [c for c in (*singles, *effects) if moving.keys().isdisjoint(c.paths)]
-    sized = [one_or_two(bench, state, path, found, len(candidates)) for path in moving]
+    rest = [c for c in alone if moving.keys().isdisjoint(c.paths)]
+    told = [one_or_two(bench, state, path, found, len(candidates)) for path in moving]
     common = [
         _common(bench, state, r, p)
         for r, paths in zip(found, own, strict=True)
@@ -146,8 +135,8 @@ def compare_missions(
     return Comparison(
         plant,
         (tuple(names[0]), tuple(names[1])),
-        tuple(c for c in sized if isinstance(c, Changed)),
-        (*common, *(c for c in sized if isinstance(c, Common))),
+        tuple(c for c in told if isinstance(c, Changed)),
+        (*common, *(c for c in told if isinstance(c, Common))),
         tuple(_unchanged(bench, state, rest, len(candidates))),
         len(candidates),
         {p: value_at(state.plant, p) for p in state.paths if not changed(p)[0]},
@@ -155,17 +144,9 @@ def compare_missions(
     )
 
 
-def _in_form(candidate: Candidate, form: str) -> Candidate:
-    return Candidate(f"{candidate.title}, {form}", tuple(change(form, p) for p in candidate.paths))
-
-
 def _own_paths(made: Round, state: State) -> list[str]:
     assert made.chosen is not None
     return [p for p in made.chosen.candidate.paths if p in state.paths]
-
-
-def _tied(made: Round) -> tuple[str, ...]:
-    return tuple(" ".join(filter(None, changed(p))) for t in made.tied for p in t.candidate.paths)
 
 
 def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round], count: int) -> Changed | Common:
@@ -189,7 +170,7 @@ def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round
         alike = replace_at(plant, {path: float(np.clip(middle, *spec.bounds)), early: 0.0, late: 0.0})
         plant = replace_at(plant, values)
     both, common = bench.fit(plant, free, state), bench.fit(alike, [*kept, path], state)
-    evidence, tied = bench.gain(common, both), tuple(dict.fromkeys(t for r in mine for t in _tied(r)))
+    evidence, tied = bench.gain(common, both), tied_names(mine)
     if evidence < threshold(count):
         size = Sized(value_at(common.plant, path), bench.interval(common, path))
         return Common(path, spec.title or path, spec.unit, size, sum(r.evidence[0] for r in mine), tied)
@@ -198,45 +179,31 @@ def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round
         path,
         spec.title or path,
         spec.unit,
-        _sized(bench, both, first, added, spec.bounds),
-        _sized(bench, both, second, added, spec.bounds),
-        _sized(bench, both, moved, 0.0),
+        sized(bench, both, first, added, spec.bounds),
+        sized(bench, both, second, added, spec.bounds),
+        sized(bench, both, moved),
         evidence,
         tied,
         all(t.startswith((f"{BEFORE} ", f"{AFTER} ")) for t in tied),
     )
 
 
-def _sized(
-    bench: Workbench,
-    state: State,
-    shares: Mapping[str, float],
-    added: float,
-    bounds: tuple[float, float] = (-np.inf, np.inf),
-) -> Sized:
-    """A sum of fitted parameters and its interval."""
-    value = added + sum(share * value_at(state.plant, p) for p, share in shares.items())
-    half = bench.half_width_of(state, shares)
-    low, high = np.clip([value - half, value + half], *bounds)
-    return Sized(float(np.clip(value, *bounds)), (float(low), float(high)))
-
-
 def _common(bench: Workbench, state: State, made: Round, path: str) -> Common:
     spec = spec_at(state.plant, path)
     size = Sized(value_at(state.plant, path), bench.interval(state, path))
-    return Common(path, spec.title, spec.unit, size, made.evidence[0], _tied(made))
+    return Common(path, spec.title, spec.unit, size, made.evidence[0], tied_names([made]))
 
 
 def _unchanged(bench: Workbench, state: State, rest: Sequence[Candidate], count: int) -> list[Unchanged]:
     """What shows no change, by the regression of the final model's errors on a change of each."""
-    late = [replace(_in_form(c, AFTER), title=c.title) for c in rest]
+    late = [replace(in_form(c, AFTER), title=c.title) for c in rest]
     bar, found = threshold(count), []
     for screening in screen(bench.problem, state.point, state.paths, late, bar):
         for k, name in enumerate(screening.candidate.paths):
             path = changed(name)[1]
             spec, detectable = spec_at(state.plant, path), float(screening.detectable[k])
             estimate = float(screening.estimate[k]) * bench.problem.scale(name)
-            half = _WIDE * detectable / (np.sqrt(bar) + 1.645)  # see `Screening.detectable`
+            half = SURPRISE * detectable / deviations_shown(bar)
             size = Sized(estimate, (estimate - half, estimate + half))
             value = value_at(state.plant, path)
             found.append(Unchanged(path, spec.title or path, spec.unit, value, size, detectable, screening.unseen))

@@ -2,36 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
-from auv_gym.param import spec_at, value_at
+from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.changes.missions import Sized
+from identification.changes.forms import Changeable, Sized, in_form, kind_of, sized, tied_names, usable_log
 from identification.deciding import BLOCKS, DOUBT, MISSED, MOST_EFFECTS, MOST_PARTS
-from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
+from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part, block_numbers
-from identification.diagnosis.search.attribution import Round, confirmed, selected, without_idle_parts
+from identification.diagnosis.search.attribution import Round, selected, settled
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
+from identification.diagnosis.search.candidates import Candidate, Screening, screen
 from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.trials import Progress, quieted
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.changing import ChangingPlant, Course, change, changed
+from identification.fit.changing import ChangingPlant, Course, changed
 from identification.fit.filtering import Point
+from identification.fit.linearised import at_once
 from identification.fit.prediction_errors import PredictionErrors
 
 FROM, UNTIL, GROWING = "from", "until", "growing"
-_AT_ONCE = 2_000_000  # rows of all runs that are screened at once: they are kept in memory
-_SCANNED, _REACH = (
-    12,
-    1.5,
-)  # rows of a profile at first, in the time between two that were screened; times to either side
+_SCANNED = 12  # rows of a profile at first, in the time between two that were screened
+_REACH = 1.5  # such times to either side, that a profile covers at first
 _DROP = 0.5 * float(chi2.isf(MISSED, 1))  # of the log-likelihood, at the ends of a time's interval
 
 
@@ -80,25 +78,19 @@ def find_onsets(
     sought between the 23, and its interval by profile.  Parts are interleaved, so that each has a share of every time.
     Raises ValueError of a record that cannot be used or looks mislabelled.
     """
-    log = check_log(record, plant, Asked(most=most, doubt=doubt, trust=trust))
-    if log.slipped:
-        raise ValueError("The log looks mislabelled: diagnose it first, or go on all the same with --trust.")
-    effects = [c for c in candidates_of(plant, log.record) if not c.period]
-    coefficients = [p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0]
+    log = usable_log(record, plant, Asked(most=most, doubt=doubt, trust=trust))
+    may = Changeable.of(plant, log.record, doubt)
     parts, edges = _interleaved(log)
     forms = _courses(edges)
-    paths = [p for c in effects for p in c.paths]
-    lasting = [name for name in forms if not name.startswith(UNTIL)]
-    own = {name: [*coefficients, *paths] if name in lasting else paths for name in forms}
+    own = {name: may.paths if kind_of(name) == UNTIL else [*may.coefficients, *may.paths] for name in forms}
     changing = ChangingPlant.of(log.plant, own, forms)
     known = fit_known(replace(log, plant=changing, parts=parts), progress)
-    singles = [Candidate(spec_at(plant, p).title or p, (p,)) for p in known.coefficients if p in coefficients]
-    groups = [[_in_form(c, n) for n in forms if n.startswith(kind)] for c in effects for kind in (FROM, UNTIL, GROWING)]
-    groups += [[_in_form(c, n) for n in forms if n.startswith(kind)] for c in singles for kind in (FROM, GROWING)]
-    count = len(effects) + sum(map(len, groups))
-    bench, state, rounds, times = _searched(known, effects, groups, count, most, progress)
-    state = without_idle_parts(bench, state, [r.chosen.candidate.paths for r in rounds if r.chosen])
-    state, rounds = confirmed(bench, known.nominal, state, rounds, count)
+    wanted = [(c, kind) for c in may.effects for kind in (FROM, UNTIL, GROWING)]
+    wanted += [(c, kind) for c in may.refitted(known) for kind in (FROM, GROWING)]
+    groups = [[in_form(c, name) for name in forms if kind_of(name) == kind] for c, kind in wanted]
+    count = len(may.effects) + sum(map(len, groups))
+    bench, state, rounds, times = _searched(known, may.effects, groups, count, most, progress)
+    state, rounds = settled(bench, known.nominal, state, rounds, count)
     return Timeline(tuple(_timed(bench, state, rounds, times)), count, plant, tuple(log.record.notes))
 
 
@@ -121,11 +113,6 @@ def _courses(edges: Sequence[int]) -> dict[str, Course]:
     found = {f"{FROM}{k}": Course((edge,), (0.0, 1.0)) for k, edge in enumerate(edges, 1)}
     found |= {f"{UNTIL}{k}": Course((edge,), (1.0, 0.0)) for k, edge in enumerate(edges, 1)}
     return found | {GROWING: Course(tuple(edges), tuple((np.arange(count) + 0.5) / count))}
-
-
-def _in_form(candidate: Candidate, form: str) -> Candidate:
-    words = f"{candidate.title}, {form.rstrip('0123456789')}"
-    return Candidate(words, tuple(change(form, p) for p in candidate.paths))
 
 
 def _searched(
@@ -152,7 +139,7 @@ def _searched(
         rounds.append(made)
         state, own = made.chosen.state, made.chosen.candidate
         form = changed(own.paths[0])[0]
-        if form.startswith((FROM, UNTIL)):
+        if kind_of(form) in (FROM, UNTIL):
             bench, state, times[form] = _moved_to_best(bench, state, form)
         effects = [c for c in effects if c is not own]
         groups = [group for group in groups if own not in group]
@@ -161,18 +148,13 @@ def _searched(
 
 def _best_members(bench: Workbench, state: State, groups: Sequence[Sequence[Candidate]], bar: float) -> list[Candidate]:
     """Of each group, the candidate of most evidence by regression, with the noises as they are or weaker ones."""
-    best: dict[Candidate, Screening] = {}
+    best, every = dict[Candidate, Screening](), [c for group in groups for c in group]
     for base in (state, *quieted(bench, state)):
-        for chunk in _chunks([c for group in groups for c in group], max(_AT_ONCE // len(bench.problem.rows), 1)):
-            for found in screen(bench.problem, base.point, state.paths, chunk, bar):
+        for some in at_once(len(every), bench.problem.measured.size):
+            for found in screen(bench.problem, base.point, state.paths, every[some], bar):
                 if found.candidate not in best or found.evidence > best[found.candidate].evidence:
                     best[found.candidate] = found
     return [max(group, key=lambda c: best[c].evidence) for group in groups if group]
-
-
-def _chunks(items: Sequence[Candidate], size: int) -> Iterator[Sequence[Candidate]]:
-    for begin in range(0, len(items), size):
-        yield items[begin : begin + size]
 
 
 def _timed(bench: Workbench, state: State, rounds: Sequence[Round], times: Mapping[str, Sized]) -> list[Timed]:
@@ -182,18 +164,10 @@ def _timed(bench: Workbench, state: State, rounds: Sequence[Round], times: Mappi
     for made, name in chosen:
         assert made.chosen is not None
         form, path = changed(name)
-        spec, value = spec_at(state.plant, path), value_at(state.plant, name)
-        half = bench.half_width_of(state, {name: 1.0})
-        tied = tuple(" ".join(filter(None, (_kind(p), changed(p)[1]))) for t in made.tied for p in t.candidate.paths)
-        size = Sized(value, (value - half, value + half))
-        evidence = made.evidence[0]
-        found.append(Timed(path, spec.title or path, spec.unit, _kind(name), size, evidence, times.get(form), tied))
+        spec, size = spec_at(state.plant, path), sized(bench, state, {name: 1.0})
+        told = (spec.title or path, spec.unit, kind_of(form), size, made.evidence[0])
+        found.append(Timed(path, *told, times.get(form), tied_names([made])))
     return found
-
-
-def _kind(path: str) -> str:
-    """The form of a change's path without the number of its time."""
-    return changed(path)[0].rstrip("0123456789")
 
 
 def _moved_to_best(bench: Workbench, state: State, form: str) -> tuple[Workbench, State, Sized]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from auv_gym import __version__
-from auv_gym.writing import replacing, writable_folder
+from auv_gym.writing import writable_folder, write_text
 from identification.changes.missions import Comparison
 from identification.changes.series import Series
 from identification.changes.wording import as_json, named, series_json, series_summary, size_of, summary, tied_words
@@ -41,8 +41,7 @@ def _written(texts: Mapping[str, str], folder: str | os.PathLike) -> dict[str, P
     """Files of these texts in a folder, by name."""
     out = writable_folder(folder)
     for name, text in texts.items():
-        with replacing(out / name) as new:
-            new.write_text(text, encoding="utf-8")
+        write_text(out / name, text)
     return {name: out / name for name in texts}
 
 
@@ -93,10 +92,8 @@ def series_figure(found: Series) -> Figure:
         at, values = np.array(t.at), np.array([s.value for s in t.sizes])
         limits = np.array([s.ci95 for s in t.sizes])
         axes.errorbar(at, values, [values - limits[:, 0], limits[:, 1] - values], fmt="o", color=BEFORE, capsize=3)
-        weights = 1.0 / ((limits[:, 1] - values) ** 2 / 3.84 + t.scatter**2)
-        middle = at.mean() + np.array([-0.5, 0.5]) * np.ptp(at)
-        level = np.average(values - t.rate.value * (at - at.mean()), weights=weights)
-        axes.plot(middle, level + t.rate.value * (middle - at.mean()), color=AFTER)
+        ends = np.array([at.min(), at.max()])
+        axes.plot(ends, t.level + t.rate.value * (ends - at.mean()), color=AFTER)
         axes.set_ylabel(f"{named(t)}, {t.unit}")
         axes.set_xlabel(t.per)
     return figure

@@ -16,10 +16,11 @@ from scipy.stats import t as student
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record, concat
-from auv_gym.writing import replacing, writable_folder
+from auv_gym.writing import writable_folder, write_json
 from identification.campaign.running.pool import in_parallel
-from identification.changes.missions import Comparison, Sized, compare_missions
-from identification.deciding import DOUBT, MISSED, MOST_EFFECTS
+from identification.changes.forms import Sized
+from identification.changes.missions import Comparison, compare_missions
+from identification.deciding import DOUBT, MISSED, MOST_EFFECTS, SURPRISE
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.result_files import digest_of
 from identification.diagnosis.search.trials import Progress
@@ -35,7 +36,8 @@ class Trend:
     """How a parameter goes on over missions.
 
     rate: per `per`, with its 95 % interval, which allows for what missions differ by beyond their own intervals;
-    scatter: standard deviation of that.  at: (M,), when the missions were, in `per`; sizes: of each, from it alone.
+    scatter: standard deviation of that.  level: of the line at the mean of `at`, (M,), when the missions were, in
+    `per`; sizes: of each, from it alone.
     """
 
     path: str
@@ -44,6 +46,7 @@ class Trend:
     per: str
     rate: Sized
     scatter: float
+    level: float
     at: tuple[float, ...]
     sizes: tuple[Sized, ...]
 
@@ -90,7 +93,7 @@ def follow_series(
         halves = concat(records[:half]), concat(records[half:])
         found = compare_missions(*halves, plant, most=most, doubt=doubt, trust=trust, progress=progress)
         followed = {"key": key, "paths": followed_paths(found), "values": found.fitted}
-        _keep(out.parent / FOLLOWED, followed)
+        write_json(out.parent / FOLLOWED, followed)
     paths = followed["paths"]
     held = replace_at(plant, {p: v for p, v in followed["values"].items() if p not in paths})
     tasks = []
@@ -121,7 +124,7 @@ def _write_sizes(task: tuple[str, Record, Path, str], plant: Plant, paths: Seque
         told: dict[str, Any] = {"sizes": sizes_of(record, plant, paths, trust)}
     except ValueError as error:
         told = {"failed": str(error)}
-    _keep(file, {"key": key, **told})
+    write_json(file, {"key": key, **told})
 
 
 def sizes_of(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, tuple[float, float]]:
@@ -138,16 +141,17 @@ def _trend(plant: Plant, path: str, usable: Sequence[tuple[float, Mapping[str, A
     if len(told) < LEAST:
         return None
     at, values, errors = np.array(told).T
-    slope, error, scatter = line(at, values, errors)
+    slope, error, scatter, level = line(at, values, errors)
     half = float(student.isf(0.5 * MISSED, at.size - 2)) * error
-    sizes = tuple(Sized(v, (v - 1.96 * e, v + 1.96 * e)) for v, e in zip(values.tolist(), errors.tolist(), strict=True))
+    ends = zip(values.tolist(), (SURPRISE * errors).tolist(), strict=True)
+    sizes = tuple(Sized(v, (v - far, v + far)) for v, far in ends)
     spec = spec_at(plant, path)
     rate = Sized(slope, (slope - half, slope + half))
-    return Trend(path, spec.title or path, spec.unit, per, rate, scatter, tuple(at.tolist()), sizes)
+    return Trend(path, spec.title or path, spec.unit, per, rate, scatter, level, tuple(at.tolist()), sizes)
 
 
-def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float, float, float]:
-    """Slope of a line through values with standard errors, its own standard error, and the values' scatter about it.
+def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float, float, float, float]:
+    """Slope of a line through values with standard errors, its own standard error, their scatter, and its mean level.
 
     The scatter is that beside the errors which makes the weighted squares as many as the degrees of freedom, or nothing
     (Paule and Mandel 1982).
@@ -166,7 +170,7 @@ def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float,
             middle = 0.5 * (low + high)
             low, high = (middle, high) if fitted(middle)[2] > free else (low, middle)
     found, covariance, _ = fitted(low)
-    return float(found[1]), float(np.sqrt(covariance[1, 1])), low
+    return float(found[1]), float(np.sqrt(covariance[1, 1])), low, float(found[0])
 
 
 def _times(missions: Mapping[str, Record]) -> tuple[list[float], str]:
@@ -190,8 +194,3 @@ def _kept(file: Path, key: str) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return told if told.get("key") == key else None
-
-
-def _keep(file: Path, told: Mapping[str, Any]) -> None:
-    with replacing(file) as new:
-        new.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")

@@ -10,10 +10,11 @@ import numpy as np
 
 from auv_gym.param import spec_at
 from auv_gym.plant import Plant
+from auv_gym.writing import finite
 from identification.changes.missions import Changed, Common, Comparison, Unchanged
 from identification.changes.onset import FROM, Timed, Timeline
 from identification.changes.series import Series, Trend
-from identification.diagnosis.wording import interval, quantity, sized
+from identification.diagnosis.wording import capital, interval, quantity, sized
 
 _TOLD = 4  # that did not change, in the summary; the page has all
 
@@ -33,7 +34,7 @@ def summary(found: Comparison) -> list[str]:
 
 def changed_words(c: Changed, plant: Plant) -> str:
     """`The rudder offset changed from 0.0 deg to 2.9 deg`, with the interval of the change."""
-    text = f"{_head(c)} changed from {quantity(c.before.value, c.unit)} to "
+    text = f"{capital(named(c))} changed from {quantity(c.before.value, c.unit)} to "
     text += f"{quantity(c.after.value, c.unit)}: by {quantity(c.change.value, c.unit)}{_relative(c)} "
     text += f"(95 % interval {interval(c.change.ci95, c.unit)})."
     if c.tied:
@@ -46,12 +47,6 @@ def tied_words(tied: Sequence[str], plant: Plant) -> str:
     """What else would explain it, by title, with the form in brackets: `yaw moment (after), rudder offset`."""
     split = [name.rpartition(" ")[::2] for name in tied]
     return ", ".join(f"{spec_at(plant, path).title or path}{f' ({form})' if form else ''}" for form, path in split)
-
-
-def _head(c: Changed) -> str:
-    """The title to begin a sentence, without the remark and the `by` that sizes follow."""
-    name = named(c)
-    return f"{name[0].upper()}{name[1:]}"
 
 
 def common_words(c: Common, plant: Plant) -> str:
@@ -70,7 +65,7 @@ def timed_words(t: Timed, plant: Plant) -> str:
     """`Rudder offset, 1.7 deg (95 % interval 1.6 to 1.8 deg), from 396 s on (95 % interval 384 to 404 s).`"""
     text = sized(t.title, quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
     text = f"{'' if t.path.startswith('effects.') else 'a change of '}{text}"
-    text = f"{text[0].upper()}{text[1:]}"
+    text = capital(text)
     if t.time is not None:
         low, high = t.time.ci95
         when = f"{t.form} {t.time.value:.0f} s{' on' if t.form == FROM else ''}"
@@ -97,13 +92,8 @@ def series_summary(found: Series) -> list[str]:
     for t in found.trends:
         size, limits = _rate(t)
         rate = f"{size} a {t.per} (95 % interval {limits})"
-        name = named(t)
-        lines.append(
-            f"{name[0].upper()}{name[1:]} changes by {rate}."
-            if t.sure
-            else f"{name[0].upper()}{name[1:]} shows no trend: {rate}."
-        )
-    return lines or ["No parameter is told by enough missions for a trend."]
+        lines.append(f"{capital(named(t))} {'changes by' if t.sure else 'shows no trend:'} {rate}.")
+    return lines or ["Too few of the missions show any parameter, so there is no trend to report."]
 
 
 def _rate(t: Trend) -> tuple[str, str]:
@@ -161,13 +151,4 @@ def as_json(found: Comparison) -> dict[str, Any]:
 
 
 def _plain(item: Changed | Common | Unchanged | Timed | Trend) -> dict[str, Any]:
-    return {name: _finite(value) for name, value in asdict(item).items()}
-
-
-def _finite(value: Any) -> Any:
-    """Without numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {k: _finite(v) for k, v in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_finite(v) for v in value]
-    return (float(value) if np.isfinite(value) else None) if isinstance(value, float) else value
+    return finite(asdict(item))

@@ -16,7 +16,7 @@ from auv_gym.plant import Plant, save_vehicle
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from auv_gym.vehicles import Body, Part, family_named
-from auv_gym.writing import replacing, writable_folder
+from auv_gym.writing import finite, writable_folder, write_text
 from identification.deciding import SIMILAR
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
@@ -37,7 +37,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     extras = extras or Extras()
     out = writable_folder(folder)
     paths = {name: out / name for name in ("diagnosis.json", "vehicle.toml", "report.html")}
-    _write(paths["diagnosis.json"], _json_text(diagnosis, extras))
+    write_text(paths["diagnosis.json"], _json_text(diagnosis, extras))
     notes = {e.path: f"named by a diagnosis of {diagnosis.source or 'a record'}" for e in diagnosis.effects}
     notes |= {c.path: f"refitted by a diagnosis of {diagnosis.source or 'a record'}" for c in diagnosis.coefficients}
     seen = (diagnosis.after.plant.fitted_to, diagnosis.source or "a record")
@@ -46,11 +46,11 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     before = len(extras.failures)
     page = extras.attempt("The report", lambda: diagnosis_page(diagnosis, extras), "")
     if page:
-        _write(paths["report.html"], page)
+        write_text(paths["report.html"], page)
     else:
         paths.pop("report.html").unlink(missing_ok=True)  # one of an earlier diagnosis would be taken for this one's
     if len(extras.failures) > before:
-        _write(paths["diagnosis.json"], _json_text(diagnosis, extras))
+        write_text(paths["diagnosis.json"], _json_text(diagnosis, extras))
     return paths
 
 
@@ -84,16 +84,16 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 "evidence": {"all_rows": e.evidence_train, "foretold": e.evidence_held},
                 "frequency": e.frequency if e.path in searched else None,
                 "steady": e.steady,
-                "changes": {name: _finite(size) for name, size in e.changes.items()},
+                "changes": {name: finite(size) for name, size in e.changes.items()},
                 "tied_with": list(e.tied_with),
                 "probability": e.probability,
-                "members": [_plain(asdict(m)) for m in e.members],
-                "coefficient": _plain(asdict(e.coefficient)) if e.coefficient else None,
+                "members": [finite(asdict(m)) for m in e.members],
+                "coefficient": finite(asdict(e.coefficient)) if e.coefficient else None,
             }
             for e in d.effects
         ],
         "tied": [list(group) for group in d.tied],
-        "common_prediction": [_plain(asdict(c)) for c in d.common],
+        "common_prediction": [finite(asdict(c)) for c in d.common],
         "dropped": list(d.dropped),
         "error": {
             **metric,
@@ -136,7 +136,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             {
                 "text": x.text,
                 "channels": list(x.channels),
-                "gain": _finite(x.gain),
+                "gain": finite(x.gain),
                 "mend": x.mend,
                 "slip": x.slip is not None,
             }
@@ -148,13 +148,13 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "process_noise": _noise(d),
         "averaged_over_s": d.averaged,
         "currents": [current._asdict() for current in d.currents],
-        "closed_loop": [_plain(asdict(loop)) for loop in d.loops],
+        "closed_loop": [finite(asdict(loop)) for loop in d.loops],
         "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,
         "vehicle": {
             "name": d.given.plant.name,
             "family": d.given.plant.family.name,
-            "parts": [_plain(asdict(part)) for part in (d.given.plant.family.body or Body(())).parts],
+            "parts": [finite(asdict(part)) for part in (d.given.plant.family.body or Body(())).parts],
             "dt_s": d.given.plant.dt,
             "longest_step_s": d.given.plant.longest_step,
             "window_s": d.given.plant.window,
@@ -202,7 +202,7 @@ def _kinematics(d: Diagnosis) -> dict[str, Any] | None:
     if d.kinematics is None:
         return None
     return {
-        "mismatches": [_plain(asdict(m)) for m in d.kinematics.mismatches],
+        "mismatches": [finite(asdict(m)) for m in d.kinematics.mismatches],
         "cleared": [c.path for c in d.kinematics.clears],
         "compared": list(d.kinematics.equations),
     }
@@ -211,8 +211,8 @@ def _kinematics(d: Diagnosis) -> dict[str, Any] | None:
 def _discovered(d: Diagnosis) -> dict[str, Any] | None:
     if d.discovery is None:
         return None
-    terms = [_plain(asdict(t)) | {"words": t.words} for t in d.discovery.terms]
-    rejected = [_plain(asdict(t)) | {"words": t.words} for t in d.discovery.rejected]
+    terms = [finite(asdict(t)) | {"words": t.words} for t in d.discovery.terms]
+    rejected = [finite(asdict(t)) | {"words": t.words} for t in d.discovery.rejected]
     return {"holds": d.discovery.holds, "terms": terms, "rejected": rejected}
 
 
@@ -223,23 +223,5 @@ def _noise(d: Diagnosis) -> dict[str, Any] | None:
     return {"measurement": dict(d.noise.measurement), "process": process, "coloured": list(d.coloured)}
 
 
-def _plain(value: Any) -> Any:
-    """Plain data without numbers that JSON does not have."""
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return _finite(value) if isinstance(value, float) else value
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def _errors(stage: Stage) -> dict[str, dict[str, float]]:
     return {name: score.as_dict() for name, score in stage.scores.items()}
-
-
-def _write(path: Path, text: str) -> None:
-    with replacing(path) as new:
-        new.write_text(text, encoding="utf-8")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 
@@ -28,3 +30,13 @@ def sized(title: str, size: str, limits: str, *more: str) -> str:
     name, _, remark = title.removesuffix(")").partition(" (")
     told = [f"95 % interval {limits}", *more, *([remark] if remark else [])]
     return f"{name}{'' if name.endswith(' by') else ','} {size} ({', '.join(told)})"
+
+
+def listed(items: Sequence[str], word: str = "and") -> str:
+    """Words in a row: `a, b and c`, or with another word in the place of the last comma."""
+    return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)
+
+
+def capital(text: str) -> str:
+    """A text as it begins a sentence."""
+    return f"{text[:1].upper()}{text[1:]}"

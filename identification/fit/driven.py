@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from auv_gym.compiled import outlined
+from auv_gym.compiled import compiled, outlined
 from identification.fit.kalman import System
 from identification.fit.responses import Responses
 
@@ -24,6 +24,17 @@ def driven_slopes(
     return np.ascontiguousarray(slopes.transpose(2, 0, 1))
 
 
+@compiled
+def _add_product(sums, sign, matrix, rows):
+    """sums += sign matrix rows, of (M, P), (M, N) and (N, P); most of a matrix of this kind is zero."""
+    for m in range(matrix.shape[0]):
+        for n in range(matrix.shape[1]):
+            factor = sign * matrix[m, n]
+            if factor != 0.0:
+                for p in range(rows.shape[1]):
+                    sums[m, p] += factor * rows[n, p]
+
+
 @outlined
 def _driven(a, c, begin, constant, decays, gains, whiten, onward, seen, slopes):
     """See `driven_slopes`.  decays: (rows, D); slopes: (rows, C, P).  All parameters side by side."""
@@ -39,31 +50,13 @@ def _driven(a, c, begin, constant, decays, gains, whiten, onward, seen, slopes):
         for m in range(count):
             for p in range(number):
                 change[m, p] = seen[k, m, p]
-            for i in range(size):
-                factor = c[k, m, i]
-                if factor != 0.0:
-                    for p in range(number):
-                        change[m, p] += factor * moved[i, p]
-        for m in range(count):
-            for n in range(m + 1):
-                factor = whiten[k, m, n]
-                if factor != 0.0:
-                    for p in range(number):
-                        slopes[k, m, p] += factor * change[n, p]
-        for i in range(size):
-            for m in range(count):
-                factor = gains[k, i, m]
-                if factor != 0.0:
-                    for p in range(number):
-                        moved[i, p] -= factor * change[m, p]
+        _add_product(change, 1.0, c[k], moved)
+        _add_product(slopes[k], 1.0, whiten[k], change)
+        _add_product(moved, -1.0, gains[k], change)
         for i in range(solid):
             for p in range(number):
                 after[i, p] = onward[k, i, p]
-            for n in range(size):
-                factor = a[k, i, n]
-                if factor != 0.0:
-                    for p in range(number):
-                        after[i, p] += factor * moved[n, p]
+        _add_product(after, 1.0, a[k], moved)
         for i in range(solid):
             for p in range(number):
                 moved[i, p] = after[i, p]

@@ -11,7 +11,7 @@ import numpy as np
 from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.driven import driven_slopes
 from identification.fit.kalman import Pass, System, run_filter, scores_of, slopes_of, start_slopes
-from identification.fit.linearised import AT_ONCE, NEAR_PATH, Linearised
+from identification.fit.linearised import NEAR_PATH, Linearised, at_once
 from identification.fit.parameters import moves_of
 from identification.fit.responses import Responses
 
@@ -194,8 +194,7 @@ class Filter(Linearised):
             found = replace(known, system=system)  # the same slopes and noises make the same gains
             if not np.array_equal(vector, known.vector):
                 found = self.with_gains(found, vector)
-            own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
-            return self._settled(found, path, found.gains[:, own])
+            return self._settled(found, path, found.gains[:, self._moving])
         made = run_filter(system, *self._numbers(logs))
         if not np.isfinite(made.scores).all():
             return self._nowhere(vector, logs), -np.inf
@@ -254,7 +253,7 @@ class Filter(Linearised):
     def _whole(self, gains: np.ndarray) -> np.ndarray:
         """Gains of the live states and the accelerations as those of all, (rows, F, C)."""
         whole = np.zeros((len(self.rows), self._size + len(self.pushed), gains.shape[2]))
-        whole[:, np.r_[self.live, self._size + np.arange(len(self.pushed))]] = gains
+        whole[:, self._moving] = gains
         return whole
 
     def _follow(
@@ -283,9 +282,8 @@ class Filter(Linearised):
     def _late(self, gains: np.ndarray, decays: np.ndarray, moves: np.ndarray | None) -> np.ndarray:
         """Gains that correct at the end of a row what those of the filter correct where it begins, (rows, F, C)."""
         assert moves is not None
-        own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
         late = np.zeros_like(gains)
-        late[:, self.live] = moves @ gains[:, own]
+        late[:, self.live] = moves @ gains[:, self._moving]
         late[:, self._size :] = decays[:, :, None] * gains[:, self._size :]
         return late
 
@@ -349,8 +347,7 @@ class Filter(Linearised):
     def _changes(self, point: Point, vectors: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """By how much predictions change, per step and over the errors' deviations, (S, rows, C)."""
         found, before = np.empty((len(vectors), *self.measured.shape)), self.measured - point.innovations
-        size = max(AT_ONCE // max(self.every.size, 1), 1)
-        for some in (slice(i, i + size) for i in range(0, len(vectors), size)):
+        for some in at_once(len(vectors), self.every.size):
             own = starts[some] if starts.ndim == 3 else starts
             y, _ = self._follow(vectors[some], own, point.gains, point.logs, point.system, False)
             with np.errstate(invalid="ignore", over="ignore"):
@@ -434,9 +431,8 @@ class Filter(Linearised):
         if self.carried.any():
             return self._run_starts(point)
         assert point.system is not None
-        own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
-        times = self._numbers(point.logs)[2]
-        return self._by_start(start_slopes(point.system, point.gains[:, own], point.whiten, times))
+        numbers = (point.gains[:, self._moving], point.whiten, self._numbers(point.logs)[2])
+        return self._by_start(start_slopes(point.system, *numbers))
 
     def _by_start(self, columns: np.ndarray) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
         """Columns of errors that count by each start, (m, rows * C), and which stretches and state each is of.
@@ -485,8 +481,7 @@ class Filter(Linearised):
         many = [] if known is None else [p for p in paths if p in known.paths]
         if not many or known is None or point.system is None:
             return self.counted_slopes(point, paths)
-        own = np.r_[self.live, self._size + np.arange(len(self.pushed))]
-        numbers = (point.gains[:, own], point.whiten, self._numbers(point.logs)[2])
+        numbers = (point.gains[:, self._moving], point.whiten, self._numbers(point.logs)[2])
         soon = driven_slopes(point.system, *numbers, known.of(many))
         found = np.empty((len(paths), *self.measured.shape))
         found[[p in known.paths for p in paths]] = soon

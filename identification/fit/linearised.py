@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,13 @@ from identification.fit.stretches import Stretches
 
 _NEAR = 0.1  # of a scale, a hundredth of a coefficient: slopes serve while no parameter is farther from where they were
 NEAR_PATH = 0.01  # of the states' spread: as near, of a path
-AT_ONCE = 2**22  # numbers of the outputs of runs that are made at once, 32 MiB
+_AT_ONCE = 2**22  # numbers of the outputs of runs that are made at once, 32 MiB
+
+
+def at_once(count: int, each: int, beside: int = 0) -> Iterator[slice]:
+    """`count` runs, as slices of as many as may be made at once; each: numbers of one.  beside: runs made with them."""
+    size = max(_AT_ONCE // max(each, 1) - beside, 1)
+    return (slice(first, first + size) for first in range(0, count, size))
 
 
 class Linearised(Stretches):
@@ -31,21 +37,16 @@ class Linearised(Stretches):
             kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
             kicked[:, j, d] += self.kicks[d, 2]
         kicked *= self.durations[:, None, None]
-        error = np.where(self.finite, self.measured - y, 0.0)
         felt = np.zeros((rows, c.shape[1], pushed))  # within a row
         if self.stride > 1:
             for d, i in enumerate(self._pushed):
                 j = int(np.flatnonzero(live == i)[0])
                 felt[:, :, d] = (self.kicks[d, 1] * self.durations)[:, None] * c[:, :, j]
-            error += self.finite * np.einsum("rcd,rd->rc", felt, path[:, self._size :])
         moves = np.concatenate([a, kicked], axis=2) if self.stride > 1 else None
         for j in np.flatnonzero(live >= len(self._shared)):  # a sensor without a lag has no state that lasts
             if np.median(np.abs(a[:, j, j] - 1.0)) < 1e-9:
                 a[:, j], a[:, :, j], c[:, :, j] = 0.0, 0.0, 0.0
-        forcing = np.zeros((rows, solid))
-        forcing[:-1] = path[1:, live] - after[:-1, live]
-        if pushed:
-            forcing += np.einsum("rnd,rd->rn", kicked, path[:, self._size :])
+        error, forcing = self._residual(y, after, path, felt, kicked)
         begin = np.zeros(rows, dtype=np.int64)
         begin[self.offsets] = np.where(self.carried, 2, 1)
         constant = np.zeros(solid + pushed, dtype=bool)
@@ -62,13 +63,24 @@ class Linearised(Stretches):
     ) -> System:
         """A system about another path near by, with the slopes that it has: one run from row to row, and no more."""
         y, after = self._slopes(vector, path, np.empty(0, dtype=np.int64))[2:]
-        pushes, solid = path[:, self._size :], len(self.live)
-        error = np.where(self.finite, self.measured - y, 0.0)
-        error += self.finite * np.einsum("rcd,rd->rc", system.c[:, :, solid:], pushes)
-        forcing = np.zeros((len(path), solid))
-        forcing[:-1] = path[1:, self.live] - after[:-1, self.live]
-        forcing += np.einsum("rnd,rd->rn", system.a[:, :, solid:], pushes)
+        solid = len(self.live)
+        error, forcing = self._residual(y, after, path, system.c[:, :, solid:], system.a[:, :, solid:])
         return replace(system, error=error, forcing=forcing, start=roots, origin=self._origin(path, starts))
+
+    def _residual(
+        self, y: np.ndarray, after: np.ndarray, path: np.ndarray, felt: np.ndarray, kicked: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What is measured less what a zero state gives, and what a run from row to row adds to it, see `System`.
+
+        felt: (rows, C, D) and kicked: (rows, N - D, D), what accelerations do to a row's outputs and to the next row.
+        """
+        pushes = path[:, self._size :]
+        error = np.where(self.finite, self.measured - y, 0.0)
+        error += self.finite * np.einsum("rcd,rd->rc", felt, pushes)
+        forcing = np.zeros((len(path), len(self.live)))
+        forcing[:-1] = path[1:, self.live] - after[:-1, self.live]
+        forcing += np.einsum("rnd,rd->rn", kicked, pushes)
+        return error, forcing
 
     def _near_by(self, taken: np.ndarray | None, vector: np.ndarray) -> bool:
         """Whether parameters, and no others, are where slopes were taken, to `_NEAR` of a scale each."""
@@ -98,8 +110,7 @@ class Linearised(Stretches):
         correction = self._free(none, np.ones((len(self.rows), len(self.kicks))), True)
         onward = np.empty((len(self.rows), len(self.live), len(steps)))
         seen = np.empty((len(self.rows), len(self.columns), len(steps)))
-        size = max(AT_ONCE // max(self.every.size, 1), 2) - 1
-        for some in (slice(i, i + size) for i in range(0, len(steps), size)):
+        for some in at_once(len(steps), self.every.size, beside=1):
             own = np.concatenate([vector[None], vectors[some]])
             y, after = self.plant.follow_many(self._by_row, own, path[None], correction, True)
             with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away

@@ -233,6 +233,11 @@ class Stretches(Parameters):
             self.kicks[d, 1:] = before, (f - 1.0) / np.log(f) - before * f
 
     @property
+    def _moving(self) -> np.ndarray:
+        """Where the live states and the accelerations, which a filter follows, are among all states, (N,)."""
+        return np.r_[self.live, self._size + np.arange(len(self.pushed))]
+
+    @property
     def averaged(self) -> float:
         """Seconds over which readings are averaged; 0 where each is read by itself."""
         return self.stride * self.record.sample_interval if self.stride > 1 else 0.0

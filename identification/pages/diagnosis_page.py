@@ -13,16 +13,17 @@ from auv_gym.channels import channel
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge.verdict import Coefficient, Detectable, Diagnosis, Effect, noise_sentence
+from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
+from identification.diagnosis.judge.verdict import Diagnosis, noise_sentence
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.trials import Trial
-from identification.diagnosis.wording import quantity
+from identification.diagnosis.wording import listed, quantity
 from identification.experiments.kinds import KINDS
 from identification.pages import diagnosis_figures, habitat_figure
 from identification.pages.drawing import require_render
-from identification.pages.page import Drawing, amount, both, drawing, listed, number, page, span, typeset
+from identification.pages.page import Drawing, amount, both, drawing, number, page, span, typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -15,6 +15,7 @@ from auv_gym.model import Trained
 from auv_gym.plant import Plant
 from identification.compare.comparison import OpenLoop
 from identification.compare.model_tests import is_white, strongest_input_correlation
+from identification.diagnosis.wording import capital, listed
 from identification.estimate import Estimate
 from identification.estimator import Fit, notes_of
 from identification.identified import Identified
@@ -27,7 +28,7 @@ from identification.pages.linear_figures import bode_figure, pole_zero_figure
 from identification.pages.linear_tables import full_pole_table, order_table, zero_table
 from identification.pages.model_figures import horizon_figure, residual_drawings, rollout_figure
 from identification.pages.order_figures import order_figure, singular_value_figure
-from identification.pages.page import Drawing, Table, amount, chance, drawn, listed, number, page, span
+from identification.pages.page import Drawing, Table, amount, chance, drawn, number, page, span
 
 # model -> channel -> horizon in s -> root mean square error
 Sweeps = Mapping[str, Mapping[str, Mapping[float, float]]]
@@ -59,7 +60,7 @@ def parameter_table(estimates: Sequence[Estimate]) -> Table:
     """Each parameter with its value and 95 % interval; why some have none is said below."""
     problems = list(dict.fromkeys(e.problem for e in estimates if e.problem))
     rows = [(e.path, amount(e.value, e.unit), _interval(e, problems)) for e in estimates]
-    caption = " ".join(f"({number}) {problem[0].upper()}{problem[1:]}." for number, problem in enumerate(problems, 1))
+    caption = " ".join(f"({number}) {capital(problem)}." for number, problem in enumerate(problems, 1))
     return Table(("parameter", "value", "95 % interval"), tuple(rows), caption=caption)
 
 
@@ -165,7 +166,7 @@ def _page(title: str, eyebrow: str, found: Sequence[str], sections: Sequence[Sec
 
 def _parameter_section(fit: Fit) -> Section:
     """Parameters, where there are any, and what the fit says in words."""
-    texts = [f"{note[0].upper()}{note[1:]}." for note in notes_of(fit)]
+    texts = [f"{capital(note)}." for note in notes_of(fit)]
     if texts and not fit.estimates:
         return Section("The fit", texts)
     return Section("Parameters", texts, [parameter_table(fit.estimates)])

@@ -114,8 +114,3 @@ def typeset(unit: str) -> str:
     for plain, raised in (("^2", "²"), ("^3", "³"), ("^4", "⁴")):
         unit = unit.replace(plain, raised)
     return unit
-
-
-def listed(items: Sequence[str], word: str) -> str:
-    """`a, b or c`."""
-    return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)

@@ -15,7 +15,7 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant, save_vehicle
 from auv_gym.records.record import Record
-from auv_gym.writing import replacing
+from auv_gym.writing import write_text
 from identification.campaign.file.plan import plan
 from identification.campaign.file.reading import read_campaign
 from identification.campaign.file.settings import EnvExperiment, RunSettings
@@ -148,8 +148,7 @@ def write_experiment(proposal: Proposal, plant: Plant, rivals: Sequence[Rival], 
         _tables(proposal.design, plant, length),
         files,
     )
-    with replacing(folder / name) as new:
-        new.write_text(text, encoding="utf-8")
+    write_text(folder / name, text)
     return folder / name
 
 

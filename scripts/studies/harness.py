@@ -27,7 +27,7 @@ from rich.table import Table
 
 from auv_gym.cli.options.console import table
 from auv_gym.model import Diverged
-from auv_gym.writing import replacing, writable_folder
+from auv_gym.writing import replacing, writable_folder, write_text
 from scripts.studies.runs import Failure, read_json, results_of, write_json
 
 if TYPE_CHECKING:
@@ -275,8 +275,7 @@ def write_sheets(sheets: Sequence[Sheet], out: Path) -> list[Path]:
     texts = {"results.md": "\n".join(sheet.markdown() for sheet in sheets if sheet.printed)}
     texts |= {f"{sheet.name}.csv": sheet.csv() for sheet in sheets}
     for name, text in texts.items():
-        with replacing(out / name) as new:
-            new.write_text(text, encoding="utf-8")
+        write_text(out / name, text)
     return [out / name for name in texts]
 
 

@@ -12,7 +12,7 @@ from joblib import Parallel, delayed
 
 from auv_gym.cli.options.console import progress_bar
 from auv_gym.model import Diverged
-from auv_gym.writing import replacing
+from auv_gym.writing import write_text
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,7 @@ def results_of(
 
 def write_json(path: Path, content: Any) -> None:
     """Plain data to a file, whole or not at all."""
-    with replacing(path) as new:
-        new.write_text(json.dumps(content, indent=1, default=_plain) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(content, indent=1, default=_plain) + "\n")
 
 
 def read_json(path: Path) -> Any:

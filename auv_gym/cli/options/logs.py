@@ -24,6 +24,8 @@ ANY_LOG = (
 FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters take as long as a log has rows
 _SHOWN = 12  # lines on what was left out; more are for `auv-gym look`
 
+Logs = Annotated[list[str], typer.Argument(help=f"{ANY_LOG} Several files are one record, in segments.")]
+Vehicle = Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")]
 ColumnNames = Annotated[
     Path | None,
     typer.Option(
@@ -59,6 +61,16 @@ Doubt = Annotated[
     ),
 ]
 Trust = Annotated[bool, typer.Option("--trust", help="Go on where the log itself looks mislabelled.")]
+
+
+def refuse_early(vehicle: str, out: Path, logs: Sequence[str]) -> None:
+    """Raises ValueError of a vehicle, a folder or a log that cannot be used, before what takes long to import."""
+    from auv_gym.presets import find_vehicle
+    from auv_gym.writing import writable_folder
+
+    find_vehicle(vehicle)
+    writable_folder(out)
+    check_log_files(logs)
 
 
 def check_log_files(logs: Sequence[str]) -> None:

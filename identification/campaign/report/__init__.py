@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from auv_gym.records.record import Record
-from auv_gym.writing import replacing
+from auv_gym.writing import write_text
 from identification.campaign.file.plan import plan
 from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import read_fits
@@ -57,8 +57,7 @@ def write_report(campaign: Campaign, folder: str | Path) -> Path:
     folder = Path(folder)
     content = _content(campaign, folder, read_index(folder))
     path = folder / "report.html"
-    with replacing(path) as new:
-        new.write_text(page("campaign.html", content), encoding="utf-8")
+    write_text(path, page("campaign.html", content))
     return path
 
 

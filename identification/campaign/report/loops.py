@@ -23,9 +23,10 @@ from identification.campaign.report.wording import (
     table_has_ranges,
 )
 from identification.campaign.rollouts import load_rollout
+from identification.diagnosis.wording import listed
 from identification.pages.drawn_channels import outputs_of
 from identification.pages.model_figures import rollout_figure
-from identification.pages.page import Drawing, Table, drawn, listed
+from identification.pages.page import Drawing, Table, drawn
 
 MOST_MODELS = 6  # lines in one figure
 MOST_LINES = 60  # of the table, beyond which cells of the grid are taken together

@@ -19,7 +19,8 @@ from identification.campaign.report.wording import (
     spread,
     table_has_ranges,
 )
-from identification.pages.page import Table, amount, listed, number, percent, span
+from identification.diagnosis.wording import listed
+from identification.pages.page import Table, amount, number, percent, span
 
 MOST_PARAMETERS = 40  # in one table
 

@@ -11,8 +11,8 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import BEYOND, LEAST_CHANGE, REACH, SURPRISE
 from identification.diagnosis.judge.constancy import steadiness
+from identification.diagnosis.judge.found import AsCoefficient, Coefficient, Detectable, Effect, Member
 from identification.diagnosis.judge.selected import selected_interval
-from identification.diagnosis.judge.verdict import AsCoefficient, Coefficient, Detectable, Effect, Member
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold

@@ -14,7 +14,7 @@ from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.deciding import BINS, LEAST_EXCHANGED, LEAST_GROWTH, LEAST_POWER, LEVEL, MOST_OF_ERROR
 from identification.diagnosis.judge.spectrum import Rhythm, residual_period
-from identification.diagnosis.wording import quantity
+from identification.diagnosis.wording import capital, quantity
 from identification.fit.residual import noise_floors
 from identification.fit.validation import FreeRuns
 
@@ -104,7 +104,7 @@ class Habitat:
         said = "; ".join(p for p in (text, *later) if p)
         if not said:
             return f"{size} It goes with nothing that was recorded, and has no period."
-        return f"{said[0].upper()}{said[1:]}. {size}"
+        return f"{capital(said)}. {size}"
 
 
 def residual_habitat(runs: FreeRuns, record: Record, rng: np.random.Generator, name: str | None = None) -> Habitat:

@@ -16,6 +16,7 @@ from identification.deciding import SLIGHT, STABLE, UNSTEADY
 from identification.diagnosis.extras import Failure
 from identification.diagnosis.judge.closing import ClosedLoop
 from identification.diagnosis.judge.common import Common
+from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
 from identification.diagnosis.judge.habitat import Habitat
 from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.log.kinematics import Kinematics
@@ -24,112 +25,12 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.workbench import State
-from identification.diagnosis.wording import interval, quantity, sized
+from identification.diagnosis.wording import capital, interval, listed, quantity, sized
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
-
-
-@dataclass(frozen=True)
-class AsCoefficient:
-    """The coefficient that an effect does nothing but change: what was given, what it comes to, and the interval."""
-
-    path: str
-    title: str
-    unit: str
-    given: float
-    value: float
-    ci95: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class Member:
-    """An effect that may be the cause in place of a named one: its probability, and its size if it is the cause.
-
-    spared: other named effects, by path, that the likeliest set with it does without.
-    """
-
-    path: str
-    title: str
-    probability: float
-    value: float
-    neutral: float
-    unit: str
-    ci95: tuple[float, float]
-    spared: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class Effect:
-    """A named effect: its size with a 95 % interval, the evidence for it, and what the record cannot tell from it.
-
-    frequency: share of the halves of the record that name it, or what it is tied with.
-    changes: by channel, in its unit, by how much free runs over the record's windows change without it, RMS.
-    coefficient: what it is reported as, where it does nothing but change that one.
-    probability: of all sets of effects that explain the record nearly as well, those that have it; None where it was
-    found by a coefficient's change.  members: what it is tied with, the same of each.
-    steady: probability that parts of the record differ in its size as much, if it is the same in all.
-    """
-
-    path: str
-    title: str
-    value: float
-    neutral: float
-    unit: str
-    ci95: tuple[float, float]
-    evidence_train: float
-    evidence_held: float
-    tied_with: tuple[str, ...] = ()
-    frequency: float = 1.0
-    changes: Mapping[str, float] = field(default_factory=dict)
-    coefficient: AsCoefficient | None = None
-    probability: float | None = None
-    members: tuple[Member, ...] = ()
-    steady: float = 1.0
-
-    @property
-    def name(self) -> str:
-        """What the matter is called."""
-        return self.title if self.coefficient is None else f"another {self.coefficient.title}"
-
-    @property
-    def told(self) -> str:
-        """What is the matter, its size and its interval, in words."""
-        c = self.coefficient
-        if c is None:
-            return sized(self.title, quantity(self.value, self.unit), interval(self.ci95, self.unit))
-        given = f"given {quantity(c.given, c.unit)}"
-        return sized(f"another {c.title}", quantity(c.value, c.unit), interval(c.ci95, c.unit), given)
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """A coefficient of the vehicle, as given and as refitted.
-
-    wrong: surely not what was given.  limited: as far from there as its doubt lets a fit go.
-    """
-
-    path: str
-    title: str
-    unit: str
-    given: float
-    value: float
-    ci95: tuple[float, float]
-    wrong: bool = False
-    limited: bool = False
-
-
-@dataclass(frozen=True)
-class Detectable:
-    """The smallest size of a candidate that this record would have shown, infinite if it cannot show it at all."""
-
-    path: str
-    title: str
-    unit: str
-    size: float
-    reason: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,9 +224,9 @@ def _likelier_sentence(d: Diagnosis) -> str:
         for m in e.members:
             if e.probability is None or m.probability <= e.probability:
                 continue
-            spared = _listed([d.titles.get(p, p) for p in m.spared])
+            spared = listed([d.titles.get(p, p) for p in m.spared])
             why = f"with it, this log needs no {spared}" if spared else "more of the sets that explain this log have it"
-            told.append(f"{m.title[:1].upper()}{m.title[1:]} is likelier than {e.name}: {why}.")
+            told.append(f"{capital(m.title)} is likelier than {e.name}: {why}.")
     return " ".join(told)
 
 
@@ -343,7 +244,7 @@ def _halves_sentence(d: Diagnosis) -> str:
     for e in d.effects:
         if e.frequency < STABLE:
             rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(e.name)
-    return " ".join(f"Only {share} of the halves of the log choose {_listed(t)}." for share, t in rare.items())
+    return " ".join(f"Only {share} of the halves of the log choose {listed(t)}." for share, t in rare.items())
 
 
 def _unsteady_sentence(d: Diagnosis) -> str:
@@ -351,7 +252,7 @@ def _unsteady_sentence(d: Diagnosis) -> str:
     names = [e.name for e in d.effects if e.steady < UNSTEADY]
     if not names:
         return ""
-    which = "its size" if len(names) == len(d.effects) == 1 else f"the size of {' and '.join(names)}"
+    which = "its size" if len(names) == len(d.effects) == 1 else f"the size of {listed(names)}"
     return f"Parts of the log contradict each other in {which}: `auv-gym onset` looks for when it begins or ends."
 
 
@@ -360,7 +261,7 @@ def _dropped_sentence(d: Diagnosis) -> str:
     if not d.dropped:
         return ""
     it = "it" if len(d.dropped) == 1 else "them"
-    return f"The search also found {_listed(d.dropped_titles)}, but most halves of the log do not choose {it}."
+    return f"The search also found {listed(d.dropped_titles)}, but most halves of the log do not choose {it}."
 
 
 def _slight_sentence(d: Diagnosis) -> str:
@@ -372,7 +273,7 @@ def _slight_sentence(d: Diagnosis) -> str:
             name = most[1]
             size, noise = quantity(e.changes[name], channel(name).unit), quantity(d.noise_of(name), channel(name).unit)
             told.append(
-                f"{e.name[:1].upper()}{e.name[1:]} is seen, but changes little: free runs {d.reach} by {size} in "
+                f"{capital(e.name)} is seen, but changes little: free runs {d.reach} by {size} in "
                 f"{channel(name).label}, where the sensor's noise is {noise}, and less than that elsewhere."
             )
     return " ".join(told)
@@ -384,7 +285,7 @@ def _limit_sentence(d: Diagnosis) -> str:
     if not limited:
         return ""
     return (
-        f"The fit moved {_listed(limited)} as far from the given value as its uncertainty allows: if it is known less "
+        f"The fit moved {listed(limited)} as far from the given value as its uncertainty allows: if it is known less "
         "well, raise --doubt, or its deviation in the vehicle file."
     )
 
@@ -395,7 +296,7 @@ def _rest_sentence(d: Diagnosis) -> str:
         return ""
     begin = "" if d.verdict == "unexplained" else "Something is left that they do not explain. "
     if d.discovery.holds:
-        terms = _listed([t.words for t in d.discovery.terms])
+        terms = listed([t.words for t in d.discovery.terms])
         begin += f"A term found in the data, which unseen parts of the log confirm, takes part of it: {terms}. "
     return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
 
@@ -441,19 +342,15 @@ def _unseen_sentence(d: Diagnosis) -> str:
     if not speeds:
         return ""
     told = (
-        f"Nothing in the log tells {_listed(speeds)}: they are what the vehicle's model makes of the commands, from "
+        f"Nothing in the log tells {listed(speeds)}: they are what the vehicle's model makes of the commands, from "
         "rest where the log begins, and nothing pushes them."
     )
     if d.left_out:
-        names = _listed([channel(name).label for name in d.left_out])
-        told += f" {names[:1].upper()}{names[1:]} is left out, since these speeds move it where the vehicle loops."
+        names = listed([channel(name).label for name in d.left_out])
+        told += f" {capital(names)} is left out, since these speeds move it where the vehicle loops."
     return told
 
 
 def averaged_sentence(d: Diagnosis) -> str:
     """What is said of readings that were averaged, or nothing."""
     return f"Readings were averaged over {quantity(d.averaged, 's')}." if d.averaged else ""
-
-
-def _listed(items: list[str]) -> str:
-    return " and ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)

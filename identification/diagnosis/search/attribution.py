@@ -182,6 +182,14 @@ def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count
     return gate(bench, without, state, [(made.chosen.candidate, made.chosen.screening)], count), without
 
 
+def settled(
+    bench: Workbench, nominal: State, state: State, rounds: Sequence[Round], count: int
+) -> tuple[State, list[Round]]:
+    """What a search has chosen, without idle components of pairs, and confirmed."""
+    state = without_idle_parts(bench, state, [r.chosen.candidate.paths for r in rounds if r.chosen is not None])
+    return confirmed(bench, nominal, state, rounds, count)
+
+
 def without_idle_parts(bench: Workbench, state: State, groups: Sequence[tuple[str, ...]]) -> State:
     """The state with components of a pair dropped whose size is within two standard errors of neutral."""
     pairs = [paths for paths in groups if len(paths) > 1]

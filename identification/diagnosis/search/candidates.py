@@ -27,6 +27,7 @@ TOGETHER = (
 PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
 COMMON_DELAY = "effects.clock.delay"
 MOST_PERIODS = 64
+_ONE_SIDED = 1.645  # standard errors below which a normal estimate falls in 5 %
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken about a corner, in place of `STEP`
 
 
@@ -161,6 +162,11 @@ def screen_pairs(
     return _Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period], most)
 
 
+def deviations_shown(threshold: float) -> float:
+    """How many standard errors an effect needs, so that its evidence is above a threshold with 95 % probability."""
+    return float(np.sqrt(threshold)) + _ONE_SIDED
+
+
 def _best_period(regression: _Regression, candidate: Candidate, point: Point) -> Screening:
     """The screening of a candidate at the period that promises most evidence."""
     problem = regression.problem
@@ -293,7 +299,7 @@ class _Regression:
         estimate = np.linalg.lstsq(gram, own @ self.left, rcond=1e-10)[0]
         deviations = np.sqrt(np.diag(np.linalg.pinv(gram, hermitian=True)))
         units = np.array([self.problem.scale(p) for p in candidate.paths])
-        sizes = (np.sqrt(self.threshold) + 1.645) * deviations * units
+        sizes = deviations_shown(self.threshold) * deviations * units
         evidence = float(estimate @ (own @ self.left))
         return Screening(candidate, estimate, evidence, seen, sizes, beside=self._beside(estimate @ whole))
 

@@ -11,7 +11,7 @@ from identification.deciding import EXCESS, WHITE
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.linearised import AT_ONCE
+from identification.fit.linearised import at_once
 from identification.fit.validation import whiteness
 
 
@@ -44,9 +44,8 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
     depends = ""
     if library:
         terms = [Candidate(path, (path,)) for path in library]
-        unit, some = problem.scaled(dict.fromkeys(library, 1.0)), max(AT_ONCE // max(problem.measured.size, 1), 1)
-        moves = [(p, 1e-6) for p in library]
-        columns = (unit.columns_of(point, moves[i : i + some]) for i in range(0, len(moves), some))
+        unit, moves = problem.scaled(dict.fromkeys(library, 1.0)), [(p, 1e-6) for p in library]
+        columns = (unit.columns_of(point, moves[some]) for some in at_once(len(moves), problem.measured.size))
         size = np.sqrt(np.concatenate([(own**2).sum(axis=(1, 2)) for own in columns]))
         scales = {p: 1.0 / max(float(s), 1e-9) for p, s in zip(library, size, strict=True)}
         best = screen(problem.scaled(scales), point, state.paths, terms, threshold(len(library)))

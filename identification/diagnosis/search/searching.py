@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from identification.deciding import FEW_STATES
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
-from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
+from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.discovery import library_of
 from identification.diagnosis.search.known import Known
@@ -42,9 +42,7 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     state, rounds = attribute(
         bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
     )
-    chosen = [r.chosen for r in rounds if r.chosen is not None]
-    state = without_idle_parts(bench, state, [t.candidate.paths for t in chosen])
-    state, rounds = confirmed(bench, nominal, state, rounds, len(candidates))
+    state, rounds = settled(bench, nominal, state, rounds, len(candidates))
     library = library_of(state.plant)
     left = what_is_left(bench, state, library)
     second = Reconsidering(bench, candidates, most, kinematics.mismatches)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ import numpy as np
 from auv_gym.model import Model
 from auv_gym.models.linear import StateSpace, linearise
 from auv_gym.records.record import Record
+from auv_gym.writing import finite
 from identification.linear.polynomials.orders import Cell, OrderSearch, search_orders
 from identification.linear.polynomials.polynomial_fit import PolynomialFit
 from scripts.reproduce.armax import control, models
@@ -148,18 +148,10 @@ def as_json(found: Study) -> dict[str, Any]:
         "spread": [asdict(row) for row in found.spread],
         "control": [asdict(result) for result in found.controlled],
     }
-    return _finite(content)
+    return finite(content)
 
 
 def published_cell(search: OrderSearch, output: str) -> Cell:
     """The model of the paper's orders among those searched, with the n_c that AIC takes."""
     wanted = (models.N_A[output], (models.N_B,) * len(INPUTS), (models.DELAY,) * len(INPUTS))
     return min((c for c in search.of(output) if (c.n_a, c.n_b, c.delay) == wanted), key=lambda cell: cell.aic)
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, Mapping):
-        return {key: _finite(value) for key, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
-    return None if isinstance(content, float) and not isfinite(content) else content

@@ -20,8 +20,9 @@ def test_a_line_holds_its_slope_where_missions_scatter_and_is_weighted_where_the
             line(at, 0.2 * at + errors * rng.standard_normal(12) + scatter * rng.standard_normal(12), errors)
             for _ in range(400)
         ]
-        slopes, stated, scatters = np.array(found).T
+        slopes, stated, scatters, levels = np.array(found).T
         assert np.mean(slopes) == pytest.approx(0.2, abs=4.0 * np.std(slopes) / 20.0)
+        assert np.mean(levels) == pytest.approx(0.2 * at.mean(), abs=4.0 * np.std(levels) / 20.0)
         assert np.median(scatters) == pytest.approx(scatter, abs=0.1)
         held.append(float(np.mean(np.abs(slopes - 0.2) < 2.228 * stated)))  # Student's t of ten degrees of freedom
     assert min(held) > 0.92  # 95 % of 400, less 3 standard errors

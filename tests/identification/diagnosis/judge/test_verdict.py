@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.judge.findings import detectable_effects
+from identification.diagnosis.judge.found import AsCoefficient, Effect, Member
 from identification.diagnosis.judge.verdict import (
-    AsCoefficient,
     Diagnosis,
-    Effect,
-    Member,
     _dropped_sentence,
     _halves_sentence,
     _likelier_sentence,

@@ -1,0 +1,93 @@
+"""What comparisons of missions and searches in time share: what may change, in which form, and how sure a size is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auv_gym.param import spec_at, value_at
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
+from identification.diagnosis.search.attribution import Round
+from identification.diagnosis.search.candidates import Candidate, candidates_of
+from identification.diagnosis.search.known import Known
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.changing import change, changed
+
+
+@dataclass(frozen=True)
+class Sized:
+    """A value with its 95 % interval, in the parameter's unit."""
+
+    value: float
+    ci95: tuple[float, float]
+
+
+def sized(
+    bench: Workbench,
+    state: State,
+    shares: Mapping[str, float],
+    added: float = 0.0,
+    bounds: tuple[float, float] = (-np.inf, np.inf),
+) -> Sized:
+    """A sum of fitted parameters, each with its share, and its interval."""
+    value = added + sum(share * value_at(state.plant, p) for p, share in shares.items())
+    half = bench.half_width_of(state, shares)
+    low, high = np.clip([value - half, value + half], *bounds)
+    return Sized(float(np.clip(value, *bounds)), (float(low), float(high)))
+
+
+def usable_log(record: Record, plant: Plant, asked: Asked, side: str = "") -> CheckedLog:
+    """The record as it can be used; raises ValueError, with its side's name, also where it looks mislabelled."""
+    named = f"The log {side}".rstrip()
+    try:
+        log = check_log(record, plant, asked)
+    except ValueError as error:
+        raise ValueError(f"{named}: {error}" if side else str(error)) from None
+    if log.slipped:
+        told = "; ".join(d.text for d in log.doubts if d.slip is not None)
+        raise ValueError(f"{named} looks mislabelled: {told}. Mend the log, or go on all the same with --trust.")
+    return log
+
+
+@dataclass(frozen=True)
+class Changeable:
+    """What of a vehicle may change: effects, and the paths of coefficients that are refitted."""
+
+    effects: tuple[Candidate, ...]
+    coefficients: tuple[str, ...]
+
+    @classmethod
+    def of(cls, plant: Plant, record: Record, doubt: float) -> Changeable:
+        """Without effects that have a period, whose phase no change could keep."""
+        doubted = (p for p in plant.doubted if plant.deviation(p, doubt) > 0.0 and value_at(plant, p) != 0.0)
+        return cls(tuple(c for c in candidates_of(plant, record) if not c.period), tuple(doubted))
+
+    @property
+    def paths(self) -> list[str]:
+        """Of the effects."""
+        return [p for c in self.effects for p in c.paths]
+
+    def refitted(self, known: Known) -> list[Candidate]:
+        """The coefficients that a first fit frees, as candidates."""
+        plant = known.bench.plant
+        return [Candidate(spec_at(plant, p).title or p, (p,)) for p in known.coefficients if p in self.coefficients]
+
+
+def kind_of(form: str) -> str:
+    """A form without the number of its time: `from` of `from7`."""
+    return form.rstrip("0123456789")
+
+
+def in_form(candidate: Candidate, form: str) -> Candidate:
+    """The candidate as a change."""
+    return Candidate(f"{candidate.title}, {kind_of(form)}", tuple(change(form, p) for p in candidate.paths))
+
+
+def tied_names(rounds: Sequence[Round]) -> tuple[str, ...]:
+    """Paths of what else would explain what rounds have chosen, with the kind of form in front of those of changes."""
+    found = (changed(p) for r in rounds for t in r.tied for p in t.candidate.paths)
+    return tuple(dict.fromkeys(" ".join(filter(None, (kind_of(form), path))) for form, path in found))
