@@ -132,6 +132,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
             for r in d.rounds
         ],
         "unexplained": d.unexplained,
+        "left": asdict(d.left),
         "doubts": [
             {
                 "text": x.text,
@@ -220,7 +221,7 @@ def _noise(d: Diagnosis) -> dict[str, Any] | None:
     if d.noise is None:
         return None
     process = {n: {"rms": size, "correlation_time_s": time} for n, (size, time) in d.noise.process.items()}
-    return {"measurement": dict(d.noise.measurement), "process": process, "coloured": list(d.coloured)}
+    return {"measurement": dict(d.noise.measurement), "process": process}
 
 
 def _errors(stage: Stage) -> dict[str, dict[str, float]]:

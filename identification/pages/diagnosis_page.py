@@ -14,7 +14,7 @@ from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
-from identification.diagnosis.judge.verdict import Diagnosis, noise_sentence
+from identification.diagnosis.judge.verdict import Diagnosis, left_sentence, noise_sentence
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
@@ -239,6 +239,8 @@ def _less(before: float, after: float) -> str:
 def _rest(d: Diagnosis) -> list[str]:
     """Paragraphs on what no effect explains, and on process noise."""
     said = [f"The log itself: {doubt.text}. What to do: {doubt.mend}." for doubt in d.doubts]
+    if d.left:
+        said.append(left_sentence(d).strip())
     if d.discovery is not None:
         said.append(d.discovery.summary())
     if d.habitat is not None:
@@ -246,9 +248,6 @@ def _rest(d: Diagnosis) -> list[str]:
     random = noise_sentence(d)
     if random:
         said.append(random)
-    if d.coloured:
-        names = ", ".join(channel(name).label for name in d.coloured)
-        said.append(f"Even so, one-step prediction errors are not white in: {names}.")
     return said
 
 

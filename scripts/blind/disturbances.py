@@ -7,47 +7,15 @@ from math import exp
 
 import numpy as np
 
-CAUSES = ("drag", "current", "tether", "fin", "clock")
+CAUSES = ("drag", "side", "layer", "tether", "fin", "clock")
 WORDS = {
     "drag": "a drag law with hysteresis in the speed",
-    "current": "gusts of current",
+    "side": "an actuator that is stronger to one side",
+    "layer": "water that rises below a depth",
     "tether": "an elastic tether with slack",
     "fin": "an actuator that sticks and jams",
     "clock": "a clock that slips",
 }
-
-
-@dataclass(frozen=True)
-class Gusts:
-    """Water that moves in pulses: a velocity in north, east and down that is a sum of Gaussian bumps over time.
-
-    at: s, of the peaks.  width: s, standard deviation.  peaks: (n, 3), m/s.
-    """
-
-    at: np.ndarray
-    width: np.ndarray
-    peaks: np.ndarray
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, duration: float, size: float, spacing: float, axes: str) -> Gusts:
-        """Peaks of `size` m/s a `spacing` apart on average; axes: "horizontal" or "vertical"."""
-        at = np.arange(0.5 * spacing, duration, spacing)
-        at = at + rng.uniform(-0.3, 0.3, at.size) * spacing
-        width = rng.uniform(0.12, 0.25, at.size) * spacing
-        heading, strength = rng.uniform(-np.pi, np.pi, at.size), size * rng.uniform(0.6, 1.4, at.size)
-        side = rng.choice([-1.0, 1.0], at.size)
-        zero = np.zeros(at.size)
-        parts = (zero, zero, side) if axes == "vertical" else (np.cos(heading), np.sin(heading), zero)
-        return cls(at, width, strength[:, None] * np.stack(parts, axis=1))
-
-    def velocity(self, time: float) -> np.ndarray:
-        """m/s, shape (3,)."""
-        return np.exp(-0.5 * ((time - self.at) / self.width) ** 2) @ self.peaks
-
-    def acceleration(self, time: float) -> np.ndarray:
-        """m/s^2, shape (3,)."""
-        late = (time - self.at) / self.width
-        return (-late / self.width * np.exp(-0.5 * late**2)) @ self.peaks
 
 
 @dataclass(frozen=True)
@@ -114,9 +82,12 @@ def slipped(time: np.ndarray, rng: np.random.Generator, size: float, spacing: fl
 
 @dataclass(frozen=True)
 class Around:
-    """What is around a vehicle, or wrong with it; None: absent."""
+    """What is around a vehicle, or wrong with it; None: absent.
 
-    gusts: Gusts | None = None
+    side: share by which an actuator is stronger to the positive side, and weaker to the other one.
+    """
+
+    side: float = 0.0
     sticking: Sticking | None = None
     tripping: Tripping | None = None
     tether: Slack | None = None

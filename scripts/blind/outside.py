@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from auv_gym.records.record import Record
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.blind import own_float, own_torpedo
-from scripts.blind.disturbances import Around, Gusts, Slack, Sticking, Tripping, slipped
+from scripts.blind.disturbances import Around, Slack, Sticking, Tripping, slipped
 from scripts.blind.logs import (
     Conditions,
     glider_log,
@@ -30,7 +30,6 @@ from scripts.blind.own_glider import OwnGlider
 SIZES = (1.0, 2.0, 4.0, 8.0)  # tried in turn until the log shows the cause
 VISIBLE = 1.0  # excess over the noise variance that a refit of the coefficients must leave in some channel
 Draws = np.random.Generator  # by which the cause is drawn
-_MERMAID_DAYS = 4e5  # s, more than eight dives take
 
 
 def excess(plant: Plant, record: Record, clean: Record, window: float) -> float:
@@ -60,13 +59,13 @@ def lake_outside(
     around = Around()
     if cause == "drag":
         around = Around(tripping=Tripping(0.5 * size, 0.03, 0.08))
-    elif cause == "current":
-        around = Around(gusts=Gusts.draw(rng, 2500.0, 0.01 * size, 240.0, "vertical"))
+    elif cause == "side":
+        around = Around(side=0.02 * size)
     elif cause == "tether":
         around = Around(tether=Slack(0.004 * size, 25.0))
     elif cause == "fin":
         around = Around(sticking=Sticking.draw(rng, 2500.0, 2e-3 * size, 300.0, 40.0 * size))
-    return lake_log(plant, conditions, experiment, _started(around, [0.0]))
+    return lake_log(plant, conditions, experiment, _started(around))
 
 
 def sea_outside(
@@ -76,11 +75,9 @@ def sea_outside(
     around = Around()
     if cause == "drag":
         around = Around(tripping=Tripping(0.5 * size, 0.05, 0.09))
-    elif cause == "current":
-        around = Around(gusts=Gusts.draw(rng, _MERMAID_DAYS, 0.01 * size, 1e4, "vertical"))
     elif cause == "tether":
         around = Around(tether=Slack(2e-4 * size, 500.0))
-    return sea_log(plant, conditions, experiment, _started(around, np.cumsum(rng.uniform(2e4, 4e4, 64))))
+    return sea_log(plant, conditions, experiment, _started(around))
 
 
 def yo_outside(
@@ -88,10 +85,11 @@ def yo_outside(
 ) -> Record:
     """The log of a glider that flies."""
     record = yo_log(plant, conditions, experiment)
-    if cause != "current":
+    if cause != "layer":
         return record
-    gusts = Gusts.draw(rng, float(record["elapsed_s"].max()), 0.01 * size, 240.0, "vertical")
-    return heaved(record, np.array([gusts.velocity(t)[2] for t in record["elapsed_s"]]))
+    depth = record["depth_m"]
+    top = float(np.max(depth)) * rng.uniform(0.4, 0.7)  # m
+    return heaved(record, np.where(depth > top, -0.005 * size, 0.0))
 
 
 def torpedo_outside(
@@ -123,19 +121,18 @@ def _glider(plant: Plant, cause: str, size: float, duration: float, rng: np.rand
     fastest = abs(hull.n_delta * hull.speed * hull.rudder_limit / (hull.length * hull.n_r))  # rad/s, steady
     if cause == "drag":
         return OwnGlider(plant, tripping=Tripping(0.5 * size, 0.08 * fastest, 0.25 * fastest))
-    if cause == "current":
-        return OwnGlider(plant, gusts=Gusts.draw(rng, duration + 60.0, 0.05 * size, 120.0, "horizontal"))
+    if cause == "side":
+        return OwnGlider(plant, side=0.1 * size)
     if cause == "fin":
         return OwnGlider(plant, sticking=Sticking.draw(rng, duration, 0.02 * size, 90.0, 6.0 * size))
     return OwnGlider(plant)
 
 
-def _started(around: Around, begun: Iterable[float]) -> Callable[..., own_float.OwnSwim]:
-    """What starts a float at each dive; begun: s, of the gusts' time."""
-    times = iter(begun)
+def _started(around: Around) -> Callable[..., own_float.OwnSwim]:
+    """What starts a float at each dive."""
 
     def start(given: Plant, depth: float, rate: float = 0.0, volume: float = 0.0) -> own_float.OwnSwim:
-        return own_float.OwnSwim(given, around, depth, rate, volume, begun=float(next(times)))
+        return own_float.OwnSwim(given, around, depth, rate, volume)
 
     return start
 
@@ -144,8 +141,8 @@ def _around_torpedo(plant: Plant, cause: str, size: float, duration: float, rng:
     speed, length = find_cruise(plant).speed, plant.hull.length
     if cause == "drag":
         return Around(tripping=Tripping(0.06 * size, 0.78 * speed, 0.9 * speed))
-    if cause == "current":
-        return Around(gusts=Gusts.draw(rng, duration, 0.025 * size, 40.0, "horizontal"))
+    if cause == "side":
+        return Around(side=0.05 * size)
     if cause == "tether":
         distance = float(np.hypot(0.85 * own_torpedo.FOLLOW * speed, 15.0 * length))
         push = abs(plant.hull.surge.u_u) * speed**2  # N

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil, sqrt
+from math import ceil, copysign, sqrt
 
 from auv_gym.plant import Plant
 from scripts.blind.disturbances import Around
@@ -30,7 +30,6 @@ class OwnSwim:
     told: float = 0.0
     tripped: bool = False
     time: float = 0.0
-    begun: float = 0.0  # s, of the gusts' time at the start of a dive
 
     @property
     def measured(self) -> float:
@@ -50,25 +49,28 @@ class OwnSwim:
         for k in range(count):
             t = self.time + k * h
             told = command if around.sticking is None else around.sticking.position(told, command, t)
-            moved = piston + min(max(told - piston, -fastest * h), fastest * h)
+            aim = a.piston_neutral + (told - a.piston_neutral) * (
+                1.0 + around.side * copysign(1.0, told - a.piston_neutral)
+            )
+            moved = piston + min(max(aim - piston, -fastest * h), fastest * h)
             if around.tripping is not None:
                 tripped = around.tripping.tripped(tripped, abs(w))
             drag = 1.0 if around.tripping is None else around.tripping.factor(tripped)
             middle = 0.5 * (piston + moved)
             if quasi:
-                k1 = self._steady(z, t, middle, oil, drag)
-                k2 = self._steady(z + 0.5 * h * k1, t + 0.5 * h, middle, oil, drag)
-                k3 = self._steady(z + 0.5 * h * k2, t + 0.5 * h, middle, oil, drag)
-                k4 = self._steady(z + h * k3, t + h, middle, oil, drag)
+                k1 = self._steady(z, middle, oil, drag)
+                k2 = self._steady(z + 0.5 * h * k1, middle, oil, drag)
+                k3 = self._steady(z + 0.5 * h * k2, middle, oil, drag)
+                k4 = self._steady(z + h * k3, middle, oil, drag)
                 z, w = z + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4), k4
             else:
-                a1 = self._acceleration(z, w, t, piston, oil, drag)
+                a1 = self._acceleration(z, w, piston, oil, drag)
                 z2, w2 = z + 0.5 * h * w, w + 0.5 * h * a1
-                a2 = self._acceleration(z2, w2, t + 0.5 * h, middle, oil, drag)
+                a2 = self._acceleration(z2, w2, middle, oil, drag)
                 z3, w3 = z + 0.5 * h * w2, w + 0.5 * h * a2
-                a3 = self._acceleration(z3, w3, t + 0.5 * h, middle, oil, drag)
+                a3 = self._acceleration(z3, w3, middle, oil, drag)
                 z4, w4 = z + h * w3, w + h * a3
-                a4 = self._acceleration(z4, w4, t + h, moved, oil, drag)
+                a4 = self._acceleration(z4, w4, moved, oil, drag)
                 z, w = z + h / 6.0 * (w + 2.0 * w2 + 2.0 * w3 + w4), w + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
             piston = moved
         return replace(self, depth=z, rate=w, piston=piston, told=told, tripped=tripped, time=self.time + duration)
@@ -81,21 +83,15 @@ class OwnSwim:
         pull = self.around.tether.pull(z) if self.around.tether is not None else 0.0
         return -a.density * _GRAVITY * lift - square - pull
 
-    def _water(self, time: float) -> tuple[float, float]:
-        """Velocity and acceleration of the water, down."""
-        gusts, at = self.around.gusts, self.begun + time
-        return (0.0, 0.0) if gusts is None else (float(gusts.velocity(at)[2]), float(gusts.acceleration(at)[2]))
+    def _acceleration(self, z: float, w: float, piston: float, oil: float, drag: float) -> float:
+        a = self.given.hull
+        resistance = drag * (a.drag_linear + a.drag_quadratic * abs(w)) * w
+        return (self._force(z, piston, oil) - resistance) / (a.mass + a.added_mass)
 
-    def _acceleration(self, z: float, w: float, time: float, piston: float, oil: float, drag: float) -> float:
-        a, (water, surge) = self.given.hull, self._water(time)
-        flow = w - water
-        resistance = drag * (a.drag_linear + a.drag_quadratic * abs(flow)) * flow
-        return (self._force(z, piston, oil) - resistance) / (a.mass + a.added_mass) + surge
-
-    def _steady(self, z: float, time: float, piston: float, oil: float, drag: float) -> float:
+    def _steady(self, z: float, piston: float, oil: float, drag: float) -> float:
         """The speed, m/s, at which drag balances the force."""
         a, force = self.given.hull, self._force(z, piston, oil)
         linear, quadratic = drag * a.drag_linear, drag * a.drag_quadratic
         through = (sqrt(linear**2 + 4.0 * quadratic * abs(force)) - linear) / (2.0 * quadratic)
-        speed = (through if force >= 0.0 else -through) + self._water(time)[0]
+        speed = through if force >= 0.0 else -through
         return max(speed, 0.0) if z <= 0.0 else speed

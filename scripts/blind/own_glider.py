@@ -11,7 +11,7 @@ from math import ceil, cos, sin
 import numpy as np
 
 from auv_gym.plant import Plant
-from scripts.blind.disturbances import Gusts, Sticking, Tripping
+from scripts.blind.disturbances import Sticking, Tripping
 
 _STEP = 0.2  # s
 _GRAVITY = 9.81
@@ -25,7 +25,7 @@ class OwnGlider:
     """
 
     given: Plant
-    gusts: Gusts | None = None
+    side: float = 0.0  # see `scripts.blind.disturbances.Around`
     sticking: Sticking | None = None
     tripping: Tripping | None = None
 
@@ -44,21 +44,22 @@ class OwnGlider:
         x, held = x.copy(), u.copy()
         if self.sticking is not None:
             held[0] = x[5] = self.sticking.position(x[5], u[0], x[4])
+        held[0] *= 1.0 + self.side * np.sign(held[0])
         count = ceil(self.given.dt / _STEP)
         h = self.given.dt / count
         for _ in range(count):
             if self.tripping is not None:
                 x[6] = self.tripping.tripped(bool(x[6]), abs(x[1]))
-            y, t, drag = x[:4], x[4], 1.0 if self.tripping is None else self.tripping.factor(bool(x[6]))
-            k1 = self._rates(y, t, held, drag)
-            k2 = self._rates(y + 0.5 * h * k1, t + 0.5 * h, held, drag)
-            k3 = self._rates(y + 0.5 * h * k2, t + 0.5 * h, held, drag)
-            k4 = self._rates(y + h * k3, t + h, held, drag)
+            y, drag = x[:4], 1.0 if self.tripping is None else self.tripping.factor(bool(x[6]))
+            k1 = self._rates(y, held, drag)
+            k2 = self._rates(y + 0.5 * h * k1, held, drag)
+            k3 = self._rates(y + 0.5 * h * k2, held, drag)
+            k4 = self._rates(y + h * k3, held, drag)
             x[:4] = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-            x[4] = t + h
+            x[4] += h
         return x
 
-    def _rates(self, y: np.ndarray, time: float, inputs: np.ndarray, drag: float) -> np.ndarray:
+    def _rates(self, y: np.ndarray, inputs: np.ndarray, drag: float) -> np.ndarray:
         a = self.given.hull
         rudder, bow, stern, u, w, q, pitch, roll = inputs
         half = 0.5 * a.density * a.length**3
@@ -74,10 +75,9 @@ class OwnGlider:
             - a.i_xy * q**2
         )
         inertia = a.inertia - half * a.length**2 * a.n_rdot
-        water = np.zeros(3) if self.gusts is None else self.gusts.velocity(time)
         yawing = y[1] + a.rudder_heading_rate * rudder
         turning = (q * sin(roll) + yawing * cos(roll)) / cos(pitch)
         ahead, across = u * cos(pitch) + w * sin(pitch) * cos(roll), -w * sin(roll)
-        north = ahead * cos(y[0]) - across * sin(y[0]) + water[0]
-        east = ahead * sin(y[0]) + across * cos(y[0]) + water[1]
+        north = ahead * cos(y[0]) - across * sin(y[0])
+        east = ahead * sin(y[0]) + across * cos(y[0])
         return np.array([turning, moment / inertia + a.heading_stiffness * y[0], north, east])

@@ -53,7 +53,7 @@ def own_manoeuvres(
     x[0], x[8], x[11] = drawn.start["u_mps"], drawn.start["depth_m"], drawn.start["heading_rad"]
     deviations = np.array([noise[sensor] for sensor, outputs in SENSORS.items() for _ in outputs])
     for k, time in enumerate(drawn.time):
-        true = body.reading(x, time)
+        true = body.reading(x)
         seen = dict(zip(true, np.array(list(true.values())) + deviations * rng.standard_normal(len(true)), strict=True))
         wanted = {name: float(values[k]) for name, values in drawn.wanted.items()}
         command, memory = controller.act(memory, {**seen, "dt_s": plant.dt}, wanted)
@@ -81,10 +81,9 @@ class Body:
     hull: Hull
     around: Around
 
-    def reading(self, x: np.ndarray, time: float) -> dict[str, float]:
+    def reading(self, x: np.ndarray) -> dict[str, float]:
         """What the sensors give without noise."""
-        ground = x[:3] + _turned(x[9:12]).T @ self._water(time)
-        values = [x[9], x[10], x[11], *x[3:6], *x[:3], *ground, x[6], x[7], x[8]]
+        values = [x[9], x[10], x[11], *x[3:6], *x[:3], *x[:3], x[6], x[7], x[8]]
         return dict(zip((name for outputs in SENSORS.values() for name in outputs), map(float, values), strict=True))
 
     def onward(self, x: np.ndarray, told: np.ndarray, time: float, duration: float) -> np.ndarray:
@@ -94,12 +93,14 @@ class Body:
             t = time + k * h
             if self.around.sticking is not None:
                 target[0] = x[15] = self.around.sticking.position(x[15], told[0], t)
+            target[0] = told[0] if self.around.sticking is None else target[0]
+            target[0] *= 1.0 + self.around.side * np.sign(target[0])
             if self.around.tripping is not None:
                 x[16] = self.around.tripping.tripped(bool(x[16]), abs(x[0]))
-            k1 = self._rates(x, target, t)
-            k2 = self._rates(x + 0.5 * h * k1, target, t + 0.5 * h)
-            k3 = self._rates(x + 0.5 * h * k2, target, t + 0.5 * h)
-            k4 = self._rates(x + h * k3, target, t + h)
+            k1 = self._rates(x, target)
+            k2 = self._rates(x + 0.5 * h * k1, target)
+            k3 = self._rates(x + 0.5 * h * k2, target)
+            k4 = self._rates(x + h * k3, target)
             x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
             for i, (lag, slowness) in enumerate(self.actuators):
                 if lag == 0.0 and slowness == 0.0:
@@ -117,7 +118,7 @@ class Body:
             (drive.lag, drive.slowness / drive.limit),
         ]
 
-    def _rates(self, x: np.ndarray, target: np.ndarray, time: float) -> np.ndarray:
+    def _rates(self, x: np.ndarray, target: np.ndarray) -> np.ndarray:
         dx = np.zeros(x.size)
         fins = x[12:15].copy()
         for i, (lag, slowness) in enumerate(self.actuators):
@@ -131,24 +132,17 @@ class Body:
         around = self.around
         drag = 1.0 if around.tripping is None else around.tripping.factor(bool(x[16]))
         force = self.hull.force(nu, x[9:12], fins, drag)
-        if around.gusts is not None:
-            change = turn.T @ around.gusts.acceleration(time)
-            force -= self.hull.rigid[:, :3] @ change
-            force[:3] += self.hull.tree.buoyancy / self.hull.tree.gravity * change
         if around.tether is not None:
             force += self._pull(x, turn, around.tether)
             dx[17:19] = (x[6:8] - x[17:19]) / FOLLOW
         dx[:6] = self.hull.inverse @ force
-        dx[6:9] = turn @ nu[:3] + self._water(time)
+        dx[6:9] = turn @ nu[:3]
         roll, pitch, _ = x[9:12]
         p, q, r = nu[3:]
         dx[9] = p + (sin(roll) * q + cos(roll) * r) * tan(pitch)
         dx[10] = cos(roll) * q - sin(roll) * r
         dx[11] = (sin(roll) * q + cos(roll) * r) / cos(pitch)
         return dx
-
-    def _water(self, time: float) -> np.ndarray:
-        return np.zeros(3) if self.around.gusts is None else self.around.gusts.velocity(time)
 
     def _pull(self, x: np.ndarray, turn: np.ndarray, tether: Slack) -> np.ndarray:
         """Force and moment of a line from the stern to a boat that follows at the surface."""

@@ -166,7 +166,7 @@ def test_a_refit_that_leaves_what_the_given_vehicle_does_not_is_no_cause(monkeyp
     """The vehicle as given explains the log; what is left was left by the coefficients that were fitted to it."""
 
     def left(bench, state, library):
-        return Left(("heading_rad",) if state.paths else (), "")
+        return Left(("heading_rad",) if state.paths else ())
 
     plant, log = load_vehicle("slocum"), log_of(seed=3)
     monkeypatch.setattr(searching, "what_is_left", left)
@@ -174,12 +174,12 @@ def test_a_refit_that_leaves_what_the_given_vehicle_does_not_is_no_cause(monkeyp
     assert result.verdict == "none"
     assert result.after.plant.vector.tolist() == plant.vector.tolist()
     assert result.coefficients == ()
-    assert result.coloured == ()
-    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",), ""))
+    assert not result.left
+    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)))
     result = diagnose(log, plant)
     assert result.verdict == "unexplained"
     assert result.after.plant.vector.tolist() != plant.vector.tolist()
-    assert result.coloured == ("heading_rad",)
+    assert result.left == Left(("heading_rad",))
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -257,7 +257,7 @@ def test_the_files_say_the_same_and_give_back_the_corrected_vehicle(tmp_path):
     assert error["after"]["heading_rad"]["rmse"] < error["before"]["heading_rad"]["rmse"]
     assert content["process_noise"]["measurement"]["heading_rad"] == pytest.approx(0.5 * DEGREE, rel=0.2)
     assert content["process_noise"]["process"] == {}
-    assert content["process_noise"]["coloured"] == []
+    assert content["left"] == {"coloured": [], "bursts": [], "depends": "", "changes": ""}
     assert content["seed"] == 7
     assert "numpy" in content["versions"]
     vehicle = load_vehicle(paths["vehicle.toml"])

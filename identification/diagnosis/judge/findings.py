@@ -10,13 +10,13 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import BEYOND, LEAST_CHANGE, REACH, SURPRISE
-from identification.diagnosis.judge.constancy import steadiness
 from identification.diagnosis.judge.found import AsCoefficient, Coefficient, Detectable, Effect, Member
 from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Screening
+from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import State, Workbench
@@ -63,7 +63,7 @@ def effects_of(
                     evidence_held=r.evidence[1],
                     tied_with=others,
                     frequency=survived.frequency,
-                    steady=steadiness(bench, state, path),
+                    steady=steadiness(bench, state, [path]).probability,
                     probability=found.probability(path) if found.sets else None,
                     members=members,
                 )

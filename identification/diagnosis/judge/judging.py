@@ -155,7 +155,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         habitat=habitat,
         noise=bench.problem.noise_at(state.point),
         averaged=bench.problem.averaged,
-        coloured=left.coloured,
+        left=left,
         source=source,
         versions=_versions(),
         common=common,

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from auv_gym.channels import channel
+from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.plant.currents import DiveCurrent
 from auv_gym.records.record import Record
@@ -24,6 +25,7 @@ from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
+from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.workbench import State
 from identification.diagnosis.wording import capital, interval, listed, quantity, sized
 from identification.fit.noises import Noise
@@ -61,8 +63,8 @@ class Diagnosis:
     the effects remove.  windows: slices of the record, for each of its parts.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     averaged: s, over which readings were averaged, 0 where each was read by itself.
-    noise: of a sensor's reading and of the motion, as the filter found it.  coloured: channels whose one-step errors
-    are not white even so.
+    noise: of a sensor's reading and of the motion, as the filter found it.  left: what its one-step errors hold
+    that noise would not.
     resting: states that nothing measured tells.  left_out: channels that were not compared.
     loops: the closed loop with each of the vehicles.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
@@ -96,7 +98,7 @@ class Diagnosis:
     habitat: Habitat | None = None
     noise: Noise | None = None
     averaged: float = 0.0
-    coloured: tuple[str, ...] = ()
+    left: Left = field(default_factory=Left)
     resting: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     loops: tuple[ClosedLoop, ...] = ()
@@ -295,10 +297,27 @@ def _rest_sentence(d: Diagnosis) -> str:
     if d.discovery is None:
         return ""
     begin = "" if d.verdict == "unexplained" else "Something is left that they do not explain. "
+    begin += left_sentence(d)
     if d.discovery.holds:
         terms = listed([t.words for t in d.discovery.terms])
         begin += f"A term found in the data, which unseen parts of the log confirm, takes part of it: {terms}. "
     return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
+
+
+def left_sentence(d: Diagnosis) -> str:
+    """What shows that something is left, with a space behind it; nothing where nothing does."""
+    left, shown = d.left, []
+    for names, what in ((left.coloured, "are correlated in time"), (left.bursts, "come in bursts")):
+        if names:
+            shown.append(f"{what} ({', '.join(channel(name).label for name in names)})")
+    if left.depends:
+        subject, _, of = spec_at(d.state.plant, left.depends).title.removeprefix("discovered ").partition(" from ")
+        shown.append(f"follow {of}, as a {subject} would")
+    text = f"One-step prediction errors {listed(shown)}. " if shown else ""
+    if left.changes:
+        title = spec_at(d.state.plant, left.changes).title or left.changes
+        text += f"Parts of the log contradict each other in the {title}: something has changed during the log. "
+    return text
 
 
 def _error_sentence(d: Diagnosis) -> str:

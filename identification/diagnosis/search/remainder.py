@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
-from identification.deciding import EXCESS, WHITE
+from identification.deciding import EXCESS, SURE, UNSTEADY, WHITE
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
+from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.linearised import at_once
 from identification.fit.validation import whiteness
@@ -19,28 +21,35 @@ from identification.fit.validation import whiteness
 class Left:
     """What the filter's errors still hold, which noise would not.
 
-    coloured: channels whose errors are not white.  depends: the term of the library on which they depend most, or "".
+    coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
+    others.  depends: the term of the library on which they depend most, or "".  changes: a coefficient in which parts
+    of the record contradict each other, or "".
     """
 
-    coloured: tuple[str, ...]
-    depends: str
+    coloured: tuple[str, ...] = ()
+    bursts: tuple[str, ...] = ()
+    depends: str = ""
+    changes: str = ""
 
     def __bool__(self) -> bool:
-        return bool(self.coloured or self.depends)
+        return bool(self.coloured or self.bursts or self.depends or self.changes)
 
 
 def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left:
-    """What the errors of the filter hold that noise would not: colour, or dependence on what the vehicle does.
+    """What the errors of the filter hold that noise would not.
 
-    Process noise is taken to be random: where it follows speeds, depths or angles, it is an effect that nobody knows.
+    Process noise is taken to be random and steady: where it follows speeds, depths or angles, or comes in bursts, it is
+    an effect that nobody knows.  A coefficient that differs from one part of the record to the next is none.
     """
     problem, point = bench.problem, state.point
     fitted = bench.fitted_basis(state)
-    coloured = [
-        name
-        for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True))
-        if is_coloured(point.errors[seen, c], problem.stretch_of_row[seen], fitted[seen, c])
-    ]
+    coloured, bursts = [], []
+    for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True)):
+        errors, stretch = point.errors[seen, c], problem.stretch_of_row[seen]
+        if is_coloured(errors, stretch, fitted[seen, c]):
+            coloured.append(name)
+        if comes_in_bursts(errors, stretch):
+            bursts.append(name)
     depends = ""
     if library:
         terms = [Candidate(path, (path,)) for path in library]
@@ -51,7 +60,10 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
         best = screen(problem.scaled(scales), point, state.paths, terms, threshold(len(library)))
         if best and best[0].evidence > threshold(len(library)):
             depends = best[0].candidate.paths[0]
-    return Left(tuple(coloured), depends)
+    own, changes = [p for p in state.paths if p in state.plant.doubted], ""
+    if own and (least := steadiness(bench, state, own, quietly=False)).probability < UNSTEADY:
+        changes = least.path
+    return Left(tuple(coloured), tuple(bursts), depends, changes)
 
 
 def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | None = None) -> bool:
@@ -61,3 +73,16 @@ def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | Non
     """
     white = whiteness(error, stretch, fitted=fitted)
     return white.p_value < WHITE and float((white.correlation**2).sum()) > EXCESS
+
+
+def comes_in_bursts(error: np.ndarray, stretch: np.ndarray) -> bool:
+    """Whether a large error is surely followed by large ones more often than by chance, and that would predict squares.
+
+    White errors of steady size have white squares.  A square counts up to `SURE` usual deviations, so that wild
+    readings make no burst.  Source: McLeod and Li 1983, Journal of Time Series Analysis 4, pages 269-273.
+    """
+    usual = max(float(np.median(error**2)), 1e-300) / float(chi2.median(1))
+    square = np.minimum(error**2 / usual, SURE**2)
+    white = whiteness(square - square.mean(), stretch)
+    predicts = float((white.correlation**2).sum()) > EXCESS and float(white.correlation.sum()) > 0.0
+    return white.p_value < WHITE and predicts

@@ -13,7 +13,7 @@ from identification.diagnosis.judge.judgement import (
 )
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.discovery import library_of
-from identification.diagnosis.search.remainder import Left, is_coloured, what_is_left
+from identification.diagnosis.search.remainder import Left, comes_in_bursts, is_coloured, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.validation import FreeRuns, whiteness
@@ -56,18 +56,28 @@ def test_white_errors_leave_nothing_and_slow_ones_beyond_a_trace_do():
     assert not is_coloured(little, stretch)
 
 
+def test_bursts_are_told_from_steady_noise_from_wild_readings_and_from_a_trace():
+    (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
+    assert not comes_in_bursts(white, stretch)
+    assert comes_in_bursts(white * (1.0 + 0.5 * slow), stretch)
+    assert not comes_in_bursts(white * (1.0 + 0.1 * slow), stretch)  # sure, but it would predict next to nothing
+    wild = white.copy()
+    wild[100:110] *= 100.0
+    assert not comes_in_bursts(wild, stretch)
+
+
 def test_what_is_left_is_said_by_channel():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
     seen = np.ones((20_000, 2), dtype=bool)
     problem = SimpleNamespace(channels=("depth_m", "heading_rad"), stretch_of_row=stretch, finite=seen)
     errors = np.stack([white, white + slow], axis=1)
     bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((20_000, 2, 0)))
-    state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors))
+    state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
     found = what_is_left(bench, state, ())
-    assert found == Left(("heading_rad",), "")
+    assert found == Left(("heading_rad",))
     assert found
-    assert not Left((), "")
-    assert Left((), "effects.discovered.yaw.r")
+    assert not Left()
+    assert Left(depends="effects.discovered.yaw.r")
 
 
 def test_colour_is_that_from_reading_to_reading():
@@ -77,8 +87,8 @@ def test_colour_is_that_from_reading_to_reading():
     errors[::5, 0], seen[::5] = white + np.sqrt(0.05) * slow, True
     problem = SimpleNamespace(channels=("depth_m",), stretch_of_row=np.repeat(np.arange(200), 500), finite=seen)
     bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((100_000, 1, 0)))
-    state = SimpleNamespace(point=point_of(np.zeros(100_000), errors=errors))
-    assert what_is_left(bench, state, ()) == Left(("depth_m",), "")
+    state = SimpleNamespace(point=point_of(np.zeros(100_000), errors=errors), paths=())
+    assert what_is_left(bench, state, ()) == Left(("depth_m",))
 
 
 def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are_white():
@@ -92,7 +102,7 @@ def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are
         left[size] = what_is_left(bench, state, library_of(plant))
         assert ("r_radps" in bench.problem.noise_at(state.point).process) == (size > 0.0)
         assert not what_is_left(bench, state, ())
-    assert left == {0.0: Left((), ""), 0.02: Left((), term)}
+    assert left == {0.0: Left(), 0.02: Left(depends=term)}
 
 
 def stage(residual, readings=None):

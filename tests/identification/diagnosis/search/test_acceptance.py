@@ -253,7 +253,7 @@ def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatc
 
 
 def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):
-    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",), ""))
+    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)))
     monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     asked = []
 
