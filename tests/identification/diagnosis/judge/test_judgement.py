@@ -80,6 +80,15 @@ def test_what_is_left_is_said_by_channel():
     assert Left(depends="effects.discovered.yaw.r")
 
 
+def test_errors_that_come_in_bursts_are_left():
+    (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
+    problem = SimpleNamespace(channels=("r_radps",), stretch_of_row=stretch, finite=np.ones((20_000, 1), dtype=bool))
+    bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((20_000, 1, 0)))
+    errors = (white * (1.0 + 0.5 * slow))[:, None]
+    state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
+    assert what_is_left(bench, state, ()) == Left(bursts=("r_radps",))
+
+
 def test_colour_is_that_from_reading_to_reading():
     """A depth that is read every fifth row: over as many rows as are looked at, its errors would look white."""
     white, slow = white_and_slow()
