@@ -94,7 +94,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         ],
         "tied": [list(group) for group in d.tied],
         "common_prediction": [finite(asdict(c)) for c in d.common],
-        "dropped": list(d.dropped),
+        "dropped": [{"path": path, "why": why.format(it="it")} for path, why in d.dropped.items()],
         "error": {
             **metric,
             "as_given": _errors(d.given),

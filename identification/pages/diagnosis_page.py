@@ -14,7 +14,7 @@ from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
-from identification.diagnosis.judge.verdict import Diagnosis, left_sentence, noise_sentence
+from identification.diagnosis.judge.verdict import Diagnosis, dropped_sentence, left_sentence, noise_sentence
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
@@ -160,7 +160,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "rounds": _rounds(d, titles),
         "bar": number(threshold(len(candidates_of(plant, d.record))), 2),
         "by_coefficient": _by_coefficient(d, titles),
-        "dropped": _dropped(d),
+        "dropped": dropped_sentence(d),
         "parts": _parts(d),
         "windows": sum(len(part) for part in d.windows),
         "effects": [_effect(d, e, titles) for e in d.effects],
@@ -392,7 +392,7 @@ def _outcome(d: Diagnosis, r: Round) -> str:
     if r.tied:
         text += f" The record does not tell it from {listed([t.candidate.title for t in r.tied], 'or')}."
     if _is_dropped(d, r):
-        text += " It was not kept, since most halves of the log do not choose it."
+        text += f" It was not kept: {d.dropped[r.chosen.candidate.paths[0]].format(it='it')}."
     return text
 
 
@@ -434,14 +434,6 @@ def _effect(d: Diagnosis, e: Effect, titles: dict[str, str]) -> dict[str, Any]:
 def _percent(probability: float | None) -> str:
     """A probability for people, or nothing."""
     return "" if probability is None else f"{100.0 * probability:.0f} %"
-
-
-def _dropped(d: Diagnosis) -> str:
-    """What is said of effects that the search found and most halves of the log do not choose, or nothing."""
-    if not d.dropped:
-        return ""
-    it = "it" if len(d.dropped) == 1 else "them"
-    return f"Not kept, since most halves of the log do not choose {it}: {listed(d.dropped_titles, 'and')}."
 
 
 def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, str]:

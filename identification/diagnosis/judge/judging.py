@@ -26,12 +26,13 @@ from identification.diagnosis.judge.findings import (
 )
 from identification.diagnosis.judge.habitat import residual_habitat
 from identification.diagnosis.judge.judgement import explained_share, many_windows, verdict_of
-from identification.diagnosis.judge.verdict import Diagnosis, Stage
-from identification.diagnosis.judge.weighing import common_predictions, rounds_told, weigh
+from identification.diagnosis.judge.verdict import RARE, WORSE, Diagnosis, Stage
+from identification.diagnosis.judge.weighing import Weighed, common_predictions, rounds_told, weigh
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of, screen
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
+from identification.diagnosis.search.explanations import Explanations
 from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.remainder import what_is_left
 from identification.diagnosis.search.searching import Searched
@@ -83,6 +84,12 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     after = stage(state, [chosen_without(bench, nominal, state, rounds, count, k) for k in parts])
     as_given = stage(known.given, [known.given for _ in parts])
     before = after if state is nominal else stage(nominal, [nominal for _ in parts])
+    why = {t.candidate.paths[0]: RARE for t in dropped}
+    many = many_windows(log.every_window, log.steady)
+    if rounds and left and explained_share(before, after, many) < 0.0:
+        why |= {r.chosen.candidate.paths[0]: WORSE for r in rounds if r.chosen is not None}
+        state, after, held, rounds, survivals = nominal, before, [], (), ()
+        weighed, left = Weighed(nominal, (), (), Explanations(())), what_is_left(bench, nominal, searched.library)
     rest = [] if log.slipped else candidates_of(state.plant, record)
     screening = tuple(screen(bench.problem, state.point, state.paths, rest, threshold(count)))
     sizes = bench.intervals(state)
@@ -94,7 +101,6 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     effects, tied = effects_of(bench, state, weighed.tied, sizes, survivals, count, weighed.found)
     effects = [replace(e, changes=_changes(e.path, e.neutral, after, record, log)) for e in effects]
     common = common_predictions(effects, tied, weighed.found, state, lambda plant: _every(plant, record, log))
-    many = many_windows(log.every_window, log.steady)
     explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
     wrong = any(c.wrong for c in found)
     refit_is_all = not effects
@@ -137,7 +143,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         coefficients=found,
         detectable=detectable_effects(plant, screening, rounds, {e.path for e in effects}),
         rounds=rounds_told(searched, held, weighed),
-        dropped=tuple(t.candidate.paths[0] for t in dropped),
+        dropped=why,
         state=state,
         screening=screening,
         explained=explained,

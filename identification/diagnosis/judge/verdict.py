@@ -33,6 +33,8 @@ from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
+RARE = "most halves of the log do not choose {it}"
+WORSE = "with {it}, free runs follow unseen parts of the log less well than without"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +60,9 @@ class Diagnosis:
     """The result of comparing a record with a vehicle; `summary` says it in a paragraph.
 
     given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
-    tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and most
-    halves of the record do not choose.  explained: share of the squared error in excess of the measurement noise that
-    the effects remove.  windows: slices of the record, for each of its parts.
+    tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
+    are not named, each with the reason (`RARE`, `WORSE`).  explained: share of the squared error in excess of the
+    measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     averaged: s, over which readings were averaged, 0 where each was read by itself.
     noise: of a sensor's reading and of the motion, as the filter found it.  left: what its one-step errors hold
@@ -91,7 +93,7 @@ class Diagnosis:
     settle: float
     seed: int
     asked: Asked = field(default_factory=Asked)
-    dropped: tuple[str, ...] = ()
+    dropped: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
     kinematics: Kinematics | None = None
     discovery: Discovery | None = None
@@ -142,11 +144,10 @@ class Diagnosis:
         members = {m.path: m.probability for e in self.effects for m in e.members}
         return members | {e.path: e.probability for e in self.effects if e.probability is not None}
 
-    @property
-    def dropped_titles(self) -> list[str]:
-        """The effects that the search found and most halves of the record do not choose, in words."""
+    def dropped_for(self, reason: str) -> list[str]:
+        """The titles of effects that were found and are not named for a reason."""
         titles = {r.chosen.candidate.paths[0]: r.chosen.candidate.title for r in self.rounds if r.chosen}
-        return [titles.get(path, path) for path in self.dropped]
+        return [titles.get(path, path) for path, why in self.dropped.items() if why == reason]
 
     @property
     def reach(self) -> str:
@@ -169,7 +170,7 @@ class Diagnosis:
             _common_sentence(self),
             _halves_sentence(self),
             _unsteady_sentence(self),
-            _dropped_sentence(self),
+            dropped_sentence(self),
             _slight_sentence(self),
             _rest_sentence(self),
             _error_sentence(self),
@@ -258,12 +259,14 @@ def _unsteady_sentence(d: Diagnosis) -> str:
     return f"Parts of the log contradict each other in {which}: `auv-gym onset` looks for when it begins or ends."
 
 
-def _dropped_sentence(d: Diagnosis) -> str:
-    """What is said of effects that the search found and most halves of the log do not choose."""
-    if not d.dropped:
-        return ""
-    it = "it" if len(d.dropped) == 1 else "them"
-    return f"The search also found {listed(d.dropped_titles)}, but most halves of the log do not choose {it}."
+def dropped_sentence(d: Diagnosis) -> str:
+    """What is said of effects that the search found and that are not named, or nothing."""
+    told = []
+    for reason in dict.fromkeys(d.dropped.values()):
+        titles = d.dropped_for(reason)
+        why = reason.format(it="it" if len(titles) == 1 else "them")
+        told.append(f"The search also found {listed(titles)}, but {why}.")
+    return " ".join(told)
 
 
 def _slight_sentence(d: Diagnosis) -> str:

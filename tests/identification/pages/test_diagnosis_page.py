@@ -15,6 +15,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record, concat
 from identification.diagnosis import as_json, diagnose
+from identification.diagnosis.judge.verdict import RARE
 from identification.diagnosis.log.plausibility import Doubt
 from identification.experiments.heading_control import closed_loop
 from identification.fit.noises import Noise
@@ -179,18 +180,18 @@ def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figur
 
 def test_what_most_halves_of_the_log_do_not_choose_is_said(diagnosis, no_figures):
     text = Outline(diagnosis_page(diagnosis)).text
-    assert "Not kept" not in text
+    assert "The search also found" not in text
     chosen = [r.chosen.candidate for r in diagnosis.rounds if r.chosen]
     rare = replace(diagnosis.effects[0], frequency=0.55)
-    d = replace(diagnosis, effects=(rare,), dropped=(chosen[-1].paths[0],))
+    d = replace(diagnosis, effects=(rare,), dropped={chosen[-1].paths[0]: RARE})
     text = Outline(diagnosis_page(d)).text
-    assert f"Not kept, since most halves of the log do not choose it: {chosen[-1].title}." in text
-    assert "It was not kept, since most halves of the log do not choose it." in text
+    assert f"The search also found {chosen[-1].title}, but most halves of the log do not choose it." in text
+    assert "It was not kept: most halves of the log do not choose it." in text
     assert "chosen, but not kept" in text
     assert "chosen by 55 % of the halves of the log" in text
     assert f"Only 55 % of the halves of the log choose {rare.title}." in d.summary()
     assert f"The search also found {chosen[-1].title}, but most halves of the log do not choose it." in d.summary()
-    assert as_json(d)["dropped"] == list(d.dropped)
+    assert as_json(d)["dropped"] == [{"path": chosen[-1].paths[0], "why": RARE.format(it="it")}]
     assert as_json(d)["effects"][0]["frequency"] == 0.55
 
 

@@ -9,10 +9,12 @@ import pytest
 from identification.diagnosis.judge.findings import detectable_effects
 from identification.diagnosis.judge.found import AsCoefficient, Effect, Member
 from identification.diagnosis.judge.verdict import (
+    RARE,
+    WORSE,
     Diagnosis,
-    _dropped_sentence,
     _halves_sentence,
     _likelier_sentence,
+    dropped_sentence,
     noise_sentence,
 )
 from identification.diagnosis.search.candidates import Candidate, Screening
@@ -59,9 +61,12 @@ def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
 )
 def test_what_most_halves_of_the_log_do_not_choose_is_said_not_to_be_kept(titles, words):
     chosen = [SimpleNamespace(chosen=trial_of(Candidate(title, (f"effects.{title}",)))) for title in titles]
-    d = SimpleNamespace(rounds=(SimpleNamespace(chosen=None), *chosen), dropped=tuple(f"effects.{t}" for t in titles))
-    d.dropped_titles = Diagnosis.dropped_titles.fget(d)  # type: ignore[misc]
-    assert _dropped_sentence(d) == words  # type: ignore[arg-type]
+    d = SimpleNamespace(rounds=(SimpleNamespace(chosen=None), *chosen), dropped={f"effects.{t}": RARE for t in titles})
+    d.dropped_for = lambda reason: Diagnosis.dropped_for(d, reason)  # type: ignore[arg-type]
+    assert dropped_sentence(d) == words  # type: ignore[arg-type]
+    d.dropped |= {"effects.drag": WORSE}
+    worse = "effects.drag, but with it, free runs follow unseen parts of the log less well than without."
+    assert dropped_sentence(d).endswith(worse)  # type: ignore[arg-type]
 
 
 def test_a_size_beyond_what_is_possible_is_none_that_the_record_shows():

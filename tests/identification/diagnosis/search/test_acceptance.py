@@ -11,6 +11,7 @@ from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
 from identification.diagnosis.judge import judging
 from identification.diagnosis.judge.findings import coefficient_of, size_as_effect, twin_effects
+from identification.diagnosis.judge.verdict import WORSE
 from identification.diagnosis.search import acceptance, searching
 from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
@@ -250,6 +251,20 @@ def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatc
     assert [e.path for e in found.effects] == [OFFSET]
     assert "effects.yaw.roll_moment" not in found.state.paths
     assert value_at(found.after.plant, "effects.yaw.roll_moment") == 0.0
+
+
+def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(offset_log, monkeypatch):
+    """Where something is left; where nothing is, the likelihood of the whole log has the word."""
+    monkeypatch.setattr(judging, "explained_share", lambda *_: -0.1)
+    monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
+    plant = load_vehicle("slocum")
+    assert [e.path for e in diagnose(offset_log, plant).effects] == [OFFSET]
+    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)))
+    monkeypatch.setattr(judging, "what_is_left", lambda *_: Left(("heading_rad",)))
+    found = diagnose(offset_log, plant)
+    assert (found.verdict, found.effects, found.dropped) == ("unexplained", (), {OFFSET: WORSE})
+    assert value_at(found.after.plant, OFFSET) == 0.0
+    assert "less well than without" in found.summary()
 
 
 def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):
