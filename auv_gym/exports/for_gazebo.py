@@ -109,10 +109,10 @@ def _base_link(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
     turn = np.diag(SIGNS[3:])
     inertia = turn @ (rigid[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))) @ turn
     moments = np.linalg.eigvalsh(inertia)
-    if not 0.0 < moments[0] or moments[0] + moments[1] < moments[2]:
+    if not moments[0] > 0.0 or moments[0] + moments[1] < moments[2]:
         left_out.append(
-            f"Inertia: principal moments of {', '.join(f'{m:.4g}' for m in moments)} kg m^2 belong to no rigid body, and "
-            "SDFormat reports them."
+            f"Inertia: no rigid body has principal moments of {', '.join(f'{m:.4g}' for m in moments)} kg m^2, and "
+            "SDFormat reports an error."
         )
     link = _add(model, "link", name="base_link")
     inertial = _add(link, "inertial")
@@ -162,7 +162,7 @@ def _hydrodynamics(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
     rigid = np.array(computed.rigid_mass)
     added = np.array(computed.mass) - rigid
     extra = np.array(computed.momentum) - rigid - 0.5 * (added + added.T)
-    coriolis = getattr(coriolis_forces, "py_func", coriolis_forces)
+    coriolis: Any = getattr(coriolis_forces, "py_func", coriolis_forces)
     unit = np.eye(6)
     for a in range(6):
         for b in range(a, 6):
@@ -173,17 +173,19 @@ def _hydrodynamics(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
                 count(int(axis), _VELOCITIES[a] + _VELOCITIES[b], float(force[axis]))
     if computed.has_cross_flow != 0.0:
         left_out.append(
-            "Cross-flow drag: Gazebo has no strips, so it is exact for sway, heave, pitch or yaw alone, and not for two "
-            "of them at once."
+            "Cross-flow drag: Gazebo does not integrate over strips, so that it is exact for sway, heave, pitch or yaw "
+            "alone, and not for two of them at once."
         )
-        strips = getattr(cross_flow_drag, "py_func", cross_flow_drag)
+        strips: Any = getattr(cross_flow_drag, "py_func", cross_flow_drag)
         drags = (computed.cross_y, computed.cross_z, water, plant.hull.length)
         for velocity, axis in zip("vwqr", (1, 2, 4, 5), strict=True):
             alone = [1.0 if velocity == v else 0.0 for v in "vwqr"]
             count(axis, f"{velocity}_{velocity}", strips(*alone, *drags)["vwqr".index(velocity)])
     if computed.has_environment != 0.0:
         left_out.append("Discovered forces that depend on depth or heading.")
-    _plugin(model, "hydrodynamics", link_name="base_link", **{name: found[name] for name in sorted(found) if found[name]})
+    _plugin(
+        model, "hydrodynamics", link_name="base_link", **{name: found[name] for name in sorted(found) if found[name]}
+    )
     return left_out
 
 
@@ -217,7 +219,18 @@ def _surface(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[s
     yaw = part.choice == "yaw"
     x = (1.0 if yaw else -1.0) * own.moment / own.lift
     slope = 2.0 * own.lift / water
-    _steered(model, part.name, yaw, (x, 0.0, 0.0), own, water, 1.0, abs(slope) * own.inflow, slope, "0 -1 0" if yaw else "0 0 -1")
+    _steered(
+        model,
+        part.name,
+        yaw,
+        (x, 0.0, 0.0),
+        own,
+        water,
+        1.0,
+        abs(slope) * own.inflow,
+        slope,
+        "0 -1 0" if yaw else "0 0 -1",
+    )
     lost = [f"{name} = {getattr(own, name):g}" for name in ("drag", "drag_rate", "drag_slip") if getattr(own, name)]
     wake = any(value_at(own.wake, path) for path in list_paths(own.wake))
     lost += ["what a propeller's wake adds"] if wake else []
@@ -240,9 +253,9 @@ def _steered(
     """A fin on a joint, whose position is our angle, and a LiftDrag that acts on the hull where the fin sits."""
     _jointed(model, name, _place(*place), "0 0 -1" if yaw else "0 -1 0", float(own.limit))
     _plugin(
-        model, "lift-drag", link_name="base_link", control_joint_name=f"{name}_joint", control_joint_rad_to_cl=float(slope),
-        air_density=water, area=float(area), a0=0.0, cla=float(cla), cda=0.0, cma=0.0, alpha_stall=float(own.stall),
-        cla_stall=0.0, cda_stall=0.0, cp=_place(*place, "").strip(), forward="1 0 0", upward=up,
+        model, "lift-drag", link_name="base_link", control_joint_name=f"{name}_joint",
+        control_joint_rad_to_cl=float(slope), air_density=water, area=float(area), a0=0.0,
+        cla=float(cla), cda=0.0, cma=0.0, alpha_stall=float(own.stall), cla_stall=0.0, cda_stall=0.0, cp=_place(*place, "").strip(), forward="1 0 0", upward=up,
     )  # fmt: skip
     _plugin(model, "joint-position-controller", joint_name=f"{name}_joint", use_velocity_commands=True)
 
@@ -291,8 +304,9 @@ def _engine(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[st
     _add(joint, "parent", "base_link")
     _add(joint, "child", part.name)
     _plugin(
-        model, "buoyancy-engine", link_name=part.name, namespace=part.name, fluid_density=water, min_volume=float(own.low),
-        neutral_volume=float(own.neutral), default_volume=float(own.neutral), max_volume=float(own.high),
+        model, "buoyancy-engine", link_name=part.name, namespace=part.name, fluid_density=water,
+        min_volume=float(own.low), neutral_volume=float(own.neutral), default_volume=float(own.neutral),
+        max_volume=float(own.high),
         max_inflation_rate=1.0 / own.slowness if own.slowness else _AT_ONCE,
     )  # fmt: skip
     return ["its lag"] if own.lag else []

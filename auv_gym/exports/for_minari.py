@@ -23,7 +23,7 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
 
     Observations are the vehicle's outputs that every record has at all samples. Actions are the vehicle's inputs at
     these samples; an input that no log needs to have is constant where one lacks it. A log has no rewards, so they are
-    0. The infos hold `time_s`.  dataset_id: such as "slocum/dives-v0".  about: what else `minari` takes, such as author.
+    0. The infos hold `time_s`.  dataset_id: such as "slocum/dives-v0".  about: what else Minari takes, such as author.
     Raises ValueError where an input is missing.
     """
     records = [records] if isinstance(records, Record) else list(records)
@@ -37,7 +37,10 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
     buffers = []
     for record in records:
         actions = np.stack(
-            [record[name] if record.has(name) else np.full(len(record), plant.constants[name]) for name in plant.inputs],
+            [
+                record[name] if record.has(name) else np.full(len(record), plant.constants[name])
+                for name in plant.inputs
+            ],
             axis=1,
         )
         states = record.matrix(seen)

@@ -1,8 +1,8 @@
 """Physics on symbols of CasADi: the same source, run once with symbols in the place of numbers.
 
-`on_symbols` rebuilds a function of the physics such that it calls CasADi for mathematics and itself for what it calls. Where
-the source asks whether a symbol is larger than another, both branches are run and joined by `casadi.if_else`, one
-function at a time, so that the branches of one function do not multiply with those of the next.
+`on_symbols` rebuilds a function, and those that it calls, on CasADi's mathematics. Where the source has a branch that
+depends on a symbol, both branches are run and joined by `casadi.if_else`, one function at a time, so that the branches
+of one function do not multiply with those of the next.
 """
 
 from __future__ import annotations
@@ -108,18 +108,28 @@ _MATHEMATICS: dict[Any, Any] = {
 }
 # numpy's names of what it has under another one than Python
 _NUMPY_NAMES = {
-    **{"subtract": "sub", "multiply": "mul", "divide": "truediv", "power": "pow"},
-    **{"less": "lt", "less_equal": "le", "greater": "gt", "greater_equal": "ge", "equal": "eq", "not_equal": "ne"},
+    "subtract": "sub",
+    "multiply": "mul",
+    "divide": "truediv",
+    "power": "pow",
+    "less": "lt",
+    "less_equal": "le",
+    "greater": "gt",
+    "greater_equal": "ge",
+    "equal": "eq",
+    "not_equal": "ne",
     **{f"arc{name}": f"a{name}" for name in ("sin", "cos", "tan", "tan2")},
 }
 
 
 def _of_numpy(ufunc: Any) -> Callable[..., Any]:
-    name = _NUMPY_NAMES.get(ufunc.__name__, ufunc.__name__)
+    name: str = _NUMPY_NAMES.get(ufunc.__name__, ufunc.__name__)
     return _MATHEMATICS[getattr(math, name)] if hasattr(math, name) else getattr(operator, name)
 
 
-_BUILTINS = {function.__name__: changed for function, changed in _MATHEMATICS.items() if hasattr(builtins, function.__name__)}
+_BUILTINS = {
+    function.__name__: changed for function, changed in _MATHEMATICS.items() if hasattr(builtins, function.__name__)
+}
 
 
 class _Fork(Exception):
@@ -142,7 +152,9 @@ class _Branch:
             return bool(float(condition))
         if self.met == len(self.choices):
             if self.met == _MOST_CONDITIONS:
-                raise ValueError("its physics searches for a balance step by step, which cannot be unrolled in branches")
+                raise ValueError(
+                    "its physics searches for a balance step by step, which cannot be unrolled in branches"
+                )
             raise _Fork(condition)
         self.met += 1
         return self.choices[self.met - 1]

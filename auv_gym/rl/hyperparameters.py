@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
-from auv_gym.param import did_you_mean
 from auv_gym.extra import needs
+from auv_gym.param import did_you_mean
 
 ALGORITHMS = ("ppo", "sac", "td3")
 _LINEAR = "lin_"

@@ -15,10 +15,10 @@ from time import perf_counter
 from typing import Any
 
 from auv_gym import __version__
+from auv_gym.extra import needs
 from auv_gym.rl.checkpoint import LATEST, Checkpoint
 from auv_gym.rl.curve import CURVE, draw_curve, write_curve
 from auv_gym.rl.evaluation import SELECTION, Summary, evaluate, fresh_seeds
-from auv_gym.extra import needs
 from auv_gym.rl.hyperparameters import Imitation, Ppo
 from auv_gym.rl.policy import Policy, read_settings
 from auv_gym.rl.settings import SETTINGS, Training, described, make_env

@@ -9,8 +9,8 @@ from typing import Any
 import numba
 from rich.progress import Progress
 
-from auv_gym.rl import Training
 from auv_gym.extra import needs
+from auv_gym.rl import Training
 
 TASK, PEER = "auv_gym/Depth-v0", "Pendulum-v1"
 COUNTS, PEER_COUNT = (8, 64), 8

@@ -4,7 +4,6 @@ import pytest
 ca = pytest.importorskip("casadi", reason="the extra `casadi` is not installed")
 
 from auv_gym.exports import casadi_model  # noqa: E402
-from auv_gym.param import replace_at  # noqa: E402
 from auv_gym.plant import load_vehicle  # noqa: E402
 
 STEP = 1e-3  # s, one step of RK4: in Euler angles and in quaternions it is the same to STEP^5

@@ -74,7 +74,10 @@ class Gazebo:
         for entry in self.plugin("Hydrodynamics"):
             if entry.tag == "link_name":
                 continue
-            axis, velocities = "xyzkmn".index(entry.tag[0]), ["UVWPQR".index(v) for v in entry.tag[1:].replace("abs", "")]
+            axis, velocities = (
+                "xyzkmn".index(entry.tag[0]),
+                ["UVWPQR".index(v) for v in entry.tag[1:].replace("abs", "")],
+            )
             value = float(entry.text) * nu[velocities[0]]
             for second in velocities[1:]:
                 value *= abs(nu[second]) if "abs" in entry.tag else nu[second]
@@ -119,7 +122,9 @@ def ours(plant, nu, roll, pitch, u):
     x = np.zeros(len(model.states))
     x[:6], x[9:11] = nu, (roll, pitch)
     full = plant.settled(x[: len(plant.family.states)], u)
-    x[len(plant.family.states) :] = full[[plant.states.index(name) for name in model.states[len(plant.family.states) :]]]
+    x[len(plant.family.states) :] = full[
+        [plant.states.index(name) for name in model.states[len(plant.family.states) :]]
+    ]
     return np.array(model.rhs(x, u)).ravel()[:6]
 
 
@@ -172,9 +177,15 @@ def test_planes_and_propeller_do_as_ours_on_a_straight_run():
     def pushes(gazebo, nu):
         get = {entry.tag: entry.text for entry in gazebo.plugin("Thruster")}
         size, density = float(get["propeller_diameter"]), float(get["fluid_density"])
-        newtons = density * size**4 * float(get["alpha_1"]) * shaft**2 + density * size**3 * float(get["alpha_2"]) * shaft
+        newtons = (
+            density * size**4 * float(get["alpha_1"]) * shaft**2 + density * size**3 * float(get["alpha_2"]) * shaft
+        )
         assert float(get["max_thrust_cmd"]) == pytest.approx(plant.parts.propeller.limit * np.pi / 30)
-        return [gazebo.lift("rudder", nu, u[0]), gazebo.lift("stern_plane", nu, u[1]), gazebo.thrust("propeller", newtons)]
+        return [
+            gazebo.lift("rudder", nu, u[0]),
+            gazebo.lift("stern_plane", nu, u[1]),
+            gazebo.thrust("propeller", newtons),
+        ]
 
     same_acceleration(own, np.array([1.7, 0, 0, 0, 0, 0]), u, pushes)
 
