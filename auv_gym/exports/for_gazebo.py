@@ -252,11 +252,11 @@ def _steered(
 ) -> None:
     """A fin on a joint, whose position is our angle, and a LiftDrag that acts on the hull where the fin sits."""
     _jointed(model, name, _place(*place), "0 0 -1" if yaw else "0 -1 0", float(own.limit))
-    _plugin(
-        model, "lift-drag", link_name="base_link", control_joint_name=f"{name}_joint",
-        control_joint_rad_to_cl=float(slope), air_density=water, area=float(area), a0=0.0,
-        cla=float(cla), cda=0.0, cma=0.0, alpha_stall=float(own.stall), cla_stall=0.0, cda_stall=0.0, cp=_place(*place, "").strip(), forward="1 0 0", upward=up,
-    )  # fmt: skip
+    lift = {"air_density": water, "area": float(area), "a0": 0.0, "cla": float(cla), "alpha_stall": float(own.stall)}
+    none = dict.fromkeys(("cda", "cma", "cla_stall", "cda_stall"), 0.0)
+    where = {"cp": _place(*place, "").strip(), "forward": "1 0 0", "upward": up}
+    joint = {"control_joint_name": f"{name}_joint", "control_joint_rad_to_cl": float(slope)}
+    _plugin(model, "lift-drag", link_name="base_link", **joint, **lift, **none, **where)
     _plugin(model, "joint-position-controller", joint_name=f"{name}_joint", use_velocity_commands=True)
 
 
