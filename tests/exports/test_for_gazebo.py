@@ -1,6 +1,8 @@
 """The SDF against Gazebo's documentation, and the acceleration that its numbers give against the vehicle's own."""
 
 import re
+from dataclasses import replace
+from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -10,6 +12,7 @@ from auv_gym.exports import gazebo_world
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 
+TETHYS = Path(__file__).parents[2] / "examples" / "vehicles" / "tethys.toml"
 FLIP = np.array([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])  # forward-starboard-down to forward-port-up, and back
 # Elements of each system in the headers of gz-sim 8 (Harmonic)
 ELEMENTS = {
@@ -190,7 +193,35 @@ def test_planes_and_propeller_do_as_ours_on_a_straight_run():
     same_acceleration(own, np.array([1.7, 0, 0, 0, 0, 0]), u, pushes)
 
 
-@pytest.mark.parametrize("name", ["bluerov2_heavy", "remus100", "npsauv", "vt690", "heu_torpedo"])
+def test_fins_and_a_buoyancy_engine():
+    """Lift in a straight flow, which our fins have across the flow, too; the engine's volumes, and what is said."""
+    plant = load_vehicle(TETHYS)
+    world = gazebo_world(plant)
+    gazebo, angle = Gazebo(world.xml), 0.1
+    for part in plant.family.body.parts:
+        if part.kind != "fin":
+            continue
+        own = getattr(plant.parts, part.name)
+        lift = 0.5 * plant.hull.density * own.area * own.lift_slope * angle * 1.5**2
+        force = (0, lift, 0) if part.choice == "yaw" else (0, 0, -lift)
+        expected = FLIP * at(np.array(force), np.array([own.x, own.y, own.z]))
+        assert gazebo.lift(part.name, np.array([1.5, 0, 0, 0, 0, 0]), angle) == pytest.approx(expected, abs=1e-12)
+    (engine,) = (part.name for part in plant.family.body.parts if part.kind == "buoyancy_engine")
+    own, found = getattr(plant.parts, engine), gazebo.plugin("BuoyancyEngine")
+    assert [float(found.findtext(f"{key}_volume")) for key in ("min", "neutral", "max")] == [
+        own.low,
+        own.neutral,
+        own.high,
+    ]
+    assert any("Gazebo has no plugin for moving_mass" in line for line in world.left_out)
+
+
+def test_a_learned_hull_is_refused():
+    with pytest.raises(ValueError, match="a learned hull"):
+        gazebo_world(replace(load_vehicle("remus100"), learned=object()))
+
+
+@pytest.mark.parametrize("name", ["bluerov2_heavy", "remus100", "npsauv", "vt690", "heu_torpedo", TETHYS])
 def test_its_elements_are_gazebos(name):
     world = ElementTree.fromstring(gazebo_world(load_vehicle(name)).xml).find("world")
     plugins = [*world.findall("plugin"), *world.findall("model/plugin")]
