@@ -248,13 +248,22 @@ def _fin(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
 
 
 def _steered(
-    model: Any, name: str, yaw: bool, place: Any, own: Any, water: float, area: float, cla: float, slope: float, up: str
+    model: Any,
+    name: str,
+    yaw: bool,
+    place: tuple[float, float, float],
+    own: Any,
+    water: float,
+    area: float,
+    cla: float,
+    slope: float,
+    up: str,
 ) -> None:
     """A fin on a joint, whose position is our angle, and a LiftDrag that acts on the hull where the fin sits."""
     _jointed(model, name, _place(*place), "0 0 -1" if yaw else "0 -1 0", float(own.limit))
     lift = {"air_density": water, "area": float(area), "a0": 0.0, "cla": float(cla), "alpha_stall": float(own.stall)}
     none = dict.fromkeys(("cda", "cma", "cla_stall", "cda_stall"), 0.0)
-    where = {"cp": _place(*place, "").strip(), "forward": "1 0 0", "upward": up}
+    where = {"cp": _place(*place, turn="").strip(), "forward": "1 0 0", "upward": up}
     joint = {"control_joint_name": f"{name}_joint", "control_joint_rad_to_cl": float(slope)}
     _plugin(model, "lift-drag", link_name="base_link", **joint, **lift, **none, **where)
     _plugin(model, "joint-position-controller", joint_name=f"{name}_joint", use_velocity_commands=True)

@@ -123,7 +123,8 @@ _NUMPY_NAMES = {
 
 
 def _of_numpy(ufunc: Any) -> Callable[..., Any]:
-    name: str = _NUMPY_NAMES.get(ufunc.__name__, ufunc.__name__)
+    known = str(ufunc.__name__)
+    name = _NUMPY_NAMES.get(known, known)
     return _MATHEMATICS[getattr(math, name)] if hasattr(math, name) else getattr(operator, name)
 
 
