@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from auv_gym.extra import needs
 from auv_gym.models.linear.linearise import linearise
 from auv_gym.plant import Plant
 from auv_gym.writing import replacing
@@ -26,6 +28,8 @@ def control_system(
     All of them are changes from the trim.  continuous: the system in continuous time whose response to held inputs is
     that of the sampled one.  inputs, outputs, settings: see `auv_gym.models.linear.linearise`.
     """
+    with needs("A python-control system needs control", "control"):
+        import_module("control")
     sampled = linearise(plant, inputs, outputs, **settings).to_control()
     if not continuous:
         return sampled

@@ -57,3 +57,9 @@ def test_a_missing_package_names_its_extra(package, module, monkeypatch):
     monkeypatch.delitem(sys.modules, f"auv_gym.exports.{module}", raising=False)
     with pytest.raises(ImportError, match=rf"pip install 'auv-gym\[{package}\]'"):
         importlib.import_module(f"auv_gym.exports.{module}")
+
+
+def test_a_missing_control_names_its_extra(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "control", None)
+    assert main(["export", "npsauv", "--to", "control"]) == 1
+    assert "pip install 'auv-gym[control]'" in " ".join(capsys.readouterr().err.split())
