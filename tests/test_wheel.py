@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import sysconfig
+import tomllib
 import venv
 import zipfile
 from pathlib import Path
@@ -67,8 +68,9 @@ def test_it_holds_every_module_preset_and_template(wheel):
         str(path.relative_to(ROOT))
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.suffix == ".py" or path.suffix in DATA
+        if path.suffix == ".py" or path.suffix in DATA or path.name == "py.typed"
     }
+    assert {f"{package}/py.typed" for package in PACKAGES} <= wanted
     assert "auv_gym/vehicles/presets/slocum.toml" in wanted
     assert wanted - inside == set()
     assert "auv_gym_autoload.pth" in inside
@@ -88,6 +90,22 @@ def test_gymnasium_finds_the_environments_without_an_import(installed):
 def test_the_command_lists_what_there_is(installed):
     text = run(installed, "auv-gym", "list")
     assert all(name in text for name in ("slocum", "remus100", "effects.rudder.offset", "heading_rad", "grey_box"))
+
+
+def test_it_exports(installed):
+    assert "Written: remus100.sdf" in run(installed, "auv-gym", "export", "remus100", "--to", "sdf")
+
+
+def test_the_citation_is_of_this_version():
+    """What Citation File Format 1.2.0 requires, and the version of the package."""
+    yaml = pytest.importorskip("yaml", reason="the extra `rl` is not installed")
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    assert {"cff-version", "message", "title", "authors"} <= citation.keys()
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["authors"] == [{"name": "The auv-gym authors"}]
+    assert citation["type"] == "software"
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert (citation["version"], citation["license"]) == (project["version"], project["license"])
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from auv_gym.cli import (  # noqa: F401  # each puts its command into `app`
     diagnose,
     drawing,
     evaluate,
+    export,
     identify,
     listing,
     look,

@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
+from auv_gym.extra import needs
 from auv_gym.param import did_you_mean
-from auv_gym.rl.extra import needs
 
 ALGORITHMS = ("ppo", "sac", "td3")
 _LINEAR = "lin_"
@@ -217,7 +217,7 @@ def _check_algorithm(algorithm: str) -> None:
 
 
 def _read(algorithm: str, file: str | os.PathLike | None) -> dict[str, Any]:
-    with needs("Hyperparameters in YAML need pyyaml"):
+    with needs("Hyperparameters in YAML need pyyaml", "rl"):
         import yaml
     try:
         source = files("auv_gym.rl") / f"{algorithm}.yml" if file is None else Path(file)

@@ -15,10 +15,10 @@ from time import perf_counter
 from typing import Any
 
 from auv_gym import __version__
+from auv_gym.extra import needs
 from auv_gym.rl.checkpoint import LATEST, Checkpoint
 from auv_gym.rl.curve import CURVE, draw_curve, write_curve
 from auv_gym.rl.evaluation import SELECTION, Summary, evaluate, fresh_seeds
-from auv_gym.rl.extra import needs
 from auv_gym.rl.hyperparameters import Imitation, Ppo
 from auv_gym.rl.policy import Policy, read_settings
 from auv_gym.rl.settings import SETTINGS, Training, described, make_env
@@ -50,7 +50,7 @@ def train(
     Raises ValueError where the folder holds another training.  One that was stopped and goes on sees other episodes
     from there than it would have seen; its result is as good, and not the same bit for bit.
     """
-    with needs("Training needs stable-baselines3"):
+    with needs("Training needs stable-baselines3", "rl"):
         import stable_baselines3  # noqa: F401
     if tensorboard:
         _require_tensorboard()

@@ -9,8 +9,8 @@ from typing import Any
 import numba
 from rich.progress import Progress
 
+from auv_gym.extra import needs
 from auv_gym.rl import Training
-from auv_gym.rl.extra import needs
 
 TASK, PEER = "auv_gym/Depth-v0", "Pendulum-v1"
 COUNTS, PEER_COUNT = (8, 64), 8
@@ -42,7 +42,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
             f"--steps needs {STEPS_AN_UPDATE} or more and --rounds 1 or more, got {arguments.steps} and "
             f"{arguments.rounds}."
         )
-    with needs("The benchmark needs stable-baselines3"):
+    with needs("The benchmark needs stable-baselines3", "rl"):
         from auv_gym.rl.agents import make_agent
     threads = numba.get_num_threads()
     numba.set_num_threads(1)  # the pendulum has one core too

@@ -1,4 +1,4 @@
-"""The error of a package that the extra `rl` would bring."""
+"""The error of a package that one of the extras would bring."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from contextlib import contextmanager
 
 
 @contextmanager
-def needs(what: str) -> Iterator[None]:
+def needs(what: str, extra: str) -> Iterator[None]:
     """Imports in the block fail with an error that names the extra; what: `Training needs stable-baselines3`."""
     try:
         yield
     except ImportError as error:
-        raise ImportError(f"{what} ({error}): pip install 'auv-gym[rl]'.") from error
+        raise ImportError(f"{what} ({error}): pip install 'auv-gym[{extra}]'.") from error

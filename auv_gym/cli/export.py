@@ -1,0 +1,104 @@
+"""`auv-gym export`: a vehicle, or logs of it, in the form of another tool."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from auv_gym.cli.application import app
+from auv_gym.cli.options import logs
+from auv_gym.cli.options.console import output
+
+if TYPE_CHECKING:
+    from auv_gym.plant import Plant
+
+
+class Form(StrEnum):
+    """What a vehicle can be exported to."""
+
+    sdf = "sdf"
+    casadi = "casadi"
+    control = "control"
+    minari = "minari"
+
+
+@app.command()
+def export(
+    vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    to: Annotated[
+        Form,
+        typer.Option(
+            help="sdf: a world for Gazebo. casadi: the right-hand side as a CasADi function. control: the linear form "
+            "about its trim, as a MAT file. minari: a data set of the logs."
+        ),
+    ],
+    out: Annotated[
+        str | None,
+        typer.Option(help="File to write; default: the vehicle's name. Of minari: the data set, such as auv/dives-v0."),
+    ] = None,
+    log: Annotated[list[str] | None, typer.Option(help=f"With minari. {logs.ANY_LOG} May be repeated.")] = None,
+    mapping: logs.ColumnNames = None,
+    cache_dir: logs.CacheFolder = None,
+    continuous: Annotated[bool, typer.Option("--continuous", help="With control: in continuous time.")] = False,
+) -> None:
+    """Export a vehicle to Gazebo, CasADi or python-control, or its logs to a Minari data set."""
+    if (to is Form.minari) != bool(log):
+        raise ValueError("Give --log with --to minari, and only there: a data set is made of logs of the vehicle.")
+    if continuous and to is not Form.control:
+        raise ValueError(f"--continuous says nothing about {to.value}: leave it out.")
+    from auv_gym.plant import load_vehicle
+
+    plant = load_vehicle(vehicle)
+    if to is Form.minari:
+        _to_minari(plant, out or f"{plant.name}/logs-v0", log or [], mapping, cache_dir)
+        return
+    file = Path(out or f"{plant.name}{_ENDINGS[to]}")
+    for line in _WRITERS[to](plant, file, continuous):
+        output.print(line, soft_wrap=True, markup=False)
+    output.print(f"Written: {file}", soft_wrap=True, markup=False)
+
+
+def _to_sdf(plant: Plant, file: Path, continuous: bool) -> list[str]:
+    from auv_gym.exports.for_gazebo import gazebo_world
+
+    world = gazebo_world(plant)
+    world.save(file)
+    return [f"Not held by SDF: {line}" for line in world.left_out]
+
+
+def _to_casadi(plant: Plant, file: Path, continuous: bool) -> list[str]:
+    from auv_gym.exports.for_casadi import casadi_model
+
+    model = casadi_model(plant)
+    model.save(file)
+    return [f"x: {', '.join(model.states)}", f"u: {', '.join(model.inputs)}"]
+
+
+def _to_control(plant: Plant, file: Path, continuous: bool) -> list[str]:
+    from auv_gym.exports.for_control import control_system, save_system
+
+    system = control_system(plant, continuous=continuous)
+    save_system(system, file)
+    labels = {"states": system.state_labels, "inputs": system.input_labels, "outputs": system.output_labels}
+    return [f"{key}: {', '.join(names)}" for key, names in labels.items()]
+
+
+def _to_minari(plant: Plant, dataset: str, names: list[str], mapping: Path | None, cache_dir: Path | None) -> None:
+    import warnings
+
+    from auv_gym.exports.for_minari import dataset_of_records
+    from auv_gym.plant.record_check import needs_of
+
+    record = logs.read_log(names, mapping, cache_dir, needs_of(plant), True)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="minari")  # on an author, a link and an environment that a log lacks
+        made = dataset_of_records(dataset, record, plant)
+    steps = f"{made.total_episodes} episodes, {made.total_steps} steps"
+    output.print(f"{steps}: minari.load_dataset({dataset!r})", soft_wrap=True, markup=False)
+
+
+_ENDINGS = {Form.sdf: ".sdf", Form.casadi: ".casadi", Form.control: ".mat"}
+_WRITERS = {Form.sdf: _to_sdf, Form.casadi: _to_casadi, Form.control: _to_control}

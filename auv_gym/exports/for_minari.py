@@ -1,0 +1,102 @@
+"""Records and rollouts as Minari data sets, the form in which offline reinforcement learning shares episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from auv_gym.extra import needs
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from auv_gym.rl.evaluation import Agent, evaluate
+
+with needs("A Minari data set needs minari", "minari"):
+    import minari
+    from minari.data_collector import EpisodeBuffer
+
+
+def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plant: Plant, **about: Any) -> Any:
+    """A Minari data set of logs, one episode a segment.
+
+    Observations are the vehicle's outputs that every record has at all samples. Actions are the vehicle's inputs at
+    these samples; an input that no log needs to have is constant where one lacks it. A log has no rewards, so they are
+    0. The infos hold `time_s`.  dataset_id: such as "slocum/dives-v0".  about: what else Minari takes, such as author.
+    Raises ValueError where an input is missing.
+    """
+    records = [records] if isinstance(records, Record) else list(records)
+    seen = [name for name in plant.outputs if all(r.has(name) and np.isfinite(r[name]).all() for r in records)]
+    missing = [name for name in plant.family.required if not all(record.has(name) for record in records)]
+    if missing or not seen:
+        raise ValueError(
+            f"A data set for {plant.name} needs its inputs and outputs in every log, and one of them lacks "
+            f"{', '.join(missing or plant.outputs)}: map the log's columns to these channels."
+        )
+    buffers = []
+    for record in records:
+        actions = np.stack(
+            [
+                record[name] if record.has(name) else np.full(len(record), plant.constants[name])
+                for name in plant.inputs
+            ],
+            axis=1,
+        )
+        states = record.matrix(seen)
+        for rows in record.segments:
+            steps = rows.stop - rows.start - 1
+            buffers.append(
+                EpisodeBuffer(
+                    id=len(buffers),
+                    observations=list(states[rows]),
+                    actions=list(actions[rows][:-1]),
+                    rewards=[0.0] * steps,
+                    terminations=[False] * steps,
+                    truncations=[False] * (steps - 1) + [True],
+                    infos={"time_s": record.time[rows]},
+                )
+            )
+    about = {
+        "description": f"Logs of {plant.name}. Observations: {', '.join(seen)}. Actions: {', '.join(plant.inputs)}.",
+        "algorithm_name": "measured",
+    } | about
+    spaces = {"observation_space": _space(len(seen)), "action_space": _space(len(plant.inputs))}
+    return minari.create_dataset_from_buffers(dataset_id, buffers, **spaces, **about)
+
+
+def dataset_of_rollouts(dataset_id: str, env: gymnasium.Env, agent: Agent, seeds: Sequence[int], **about: Any) -> Any:
+    """A Minari data set of one whole episode of each seed, with the agent at the wheel of the environment."""
+    recorder = _Recorder(env)
+    evaluate(agent, recorder, seeds)
+    about = {"algorithm_name": type(agent).__name__} | about
+    return minari.create_dataset_from_buffers(dataset_id, recorder.episodes, env=env, **about)
+
+
+class _Recorder(gymnasium.Wrapper):
+    """An environment that keeps what happens in it, episode by episode."""
+
+    def __init__(self, env: gymnasium.Env):
+        super().__init__(env)
+        self.episodes: list[Any] = []
+
+    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+        observation, info = self.env.reset(seed=seed, options=options)
+        started = EpisodeBuffer(id=len(self.episodes), seed=seed, observations=[np.array(observation)], actions=[])
+        self.episodes.append(started)
+        return observation, info
+
+    def step(self, action: Any) -> Any:
+        happened = self.env.step(action)
+        observation, reward, terminated, truncated, _ = happened
+        kept = self.episodes[-1]
+        kept.observations.append(np.array(observation))
+        kept.actions.append(np.array(action))
+        kept.rewards.append(float(reward))
+        kept.terminations.append(bool(terminated))
+        kept.truncations.append(bool(truncated))
+        return happened
+
+
+def _space(size: int) -> gymnasium.spaces.Box:
+    return gymnasium.spaces.Box(-np.inf, np.inf, (size,), np.float64)

@@ -1,0 +1,65 @@
+"""`auv-gym export`."""
+
+import importlib
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from auv_gym.cli import main
+from auv_gym.records.record import Record
+
+
+def test_sdf_says_what_it_does_not_hold(tmp_path, capsys):
+    file = tmp_path / "npsauv.sdf"
+    assert main(["export", "npsauv", "--to", "sdf", "--out", str(file)]) == 0
+    assert "Not held by SDF: Cross-flow drag" in capsys.readouterr().out
+    assert ElementTree.parse(file).getroot().tag == "sdf"
+
+
+def test_casadi_reads_the_function_that_was_written(tmp_path, capsys):
+    ca = pytest.importorskip("casadi", reason="the extra `casadi` is not installed")
+    file = tmp_path / "glider.casadi"
+    assert main(["export", "ganeshblue", "--to", "casadi", "--out", str(file)]) == 0
+    assert "x: heading_rad, r_radps, north_m, east_m" in capsys.readouterr().out
+    assert ca.Function.load(str(file)).name_in() == ["x", "u"]
+    assert (tmp_path / "glider.casadi.json").exists()
+
+
+def test_control_writes_a_mat_file(tmp_path, capsys):
+    pytest.importorskip("control", reason="the extra `control` is not installed")
+    assert main(["export", "npsauv", "--to", "control", "--continuous", "--out", str(tmp_path / "npsauv.mat")]) == 0
+    assert "inputs: stern_plane_rad, bow_plane_rad" in capsys.readouterr().out
+
+
+def test_minari_takes_logs(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("minari", reason="the extra `minari` is not installed")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    values = {name: np.linspace(0.0, 0.1, 40) for name in ("rudder_rad", "heading_rad", "r_radps")}
+    Record.from_arrays(np.arange(40.0), values).save(tmp_path / "log.nc")
+    given = ["export", "ganeshblue", "--to", "minari", "--log", str(tmp_path / "log.nc"), "--out", "glider/log-v0"]
+    assert main(given) == 0
+    assert "1 episodes, 39 steps: minari.load_dataset('glider/log-v0')" in capsys.readouterr().out
+
+
+def test_options_of_another_form_are_refused(capsys):
+    assert main(["export", "ganeshblue", "--to", "minari"]) == 1
+    assert main(["export", "ganeshblue", "--to", "sdf", "--continuous"]) == 1
+    told = " ".join(capsys.readouterr().err.split())
+    assert "Give --log with --to minari" in told
+    assert "--continuous says nothing about sdf" in told
+
+
+@pytest.mark.parametrize("package, module", [("casadi", "symbols"), ("minari", "for_minari")])
+def test_a_missing_package_names_its_extra(package, module, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    monkeypatch.delitem(sys.modules, f"auv_gym.exports.{module}", raising=False)
+    with pytest.raises(ImportError, match=rf"pip install 'auv-gym\[{package}\]'"):
+        importlib.import_module(f"auv_gym.exports.{module}")
+
+
+def test_a_missing_control_names_its_extra(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "control", None)
+    assert main(["export", "npsauv", "--to", "control"]) == 1
+    assert "pip install 'auv-gym[control]'" in " ".join(capsys.readouterr().err.split())
