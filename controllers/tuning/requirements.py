@@ -20,7 +20,8 @@ QUANTITIES: Mapping[str, tuple[str, bool]] = {
     "rms_error_percent": ("%", False),
     "saturation_percent": ("%", False),
 }
-# with it a loop has 6 dB and 29 deg at least.  Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 4.6
+# with it the phase margin is 29 deg at least, and the gain may rise by 6 dB and fall by 3.5 dB.
+# Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 4.6
 USUAL = ("sensitivity_peak<=2",)
 _FORM = re.compile(r"\s*(?:(\w+)\.)?(\w+)\s*(<=|>=)\s*(\S+)\s*")
 _MOST = 10.0  # of what is required, that a loop is from it

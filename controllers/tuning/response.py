@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, pi
+from math import inf, log, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +28,7 @@ _FINE = 600  # frequencies between which margins are sought
 class Margins(NamedTuple):
     """Of a loop broken at its command: dB, deg, s, and the peak of |1 / (1 + L)|.
 
-    gain: smaller of how far the gain may rise and fall.  0, and an infinite peak, where the loop does not settle.
+    gain: the smaller of how far the gain may rise and fall.  0, and an infinite peak, where the loop does not settle.
     """
 
     gain_margin_db: float
@@ -57,7 +57,7 @@ class Response:
 
 
 def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_share: float = 0.0) -> Response:
-    """The response of the loop of a channel on one of the bench's plants, at the targets that stand.
+    """The response of the loop of a channel on one of the bench's plants, where it starts.
 
     All loops are closed, and a periodic signal is added to the command; from its lines in the command that acts, S =
     1 / (1 + L).  bow_share: how far bow planes move with the stern planes in this controller.
@@ -72,17 +72,19 @@ def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_
     lines = 2 * np.unique(np.geomspace(1.0, 0.22 * period, _LINES).round().astype(int)) - 1
     signal = share * span * _multisine(period, lines)
     signal *= min(1.0, _room(bench, at, command) / (_CREST * share * span))
-    whole = np.tile(signal, 2 + lead // period)[-(lead + period) :]
+    whole = np.roll(np.tile(signal, 2 + lead // period), lead)[: lead + period + 1]
     together = {command: 1.0, **kind.mirror(plant, name, bow_share)}
     shaken = Excited(controller, {other: factor * whole for other, factor in together.items()}, plant.dt)
-    held = {other: [(0.0, value)] for other, value in trial.held.items()}
+    now = dict(zip(plant.outputs, plant.output(bench.starts[at][0]).tolist(), strict=True))
+    held = {other: [(0.0, now[other])] for other in trial.held}  # what this vehicle can hold
     try:
-        run = run_trial(plant, shaken, held, (lead + period - 1) * plant.dt, start=bench.starts[at])
+        run = run_trial(plant, shaken, held, (lead + period) * plant.dt, start=bench.starts[at])
     except (Diverged, OverflowError):
         return Response(np.array([1.0]), np.array([0j]), False)
     acting = run.get(set_point_of(command), run[command])
-    added = np.fft.rfft(run[excitation_of(command)][lead:])[lines]
-    periodic = acting[lead:] - np.linspace(0.0, 1.0, period) * (acting[-1] - acting[lead])
+    added = np.fft.rfft(run[excitation_of(command)][lead:-1])[lines]
+    # what still drifts is taken for a straight line: the signal is the same at both ends
+    periodic = acting[lead:-1] - np.arange(period) / period * (acting[-1] - acting[lead])
     answer = np.fft.rfft(periodic)
     energy, answered = np.abs(answer[1:]) ** 2, np.abs(answer[lines]) ** 2
     settled = bool(energy.sum() - answered.sum() < _STRANGE * answered.sum())
@@ -92,20 +94,30 @@ def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_
 def margins_of(omega: np.ndarray, loop: np.ndarray) -> Margins:
     """The margins of a loop that is stable when it is closed, from its response; sought between its frequencies."""
     fine = np.geomspace(omega[0], omega[-1], _FINE)
-    size = np.exp(np.interp(np.log(fine), np.log(omega), np.log(np.abs(loop))))
+    size = np.interp(np.log(fine), np.log(omega), np.log(np.abs(loop)))
     phase = np.interp(np.log(fine), np.log(omega), np.unwrap(np.angle(loop)))
-    found = size * np.exp(1j * phase)
-    over = np.flatnonzero(np.diff(size > 1.0))
-    beyond = np.mod(phase[over] + pi, 2.0 * pi)  # lag that is left before -180 deg
-    apart = np.minimum(beyond, 2.0 * pi - beyond)
-    turned = found * -1.0  # real and positive where the phase is -180 deg
-    at = np.flatnonzero((np.diff(np.sign(turned.imag)) != 0.0) & (turned.real[:-1] > 0.0))
+    found = np.exp(size + 1j * phase)
+    over = _crossings(size)
+    left = np.mod(_at(over, phase) + pi, 2.0 * pi)  # lag before -180 deg
+    full = _crossings(np.mod(phase, 2.0 * pi) - pi)  # which jumps where the phase is 0
     return Margins(
-        gain_margin_db=float(np.abs(20.0 * np.log10(size[at])).min(initial=inf)),
-        phase_margin_deg=float(np.rad2deg(apart).min(initial=180.0)),
-        delay_margin_s=float((beyond / fine[over]).min(initial=inf)),
+        gain_margin_db=float(20.0 / log(10.0) * np.abs(_at(full, size)).min(initial=inf)),
+        phase_margin_deg=float(np.rad2deg(np.minimum(left, 2.0 * pi - left)).min(initial=inf)),
+        delay_margin_s=float((left / np.exp(_at(over, np.log(fine)))).min(initial=inf)),
         sensitivity_peak=float((1.0 / np.abs(1.0 + found)).max()),
     )
+
+
+def _crossings(values: np.ndarray) -> np.ndarray:
+    """Where values go through zero without a jump, as indices with a fraction."""
+    before, after = values[:-1], values[1:]
+    at = np.flatnonzero((np.sign(before) != np.sign(after)) & (np.abs(after - before) < pi))
+    return at + before[at] / (before[at] - after[at])
+
+
+def _at(places: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Values at indices with a fraction."""
+    return np.interp(places, np.arange(values.size), values)
 
 
 def _multisine(period: int, lines: np.ndarray) -> np.ndarray:
