@@ -52,7 +52,8 @@ class Gpc:
     errors; where not, broken the less the larger `soft` is.  reference_time: s, in which the reference nears the
     target.  nominal: targets that may not come.  neutral: inputs before the first plan.  A StateSpace gets a Kalman
     filter; noise: standard deviations of its outputs, drift: of a sample's change of each input's or output's
-    disturbance.  A Polynomial is taken as CARIMA, see `polynomial_increments` for observer.
+    disturbance, multiplied by drift_factor: with a larger one the filter believes its readings more than the model.
+    A Polynomial is taken as CARIMA, see `polynomial_increments` for observer.
     """
 
     model: StateSpace | Polynomial
@@ -72,6 +73,7 @@ class Gpc:
     neutral: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
+    drift_factor: float = 1.0
     observer: Sequence[float] = ()
 
     def __post_init__(self) -> None:
@@ -110,9 +112,10 @@ class Gpc:
                     raise ValueError(f"Gpc needs {name} (low, high) with low < high, got {key}: ({low}, {high}).")
         for key in set(inputs) - set(self.move_weights) - set(self.input_limits):
             raise ValueError(f"Gpc needs a move weight or limits for every input, got neither for {key!r}.")
-        if not 0.0 < self.soft < inf or not 0.0 < self.effort < inf or not 0.0 <= self.reference_time < inf:
+        factors = {name: getattr(self, name) for name in ("soft", "effort", "drift_factor")}
+        if not all(0.0 < value < inf for value in factors.values()) or not 0.0 <= self.reference_time < inf:
             raise ValueError(
-                f"Gpc needs soft > 0, effort > 0 and reference_time >= 0 s, got {self.soft!r}, {self.effort!r} and "
+                f"Gpc needs {', '.join(factors)} above 0 and reference_time >= 0 s, got {factors} and "
                 f"{self.reference_time!r}."
             )
         low, high = self._limits
@@ -227,7 +230,7 @@ class Gpc:
             sizes = np.concatenate([half, scales])
             names = (*model.inputs, *model.outputs)
             drift = np.array([self.drift.get(name, _SHARE * size) for name, size in zip(names, sizes)])
-            increments = state_space_increments(model, noise, drift, sizes)
+            increments = state_space_increments(model, noise, self.drift_factor * drift, sizes)
         ends = [self.output_limits.get(name, (-inf, inf)) for name in model.outputs]
         step = self.every * model.dt
         fading = exp(-step / self.reference_time) if self.reference_time > 0.0 else 0.0

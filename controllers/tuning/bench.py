@@ -87,6 +87,4 @@ def segments(run: Run, name: str) -> Iterator[tuple[slice, float]]:
 def _targets(trial: Trial, name: str) -> Steps:
     """The targets of a channel's trial, some of which move while all others stand."""
     moving = (name,) if name in trial.alone else tuple(other for other in trial.steps if other not in trial.alone)
-    return {
-        other: steps if other in moving else [(0.0, trial.held[other])] for other, steps in trial.steps.items()
-    }
+    return {other: steps if other in moving else [(0.0, trial.held[other])] for other, steps in trial.steps.items()}

@@ -34,7 +34,7 @@ _FACTORS = 0.7  # natural logarithm of the first changes of the gains
 _SHORT = 20.0  # weight of what a loop is short of a requirement, over the limit, of each plant
 _TUNED = (
     *("proportional", "integral", "derivative", "error_scale", "rate_scale"),
-    *("frequency", "damping", "effort"),
+    *("frequency", "damping", "effort", "drift_factor"),
 )
 _FULL = 1e-3  # of the range, within which a command is at its limit
 
@@ -197,7 +197,9 @@ def tune_and_judge(
     return judged(plant, found, law, asked, intervals, seed, draws=draws, show=tell)
 
 
-def trying(bench: Bench, at: int, controller: Controller, name: str, bow_share: float, run: Run | None = None) -> Trying:
+def trying(
+    bench: Bench, at: int, controller: Controller, name: str, bow_share: float, run: Run | None = None
+) -> Trying:
     """The loop of a channel on one of the bench's plants; run: of its trial, where that has been flown."""
     response = loop_response(bench, at, controller, name, bow_share)
     try:

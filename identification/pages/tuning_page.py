@@ -68,7 +68,9 @@ def quantity_table(found: Judged) -> Table:
         for name in found.loops:
             values = found.values(name, quantity)
             cells.append(f"{_shown(values[0])} / {_shown(worst(quantity, values))}")
-        rows.append((quantity.removesuffix("_percent") + (f", {unit}" if quantity.endswith("_percent") else ""), *cells))
+        rows.append(
+            (quantity.removesuffix("_percent") + (f", {unit}" if quantity.endswith("_percent") else ""), *cells)
+        )
     return Table(("vehicle / worst", *found.loops), rows)
 
 

@@ -15,6 +15,7 @@ from controllers.trials.trial import Steps
 
 Start = tuple[np.ndarray, np.ndarray]
 SEGMENT = 30.0  # s per time scale of the vehicle, of one target; a run has two
+GPC = {"effort": 1.0, "drift_factor": 1.0}  # what of predictive control is tuned, and its usual values
 OFF = 0.05  # of an actuator's range, by which it is off its zero in the changed plants
 
 

@@ -6,7 +6,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits, find_cruise, find_helm
 from controllers.gains import Loops
 from controllers.trials.trial import Steps, level_flight
-from controllers.tuning.kinds import OFF, SEGMENT, Moved, Trial, TuningKind, law
+from controllers.tuning.kinds import GPC, OFF, SEGMENT, Moved, Trial, TuningKind, law
 
 TABLE_4 = {"heading": (0.9, 1.7, 0.0024), "depth": (2.3, 2.4, 0.00006), "speed": (0.8, 0.1, 0.02)}  # Xu et al. 2013
 _PITCH_LIMIT = 0.35  # rad
@@ -36,7 +36,7 @@ def _trial(plant: Plant) -> Trial:
 def _first(plant: Plant, kind: str) -> Loops:
     """By the linear-quadratic regulators of the environments; a third of them for integrals."""
     if kind == "gpc":
-        return {name: {"effort": 1.0} for name in _LOOPS["gpc"]}
+        return {name: GPC for name in _LOOPS["gpc"]}
     cruise, limits, helm = find_cruise(plant), command_limits(plant), find_helm(plant)
     length, speed = plant.hull.length, cruise.speed
     time = length / speed

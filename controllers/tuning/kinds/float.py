@@ -6,7 +6,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.float_engine import find_engine
 from controllers.gains import Loops
 from controllers.trials.trial import Steps, at_rest
-from controllers.tuning.kinds import OFF, SEGMENT, Moved, Trial, TuningKind, law
+from controllers.tuning.kinds import GPC, OFF, SEGMENT, Moved, Trial, TuningKind, law
 
 
 def _trial(plant: Plant) -> Trial:
@@ -19,7 +19,7 @@ def _trial(plant: Plant) -> Trial:
 
 def _first(plant: Plant, kind: str) -> Loops:
     if kind == "gpc":
-        return {"depth_m": {"effort": 1.0}}
+        return {"depth_m": GPC}
     engine = find_engine(plant)
     time = max(3.0 * plant.dt, 1.5 * engine.half / engine.rate)
     reach = 1.4 * time * engine.speed

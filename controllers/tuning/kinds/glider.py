@@ -6,7 +6,7 @@ from auv_gym.plant import Plant
 from controllers.gains import Loops
 from controllers.pid import heading_pid
 from controllers.trials.trial import Steps, at_rest
-from controllers.tuning.kinds import OFF, SEGMENT, Moved, Trial, TuningKind
+from controllers.tuning.kinds import GPC, OFF, SEGMENT, Moved, Trial, TuningKind
 
 
 def _trial(plant: Plant) -> Trial:
@@ -19,7 +19,7 @@ def _trial(plant: Plant) -> Trial:
 
 def _first(plant: Plant, kind: str) -> Loops:
     if kind == "gpc":
-        return {"heading_rad": {"effort": 1.0}}
+        return {"heading_rad": GPC}
     pid, names = heading_pid(plant), ("proportional", "integral", "derivative", "filter_time", "integral_range")
     return {"heading": {name: getattr(pid, name) for name in names}}
 

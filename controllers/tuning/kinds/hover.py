@@ -8,7 +8,7 @@ from controllers.gains import Loops
 from controllers.hovering.dynamics import POSE
 from controllers.kinds.hover import axis_of, dynamics_of, placed_frequencies, poses_of
 from controllers.trials.trial import Steps, at_rest
-from controllers.tuning.kinds import Moved, Trial, TuningKind
+from controllers.tuning.kinds import GPC, Moved, Trial, TuningKind
 
 _LENGTHS = 40.0  # 1 / frequency of the slowest loop, of one target
 _DEEP = 20.0  # m
@@ -29,7 +29,7 @@ def _trial(plant: Plant) -> Trial:
 
 def _first(plant: Plant, kind: str) -> Loops:
     if kind == "gpc":
-        return {name: {"effort": 1.0} for name in poses_of(plant)}
+        return {name: GPC for name in poses_of(plant)}
     frequencies = placed_frequencies(plant)
     return {
         axis_of(name): {"frequency": float(frequencies[POSE.index(name)]), "damping": 1.0} for name in poses_of(plant)

@@ -14,7 +14,9 @@ def test_the_response_of_a_simulated_loop_is_that_of_its_linear_form():
     plant = load_vehicle("heu_torpedo")
     gains = gains_for(plant.name, plant.dt)
     response = loop_response(bench_of(plant, 0), 0, autopilot(plant, gains=gains), "heading_rad")
-    heading, rate = linearise(plant, ("rudder_rad",), ("heading_rad", "r_radps")).frequency_response(response.omega).T[0]
+    heading, rate = (
+        linearise(plant, ("rudder_rad",), ("heading_rad", "r_radps")).frequency_response(response.omega).T[0]
+    )
     law = gains.law("pid", "heading")
     held = plant.dt / (np.exp(1j * response.omega * plant.dt) - 1.0)
     loop = (law["proportional"] + law["integral"] * held) * heading + law["derivative"] * rate
@@ -47,4 +49,6 @@ def test_margins_of_a_loop_whose_margins_are_known(gain):
         left = np.pi / 2.0 - 2.0 * np.arctan(omega)
         assert found.phase_margin_deg == pytest.approx(np.rad2deg(left), abs=0.2)
         assert found.delay_margin_s == pytest.approx(left / omega, rel=0.01)
-        assert found.sensitivity_peak == pytest.approx((1.0 / np.abs(1.0 + gain / (s * (s + 1.0) ** 2))).max(), rel=1e-3)
+        assert found.sensitivity_peak == pytest.approx(
+            (1.0 / np.abs(1.0 + gain / (s * (s + 1.0) ** 2))).max(), rel=1e-3
+        )

@@ -31,7 +31,10 @@ def test_same_seed_same_file_and_others_entries_stay(tmp_path, capsys):
 
 
 def test_laws_that_are_not_tuned_again_stay_in_the_file():
-    pid, gpc = Gains("mine", 0.1, loops={"pid": {"a": {"b": 1.0}}}), Gains("mine", 0.1, loops={"gpc": {"a": {"c": 2.0}}})
+    pid, gpc = (
+        Gains("mine", 0.1, loops={"pid": {"a": {"b": 1.0}}}),
+        Gains("mine", 0.1, loops={"gpc": {"a": {"c": 2.0}}}),
+    )
     both = with_gains(with_gains((Gains("other", 0.1),), pid), gpc)
     assert [entry.vehicle for entry in both] == ["other", "mine"]
     assert both[1].loops == {**pid.loops, **gpc.loops}
