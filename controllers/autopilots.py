@@ -106,8 +106,8 @@ def gpc_autopilot(
     depth.  One motion each, as at cruise they do not act on each other at first order.
     targets: some of these channels, default all; `pitch_rad` in the place of depth.  dt: s between plans, a multiple of
     the plant's, with which the filters go; default a third of the time for a torpedo's length, a fifteenth of a float's
-    engine's time.  gains: a file, or the gains themselves, which have settings of each channel's Gpc.  settings: further
-    ones of every Gpc.
+    engine's time.  gains: a file, or the gains themselves, which have settings of each channel's Gpc.  settings:
+    further ones of every Gpc.
     """
     kind = KINDS.of(plant.family)
     makers = kind.plans

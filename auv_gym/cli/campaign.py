@@ -44,7 +44,8 @@ def campaign(
 ) -> None:
     """Run a campaign of experiments, fit models to the records, compare them, tune gains; a stopped one goes on.
 
-    Exit code: 3 where a run, a fit or a comparison failed or gains do not meet a requirement, 130 where the campaign was stopped.
+    Exit code: 3 where a run, a fit or a comparison failed or gains do not meet a requirement, 130 where the campaign
+    was stopped.
     """
     with progress_bar() as progress:
         progress(0.0, "starting")

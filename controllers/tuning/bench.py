@@ -1,4 +1,4 @@
-"""The bench on which loops are tuned and tried: a vehicle and changed ones, steps of the targets, and what a run costs."""
+"""The bench on which loops are tuned and tried: a vehicle and changed ones, steps of targets, and what a run costs."""
 
 from __future__ import annotations
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from math import isfinite, nan
 from pathlib import Path
 from typing import Any
 
@@ -41,13 +42,13 @@ def read_uncertain(plant: Plant, file: str | os.PathLike) -> tuple[Plant, dict[s
         for entry in entries:
             path = entry.get("path") or entry["name"]
             values[path] = float(entry["value"])
-            if entry.get("ci95"):
-                low, high = map(float, entry["ci95"])
+            low, high = map(float, entry.get("ci95") or (nan, nan))
+            if isfinite(low) and isfinite(high):
                 intervals[path] = (min(low, values[path]), max(high, values[path]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(
-            f"{file} cannot be used ({error}): give the diagnosis.json of `auv-gym diagnose`, or the JSON of a fit in a "
-            "campaign's folder of models."
+            f"{file} cannot be used ({error}): give the diagnosis.json of `auv-gym diagnose`, or the JSON of a fit in "
+            "a campaign's folder of models."
         ) from None
     if not intervals:
         raise ValueError(

@@ -105,7 +105,7 @@ def tuned(
     requirements: Sequence[Requirement] = (),
     start: Gains | None = None,
 ) -> Gains:
-    """The gains of a bench's vehicle, after so many evaluations for each loop, from first_gains or a start of one's own.
+    """The gains of a bench's vehicle, after so many evaluations for each loop, from `first_gains` or another start.
 
     Without requirements they are those of the least cost; with them what a loop is short of one counts too.
     """

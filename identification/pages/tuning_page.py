@@ -29,8 +29,8 @@ _LISTED = 5  # drawn vehicles that could not be started
 def tuning_summary(found: Judged) -> list[str]:
     """What came of it, in sentences."""
     count = len(next(iter(found.loops.values())))
-    drawn_count = count - 1
-    over = f"the vehicle and {drawn_count} drawn from the 95 % intervals of {len(found.intervals)} parameters"
+    known = len(found.intervals)
+    over = f"the vehicle and {count - 1} drawn from the 95 % intervals of {known} parameter{'s' * (known != 1)}"
     failed = [f"{channel(name).label} ({requirement})" for name, requirement, _, met in found.verdicts() if met < count]
     lines = [
         f"All requirements are met on {over}."

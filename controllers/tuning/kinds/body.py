@@ -34,9 +34,9 @@ def _trial(plant: Plant) -> Trial:
 
 
 def _first(plant: Plant, kind: str) -> Loops:
-    """By the linear-quadratic regulators of the environments; a third of them for integrals."""
+    """By the linear-quadratic regulators of the environments, with slow integrals."""
     if kind == "gpc":
-        return {name: GPC for name in _LOOPS["gpc"]}
+        return dict.fromkeys(_LOOPS["gpc"], GPC)
     cruise, limits, helm = find_cruise(plant), command_limits(plant), find_helm(plant)
     length, speed = plant.hull.length, cruise.speed
     time = length / speed

@@ -29,7 +29,7 @@ def _trial(plant: Plant) -> Trial:
 
 def _first(plant: Plant, kind: str) -> Loops:
     if kind == "gpc":
-        return {name: GPC for name in poses_of(plant)}
+        return dict.fromkeys(poses_of(plant), GPC)
     frequencies = placed_frequencies(plant)
     return {
         axis_of(name): {"frequency": float(frequencies[POSE.index(name)]), "damping": 1.0} for name in poses_of(plant)

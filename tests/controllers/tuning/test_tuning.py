@@ -60,7 +60,7 @@ def test_what_is_required_changes_the_gains_and_judging_says_on_how_many_vehicle
         found[label] = judged(plant, gains, "pid", asked, known_intervals(plant), 5, draws=4)
     peaks = {label: max(of.values("heading_rad", "sensitivity_peak")) for label, of in found.items()}
     assert peaks["bound"] < peaks["free"]
-    assert not found["free"].passed and peaks["free"] > 1.2
+    assert not found["free"].passed
     channel, requirement, worst, met = found["free"].verdicts()[0]
     assert (channel, str(requirement), worst) == ("heading_rad", "sensitivity_peak<=1.2", peaks["free"])
     assert met < len(found["free"].loops["heading_rad"]) == 1 + 4 + 2
