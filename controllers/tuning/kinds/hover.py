@@ -21,9 +21,10 @@ def _trial(plant: Plant) -> Trial:
     served = [AXES.index(name) for name in dynamics_of(plant).allocation.counts]
     scale = max(1.0 / float(placed_frequencies(plant)[served].min()), 3.0 * plant.dt)
     half = _LENGTHS * scale
-    sizes = dict(zip(POSE, (_STEP, _STEP, _STEP, _TILT, _TILT, _TURN), strict=True))
+    sizes = (_STEP, _STEP, _STEP, _TILT, _TILT, _TURN)
     held = {name: _DEEP if name == "depth_m" else 0.0 for name in poses_of(plant)}
-    steps: Steps = {name: [(0.0, at + sizes[name]), (half, at + 0.4 * sizes[name])] for name, at in held.items()}
+    size = {name: sizes[POSE.index(name)] for name in held}
+    steps: Steps = {name: [(0.0, at + size[name]), (half, at + 0.4 * size[name])] for name, at in held.items()}
     return Trial(steps, held, 2.0 * half, scale, lambda plant: at_rest(plant, held), tuple(held))
 
 
