@@ -86,7 +86,7 @@ def tune(
     for words in tuning_summary(found):
         output.print(words, markup=False, soft_wrap=True)
     output.print(printed("Requirements", requirement_table(found)))
-    output.print(printed("The vehicle itself, and the worst of all", quantity_table(found)))
+    output.print(printed("Quantities", quantity_table(found)))
     for path in (out, report):
         if path is not None:
             output.print(f"Written to {path}", markup=False, soft_wrap=True)

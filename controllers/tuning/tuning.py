@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -31,7 +32,10 @@ LAWS = ("pid", "gpc")
 _SEARCH = 0.7  # of the time, about, for the search
 _FAILED = 1e6
 _FACTORS = 0.7  # natural logarithm of the first changes of the gains
-_SHORT = 20.0  # weight of what a loop is short of a requirement, over the limit, of each plant
+# of each plant, what a requirement costs that is not met: as much as an overshoot of half a step, and more the further
+# the loop is from it, over the limit
+_UNMET, _SHORT = 5.0, 20.0
+_SCREENED = 6  # draws, and as many corners, among which the plants of the second half of a search are the worst
 _TUNED = (
     *("proportional", "integral", "derivative", "error_scale", "rate_scale"),
     *("frequency", "damping", "effort", "drift_factor"),
@@ -119,8 +123,30 @@ def tuned(
             show((i + done / max(evaluations, 1)) / len(plan), text)
 
         asked = tuple(r for r in requirements if r.channel in ("", name))
-        gains = _improved(bench, gains, law, name, evaluations, told, asked)
+        first = (evaluations + 1) // 2 if asked else evaluations
+        gains = _improved(bench, gains, law, name, first, told, asked)
+        if evaluations > first:
+            hard = _hardest(bench, gains, law, name, asked)
+            again = lambda done, first=first, told=told: told(first + done)  # noqa: E731
+            gains = _improved(hard, gains, law, name, evaluations - first, again, asked)
     return gains
+
+
+def _hardest(bench: Bench, gains: Gains, law: str, name: str, requirements: Sequence[Requirement]) -> Bench:
+    """The bench with as many changed plants as it has, but those on which a loop is furthest from its requirements."""
+    plant, rng = bench.plants[0], np.random.default_rng([bench.seed, 2])
+    others = [*bench.plants[1:]]
+    for make in (drawn, corner):
+        others += [make(plant, bench.intervals, rng) for _ in range(_SCREENED)]
+    able = bench._replace(plants=(), starts=())
+    for other in (plant, *others):
+        with suppress(ValueError):  # it cannot hold itself at the start, whatever the gains
+            able = able._replace(plants=(*able.plants, other), starts=(*able.starts, bench.trial.start(other)))
+    controller = _controller(able, gains, law)
+    short = [_shortfall(able, at, controller, gains, law, name, requirements) for at in range(1, len(able.plants))]
+    worst_first = 1 + np.argsort(-np.array(short), kind="stable")[: len(bench.plants) - 1]
+    kept = (0, *worst_first.tolist())
+    return bench._replace(plants=tuple(able.plants[at] for at in kept), starts=tuple(able.starts[at] for at in kept))
 
 
 def judged(
@@ -234,9 +260,24 @@ def cost(bench: Bench, gains: Gains, law: str, name: str, requirements: Sequence
             return _FAILED
         total += run_cost(bench, run, name)
         if requirements:
-            found = trying(bench, at, controller, name, gains.bow_share if law != "gpc" else 0.0, run)
-            total += _SHORT * sum(r.shortfall(found.quantities[r.quantity]) for r in requirements)
+            total += _shortfall(bench, at, controller, gains, law, name, requirements, run)
     return min(total / len(bench.plants), _FAILED)
+
+
+def _shortfall(
+    bench: Bench,
+    at: int,
+    controller: Controller,
+    gains: Gains,
+    law: str,
+    name: str,
+    requirements: Sequence[Requirement],
+    run: Run | None = None,
+) -> float:
+    """What the requirements that a loop does not meet on one of the plants cost."""
+    found = trying(bench, at, controller, name, gains.bow_share if law != "gpc" else 0.0, run)
+    short = [requirement.shortfall(found.quantities[requirement.quantity]) for requirement in requirements]
+    return sum(_UNMET + _SHORT * size for size in short if size > 0.0)
 
 
 def _controller(bench: Bench, gains: Gains, law: str) -> Controller:

@@ -54,7 +54,7 @@ def test_what_is_required_changes_the_gains_and_judging_says_on_how_many_vehicle
     plant = replace(load_vehicle("ganeshblue_corrected"), name="mine")
     bench = bench_of(plant, 0)
     asked = parse_requirements(["sensitivity_peak<=1.2", "heading_rad.overshoot_percent<=90"], ("heading_rad",))
-    free, bound = tuned(bench, 25, quiet), tuned(bench, 25, quiet, requirements=asked)
+    free, bound = tuned(bench, 14, quiet), tuned(bench, 14, quiet, requirements=asked)
     found = {}
     for label, gains in (("free", free), ("bound", bound)):
         found[label] = judged(plant, gains, "pid", asked, known_intervals(plant), 5, draws=4)
