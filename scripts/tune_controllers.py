@@ -19,12 +19,15 @@ from rich.table import Table
 
 from auv_gym.cli.options.console import progress_bar, table
 from auv_gym.model import Diverged
-from auv_gym.plant import list_vehicles, load_vehicle
+from auv_gym.param import list_paths, replace_at, value_at
+from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from controllers.autopilots import autopilot
 from controllers.gains import Gains, read_gains, with_gains, write_gains
 from controllers.trials.settling import step_response
 from controllers.trials.trial import NOISE
 from controllers.tuning.bench import Bench, bench_of, segments, tried
+from controllers.tuning.kinds import KINDS
+from controllers.tuning.spread import CHANGE
 from controllers.tuning.tuning import BAND, EVALUATIONS, tuned
 from identification.pages.drawing import shown_values
 
@@ -52,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         rows = []
         with progress_bar() as show:
             for i, plant in enumerate(plants):
-                bench = bench_of(plant, given.seed)
+                bench = _bench(plant, given.seed)
                 laws = ("pid", "s_plane") if given.s_plane else PUBLISHED.get((plant.name, plant.dt), ("pid",))
                 gains = tuned(
                     bench,
@@ -69,6 +72,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     Console(highlight=False).print(_reached_table(rows))
     print(f"Written to {given.out}", file=sys.stderr)
     return 0
+
+
+def _bench(plant: Plant, seed: int) -> Bench:
+    """The bench with every main coefficient 20 % up or down, whatever is known of it, as the file of gains was made."""
+    kind, rng = KINDS.of(plant.family), np.random.default_rng(seed)
+    # some stand in it twice: the later one counts, and both are drawn
+    paths = [*plant.family.coefficients, *(path for path in kind.besides if path in list_paths(plant))]
+    plants = [plant]
+    for side in (1.0, -1.0):
+        factors = (1.0 + CHANGE * rng.choice([-1.0, 1.0], len(paths))).tolist()
+        changed = {path: value_at(plant, path) * factor for path, factor in zip(paths, factors, strict=True)}
+        offsets = {path: side * value for path, value in kind.offsets(plant).items()}
+        plants.append(replace_at(plant, changed | offsets))
+    return bench_of(plant, seed).with_plants(plants)
 
 
 def _reached(bench: Bench, gains: Gains) -> list[tuple[str, ...]]:
