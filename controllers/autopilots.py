@@ -11,7 +11,7 @@ from auv_gym.param import did_you_mean
 from auv_gym.plant import Plant
 from controllers.composed.loops import Joint
 from controllers.controller import Controller
-from controllers.gains import Gains, NoGains, gains_for
+from controllers.gains import Gains, Loops, NoGains, gains_for
 from controllers.kinds import KINDS, ControlKind
 
 LAWS = ("pid", "s_plane", "gpc")
@@ -55,18 +55,15 @@ def pid_autopilot(
 
     dt: s between calls, default the plant's.  pitch_limit: rad, in place of the tuned one.  gains: a file, or the
     gains themselves.  Raises where there are none for this vehicle and time.
-    A vehicle that hovers needs none: they follow from its model and from settings of its own, see `controllers.kinds`.
+    A vehicle that hovers needs none: they follow from its model and from settings of its own, see `controllers.kinds`;
+    gains that are given have such settings by axis.
     """
     kind = KINDS.of(plant.family)
     _check_pitch_limit(plant, kind, pitch_limit)
     chosen = _targets(plant, targets, kind)
     if kind.placed is not None:
-        if gains is not None:
-            raise ValueError(
-                f"The gains of {plant.name!r} follow from its model: leave out gains=, and give frequency= and "
-                "damping= to change them."
-            )
-        return kind.placed(plant, chosen, dt, **own)
+        tuned = None if gains is None else _gains(plant, dt, gains)
+        return kind.placed(plant, chosen, dt, gains=tuned, **own)
     if own or kind.pid is None:
         raise TypeError(f"pid_autopilot of {plant.name!r} does not take {', '.join(own)}")
     return kind.pid(plant, chosen, _gains(plant, dt, gains), pitch_limit)
@@ -99,6 +96,7 @@ def gpc_autopilot(
     *,
     dt: float | None = None,
     pitch_limit: float | None = None,
+    gains: str | os.PathLike | Gains | None = None,
     **settings: Any,
 ) -> Controller:
     """Predictive control on `linearise(plant)`: depth, heading and speed of a torpedo, each by a Gpc of its own.
@@ -108,7 +106,8 @@ def gpc_autopilot(
     depth.  One motion each, as at cruise they do not act on each other at first order.
     targets: some of these channels, default all; `pitch_rad` in the place of depth.  dt: s between plans, a multiple of
     the plant's, with which the filters go; default a third of the time for a torpedo's length, a fifteenth of a float's
-    engine's time.  settings: further ones of every Gpc.
+    engine's time.  gains: a file, or the gains themselves, which have settings of each channel's Gpc.  settings:
+    further ones of every Gpc.
     """
     kind = KINDS.of(plant.family)
     makers = kind.plans
@@ -123,12 +122,13 @@ def gpc_autopilot(
     if pitch_limit is not None and "depth_m" in names:
         settings = {**settings, "pitch_limit": pitch_limit}
     settings = {"every": _samples(plant, kind.every, dt), **settings}
+    tuned: Loops = {} if gains is None else _gains(plant, None, gains).loops.get("gpc", {})
     if kind.joined is None:
-        made = [makers[name](plant, settings) for name in names]
+        made = [makers[name](plant, {**tuned.get(name, {}), **settings}) for name in names]
         return made[0] if len(made) == 1 else Joint(tuple(made))
     shared = {name: settings.pop(name) for name in kind.shared if name in settings}
     names = tuple(dict.fromkeys((*names, *kind.held(plant))))
-    return kind.joined(plant, [makers[name](plant, settings) for name in names], **shared)
+    return kind.joined(plant, [makers[name](plant, {**tuned.get(name, {}), **settings}) for name in names], **shared)
 
 
 def _samples(plant: Plant, every: Callable[[Plant], float], dt: float | None) -> int:

@@ -6,7 +6,7 @@ import json
 import os
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from math import isfinite, log
 from pathlib import Path
@@ -64,9 +64,8 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
         have = f"there are some at {there}: choose such a sample time."
     raise (ValueError if there else NoGains)(
         f"No gains of {vehicle!r} within a factor of {_FACTOR:g} of a sample time of {dt:g} s; {have} "
-        "Begin with those of a similar vehicle, gains=gains_for('remus100', 0.1), or give a file that write_gains made "
-        "of yours. The tuner is not in the installed package but in its source archive: there, `python -m "
-        f"scripts.tune_controllers --vehicle VEHICLE.toml --dt {dt:g} --out FILE.toml` makes such a file."
+        "Begin with those of a similar vehicle, gains=gains_for('remus100', 0.1), or give a file of gains for yours: "
+        f"`auv-gym tune VEHICLE.toml --dt {dt:g} --out gains.toml` makes one."
     )
 
 
@@ -99,6 +98,13 @@ def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
                 lines += [f"{key} = {float(value)!r}" for key, value in settings.items()]
         lines.append("")
     write_text(path, "\n".join(lines))
+
+
+def with_gains(entries: Sequence[Gains], gains: Gains) -> tuple[Gains, ...]:
+    """Entries with these gains among them; laws of the same vehicle and sample time that they do not have stay."""
+    same = [e for e in entries if (e.vehicle, e.dt) == (gains.vehicle, gains.dt)]
+    loops = {law: of_law for entry in same for law, of_law in entry.loops.items()} | dict(gains.loops)
+    return (*(e for e in entries if e not in same), replace(gains, loops=loops))
 
 
 def _entry(content: Mapping) -> Gains:

@@ -23,6 +23,7 @@ from auv_gym.cli import (  # noqa: F401  # each puts its command into `app`
     onset,
     simulate,
     train,
+    tune,
 )
 from auv_gym.cli.application import app
 from auv_gym.cli.options.console import errors

@@ -27,6 +27,7 @@ class Part(StrEnum):
 
     runs = "runs"
     fits = "fits"
+    gains = "gains"
     report = "report"
 
 
@@ -39,11 +40,12 @@ def campaign(
         str | None, typer.Option(help="Address of a Dask scheduler that performs the runs, such as tcp://host:8786.")
     ] = None,
     seed: Annotated[int, whole_number("Added to every seed of the file.", *SEED)] = 0,
-    only: Annotated[Part | None, typer.Option(help="One part alone; default: runs, fits and report.")] = None,
+    only: Annotated[Part | None, typer.Option(help="One part alone; default: all of them.")] = None,
 ) -> None:
-    """Run a campaign of experiments, fit models to the records and compare them; a stopped one goes on.
+    """Run a campaign of experiments, fit models to the records, compare them, tune gains; a stopped one goes on.
 
-    Exit code: 3 where a run, a fit or a comparison failed, 130 where the campaign was stopped.
+    Exit code: 3 where a run, a fit or a comparison failed or gains do not meet a requirement, 130 where the campaign
+    was stopped.
     """
     with progress_bar() as progress:
         progress(0.0, "starting")
@@ -70,6 +72,12 @@ def campaign(
 
                     rollouts = compare_rollouts(settings, out, jobs=jobs, progress=progress)
                     failed |= any(told["status"] == "failed" for told in rollouts)
+            told: list[str] = []
+            if only in (None, Part.gains) and settings.tune is not None:
+                from identification.campaign.gains import tune_fitted
+
+                passed, told = tune_fitted(settings, out, progress)
+                failed |= not passed
             report = None
             if only in (None, Part.report):
                 progress(1.0, "writing the report")
@@ -80,6 +88,8 @@ def campaign(
     if conducted is not None:
         _tell(conducted, out)
         failed |= bool(conducted.failures or conducted.trouble)
+    for words in told:
+        output.print(words, markup=False, soft_wrap=True)
     if report is not None:
         output.print(str(report), markup=False, soft_wrap=True)
     if failed:

@@ -144,12 +144,13 @@ class HoverPid:
 
 
 def placed_gains(
-    dynamics: HoverDynamics, frequency: np.ndarray, damping: float, slow: float, share: float
+    dynamics: HoverDynamics, frequency: np.ndarray, damping: np.ndarray, slow: float, share: float
 ) -> HoverGains:
-    """Gains that put two poles of each axis at a natural frequency, rad/s, (6,), and a damping ratio, and one slower.
+    """Gains that put two poles of each axis at a natural frequency, rad/s, and a damping ratio, and one slower.
 
     The axis is mass s^2 + damping s + stiffness, of the vehicle near rest; the third pole is at `slow` times the
-    frequency. share: of each axis's authority, what the reference may take to hold a speed and to gain it.
+    frequency.  frequency, damping: (6,).  share: of each axis's authority, what the reference may take to hold a speed
+    and to gain it.
     Source: Fossen 2021, sec. 15.3.2 (pole placement); Astrom and Murray 2021, sec. 8.2.
     """
     mass, third = np.diag(dynamics.mass), slow * frequency

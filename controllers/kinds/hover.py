@@ -17,6 +17,7 @@ from controllers.allocation import AXES, allocation_of
 from controllers.composed.allocated import Allocated
 from controllers.composed.loops import Joint
 from controllers.controller import Controller
+from controllers.gains import Gains
 from controllers.hovering.dynamics import POSE, HoverDynamics
 from controllers.hovering.law import HoverPid, pace_of, placed_gains
 from controllers.hovering.world import WORLD, InWorldAxes
@@ -38,7 +39,6 @@ _SHARE = 0.5  # of an axis's authority, that a reference takes: the rest is for 
 _POSITION_ERROR = 0.1  # m, that matters as much to a plan as half an input's range moved in a sample
 _STEPS = 0.2  # of the time of a loop, 1 / frequency: from plan to plan, of which thirty make a horizon
 _DRIFT = 0.02  # of an axis's authority, by which disturbances walk in a second that filters reckon with
-_POSITION_NOISE = 0.03  # m, of a position, like that of depth
 _AXIS_OF: dict[str, int] = {name: i for i, name in enumerate(POSE)}
 _NAMES = tuple(name.rpartition("_")[0] for name in AXES)
 
@@ -59,40 +59,51 @@ def _pid(
     dt: float | None,
     *,
     frequency: float | Mapping[str, float] | None = None,
-    damping: float = _DAMPING,
+    damping: float | Mapping[str, float] | None = None,
     lost: Mapping[str, float] | None = None,
+    gains: Gains | None = None,
 ) -> Controller:
     """PID by placed poles: no tuned gains.
 
     frequency: natural frequency of the loops, rad/s, of all axes or by name ("surge" to "yaw"); default what delays and
-    thrusters allow.  damping: ratio.  lost: shares of thrust by thruster, known to be lost.
+    thrusters allow.  damping: ratio, likewise; default 1.  lost: shares of thrust by thruster, known to be lost.
+    gains: have frequency and damping by axis, for those that are not given.
     """
     known = dict(lost or {})
     dynamics = _checked(plant, targets, known)
-    if not damping > 0.0:
-        raise ValueError(f"An autopilot of {plant.name!r} needs damping > 0, a ratio such as 1, got {damping!r}.")
+    tuned = {} if gains is None else gains.loops.get("pid", {})
+    frequency, damping = (
+        {axis: law[key] for axis, law in tuned.items() if key in law} if given is None else given
+        for key, given in (("frequency", frequency), ("damping", damping))
+    )
     sample = plant.dt if dt is None else dt
     _check_sample(dynamics, sample)
-    chosen = _frequencies(dynamics, damping, sample)
-    given = dict.fromkeys(_NAMES, frequency) if isinstance(frequency, int | float) else dict(frequency or {})
-    for name, value in given.items():
-        if name not in _NAMES or value is None or not value > 0.0:
+    ratios = _by_axis("damping", "ratio such as 1", damping, np.full(6, _DAMPING))
+    chosen = _by_axis("frequency", "number in rad/s", frequency, _frequencies(dynamics, ratios, sample))
+    placed = placed_gains(dynamics, chosen, ratios, _SLOW, _SHARE)
+    return _allocated(plant, HoverPid(dynamics, placed, targets, _level(dynamics)), known)
+
+
+def _by_axis(label: str, form: str, given: float | Mapping[str, float], default: np.ndarray) -> np.ndarray:
+    """Numbers of the axes, (6,): one for all, or some by name and the others as by default; raises ValueError."""
+    found = default.copy()
+    for name, value in (given if isinstance(given, Mapping) else dict.fromkeys(_NAMES, given)).items():
+        if name not in _NAMES or not value > 0.0:
             raise ValueError(
-                f"frequency= needs a number above 0 in rad/s, or such numbers by axis ({', '.join(_NAMES)}), got "
-                f"{name!r}: {value!r}."
+                f"{label}= needs a {form} above 0, or such numbers by axis ({', '.join(_NAMES)}), got {name!r}: "
+                f"{value!r}."
             )
-        chosen[_NAMES.index(name)] = value
-    gains = placed_gains(dynamics, chosen, damping, _SLOW, _SHARE)
-    return _allocated(plant, HoverPid(dynamics, gains, targets, _level(dynamics)), known)
+        found[_NAMES.index(name)] = value
+    return found
 
 
-def _frequencies(dynamics: HoverDynamics, damping: float, dt: float) -> np.ndarray:
+def _frequencies(dynamics: HoverDynamics, damping: float | np.ndarray, dt: float) -> np.ndarray:
     """Natural frequencies of the axes, rad/s, (6,), that delays and the strength of the thrusters allow.
 
     The gain of a loop of damping ratio z is 1 at its frequency times sqrt(2 z^2 + sqrt(4 z^4 + 1)); there, a delay T
     costs that frequency times T in phase.
     """
-    crossing = sqrt(2.0 * damping**2 + sqrt(4.0 * damping**4 + 1.0))
+    crossing = np.sqrt(2.0 * damping**2 + np.sqrt(4.0 * damping**4 + 1.0))
     quick = _PHASE / (crossing * (_CALLS * dt + dynamics.delay))
     far = np.array([_FAR] * 3 + [_TURNED] * 3)
     strong = np.sqrt(dynamics.authority / (far * np.diag(dynamics.mass)))
@@ -133,6 +144,26 @@ def _able(plant: Plant) -> tuple[str, ...]:
     return tuple(name for name in POSE if all(axis in counts for axis in _axes_for(name)))
 
 
+def poses_of(plant: Plant) -> tuple[str, ...]:
+    """The channels of the pose that the thrusters of a vehicle serve."""
+    return _able(plant)
+
+
+def axis_of(name: str) -> str:
+    """The name of the axis that moves a channel of the pose, for a vehicle that heads north: "surge" of `north_m`."""
+    return _NAMES[_AXIS_OF[name]]
+
+
+def dynamics_of(plant: Plant) -> HoverDynamics:
+    """The dynamics of a vehicle with all of its thrusters."""
+    return _dynamics(plant)
+
+
+def placed_frequencies(plant: Plant) -> np.ndarray:
+    """The natural frequencies of the axes where none are given, rad/s, (6,)."""
+    return _frequencies(_dynamics(plant), _DAMPING, plant.dt)
+
+
 def _axes_for(name: str) -> tuple[str, ...]:
     """The axes of the body that a channel of the pose takes."""
     return AXES[:2] if name in POSE[:2] else (AXES[_AXIS_OF[name]],)
@@ -153,7 +184,7 @@ def _plan(name: str):
         fields: dict[str, Any] = {
             "weights": {name: weight},
             "input_limits": {WORLD[at]: (-most, most)},
-            "noise": {name: NOISE.get(name, _POSITION_NOISE)},
+            "noise": {name: NOISE[name]},
             "drift": {WORLD[at]: _DRIFT * sqrt(plant.dt) * most},
             "nominal": {name: 0.0} if name in POSE[3:5] else {},
         }

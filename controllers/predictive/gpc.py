@@ -46,12 +46,14 @@ class Gpc:
 
     Minimises the squares of weights times errors, `first` to `horizon` steps ahead, and of move_weights times `moves`
     changes of the inputs.  A plan is made, and steps, `every` samples of the model; the filter takes each sample.
-    weights: by output, 1 over an error that matters.  move_weights: by input, default 1 over half its range.
+    weights: by output, 1 over an error that matters.  move_weights: by input, default 1 over half its range; all are
+    multiplied by `effort`, the larger the calmer.
     input_limits, rate_limits (per s, from plan to plan): hard.  output_limits: kept wherever they can be, whatever the
     errors; where not, broken the less the larger `soft` is.  reference_time: s, in which the reference nears the
     target.  nominal: targets that may not come.  neutral: inputs before the first plan.  A StateSpace gets a Kalman
     filter; noise: standard deviations of its outputs, drift: of a sample's change of each input's or output's
-    disturbance.  A Polynomial is taken as CARIMA, see `polynomial_increments` for observer.
+    disturbance, multiplied by drift_factor: with a larger one the filter believes its readings more than the model.
+    A Polynomial is taken as CARIMA, see `polynomial_increments` for observer.
     """
 
     model: StateSpace | Polynomial
@@ -61,6 +63,7 @@ class Gpc:
     first: int = 1
     every: int = 1
     move_weights: Mapping[str, float] = field(default_factory=dict)
+    effort: float = 1.0
     input_limits: Limits = field(default_factory=dict)
     rate_limits: Mapping[str, float] = field(default_factory=dict)
     output_limits: Limits = field(default_factory=dict)
@@ -70,6 +73,7 @@ class Gpc:
     neutral: Mapping[str, float] = field(default_factory=dict)
     noise: Mapping[str, float] = field(default_factory=dict)
     drift: Mapping[str, float] = field(default_factory=dict)
+    drift_factor: float = 1.0
     observer: Sequence[float] = ()
 
     def __post_init__(self) -> None:
@@ -108,9 +112,11 @@ class Gpc:
                     raise ValueError(f"Gpc needs {name} (low, high) with low < high, got {key}: ({low}, {high}).")
         for key in set(inputs) - set(self.move_weights) - set(self.input_limits):
             raise ValueError(f"Gpc needs a move weight or limits for every input, got neither for {key!r}.")
-        if not 0.0 < self.soft < inf or not 0.0 <= self.reference_time < inf:
+        factors = {name: getattr(self, name) for name in ("soft", "effort", "drift_factor")}
+        if not all(0.0 < value < inf for value in factors.values()) or not 0.0 <= self.reference_time < inf:
             raise ValueError(
-                f"Gpc needs soft > 0 and reference_time >= 0 s, got {self.soft!r} and {self.reference_time!r}."
+                f"Gpc needs {', '.join(factors)} above 0 and reference_time >= 0 s, got {factors} and "
+                f"{self.reference_time!r}."
             )
         low, high = self._limits
         if ((self._neutral < low) | (self._neutral > high)).any():
@@ -224,7 +230,7 @@ class Gpc:
             sizes = np.concatenate([half, scales])
             names = (*model.inputs, *model.outputs)
             drift = np.array([self.drift.get(name, _SHARE * size) for name, size in zip(names, sizes)])
-            increments = state_space_increments(model, noise, drift, sizes)
+            increments = state_space_increments(model, noise, self.drift_factor * drift, sizes)
         ends = [self.output_limits.get(name, (-inf, inf)) for name in model.outputs]
         step = self.every * model.dt
         fading = exp(-step / self.reference_time) if self.reference_time > 0.0 else 0.0
@@ -235,7 +241,7 @@ class Gpc:
                 moves=self.moves,
                 first=self.first,
                 weights=np.array([self.weights.get(name, 0.0) for name in model.outputs]),
-                move_weights=move_weights,
+                move_weights=self.effort * move_weights,
                 lowest=low - model.input_offset,
                 highest=high - model.input_offset,
                 rates=step * np.array([self.rate_limits.get(name, inf) for name in model.inputs]),

@@ -12,8 +12,10 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import find_cruise
 from controllers.controller import Controller
 
-# standard deviations of usual sensors: pressure, attitude with a magnetic compass, gyros, Doppler log
+# standard deviations of usual sensors: pressure, attitude with a magnetic compass, gyros, Doppler log, positions
 NOISE = {
+    "north_m": 0.03,
+    "east_m": 0.03,
     "depth_m": 0.03,
     "roll_rad": 0.004,
     "pitch_rad": 0.004,
@@ -59,7 +61,7 @@ def run_trial(
     rng: np.random.Generator | None = None,
     noise: Mapping[str, float] = NOISE,
 ) -> dict[str, np.ndarray]:
-    """Outputs without noise, inputs and set points by channel, and `time_s`, of a run of `duration` s.
+    """Outputs without noise, inputs, set points, what the controller reports, and `time_s`, of a run of `duration` s.
 
     targets: by channel, (time s, value) steps, the first at 0.  start: a state and the inputs, of which the controller
     changes those that it commands.  rng: draws the noise, standard deviations by channel; None: none.  Raises Diverged.
@@ -72,6 +74,7 @@ def run_trial(
     column = {name: i for i, name in enumerate(plant.inputs)}
     x, u = start[0].copy(), start[1].copy()
     outputs, inputs, state = np.empty((n, spread.size)), np.empty((n, u.size)), controller.start()
+    reports: dict[str, np.ndarray] = {}
     for k in range(n):
         outputs[k] = plant.output(x)
         read = dict(zip(plant.outputs, (outputs[k] + errors[k]).tolist(), strict=True))
@@ -80,11 +83,14 @@ def run_trial(
         for name, value in command.items():
             if name in column:
                 u[column[name]] = value
+            else:
+                reports.setdefault(name, np.full(n, np.nan))[k] = value
         inputs[k] = u
         x = plant.step(x, u)
     check_finite(plant.outputs, time, outputs)
     return {
         "time_s": time,
+        **reports,
         **dict(zip(plant.outputs, outputs.T, strict=True)),
         **dict(zip(plant.inputs, inputs.T, strict=True)),
         **{set_point_of(name): values for name, values in wanted.items()},

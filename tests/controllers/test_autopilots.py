@@ -201,7 +201,7 @@ def test_what_an_autopilot_refuses(tmp_path):
         autopilot(load_vehicle("npsauv", dt=1.0))
     save_vehicle(replace(plant, name="mine"), tmp_path / "mine.toml")
     with pytest.raises(
-        ValueError, match=r"No gains of 'mine'.*gains=gains_for\('remus100', 0\.1\).*not in the installed package"
+        ValueError, match=r"No gains of 'mine'.*gains=gains_for\('remus100', 0\.1\).*`auv-gym tune VEHICLE\.toml --dt"
     ):
         autopilot(load_vehicle(tmp_path / "mine.toml"))
     assert autopilot(load_vehicle(tmp_path / "mine.toml"), gains=gains_for("remus100", 0.1))

@@ -10,6 +10,7 @@ import pytest
 from auv_gym import load_vehicle, replace_at
 from controllers import Excited, autopilot, pilot_for, step_response
 from controllers.composed.allocated import Allocated
+from controllers.gains import Gains
 from controllers.hovering.dynamics import POSE, HoverDynamics, rotation, turning
 from controllers.hovering.law import HoverPid
 from controllers.trials.trial import at_rest, run_trial
@@ -269,10 +270,10 @@ def test_rotations_are_those_of_the_simulator():
         ("bluerov", {"lost": {"t6": 1.0}}, "that are left do not serve sway_N"),
         ("bluerov", {"lost": {"t9": 1.0}}, "no thruster 't9' that could be lost"),
         ("bluerov", {"lost": {"t1": 2.0}}, "lost share of t1 is between 0 and 1"),
-        ("bluerov", {"frequency": -1.0}, "frequency= needs a number above 0"),
+        ("bluerov", {"frequency": -1.0}, "frequency= needs a number in rad/s above 0"),
         ("bluerov", {"frequency": {"forward": 1.0}}, "by axis"),
-        ("bluerov", {"damping": 0.0}, "needs damping > 0"),
-        ("bluerov", {"gains": "mine.toml"}, "follow from its model"),
+        ("bluerov", {"damping": 0.0}, "damping= needs a ratio such as 1 above 0"),
+        ("bluerov", {"gains": "mine.toml"}, "File of gains mine.toml cannot be used"),
         ("bluerov", {"pitch_limit": 0.2}, "for vehicles that dive by pitch"),
         ("bluerov", {"targets": ("u_mps",)}, "has no loop for 'u_mps'"),
     ],
@@ -319,3 +320,19 @@ def test_actions_that_a_controller_does_not_command_are_refused():
         ValueError, match=r"The actions of this environment are surge, sway, heave, .*: leave out actions="
     ):
         pilot_for(env, "pid")
+
+
+def test_gains_have_frequency_and_damping_by_axis_and_settings_go_before_them():
+    axes = {"yaw": {"frequency": 1.1, "damping": 1.5}, "heave": {"frequency": 0.7}}
+    gains = Gains("bluerov2", 0.05, loops={"pid": axes})
+    frequency, damping = {"yaw": 1.1, "heave": 0.7}, {"yaw": 1.5}
+    tuned, set_by_hand, plain = (
+        law_of(autopilot(rov("bluerov2"), **settings)).gains
+        for settings in ({"gains": gains}, {"frequency": frequency, "damping": damping}, {})
+    )
+    assert np.array_equal(tuned.proportional, set_by_hand.proportional)
+    assert np.array_equal(tuned.derivative, set_by_hand.derivative)
+    changed = np.flatnonzero(tuned.proportional != plain.proportional)
+    assert changed.tolist() == [2, 5]
+    given = law_of(autopilot(rov("bluerov2"), gains=gains, frequency={"heave": 2.0})).gains
+    assert np.array_equal(given.pace.frequency[[2]], [2.0])

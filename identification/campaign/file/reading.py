@@ -18,7 +18,7 @@ T = TypeVar("T", bound=BaseModel)
 
 # Tables whose keys are paths with dots in them: `[sensors] depth.noise = 0.1` and "depth.noise" = 0.1 say the same.
 _PATHS = (("vehicle", "effects"), ("sensors",), ("experiment", "randomise"), ("grid",))
-_CAMPAIGN_KEYS = ("name", "description", "seeds", "grid", "fit", "compare")
+_CAMPAIGN_KEYS = ("name", "description", "seeds", "grid", "fit", "compare", "tune")
 
 
 def read_campaign(path: str | Path, seed_offset: int = 0) -> Campaign:
@@ -56,6 +56,7 @@ def read_campaign(path: str | Path, seed_offset: int = 0) -> Campaign:
         grid=head.grid,
         fit=tuple(_moved(fit, ("runs", "validate_on"), seed_offset) for fit in head.fit),
         compare=None if head.compare is None else _moved(head.compare, ("runs",), seed_offset),
+        tune=head.tune,
         template={key: value for key, value in content.items() if key not in _CAMPAIGN_KEYS},
     )
 

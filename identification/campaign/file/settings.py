@@ -204,6 +204,17 @@ class Compare(Table):
     runs: Filter = {}
 
 
+class Tune(Table):
+    """Gains for a vehicle that was fitted, judged over the intervals of its parameters; see `controllers.tuning`."""
+
+    fit: str
+    kind: Literal["pid", "gpc"] = "pid"
+    require: tuple[str, ...] = ()
+    evaluations: int = Field(25, ge=0)
+    draws: int = Field(12, ge=0)
+    seed: int = Field(0, ge=0)
+
+
 class Head(Table):
     """The part of a campaign file that is about all runs together."""
 
@@ -213,6 +224,7 @@ class Head(Table):
     grid: dict[str, Annotated[list[Any], Field(min_length=1)]] = {}
     fit: tuple[Fit, ...] = ()
     compare: Compare | None = None
+    tune: Tune | None = None
 
     @field_validator("name")
     @classmethod
@@ -232,6 +244,14 @@ class Head(Table):
                 raise ValueError(f"two models have the name {name!r}: give each a name of its own")
         return fits
 
+    @model_validator(mode="after")
+    def _one_fit_to_tune(self) -> Head:
+        fits = {fit.name: fit for fit in self.fit}
+        if self.tune is not None and (self.tune.fit not in fits or fits[self.tune.fit].each):
+            known = ", ".join(name for name, fit in fits.items() if not fit.each) or "none"
+            raise ValueError(f"tune.fit needs the name of a fit of one model ({known}), got {self.tune.fit!r}")
+        return self
+
 
 @final
 @dataclass(frozen=True, eq=False)
@@ -249,6 +269,7 @@ class Campaign:
     grid: Mapping[str, Sequence[Any]]
     fit: tuple[Fit, ...]
     compare: Compare | None
+    tune: Tune | None
     template: Mapping[str, Any]
 
     @property

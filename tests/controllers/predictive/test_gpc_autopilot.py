@@ -10,6 +10,7 @@ from auv_gym.plant.cruise import find_cruise
 from auv_gym.plant.float_engine import find_engine
 from controllers.autopilots import autopilot, gpc_autopilot
 from controllers.composed.loops import Joint
+from controllers.gains import Gains
 from controllers.kinds.body import PITCH_LIMIT
 from controllers.predictive.gpc import Gpc
 from controllers.trials.settling import step_response
@@ -158,3 +159,15 @@ def test_pitch_can_stand_in_the_place_of_depth():
 def test_what_a_vehicle_cannot_follow_is_refused(vehicle, options, message):
     with pytest.raises(ValueError, match=message):
         gpc_autopilot(load_vehicle(vehicle), **options)
+
+
+def test_gains_set_each_channels_plan_and_settings_go_before_them():
+    plant = load_vehicle("slocum")
+    gains = Gains(plant.name, plant.dt, loops={"gpc": {"heading_rad": {"effort": 3.0, "drift_factor": 0.5}}})
+    plain, tuned, given = (
+        autopilot(plant, "gpc", **settings) for settings in ({}, {"gains": gains}, {"gains": gains, "effort": 1.0})
+    )
+    assert (tuned.effort, tuned.drift_factor, given.effort) == (3.0, 0.5, 1.0)
+    reading = {"heading_rad": 0.0, "dt_s": plant.dt}
+    first = [abs(pilot.act(pilot.start(), reading, {"heading_rad": 0.02})[0]["rudder_rad"]) for pilot in (plain, tuned)]
+    assert first[1] < 0.8 * first[0]

@@ -1,0 +1,355 @@
+"""Gains of a vehicle, found by simulation for the least cost, and judged over all vehicles that the data allow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import inf
+
+import numpy as np
+from scipy.optimize import minimize
+
+from auv_gym.channels import set_point_of
+from auv_gym.model import Diverged
+from auv_gym.plant import Plant
+from controllers.autopilots import autopilot
+from controllers.controller import Controller
+from controllers.gains import Gains
+from controllers.kinds import KINDS as CONTROL
+from controllers.trials.settling import step_response
+from controllers.trials.trial import NOISE
+from controllers.tuning.bench import Bench, Run, bench_of, run_cost, segments, tried
+from controllers.tuning.kinds import KINDS
+from controllers.tuning.requirements import QUANTITIES, USUAL, Requirement, parse_requirements, worst
+from controllers.tuning.response import UNSETTLED, Response, loop_response
+from controllers.tuning.spread import Intervals, corner, drawn
+
+EVALUATIONS = 40  # of the cost, per loop
+DRAWS = 12  # of vehicles on which gains are judged, and half as many corners
+BAND = 0.05  # of the step, or the sensor's noise if that is more: settled
+LAWS = ("pid", "gpc")
+_SEARCH = 0.7  # of the time, about, for the search
+_FAILED = 1e6
+_FACTORS = 0.7  # natural logarithm of the first changes of the gains
+# of each plant, what a requirement costs that is not met: as much as an overshoot of half a step, and more the further
+# the loop is from it, over the limit
+_UNMET, _SHORT = 5.0, 20.0
+_SCREENED = 6  # draws, and as many corners, among which the plants of the second half of a search are the worst
+_TUNED = (
+    *("proportional", "integral", "derivative", "error_scale", "rate_scale"),
+    *("frequency", "damping", "effort", "drift_factor"),
+)
+_FULL = 1e-3  # of the range, within which a command is at its limit
+
+Progress = Callable[[float, str], object]
+
+
+@dataclass(frozen=True, eq=False)
+class Trying:
+    """What the loop of a channel did on one vehicle: its response, step and quantities; run: of its trial.
+
+    run: None where it left the finite numbers.
+    """
+
+    response: Response
+    run: Run | None
+    quantities: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Gains over the vehicles that the data allow, by channel; the first is the vehicle as it is given.
+
+    plants: as they were drawn, corners last.  refused: why drawn vehicles could not even be started.
+    """
+
+    plant: Plant
+    law: str
+    gains: Gains
+    requirements: tuple[Requirement, ...]
+    intervals: Intervals
+    loops: Mapping[str, tuple[Trying, ...]]
+    corners: int
+    refused: tuple[str, ...]
+    seed: int
+
+    def values(self, channel: str, quantity: str) -> list[float]:
+        """A quantity of a loop on all vehicles."""
+        return [trying.quantities[quantity] for trying in self.loops[channel]]
+
+    def verdicts(self) -> list[tuple[str, Requirement, float, int]]:
+        """For each loop and requirement the worst value, and on how many vehicles it is met."""
+        found = []
+        for channel in self.loops:
+            for requirement in self.requirements:
+                if requirement.channel in ("", channel):
+                    values = self.values(channel, requirement.quantity)
+                    met = sum(map(requirement.is_met, values))
+                    found.append((channel, requirement, worst(requirement.quantity, values), met))
+        return found
+
+    @property
+    def passed(self) -> bool:
+        """Whether all vehicles could be started, and each met all requirements."""
+        return not self.refused and all(requirement.is_met(value) for _, requirement, value, _ in self.verdicts())
+
+
+def first_gains(plant: Plant, laws: Sequence[str] = ("pid",)) -> Gains:
+    """Gains to start from: a hull's by its linear-quadratic regulators, others' by their lags and engines."""
+    kind = KINDS.of(plant.family)
+    return Gains(plant.name, plant.dt, kind.bow_share(plant), {law: kind.first(plant, law) for law in laws})
+
+
+def tuned(
+    bench: Bench,
+    evaluations: int,
+    show: Progress,
+    laws: Sequence[str] = ("pid",),
+    requirements: Sequence[Requirement] = (),
+    start: Gains | None = None,
+) -> Gains:
+    """The gains of a bench's vehicle, after so many evaluations for each loop, from `first_gains` or another start.
+
+    Without requirements they are those of the least cost; with them what a loop is short of one counts too.
+    """
+    plant = bench.plants[0]
+    gains = _all_rounded(first_gains(plant, laws) if start is None else start)
+    loops = KINDS.of(plant.family).loops
+    plan = [(law, name) for law in laws for name in loops(plant, law) if name in bench.trial.steps]
+    for i, (law, name) in enumerate(plan):
+
+        def told(done: int, text: str = f"{gains.vehicle} {law} {name}", i: int = i) -> None:
+            show((i + done / max(evaluations, 1)) / len(plan), text)
+
+        asked = tuple(r for r in requirements if r.channel in ("", name))
+        first = (evaluations + 1) // 2 if asked else evaluations
+        gains = _improved(bench, gains, law, name, first, told, asked)
+        if evaluations > first:
+            hard = _hardest(bench, gains, law, name, asked)
+            again = lambda done, first=first, told=told: told(first + done)  # noqa: E731
+            gains = _improved(hard, gains, law, name, evaluations - first, again, asked)
+    return gains
+
+
+def _hardest(bench: Bench, gains: Gains, law: str, name: str, requirements: Sequence[Requirement]) -> Bench:
+    """The bench with as many changed plants as it has, but those on which a loop is furthest from its requirements."""
+    plant, rng = bench.plants[0], np.random.default_rng([bench.seed, 2])
+    others = [*bench.plants[1:]]
+    for make in (drawn, corner):
+        others += [make(plant, bench.intervals, rng) for _ in range(_SCREENED)]
+    able = bench._replace(plants=(), starts=())
+    for other in (plant, *others):
+        with suppress(ValueError):  # it cannot hold itself at the start, whatever the gains
+            able = able._replace(plants=(*able.plants, other), starts=(*able.starts, bench.trial.start(other)))
+    controller = _controller(able, gains, law)
+    short = [_shortfall(able, at, controller, gains, law, name, requirements) for at in range(1, len(able.plants))]
+    worst_first = 1 + np.argsort(-np.array(short), kind="stable")[: len(bench.plants) - 1]
+    kept = (0, *worst_first.tolist())
+    return bench._replace(plants=tuple(able.plants[at] for at in kept), starts=tuple(able.starts[at] for at in kept))
+
+
+def judged(
+    plant: Plant,
+    gains: Gains,
+    law: str,
+    requirements: Sequence[Requirement],
+    intervals: Intervals,
+    seed: int,
+    *,
+    draws: int = DRAWS,
+    show: Progress = lambda share, text: None,
+) -> Judged:
+    """Gains on the vehicle, on draws from the intervals and on half as many corners of them."""
+    bench, rng = bench_of(plant, seed, intervals), np.random.default_rng([seed, 1])
+    corners = (draws + 1) // 2
+    asked = [*(drawn(plant, intervals, rng) for _ in range(draws))]
+    asked += [corner(plant, intervals, rng) for _ in range(corners)]
+    plants, refused = [plant], []
+    for number, other in enumerate(asked):
+        try:
+            bench.trial.start(other)
+            plants.append(other)
+        except ValueError as error:
+            refused.append(f"{'draw' if number < draws else 'corner'} {number}: {error}")
+    bench = bench.with_plants(plants)
+    controller = _controller(bench, gains, law)
+    loops: dict[str, list[Trying]] = {name: [] for name in bench.trial.steps}
+    for at in range(len(plants)):
+        for name, found in loops.items():
+            show((at + len(found) / (at + 1) / len(loops)) / len(plants), f"vehicle {at + 1} of {len(plants)}")
+            found.append(trying(bench, at, controller, name, gains.bow_share if law != "gpc" else 0.0))
+    return Judged(
+        plant=plant,
+        law=law,
+        gains=gains,
+        requirements=tuple(requirements),
+        intervals=intervals,
+        loops={name: tuple(found) for name, found in loops.items()},
+        corners=corners,
+        refused=tuple(refused),
+        seed=seed,
+    )
+
+
+def check_law(plant: Plant, law: str) -> None:
+    """Raises ValueError if gains of this law cannot be tuned for a vehicle."""
+    KINDS.of(plant.family)
+    if law not in LAWS:
+        raise ValueError(f"Gains are tuned of kind {' or '.join(LAWS)}, got {law!r}.")
+
+
+def tune_and_judge(
+    plant: Plant,
+    law: str,
+    require: Sequence[str] | None,
+    intervals: Intervals,
+    seed: int,
+    *,
+    start: Gains | None = None,
+    evaluations: int = EVALUATIONS,
+    draws: int = DRAWS,
+    show: Progress = lambda share, text: None,
+) -> Judged:
+    """Gains tuned towards requirements, as texts, and judged over intervals on draws that no tuning has seen."""
+    check_law(plant, law)
+    bench = bench_of(plant, seed, intervals)
+    asked = parse_requirements(require or USUAL, tuple(bench.trial.steps))
+    if start is not None and law not in start.loops:
+        raise ValueError(f"The gains of {start.vehicle!r} that you give have none of kind {law!r}: leave them out.")
+    found = tuned(bench, evaluations, lambda share, text: show(_SEARCH * share, text), (law,), asked, start)
+    found = replace(found, vehicle=plant.name, dt=plant.dt)
+    tell = lambda share, text: show(_SEARCH + (1.0 - _SEARCH) * share, text)  # noqa: E731
+    return judged(plant, found, law, asked, intervals, seed, draws=draws, show=tell)
+
+
+def trying(
+    bench: Bench, at: int, controller: Controller, name: str, bow_share: float, run: Run | None = None
+) -> Trying:
+    """The loop of a channel on one of the bench's plants; run: of its trial, where that has been flown."""
+    response = loop_response(bench, at, controller, name, bow_share)
+    try:
+        run = tried(bench, at, controller, name) if run is None else run
+    except (Diverged, OverflowError):
+        nothing = {quantity: 0.0 if upward else inf for quantity, (_, upward) in QUANTITIES.items()}
+        return Trying(response, None, nothing | UNSETTLED._asdict())
+    return Trying(response, run, {**response.margins()._asdict(), **step_quantities(bench, run, name)})
+
+
+def step_quantities(bench: Bench, run: Run, name: str) -> dict[str, float]:
+    """Overshoot, settling, error and time at the limit of the first step of a channel's trial."""
+    part, target = next(segments(run, name))
+    values = run[name][part]
+    size = target - float(values[0])
+    step = step_response(run["time_s"][part], values, target, max(BAND * abs(size), NOISE[name]))
+    return {
+        "overshoot_percent": 100.0 * step.overshoot / abs(size),
+        "settling_s": step.settling_time,
+        "rms_error_percent": 100.0 * float(np.sqrt(np.mean((values - target) ** 2))) / abs(size),
+        "saturation_percent": 100.0 * float(_at_limit(bench, run, name)[part].mean()),
+    }
+
+
+def cost(bench: Bench, gains: Gains, law: str, name: str, requirements: Sequence[Requirement] = ()) -> float:
+    """What the loop of a channel costs, the mean over the plants; large where a run leaves the finite numbers."""
+    total, controller = 0.0, _controller(bench, gains, law)
+    for at in range(len(bench.plants)):
+        try:
+            run = tried(bench, at, controller, name)
+        except (Diverged, OverflowError):
+            return _FAILED
+        total += run_cost(bench, run, name)
+        if requirements:
+            total += _shortfall(bench, at, controller, gains, law, name, requirements, run)
+    return min(total / len(bench.plants), _FAILED)
+
+
+def _shortfall(
+    bench: Bench,
+    at: int,
+    controller: Controller,
+    gains: Gains,
+    law: str,
+    name: str,
+    requirements: Sequence[Requirement],
+    run: Run | None = None,
+) -> float:
+    """What the requirements that a loop does not meet on one of the plants cost."""
+    found = trying(bench, at, controller, name, gains.bow_share if law != "gpc" else 0.0, run)
+    short = [requirement.shortfall(found.quantities[requirement.quantity]) for requirement in requirements]
+    return sum(_UNMET + _SHORT * size for size in short if size > 0.0)
+
+
+def _controller(bench: Bench, gains: Gains, law: str) -> Controller:
+    return autopilot(bench.plants[0], law, tuple(bench.trial.steps), gains=gains)
+
+
+def _at_limit(bench: Bench, run: Run, name: str) -> np.ndarray:
+    """Where the command that moves a channel is at its limit, or thrusters fall short of what is wanted of them."""
+    plant = bench.plants[0]
+    moved = KINDS.of(plant.family).moved_by(plant, name)
+    values, full = run[moved.command], _FULL * moved.span
+    if set_point_of(moved.command) in run:
+        return np.abs(run[set_point_of(moved.command)] - values) > full
+    low, high = CONTROL.of(plant.family).ranges(plant)[moved.command]
+    return (values < low + full) | (values > high - full)
+
+
+def _improved(
+    bench: Bench,
+    gains: Gains,
+    law: str,
+    name: str,
+    evaluations: int,
+    told: Callable[[int], None],
+    requirements: Sequence[Requirement],
+) -> Gains:
+    places = [
+        (loop, key)
+        for loop in KINDS.of(bench.plants[0].family).loops(bench.plants[0], law)[name]
+        if loop in gains.loops[law]
+        for key in _TUNED
+        if gains.loops[law][loop].get(key, 0.0) != 0.0
+    ]
+    if evaluations < 1:
+        return gains
+    done = 0
+
+    def at(logarithms: np.ndarray) -> Gains:
+        loops = {loop: dict(settings) for loop, settings in gains.loops[law].items()}
+        for (loop, key), logarithm in zip(places, logarithms.tolist(), strict=True):
+            loops[loop][key] = _rounded(loops[loop][key] * np.exp(logarithm))
+        return replace(gains, loops={**gains.loops, law: loops})
+
+    def costs(logarithms: np.ndarray) -> float:
+        nonlocal done
+        done += 1
+        told(min(done, evaluations))
+        # an integral that runs away in the logarithm is as good as none, and is not worth the search
+        near = 0.01 * float(np.square(logarithms).sum())
+        return cost(bench, at(logarithms), law, name, requirements) + near
+
+    simplex = np.vstack([np.zeros(len(places)), _FACTORS * np.eye(len(places))])
+    found = minimize(
+        costs,
+        simplex[0],
+        method="Nelder-Mead",
+        options={"maxfev": evaluations, "initial_simplex": simplex, "xatol": 0.02, "fatol": 1e-3},
+    )
+    return at(found.x)
+
+
+def _all_rounded(gains: Gains) -> Gains:
+    loops = {
+        law: {
+            loop: {key: _rounded(value) for key, value in settings.items() if value != 0.0 or key == "filter_time"}
+            for loop, settings in of_law.items()
+        }
+        for law, of_law in gains.loops.items()
+    }
+    return replace(gains, loops=loops)
+
+
+def _rounded(value: float) -> float:
+    """To four digits: more say nothing, and differ between machines."""
+    return float(f"{value:.4g}")

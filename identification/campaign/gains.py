@@ -1,0 +1,67 @@
+"""The gains of a campaign: `[tune]`, for the vehicle that one of its fits found, over the intervals of that fit."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+from auv_gym.plant import Plant
+from auv_gym.writing import write_json, write_text
+from controllers.gains import write_gains
+from controllers.tuning.spread import read_uncertain
+from controllers.tuning.tuning import tune_and_judge
+from identification.campaign.file.settings import Campaign
+from identification.campaign.fits import FOLDER, Progress, load_fitted, read_fits
+
+GAINS, RESULT, PAGE = "gains.toml", "tuning.json", "tuning.html"
+
+
+def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> tuple[bool, list[str]]:
+    """Write gains.toml, tuning.json and tuning.html; whether all requirements are met, and what came of it in words.
+
+    Gains of the same settings and the same fit are not tuned again.  Without the fit, the words say why.
+    """
+    folder, asked = Path(folder), campaign.tune
+    assert asked is not None  # the caller sees to it
+    fit = next((fit for fit in read_fits(folder) if fit["fit"] == asked.fit), None)
+    if fit is None or fit["status"] != "done":
+        return False, [f"No gains: the fit {asked.fit!r} is not done ({fit['reason'] if fit else 'run the fits'})."]
+    model = load_fitted(folder, fit)
+    if not isinstance(model, Plant):
+        return False, [f"No gains: {asked.fit!r} is a model by {fit['method']}, and gains are of a vehicle: grey_box."]
+    key = hashlib.sha256(json.dumps([asked.model_dump(mode="json"), fit["key"]]).encode()).hexdigest()
+    kept = _kept(folder, key)
+    if kept is not None:
+        return kept
+    plant, intervals = read_uncertain(model, folder / FOLDER / f"{fit['name']}.json")
+    found = tune_and_judge(
+        plant,
+        asked.kind,
+        asked.require,
+        intervals,
+        asked.seed,
+        evaluations=asked.evaluations,
+        draws=asked.draws,
+        show=progress,
+    )
+    write_gains((found.gains,), folder / GAINS)
+    words = []
+    try:
+        from identification.pages.tuning_page import tuning_page, tuning_summary
+
+        words = [*tuning_summary(found), f"Gains: {folder / GAINS}"]
+        write_text(folder / PAGE, tuning_page(found))
+    except ImportError as error:
+        words.append(f"No page: {error}")
+    write_json(folder / RESULT, {"key": key, "passed": found.passed, "found": words})
+    return found.passed, words
+
+
+def _kept(folder: Path, key: str) -> tuple[bool, list[str]] | None:
+    """What an earlier call found for this very fit, if its gains are still there."""
+    try:
+        told = json.loads((folder / RESULT).read_text(encoding="utf-8"))
+        return (told["passed"], told["found"]) if told["key"] == key and (folder / GAINS).is_file() else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
