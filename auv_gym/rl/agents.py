@@ -11,20 +11,16 @@ import gymnasium
 import numba
 import numpy as np
 import torch
-from stable_baselines3 import PPO, SAC, TD3
-from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
+from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor, VecNormalize
 from torch import nn
 
 from auv_gym.envs.stable_baselines import SingleEnvs, StableBaselinesVecEnv
 from auv_gym.rl.evaluation import TRAINING, fresh_seeds
-from auv_gym.rl.hyperparameters import Ppo, Td3
 from auv_gym.rl.policy import Policy, Scaling
 from auv_gym.rl.settings import TRUE, Training, make_env
 
-_ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC, "td3": TD3}
 _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
-_NOISES: dict[str, Any] = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
 
 
 class Clock(VecEnvWrapper):
@@ -84,8 +80,7 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     torch.set_num_threads(1)  # networks this small lose time on more
     numba.set_num_threads(1)  # and so do some tens of vehicles, where other work keeps a core busy
     chosen = training.chosen
-    options = {**chosen.env_kwargs, **training.options}
-    clock = Clock(make_vector_env(training.env, chosen.n_envs, training.on, **options))
+    clock = Clock(make_vector_env(training.env, chosen.n_envs, training.on, **training.learning_options))
     if not isinstance(clock.action_space, gymnasium.spaces.Box) or len(clock.observation_space.shape or ()) != 1:
         raise ValueError(
             f"Training needs observations in one row and actions that are numbers, got {clock.observation_space} and "
@@ -96,15 +91,16 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     if normalizer is not None:
         envs = VecNormalize(envs, gamma=chosen.gamma, **normalizer.model_dump())
     seeds = fresh_seeds(training.seed + steps_before, chosen.n_envs, TRAINING)
-    agent = _ALGORITHMS[training.algorithm](
+    agent = PPO(
         chosen.policy,
         envs,
         learning_rate=_scheduled(chosen.learning_rate),
+        clip_range=_scheduled(chosen.clip_range),
         policy_kwargs=_networks(training),
         tensorboard_log=None if tensorboard is None else str(tensorboard),
         seed=seeds[0],
         device="cpu",
-        **_settings(training, clock.action_space.shape),
+        **chosen.agent_settings,
     )
     clock.venv._seeds = list(seeds)  # those of the constructor lie side by side
     return agent, clock
@@ -112,17 +108,9 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
 
 def policy_network(agent: Any) -> Policy:
     """What the agent does without noise, as arrays; the scaling is that of this moment."""
-    policy = agent.policy
-    if isinstance(agent, PPO):
-        layers, last = [*policy.mlp_extractor.policy_net, policy.action_net], "none"
-    elif isinstance(agent, SAC):
-        layers, last = [*policy.actor.latent_pi, policy.actor.mu], "tanh"
-    else:
-        layers, last = list(policy.actor.mu), "tanh"
-    flat = [part for layer in layers for part in (layer if isinstance(layer, nn.Sequential) else [layer])]
-    linear = [part for part in flat if isinstance(part, nn.Linear)]
-    between = {type(part) for part in flat} - {nn.Linear, nn.Tanh if last == "tanh" else nn.Linear, nn.Hardtanh}
-    names = [name for name, made in _ACTIVATIONS.items() if made in between]
+    hidden = list(agent.policy.mlp_extractor.policy_net)
+    linear = [part for part in (*hidden, agent.policy.action_net) if isinstance(part, nn.Linear)]
+    names = [name for name, made in _ACTIVATIONS.items() if any(isinstance(part, made) for part in hidden)]
     normalizer, scaling = agent.get_vec_normalize_env(), None
     if normalizer is not None and normalizer.norm_obs:
         moments: Any = normalizer.obs_rms
@@ -131,7 +119,6 @@ def policy_network(agent: Any) -> Policy:
         tuple(part.weight.detach().numpy().copy() for part in linear),
         tuple(part.bias.detach().numpy().copy() for part in linear),
         names[0] if names else "tanh",
-        last,
         scaling,
     )
 
@@ -142,16 +129,6 @@ def _networks(training: Training) -> dict[str, Any]:
     if "activation_fn" in given:
         given["activation_fn"] = _ACTIVATIONS[given["activation_fn"]]
     return given
-
-
-def _settings(training: Training, actions: tuple[int, ...]) -> dict[str, Any]:
-    chosen = training.chosen
-    settings = chosen.agent_settings
-    if isinstance(chosen, Ppo):
-        settings["clip_range"] = _scheduled(chosen.clip_range)
-    if isinstance(chosen, Td3) and chosen.noise_type is not None:
-        settings["action_noise"] = _NOISES[chosen.noise_type](np.zeros(actions), np.full(actions, chosen.noise_std))
-    return settings
 
 
 def _scheduled(value: float | str) -> float | Callable[[float], float]:

@@ -43,7 +43,7 @@ def teacher_of(training: Training, imitation: Imitation) -> tuple[Any, Agent]:
     """The environment of a training and the controller in it; raises where there is no such controller."""
     from controllers.piloting import pilot_for
 
-    env = make_env(training.env, training.on, **{**training.chosen.env_kwargs, **training.options})
+    env = make_env(training.env, training.on, **training.learning_options)
     return env, pilot_for(env, imitation.controller)
 
 

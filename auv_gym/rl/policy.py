@@ -27,7 +27,6 @@ _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "tanh": np.tanh,
     "relu": lambda values: np.maximum(values, 0.0),
     "elu": _elu,
-    "none": lambda values: values,
 }
 
 
@@ -49,14 +48,13 @@ class Scaling:
 class Policy:
     """The action for an observation, without noise; a multilayer perceptron in single precision.
 
-    weights: of each layer, (outputs, inputs).  activation: between layers.  last: after the last one; actions beyond
-    [-1, 1] are clipped.  scaling: of observations, or None.  settings: what `settings.json` says of the training.
+    weights: of each layer, (outputs, inputs).  activation: between layers.  Actions beyond [-1, 1] are clipped.
+    scaling: of observations, or None.  settings: what `settings.json` says of the training.
     """
 
     weights: tuple[np.ndarray, ...]
     biases: tuple[np.ndarray, ...]
     activation: str = "tanh"
-    last: str = "none"
     scaling: Scaling | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
@@ -73,8 +71,7 @@ class Policy:
         between = _ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
             x = between(x @ weight.T + bias)
-        x = _ACTIVATIONS[self.last](x @ self.weights[-1].T + self.biases[-1])
-        return np.clip(x, -1.0, 1.0)
+        return np.clip(x @ self.weights[-1].T + self.biases[-1], -1.0, 1.0)
 
     def begin(self, env: Any) -> Callable[[np.ndarray, Mapping[str, Any]], np.ndarray]:
         """What acts through an episode, see `auv_gym.rl.evaluation.Agent`; a policy remembers nothing."""
@@ -95,14 +92,13 @@ class Policy:
                 tuple(network[f"weight_{i}"] for i in layers),
                 tuple(network[f"bias_{i}"] for i in layers),
                 str(network["activation"]),
-                str(network["last"]),
                 None if scaling is None else Scaling(scaling["mean"], scaling["variance"], float(scaling["clip"])),
                 settings,
                 folder,
             )
         except KeyError as error:
             raise ValueError(f"{folder} holds no whole policy ({error} is missing): train it again.") from None
-        if policy.activation not in _ACTIVATIONS or policy.last not in _ACTIVATIONS:
+        if policy.activation not in _ACTIVATIONS:
             raise ValueError(f"{folder / NETWORK} has an activation that this version does not know: update auv-gym.")
         return policy
 
@@ -112,8 +108,8 @@ class Policy:
             f"bias_{i}": b for i, b in enumerate(self.biases)
         }
         with replacing(folder / NETWORK) as new, new.open("wb") as file:
-            names = {"activation": np.array(self.activation), "last": np.array(self.last)}
-            np.savez(file, allow_pickle=False, layers=np.array(len(self.weights)), **names, **layers)
+            numbers = {"layers": np.array(len(self.weights)), "activation": np.array(self.activation)}
+            np.savez(file, allow_pickle=False, **numbers, **layers)
         if self.scaling is not None:
             with replacing(folder / SCALING) as new, new.open("wb") as file:
                 np.savez(file, mean=self.scaling.mean, variance=self.scaling.variance, clip=np.array(self.scaling.clip))

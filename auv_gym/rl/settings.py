@@ -34,7 +34,6 @@ class Training:
     """
 
     env: str
-    algorithm: str = "ppo"
     on: str | os.PathLike | Model = TRUE
     seed: int = 0
     steps: int | None = None
@@ -54,22 +53,28 @@ class Training:
                 raise ValueError(f"options holds {name}, which training sets itself: {_INSTEAD[name]}.")
         given = self.hyperparameters
         if given is None:
-            found = hyperparameters_for(self.algorithm, self.env)
+            found = hyperparameters_for(self.env)
         else:
             values = given.model_dump(exclude_unset=True) if isinstance(given, Hyperparameters) else dict(given)
-            found = checked(self.algorithm, values)
+            found = checked(values)
         changes = {"n_timesteps": self.steps, "n_envs": self.envs}
         for label, value in zip(("steps", "envs"), changes.values()):
             if value is not None:
                 _check_count(label, value, 1)
         kept = found.model_dump(exclude_unset=True) | {k: v for k, v in changes.items() if v is not None}
-        object.__setattr__(self, "hyperparameters", checked(self.algorithm, kept))
+        object.__setattr__(self, "hyperparameters", checked(kept))
+        object.__setattr__(self, "options", {**found.env_kwargs, **self.options})
 
     @property
     def chosen(self) -> Hyperparameters:
         """The hyperparameters with `steps` and `envs` put into them."""
         assert isinstance(self.hyperparameters, Hyperparameters)
         return self.hyperparameters
+
+    @property
+    def learning_options(self) -> dict[str, Any]:
+        """Options of the environments that it learns in."""
+        return {**self.chosen.train_env_kwargs, **self.options}
 
 
 _INSTEAD = {"model": "give it as `on`", "render_mode": "pictures are drawn of the trained policy"}
@@ -126,7 +131,6 @@ def described(training: Training, folder: Path) -> dict[str, Any]:
         "env": training.env,
         "on": on if on == TRUE else Path(on).name,
         "options": _plain(options),
-        "algorithm": training.algorithm,
         "seed": training.seed,
         "hyperparameters": _plain(training.chosen.model_dump(exclude_unset=True)),
         "evaluations": training.evaluations,

@@ -68,7 +68,7 @@ def scale(
         duration=duration,
         stands_for={},
         actions=chosen,
-        middles=np.zeros(len(chosen)) if by_wrench else middles[moved],
+        middles=hover.wrench if by_wrench else middles[moved],
         limits=np.array(list(hover.largest.values())) if by_wrench else limits[moved],
         start=START,
         randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest))
