@@ -24,6 +24,12 @@ def train(
     seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
     steps: Annotated[int | None, whole_number("Steps to learn from; default: as tuned.", 1, 1_000_000_000)] = None,
     envs: Annotated[int | None, whole_number("Environments at once; default: as tuned.", 1, 4096)] = None,
+    frames: Annotated[
+        int | None, whole_number("Last observations that the policy sees at once; default: as tuned.", 1, 1000)
+    ] = None,
+    recurrent: Annotated[
+        bool, typer.Option("--recurrent", help="Give the policy a recurrent layer (LSTM); it learns from nothing.")
+    ] = False,
     vehicle: environment.Vehicle = None,
     effect: environment.Effects = None,
     randomise: environment.Randomise = None,
@@ -44,7 +50,7 @@ def train(
         from auv_gym.rl import Training, hyperparameters_for, train as learn
 
         chosen = None if hyperparameters is None else hyperparameters_for(env, hyperparameters)
-        training = Training(env, on, seed, steps, envs, options, chosen)
+        training = Training(env, on, seed, steps, envs, frames, recurrent, options, chosen)
         try:
             trained = learn(training, out, progress, tensorboard=tensorboard)
         except KeyboardInterrupt:

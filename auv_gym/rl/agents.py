@@ -12,14 +12,16 @@ import numba
 import numpy as np
 import torch
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStack, VecMonitor, VecNormalize
 from torch import nn
 
 from auv_gym.envs.stable_baselines import SingleEnvs, StableBaselinesVecEnv
 from auv_gym.rl.evaluation import TRAINING, fresh_seeds
+from auv_gym.rl.extra import needs
 from auv_gym.rl.policy import Policy, Scaling
 from auv_gym.rl.settings import TRUE, Training, make_env
 
+_LSTM_SIZE = 64  # of the recurrent layer, as of the hidden layers
 _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
 
 
@@ -90,8 +92,10 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     normalizer = chosen.normalizer
     if normalizer is not None:
         envs = VecNormalize(envs, gamma=chosen.gamma, **normalizer.model_dump())
+    if chosen.frame_stack > 1:
+        envs = VecFrameStack(envs, chosen.frame_stack)
     seeds = fresh_seeds(training.seed + steps_before, chosen.n_envs, TRAINING)
-    agent = PPO(
+    agent = _algorithm(chosen.recurrent)(
         chosen.policy,
         envs,
         learning_rate=_scheduled(chosen.learning_rate),
@@ -111,6 +115,8 @@ def policy_network(agent: Any) -> Policy:
     hidden = list(agent.policy.mlp_extractor.policy_net)
     linear = [part for part in (*hidden, agent.policy.action_net) if isinstance(part, nn.Linear)]
     names = [name for name, made in _ACTIVATIONS.items() if any(isinstance(part, made) for part in hidden)]
+    memory = getattr(agent.policy, "lstm_actor", None)
+    cell = () if memory is None else (memory.weight_ih_l0, memory.weight_hh_l0, memory.bias_ih_l0 + memory.bias_hh_l0)
     normalizer, scaling = agent.get_vec_normalize_env(), None
     if normalizer is not None and normalizer.norm_obs:
         moments: Any = normalizer.obs_rms
@@ -120,11 +126,28 @@ def policy_network(agent: Any) -> Policy:
         tuple(part.bias.detach().numpy().copy() for part in linear),
         names[0] if names else "tanh",
         scaling,
+        cell=tuple(part.detach().numpy().copy() for part in cell),
+        frames=frames_of(agent),
     )
+
+
+def frames_of(agent: Any) -> int:
+    """How many observations the agent sees at once."""
+    return agent.env.stacked_obs.n_stack if isinstance(agent.env, VecFrameStack) else 1
+
+
+def _algorithm(recurrent: bool) -> Any:
+    if not recurrent:
+        return PPO
+    with needs("Recurrent policies need sb3-contrib"):
+        from sb3_contrib import RecurrentPPO
+    return RecurrentPPO
 
 
 def _networks(training: Training) -> dict[str, Any]:
     given = training.chosen.policy_kwargs.model_dump(exclude_unset=True)
+    if training.chosen.recurrent:
+        given = {"lstm_hidden_size": _LSTM_SIZE, **given}
     given = {name: value for name, value in given.items() if value is not None}
     if "activation_fn" in given:
         given["activation_fn"] = _ACTIVATIONS[given["activation_fn"]]

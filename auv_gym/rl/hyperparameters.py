@@ -51,12 +51,16 @@ class Normalize(_Table):
 
 
 class Networks(_Table):
-    """The `policy_kwargs`: sizes of the hidden layers, their activation, and the size of the first actions' noise."""
+    """The `policy_kwargs`: sizes of the hidden layers, their activation, and the size of the first actions' noise.
+
+    lstm_hidden_size: of the recurrent layer before them, by default 64.
+    """
 
     net_arch: list[Count] | dict[Literal["pi", "vf"], list[Count]] | None = None
     activation_fn: Literal["tanh", "relu", "elu"] | None = None
     log_std_init: float | None = None
     ortho_init: bool | None = None
+    lstm_hidden_size: Count | None = None
 
 
 class Imitation(_Table):
@@ -78,14 +82,16 @@ class Hyperparameters(_Table):
     """Those of proximal policy optimisation (Schulman et al. 2017); names are those of stable-baselines3 and RL Zoo.
 
     env_kwargs: options of the environment.  train_env_kwargs: further ones of the environments that it learns in, such
-    as shorter episodes; the policy is judged without these.
+    as shorter episodes; the policy is judged without these.  frame_stack: how many of the last observations the policy
+    sees at once.  policy: with MlpLstmPolicy the agent is RecurrentPPO of sb3-contrib.
     """
 
     n_timesteps: Count
     n_envs: Count = 1
     env_kwargs: dict[str, Any] = {}
     train_env_kwargs: dict[str, Any] = {}
-    policy: Literal["MlpPolicy"] = "MlpPolicy"
+    frame_stack: Count = 1
+    policy: Literal["MlpPolicy", "MlpLstmPolicy"] = "MlpPolicy"
     normalize: bool | Normalize = False
     policy_kwargs: Networks = Networks()
     imitate: Imitation | None = None
@@ -105,6 +111,11 @@ class Hyperparameters(_Table):
     sde_sample_freq: int = Field(-1, ge=-1)
 
     @property
+    def recurrent(self) -> bool:
+        """Whether the policy has a recurrent layer."""
+        return self.policy == "MlpLstmPolicy"
+
+    @property
     def normalizer(self) -> Normalize | None:
         """What is normalised, if anything."""
         if isinstance(self.normalize, Normalize):
@@ -118,8 +129,8 @@ class Hyperparameters(_Table):
 
 
 _OTHERS = {
-    "n_timesteps", "n_envs", "env_kwargs", "train_env_kwargs", "policy", "normalize", "policy_kwargs", "imitate",
-    "learning_rate", "clip_range",
+    "n_timesteps", "n_envs", "env_kwargs", "train_env_kwargs", "frame_stack", "policy", "normalize", "policy_kwargs",
+    "imitate", "learning_rate", "clip_range",
 }  # fmt: skip
 _INNER: dict[str, type[_Table]] = {"policy_kwargs": Networks, "normalize": Normalize, "imitate": Imitation}
 _SHIPPED = "ppo.yml"
@@ -151,6 +162,10 @@ def checked(values: Any, where: str = "hyperparameters") -> Hyperparameters:
         raise ValueError(f"{where}: {'; '.join(map(_words, error.errors()))}.") from None
     if made.n_steps * made.n_envs < 2:
         raise ValueError(f"{where}: n_steps times n_envs needs to be 2 or more, got 1: raise n_steps.")
+    if made.recurrent and made.imitate is not None:
+        raise ValueError(f"{where}: a recurrent policy cannot begin from a controller: leave out imitate or policy.")
+    if not made.recurrent and made.policy_kwargs.lstm_hidden_size is not None:
+        raise ValueError(f"{where}: policy_kwargs.lstm_hidden_size needs policy MlpLstmPolicy: leave it out.")
     return made
 
 

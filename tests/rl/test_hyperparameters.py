@@ -40,6 +40,8 @@ def test_numbers_are_read_as_rl_zoo_writes_them(tmp_path):
         ({"n_timesteps": 10, "policy_kwargs": "dict(net_arch=[64])"}, "policy_kwargs"),
         ({"n_timesteps": 10, "normalize": {"norm": True}}, "unknown key normalize"),
         ({}, "n_timesteps is needed"),
+        ({"n_timesteps": 10, "policy": "MlpLstmPolicy", "imitate": {"controller": "pid"}}, "cannot begin from"),
+        ({"n_timesteps": 10, "policy_kwargs": {"lstm_hidden_size": 8}}, "needs policy MlpLstmPolicy"),
         ({"n_timesteps": 0}, "n_timesteps: .* got 0"),
         ({"n_timesteps": 10, "learning_rate": "log_3e-4"}, "lin_3e-4"),
         ({"n_timesteps": 10, "learning_rate": "lin_0"}, "above 0"),

@@ -152,6 +152,35 @@ def test_a_checkpoint_holds_all_that_learns(tmp_path):
         np.testing.assert_array_equal(one["exp_avg"].numpy(), two["exp_avg"].numpy())
 
 
+@pytest.mark.parametrize("settings", [{"frames": 3}, {"recurrent": True}, {"frames": 2, "recurrent": True}])
+def test_policies_that_remember_act_as_their_agents_did(settings, tmp_path):
+    if settings.get("recurrent"):
+        pytest.importorskip("sb3_contrib")
+    agent, _ = make_agent(small(**settings))
+    agent.learn(64)
+    policy_network(agent).save(tmp_path)
+    (tmp_path / "settings.json").write_text('{"format": "auv-gym policy", "version": 1, "complete": true}')
+    policy, envs, normalizer = Policy.load(tmp_path), agent.env, agent.get_vec_normalize_env()
+    normalizer.training = False
+    observations, acting = envs.reset(), [policy.begin() for _ in range(4)]
+    state, starts = None, np.ones(4, bool)
+    for _ in range(9):  # of an episode's ten steps
+        expected, state = agent.predict(observations, state, starts, deterministic=True)
+        found = [act(one) for act, one in zip(acting, normalizer.get_original_obs(), strict=True)]
+        np.testing.assert_allclose(found, expected, atol=1e-5)  # single precision, summed in another order
+        observations, _, starts, _ = envs.step(expected)
+    with pytest.raises(ValueError, match="begin"):
+        policy.act(np.zeros(5))
+
+
+def test_policies_that_remember_are_trained_and_judged(tmp_path):
+    pytest.importorskip("sb3_contrib")
+    for name, settings in (("frames", {"frames": 3}), ("recurrent", {"recurrent": True})):
+        trained = train(small(**settings), tmp_path / name)
+        again = evaluate(Policy.load(tmp_path / name), trained.policy.env(), fresh_seeds(3, 2, 1))
+        assert again.summary.mean == pytest.approx(trained.result["best_mean_return"], rel=1e-12)
+
+
 def test_the_same_seed_trains_the_same_policy(tmp_path):
     one, two, other = (train(small(seed=seed), tmp_path / name) for name, seed in (("a", 5), ("b", 5), ("c", 6)))
     for mine, same in zip(one.policy.weights, two.policy.weights, strict=True):
@@ -239,6 +268,7 @@ def test_native_environments_are_taken_where_there_are_any():
         ({"env": "GliderHeading-v0", "seed": -1}, "seed needs"),
         ({"env": "GliderHeading-v0", "steps": 0}, "steps needs"),
         ({"env": "GliderHeading-v0", "envs": 1.5}, "envs needs"),
+        ({"env": "GliderHeading-v0", "frames": 0}, "frames needs"),
         ({"env": "GliderHeading-v0", "options": {"model": "x"}}, "give it as `on`"),
         ({"env": "GliderHeading-v0", "hyperparameters": {"n_timesteps": 5, "lr": 1}}, "unknown key lr"),
     ],
@@ -266,6 +296,12 @@ def test_what_cannot_be_trained_is_said_before_anything_is_written(tmp_path):
 def test_another_training_in_the_same_folder_is_refused(trained):
     with pytest.raises(ValueError, match=r"holds another training \(seed 3, now 4\)"):
         train(small(seed=4), trained.folder)
+
+
+def test_without_sb3_contrib_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
+        make_agent(small(recurrent=True))
 
 
 def test_without_stable_baselines_the_error_names_the_extra(monkeypatch, tmp_path):
