@@ -36,7 +36,7 @@ class Pilot:
             dt = info.get("dt_s", inner.plant.dt) if before is None else time - before
             command, memory = controller.act(memory, {**dict(info["reading"]), "dt_s": dt}, dict(info["target"]))
             before = time
-            return inner.action_for({name: command[_WRENCH.get(name, name)] for name in inner.episodes.actions})
+            return inner.action_for({name: command[_commanded(name)] for name in inner.episodes.actions})
 
         return act
 
@@ -67,10 +67,15 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
     able = known if layer.able is None else layer.able(plant)
     controller = autopilot(without_effects(plant), kind, [name for name in targets if name in able], **settings)
     given = (*commanded_inputs(controller), *getattr(controller, "adds", ()))
-    missing = [name for name in inner.episodes.actions if _WRENCH.get(name, name) not in given]
+    missing = [name for name in inner.episodes.actions if _commanded(name) not in given]
     if missing:
         raise ValueError(
             f"The actions of this environment are {', '.join(inner.episodes.actions)}, and the controller of "
             f"{plant.name} commands {', '.join(commanded_inputs(controller))}: leave out actions=."
         )
     return Pilot(controller)
+
+
+def _commanded(action: str) -> str:
+    """The name under which a controller commands an action."""
+    return _WRENCH.get(action, action)

@@ -278,6 +278,13 @@ def test_bad_settings_are_refused(settings, words):
         Training(**settings)
 
 
+def test_options_of_the_hyperparameters_are_those_of_the_environment():
+    given = {"env_kwargs": {"compass_noise": 0.01, "dt": 2.0}, "train_env_kwargs": {"duration": 20.0}}
+    training = Training("GliderHeading-v0", hyperparameters=SMALL | given, options={"compass_noise": 0.02})
+    assert training.options == {"compass_noise": 0.02, "dt": 2.0}
+    assert training.learning_options == {"compass_noise": 0.02, "dt": 2.0, "duration": 20.0}
+
+
 def test_what_cannot_be_trained_is_said_before_anything_is_written(tmp_path):
     for settings, words in (
         ({"options": {"vehicle": "remus100"}}, "heading of an underwater glider"),
