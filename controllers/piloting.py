@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 
 from auv_gym.plant import without_effects
+from controllers.allocation import AXES
 from controllers.autopilots import LAWS, autopilot
 from controllers.composed.loops import commanded_inputs
 from controllers.controller import Controller
 from controllers.kinds import KINDS
+
+_WRENCH = {name.rpartition("_")[0]: name for name in AXES}  # actions of environments that a wrench moves
 
 
 @dataclass(frozen=True)
@@ -33,7 +36,7 @@ class Pilot:
             dt = info.get("dt_s", inner.plant.dt) if before is None else time - before
             command, memory = controller.act(memory, {**dict(info["reading"]), "dt_s": dt}, dict(info["target"]))
             before = time
-            return inner.action_for(command)
+            return inner.action_for({name: command[_commanded(name)] for name in inner.episodes.actions})
 
         return act
 
@@ -63,10 +66,16 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
         )
     able = known if layer.able is None else layer.able(plant)
     controller = autopilot(without_effects(plant), kind, [name for name in targets if name in able], **settings)
-    missing = [name for name in inner.episodes.actions if name not in commanded_inputs(controller)]
+    given = (*commanded_inputs(controller), *getattr(controller, "adds", ()))
+    missing = [name for name in inner.episodes.actions if _commanded(name) not in given]
     if missing:
         raise ValueError(
             f"The actions of this environment are {', '.join(inner.episodes.actions)}, and the controller of "
             f"{plant.name} commands {', '.join(commanded_inputs(controller))}: leave out actions=."
         )
     return Pilot(controller)
+
+
+def _commanded(action: str) -> str:
+    """The name under which a controller commands an action."""
+    return _WRENCH.get(action, action)

@@ -72,7 +72,7 @@ def evaluate(
         told = {"env": env or policy.settings["env"], "on": on, "seed": seed, "agents": told}
         typer.echo(json.dumps(told, indent=1))
         return
-    output.print(_shown(found, f"{policy.settings['algorithm'].upper()} in {made.spec.id}, {episodes} episodes"))
+    output.print(_shown(found, f"PPO in {made.spec.id}, {episodes} episodes"))
     output.print(
         "Returns with 95 % intervals by the bootstrap over episodes; IQM: interquartile mean, of the middle half; "
         "cut: episodes that ended early.",

@@ -20,11 +20,16 @@ if TYPE_CHECKING:
 def train(
     env: Annotated[str, typer.Option(help="The environment, such as Depth-v0; see docs/environments.md.")],
     out: Annotated[Path, typer.Option(help="Folder for policy and learning curve; one that was stopped goes on.")],
-    algo: Annotated[str, typer.Option(help="ppo, sac or td3.")] = "ppo",
     on: environment.On = "true",
     seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
     steps: Annotated[int | None, whole_number("Steps to learn from; default: as tuned.", 1, 1_000_000_000)] = None,
     envs: Annotated[int | None, whole_number("Environments at once; default: as tuned.", 1, 4096)] = None,
+    frames: Annotated[
+        int | None, whole_number("Last observations that the policy sees at once; default: as tuned.", 1, 1000)
+    ] = None,
+    recurrent: Annotated[
+        bool, typer.Option("--recurrent", help="Give the policy a recurrent layer (LSTM); it learns from nothing.")
+    ] = False,
     vehicle: environment.Vehicle = None,
     effect: environment.Effects = None,
     randomise: environment.Randomise = None,
@@ -35,7 +40,7 @@ def train(
     ] = None,
     tensorboard: Annotated[bool, typer.Option("--tensorboard", help="Also write logs for TensorBoard.")] = False,
 ) -> None:
-    """Train a policy with stable-baselines3, and keep the best one on episodes set aside.
+    """Train a policy by PPO of stable-baselines3, and keep the best one on episodes set aside.
 
     Exit code: 130 where the training was stopped; the same command goes on.
     """
@@ -44,8 +49,8 @@ def train(
         progress(0.0, "starting")
         from auv_gym.rl import Training, hyperparameters_for, train as learn
 
-        chosen = None if hyperparameters is None else hyperparameters_for(algo, env, hyperparameters)
-        training = Training(env, algo, on, seed, steps, envs, options, chosen)
+        chosen = None if hyperparameters is None else hyperparameters_for(env, hyperparameters)
+        training = Training(env, on, seed, steps, envs, frames, recurrent, options, chosen)
         try:
             trained = learn(training, out, progress, tensorboard=tensorboard)
         except KeyboardInterrupt:

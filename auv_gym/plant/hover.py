@@ -37,6 +37,11 @@ class Hover:
     speeds: Mapping[str, float]
 
     @property
+    def wrench(self) -> np.ndarray:
+        """The wrench of the thrusts that hold it, N and N m, by axis, (axes,)."""
+        return self.thrusters.wrench[[AXES.index(axis) for axis in self.axes]] @ self.thrusts
+
+    @property
     def speed(self) -> float:
         """The attainable speed ahead, or where thrusters do not drive it ahead, of the first direction that they do."""
         return next(iter(self.speeds.values()))

@@ -11,20 +11,18 @@ import gymnasium
 import numba
 import numpy as np
 import torch
-from stable_baselines3 import PPO, SAC, TD3
-from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
-from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor, VecNormalize
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStack, VecMonitor, VecNormalize
 from torch import nn
 
 from auv_gym.envs.stable_baselines import SingleEnvs, StableBaselinesVecEnv
+from auv_gym.extra import needs
 from auv_gym.rl.evaluation import TRAINING, fresh_seeds
-from auv_gym.rl.hyperparameters import Ppo, Td3
 from auv_gym.rl.policy import Policy, Scaling
 from auv_gym.rl.settings import TRUE, Training, make_env
 
-_ALGORITHMS: dict[str, Any] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+_LSTM_SIZE = 64  # of the recurrent layer, as of the hidden layers
 _ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU, "elu": nn.ELU}
-_NOISES: dict[str, Any] = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
 
 
 class Clock(VecEnvWrapper):
@@ -84,8 +82,7 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     torch.set_num_threads(1)  # networks this small lose time on more
     numba.set_num_threads(1)  # and so do some tens of vehicles, where other work keeps a core busy
     chosen = training.chosen
-    options = {**chosen.env_kwargs, **training.options}
-    clock = Clock(make_vector_env(training.env, chosen.n_envs, training.on, **options))
+    clock = Clock(make_vector_env(training.env, chosen.n_envs, training.on, **training.learning_options))
     if not isinstance(clock.action_space, gymnasium.spaces.Box) or len(clock.observation_space.shape or ()) != 1:
         raise ValueError(
             f"Training needs observations in one row and actions that are numbers, got {clock.observation_space} and "
@@ -95,16 +92,19 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
     normalizer = chosen.normalizer
     if normalizer is not None:
         envs = VecNormalize(envs, gamma=chosen.gamma, **normalizer.model_dump())
+    if chosen.frame_stack > 1:
+        envs = VecFrameStack(envs, chosen.frame_stack)
     seeds = fresh_seeds(training.seed + steps_before, chosen.n_envs, TRAINING)
-    agent = _ALGORITHMS[training.algorithm](
+    agent = _algorithm(chosen.recurrent)(
         chosen.policy,
         envs,
         learning_rate=_scheduled(chosen.learning_rate),
+        clip_range=_scheduled(chosen.clip_range),
         policy_kwargs=_networks(training),
         tensorboard_log=None if tensorboard is None else str(tensorboard),
         seed=seeds[0],
         device="cpu",
-        **_settings(training, clock.action_space.shape),
+        **chosen.agent_settings,
     )
     clock.venv._seeds = list(seeds)  # those of the constructor lie side by side
     return agent, clock
@@ -112,17 +112,11 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
 
 def policy_network(agent: Any) -> Policy:
     """What the agent does without noise, as arrays; the scaling is that of this moment."""
-    policy = agent.policy
-    if isinstance(agent, PPO):
-        layers, last = [*policy.mlp_extractor.policy_net, policy.action_net], "none"
-    elif isinstance(agent, SAC):
-        layers, last = [*policy.actor.latent_pi, policy.actor.mu], "tanh"
-    else:
-        layers, last = list(policy.actor.mu), "tanh"
-    flat = [part for layer in layers for part in (layer if isinstance(layer, nn.Sequential) else [layer])]
-    linear = [part for part in flat if isinstance(part, nn.Linear)]
-    between = {type(part) for part in flat} - {nn.Linear, nn.Tanh if last == "tanh" else nn.Linear, nn.Hardtanh}
-    names = [name for name, made in _ACTIVATIONS.items() if made in between]
+    hidden = list(agent.policy.mlp_extractor.policy_net)
+    linear = [part for part in (*hidden, agent.policy.action_net) if isinstance(part, nn.Linear)]
+    names = [name for name, made in _ACTIVATIONS.items() if any(isinstance(part, made) for part in hidden)]
+    memory = getattr(agent.policy, "lstm_actor", None)
+    cell = () if memory is None else (memory.weight_ih_l0, memory.weight_hh_l0, memory.bias_ih_l0 + memory.bias_hh_l0)
     normalizer, scaling = agent.get_vec_normalize_env(), None
     if normalizer is not None and normalizer.norm_obs:
         moments: Any = normalizer.obs_rms
@@ -131,27 +125,33 @@ def policy_network(agent: Any) -> Policy:
         tuple(part.weight.detach().numpy().copy() for part in linear),
         tuple(part.bias.detach().numpy().copy() for part in linear),
         names[0] if names else "tanh",
-        last,
         scaling,
+        cell=tuple(part.detach().numpy().copy() for part in cell),
+        frames=frames_of(agent),
     )
+
+
+def frames_of(agent: Any) -> int:
+    """How many observations the agent sees at once."""
+    return agent.env.stacked_obs.n_stack if isinstance(agent.env, VecFrameStack) else 1
+
+
+def _algorithm(recurrent: bool) -> Any:
+    if not recurrent:
+        return PPO
+    with needs("Recurrent policies need sb3-contrib", "rl"):
+        from sb3_contrib import RecurrentPPO
+    return RecurrentPPO
 
 
 def _networks(training: Training) -> dict[str, Any]:
     given = training.chosen.policy_kwargs.model_dump(exclude_unset=True)
+    if training.chosen.recurrent:
+        given = {"lstm_hidden_size": _LSTM_SIZE, **given}
     given = {name: value for name, value in given.items() if value is not None}
     if "activation_fn" in given:
         given["activation_fn"] = _ACTIVATIONS[given["activation_fn"]]
     return given
-
-
-def _settings(training: Training, actions: tuple[int, ...]) -> dict[str, Any]:
-    chosen = training.chosen
-    settings = chosen.agent_settings
-    if isinstance(chosen, Ppo):
-        settings["clip_range"] = _scheduled(chosen.clip_range)
-    if isinstance(chosen, Td3) and chosen.noise_type is not None:
-        settings["action_noise"] = _NOISES[chosen.noise_type](np.zeros(actions), np.full(actions, chosen.noise_std))
-    return settings
 
 
 def _scheduled(value: float | str) -> float | Callable[[float], float]:

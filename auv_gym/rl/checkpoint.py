@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 LATEST = "latest"
 _STATE = "state.json"
-_BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 
 
 @dataclass
@@ -55,11 +54,11 @@ class Checkpoint:
         return found
 
     def write(self, agent: Any) -> None:
-        """Put the agent, what normalises for it, and its replay buffer beside one another, and only then say so."""
+        """Put the agent and what normalises for it beside one another, and only then say so."""
         self.folder.mkdir(exist_ok=True)
         self.steps, self.updates = agent.num_timesteps, agent._n_updates
         agent.save(self._agent)
-        arrays = _normalizer_arrays(agent) | _buffer_arrays(agent)
+        arrays = _normalizer_arrays(agent)
         if arrays:
             with self._arrays.open("wb") as file:
                 np.savez(file, allow_pickle=False, **arrays)
@@ -74,15 +73,12 @@ class Checkpoint:
         """Give the agent what was written of it; no code that files may hold is run."""
         from stable_baselines3.common.save_util import load_from_zip_file
 
-        _, parameters, variables = load_from_zip_file(self._agent, device=agent.device, load_data=False)
+        _, parameters, _ = load_from_zip_file(self._agent, device=agent.device, load_data=False)
         agent.set_parameters(parameters, device=agent.device)
-        for name, value in (variables or {}).items():  # such as SAC's temperature
-            getattr(agent, name).data = value.data
         agent.num_timesteps, agent._n_updates = self.steps, self.updates
         if self._arrays.is_file():
             with np.load(self._arrays, allow_pickle=False) as arrays:
                 _set_normalizer(agent, arrays)
-                _set_buffer(agent, arrays)
 
     def keep_best(self, agent: Any, policy: Policy) -> None:
         """Keep the policy as the best one; it counts once the state is written."""
@@ -136,21 +132,3 @@ def _set_normalizer(agent: Any, arrays: Any) -> None:
             for part in ("mean", "var"):
                 setattr(moments, part, arrays[f"{name}_{part}"].copy())
             moments.count = float(arrays[f"{name}_count"])
-
-
-def _buffer_arrays(agent: Any) -> dict[str, np.ndarray]:
-    buffer = getattr(agent, "replay_buffer", None)
-    if buffer is None:
-        return {}
-    filled = buffer.buffer_size if buffer.full else buffer.pos
-    found = {f"buffer_{name}": getattr(buffer, name)[:filled] for name in _BUFFER}
-    return {**found, "buffer_at": np.array([buffer.pos, buffer.full])}
-
-
-def _set_buffer(agent: Any, arrays: Any) -> None:
-    buffer = getattr(agent, "replay_buffer", None)
-    if buffer is not None:
-        for name in _BUFFER:
-            values = arrays[f"buffer_{name}"]
-            getattr(buffer, name)[: len(values)] = values
-        buffer.pos, buffer.full = int(arrays["buffer_at"][0]), bool(arrays["buffer_at"][1])

@@ -16,7 +16,7 @@ def write_curve(rows: Sequence[Mapping[str, float]], path: Path) -> None:
     write_text(path, "\n".join(lines) + "\n")
 
 
-def draw_curve(rows: Sequence[Mapping[str, float]], path: Path, env: str, algorithm: str) -> bool:
+def draw_curve(rows: Sequence[Mapping[str, float]], path: Path, env: str) -> bool:
     """Draw mean and range of the returns over steps, as a PNG; False without the extra `render`."""
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -35,7 +35,7 @@ def draw_curve(rows: Sequence[Mapping[str, float]], path: Path, env: str, algori
     axes.fill_between(steps, low, high, color=VEHICLE, alpha=0.15, linewidth=0.0, label="lowest to highest")
     axes.plot(steps, [row["mean_return"] for row in rows], color=VEHICLE, label="mean, without noise")
     axes.plot(steps, [row["training_return"] for row in rows], color=TARGET, linestyle="--", label="while training")
-    axes.set(xlabel="steps", ylabel="return of an episode", title=f"{algorithm.upper()} in {env}")
+    axes.set(xlabel="steps", ylabel="return of an episode", title=f"PPO in {env}")
     axes.xaxis.label.set_color(QUIET)
     axes.yaxis.label.set_color(QUIET)
     axes.legend(frameon=False, loc="lower right")

@@ -1,4 +1,4 @@
-"""Hyperparameters of the learning algorithms, by environment: YAML in the form of RL Zoo, checked key by key."""
+"""Hyperparameters of PPO, by environment: YAML in the form of RL Zoo, checked key by key."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 from auv_gym.extra import needs
 from auv_gym.param import did_you_mean
 
-ALGORITHMS = ("ppo", "sac", "td3")
 _LINEAR = "lin_"
 
 Count = Annotated[int, Field(ge=1)]
@@ -52,13 +51,16 @@ class Normalize(_Table):
 
 
 class Networks(_Table):
-    """The `policy_kwargs`: sizes of the hidden layers, their activation, and the size of the first actions' noise."""
+    """The `policy_kwargs`: sizes of the hidden layers, their activation, and the size of the first actions' noise.
 
-    net_arch: list[Count] | dict[Literal["pi", "vf", "qf"], list[Count]] | None = None
+    lstm_hidden_size: of the recurrent layer before them, by default 64.
+    """
+
+    net_arch: list[Count] | dict[Literal["pi", "vf"], list[Count]] | None = None
     activation_fn: Literal["tanh", "relu", "elu"] | None = None
     log_std_init: float | None = None
     ortho_init: bool | None = None
-    n_critics: Count | None = None
+    lstm_hidden_size: Count | None = None
 
 
 class Imitation(_Table):
@@ -77,19 +79,41 @@ class Imitation(_Table):
 
 
 class Hyperparameters(_Table):
-    """What all algorithms have; names are those of stable-baselines3 and RL Zoo.
+    """Those of proximal policy optimisation (Schulman et al. 2017); names are those of stable-baselines3 and RL Zoo.
 
-    env_kwargs: options of the environments that it learns in, such as shorter episodes; the policy is judged without.
+    env_kwargs: options of the environment.  train_env_kwargs: further ones of the environments that it learns in, such
+    as shorter episodes; the policy is judged without these.  frame_stack: how many of the last observations the policy
+    sees at once.  policy: with MlpLstmPolicy the agent is RecurrentPPO of sb3-contrib.
     """
 
     n_timesteps: Count
     n_envs: Count = 1
     env_kwargs: dict[str, Any] = {}
-    policy: Literal["MlpPolicy"] = "MlpPolicy"
+    train_env_kwargs: dict[str, Any] = {}
+    frame_stack: Count = 1
+    policy: Literal["MlpPolicy", "MlpLstmPolicy"] = "MlpPolicy"
     normalize: bool | Normalize = False
     policy_kwargs: Networks = Networks()
+    imitate: Imitation | None = None
     learning_rate: Schedule = 3e-4
+    clip_range: Schedule = 0.2
     gamma: Share = 0.99
+    n_steps: Count = 2048
+    batch_size: Count = 64
+    n_epochs: Count = 10
+    gae_lambda: Share = 0.95
+    ent_coef: float = Field(0.0, ge=0.0)
+    vf_coef: float = Field(0.5, ge=0.0)
+    max_grad_norm: float = Field(0.5, gt=0.0)
+    normalize_advantage: bool = True
+    target_kl: float | None = Field(None, gt=0.0)
+    use_sde: bool = False
+    sde_sample_freq: int = Field(-1, ge=-1)
+
+    @property
+    def recurrent(self) -> bool:
+        """Whether the policy has a recurrent layer."""
+        return self.policy == "MlpLstmPolicy"
 
     @property
     def normalizer(self) -> Normalize | None:
@@ -100,127 +124,56 @@ class Hyperparameters(_Table):
 
     @property
     def agent_settings(self) -> dict[str, Any]:
-        """What the algorithm's constructor takes besides policy, network and schedules, as far as it was given."""
-        own = self.model_dump(exclude_unset=True)
-        for name in ("n_timesteps", "n_envs", "env_kwargs", "policy", "normalize", "policy_kwargs", "learning_rate"):
-            own.pop(name, None)
-        return {name: tuple(value) if isinstance(value, list) else value for name, value in own.items()}
+        """The numbers and switches that PPO's constructor takes as they are, as far as they were given."""
+        return self.model_dump(exclude_unset=True, exclude=_OTHERS)
 
 
-class Ppo(Hyperparameters):
-    """Proximal policy optimisation (Schulman et al. 2017)."""
-
-    n_steps: Count = 2048
-    batch_size: Count = 64
-    n_epochs: Count = 10
-    gae_lambda: Share = 0.95
-    clip_range: Schedule = 0.2
-    ent_coef: float = Field(0.0, ge=0.0)
-    vf_coef: float = Field(0.5, ge=0.0)
-    max_grad_norm: float = Field(0.5, gt=0.0)
-    normalize_advantage: bool = True
-    target_kl: float | None = Field(None, gt=0.0)
-    use_sde: bool = False
-    sde_sample_freq: int = Field(-1, ge=-1)
-    imitate: Imitation | None = None
-
-    @property
-    def agent_settings(self) -> dict[str, Any]:
-        """As of all; what it begins from is not the algorithm's."""
-        return {k: v for k, v in super().agent_settings.items() if k != "imitate"}
-
-
-class _OffPolicy(Hyperparameters):
-    buffer_size: Count = 1_000_000
-    learning_starts: int = Field(100, ge=0)
-    batch_size: Count = 256
-    tau: float = Field(0.005, gt=0.0, le=1.0)
-    train_freq: Count | tuple[Count, Literal["step", "episode"]] = 1
-    gradient_steps: int = Field(1, ge=-1)
-
-
-class Sac(_OffPolicy):
-    """Soft actor-critic (Haarnoja et al. 2018)."""
-
-    ent_coef: float | Annotated[str, Field(pattern=r"^auto(_[0-9.]+)?$")] = "auto"
-    target_update_interval: Count = 1
-    target_entropy: float | Literal["auto"] = "auto"
-    use_sde: bool = False
-    use_sde_at_warmup: bool = False
-    sde_sample_freq: int = Field(-1, ge=-1)
-
-
-class Td3(_OffPolicy):
-    """Twin delayed deep deterministic policy gradient (Fujimoto et al. 2018)."""
-
-    policy_delay: Count = 2
-    target_policy_noise: float = Field(0.2, ge=0.0)
-    target_noise_clip: float = Field(0.5, ge=0.0)
-    noise_type: Literal["normal", "ornstein-uhlenbeck"] | None = None
-    noise_std: float = Field(0.1, gt=0.0)
-
-    @property
-    def agent_settings(self) -> dict[str, Any]:
-        """As of all; the noise is an object, which the training makes."""
-        return {k: v for k, v in super().agent_settings.items() if k not in ("noise_type", "noise_std")}
-
-
+_OTHERS = {
+    "n_timesteps", "n_envs", "env_kwargs", "train_env_kwargs", "frame_stack", "policy", "normalize", "policy_kwargs",
+    "imitate", "learning_rate", "clip_range",
+}  # fmt: skip
 _INNER: dict[str, type[_Table]] = {"policy_kwargs": Networks, "normalize": Normalize, "imitate": Imitation}
-_TABLES: dict[str, type[Hyperparameters]] = {"ppo": Ppo, "sac": Sac, "td3": Td3}
+_SHIPPED = "ppo.yml"
 
 
-def hyperparameters_for(algorithm: str, env: str, file: str | os.PathLike | None = None) -> Hyperparameters:
-    """The hyperparameters of an algorithm in an environment, of a file of the same form or of those that are shipped.
+def hyperparameters_for(env: str, file: str | os.PathLike | None = None) -> Hyperparameters:
+    """The hyperparameters of an environment, from a file of the same form or from those that are shipped.
 
     env: `auv_gym/Depth-v0` or `Depth-v0`.  Raises on an unknown key or value by its name, and where there are none.
     """
-    _check_algorithm(algorithm)
-    tables = _read(algorithm, file)
+    tables = _read(file)
     name = env.rpartition("/")[2]
-    where = f"{file}" if file is not None else f"{algorithm}.yml"
+    where = _SHIPPED if file is None else f"{file}"
     if name not in tables:
         raise ValueError(
             f"{where} has no hyperparameters for {name!r}. {did_you_mean(name, tables)}It has {', '.join(tables)}: "
             f"write a file with the key {name} and give it."
         )
-    return checked(algorithm, tables[name], f"{where}, {name}")
+    return checked(tables[name], f"{where}, {name}")
 
 
-def checked(algorithm: str, values: Any, where: str = "hyperparameters") -> Hyperparameters:
+def checked(values: Any, where: str = "hyperparameters") -> Hyperparameters:
     """The hyperparameters of a mapping; raises with every key that is wrong."""
-    _check_algorithm(algorithm)
     if not isinstance(values, dict):
         raise ValueError(f"{where}: needs keys and values, got {values!r}.")
-    table = _TABLES[algorithm]
     try:
-        made = table.model_validate(values)
+        made = Hyperparameters.model_validate(values)
     except ValidationError as error:
-        raise ValueError(f"{where}: {'; '.join(_words(one, table) for one in error.errors())}.") from None
-    only = {"ppo": ("log_std_init", "ortho_init"), "sac": ("log_std_init", "n_critics"), "td3": ("n_critics",)}
-    for name in made.policy_kwargs.model_fields_set - {"net_arch", "activation_fn", *only[algorithm]}:
-        raise ValueError(f"{where}: policy_kwargs.{name} says nothing to {algorithm}: leave it out.")
-    if isinstance(made, Ppo) and made.n_steps * made.n_envs < 2:
+        raise ValueError(f"{where}: {'; '.join(map(_words, error.errors()))}.") from None
+    if made.n_steps * made.n_envs < 2:
         raise ValueError(f"{where}: n_steps times n_envs needs to be 2 or more, got 1: raise n_steps.")
-    episodic = isinstance(made, _OffPolicy) and isinstance(made.train_freq, tuple) and made.train_freq[1] == "episode"
-    if episodic and made.n_envs > 1:
-        raise ValueError(
-            f"{where}: train_freq in episodes needs n_envs 1, got {made.n_envs}: count it in steps, such as [1, step]."
-        )
+    if made.recurrent and made.imitate is not None:
+        raise ValueError(f"{where}: a recurrent policy cannot begin from a controller: leave out imitate or policy.")
+    if not made.recurrent and made.policy_kwargs.lstm_hidden_size is not None:
+        raise ValueError(f"{where}: policy_kwargs.lstm_hidden_size needs policy MlpLstmPolicy: leave it out.")
     return made
 
 
-def _check_algorithm(algorithm: str) -> None:
-    if algorithm not in _TABLES:
-        raise ValueError(
-            f"No algorithm {algorithm!r}. {did_you_mean(algorithm, ALGORITHMS)}There are {', '.join(ALGORITHMS)}."
-        )
-
-
-def _read(algorithm: str, file: str | os.PathLike | None) -> dict[str, Any]:
+def _read(file: str | os.PathLike | None) -> dict[str, Any]:
     with needs("Hyperparameters in YAML need pyyaml", "rl"):
         import yaml
     try:
-        source = files("auv_gym.rl") / f"{algorithm}.yml" if file is None else Path(file)
+        source = files("auv_gym.rl") / _SHIPPED if file is None else Path(file)
         tables = yaml.safe_load(source.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"Cannot read hyperparameters from {file}: {error}. Give a .yml file.") from None
@@ -231,11 +184,11 @@ def _read(algorithm: str, file: str | os.PathLike | None) -> dict[str, Any]:
     return tables
 
 
-def _words(error: Any, table: type[Hyperparameters]) -> str:
+def _words(error: Any) -> str:
     path = ".".join(str(part) for part in error["loc"])
     if error["type"] == "extra_forbidden":
         name = str(error["loc"][-1])
-        known = next((of for key, of in _INNER.items() if key in error["loc"]), table)
+        known = next((of for key, of in _INNER.items() if key in error["loc"]), Hyperparameters)
         return f"unknown key {path}. {did_you_mean(name, known.model_fields)}Keys: {', '.join(known.model_fields)}"
     if error["type"] == "missing":
         return f"{path} is needed"

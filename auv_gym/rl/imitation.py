@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from scipy.signal import lfilter
 
+from auv_gym.rl.agents import frames_of
 from auv_gym.rl.evaluation import TRAINING, Agent, fresh_seeds
 from auv_gym.rl.hyperparameters import Imitation
 from auv_gym.rl.settings import Training, make_env
@@ -18,6 +19,7 @@ from auv_gym.rl.settings import Training, make_env
 _BATCH = 512
 _RATE = 1e-3
 _SETTLED = 1e12  # observations, beside which those of a training do not count
+_DEPENDENT = 1e-6  # of the largest singular value: below it is the single precision of observations
 _HORIZONS = 2.0  # of the discount, before an episode's end: returns there lack too much of what was to come
 
 
@@ -43,7 +45,7 @@ def teacher_of(training: Training, imitation: Imitation) -> tuple[Any, Agent]:
     """The environment of a training and the controller in it; raises where there is no such controller."""
     from controllers.piloting import pilot_for
 
-    env = make_env(training.env, training.on, **{**training.chosen.env_kwargs, **training.options})
+    env = make_env(training.env, training.on, **training.learning_options)
     return env, pilot_for(env, imitation.controller)
 
 
@@ -113,6 +115,8 @@ def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Genera
         observations = normalizer.normalize_obs(observations)
         if normalizer.norm_reward:
             values = values / np.sqrt(normalizer.ret_rms.var + normalizer.epsilon)
+    seen = [_stacked(part, frames_of(agent)) for part in shown.episodes(observations)]
+    observations = np.concatenate(seen)
     rows, actions, targets = (
         torch.as_tensor(np.asarray(a), dtype=torch.float32) for a in (observations, shown.actions, values)
     )
@@ -132,6 +136,12 @@ def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Genera
             optimizer.zero_grad()
             loss.backward()
             optimizer.step()
+    if not len(policy.mlp_extractor.policy_net):  # gains alone: the best ones are known in closed form
+        known = np.column_stack([rows.numpy(), np.ones(len(rows))])
+        *gains, offset = np.linalg.lstsq(known, shown.actions, rcond=_DEPENDENT)[0]
+        with torch.no_grad():
+            policy.action_net.weight.copy_(torch.as_tensor(np.array(gains).T))
+            policy.action_net.bias.copy_(torch.as_tensor(offset))
 
 
 def _normalise(agent: Any, shown: Demonstrations) -> None:
@@ -145,6 +155,12 @@ def _normalise(agent: Any, shown: Demonstrations) -> None:
     if normalizer.norm_reward:
         running = [_discounted(part, agent.gamma) for part in shown.episodes(shown.rewards)]
         normalizer.ret_rms.update(np.concatenate(running))
+
+
+def _stacked(rows: np.ndarray, frames: int) -> np.ndarray:
+    """Each row of an episode behind those before it, as the agent sees them; 0 before the start."""
+    padded = np.concatenate([np.zeros_like(rows, shape=(frames - 1, rows.shape[1])), rows])
+    return np.concatenate([padded[k : k + len(rows)] for k in range(frames)], axis=1)
 
 
 def _discounted(rewards: np.ndarray, discount: float) -> np.ndarray:

@@ -17,6 +17,7 @@ from auv_gym.rl.settings import FORMAT, SETTINGS, TRUE, VERSION, make_env
 from auv_gym.writing import replacing
 
 NETWORK, SCALING = "network.npz", "scaling.npz"
+_CELL = ("cell_input", "cell_hidden", "cell_bias")
 
 
 def _elu(values: np.ndarray) -> np.ndarray:
@@ -27,7 +28,6 @@ _ACTIVATIONS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "tanh": np.tanh,
     "relu": lambda values: np.maximum(values, 0.0),
     "elu": _elu,
-    "none": lambda values: values,
 }
 
 
@@ -49,36 +49,68 @@ class Scaling:
 class Policy:
     """The action for an observation, without noise; a multilayer perceptron in single precision.
 
-    weights: of each layer, (outputs, inputs).  activation: between layers.  last: after the last one; actions beyond
-    [-1, 1] are clipped.  scaling: of observations, or None.  settings: what `settings.json` says of the training.
+    weights: of each layer, (outputs, inputs).  activation: between layers.  Actions beyond [-1, 1] are clipped.
+    cell: of an LSTM before them, weights (4 h, inputs) and (4 h, h) and biases (4 h,), in PyTorch's order; () for none.
+    frames: how many observations the network sees at once, the last ones, oldest first; 0 before an episode's start.
+    scaling: of observations, or None.  settings: what `settings.json` says of the training.
     """
 
     weights: tuple[np.ndarray, ...]
     biases: tuple[np.ndarray, ...]
     activation: str = "tanh"
-    last: str = "none"
     scaling: Scaling | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
     folder: Path | None = None
+    cell: tuple[np.ndarray, ...] = ()
+    frames: int = 1
 
     def act(self, observation: np.ndarray) -> np.ndarray:
-        """The action for one observation, shape (actions,), or for several, shape (n, actions); float32."""
+        """The action for one observation, shape (actions,), or for several, shape (n, actions); float32.
+
+        Raises for a policy that remembers earlier observations: such a one acts through an episode, see `begin`.
+        """
+        if self.frames > 1 or self.cell:
+            raise ValueError("This policy remembers earlier observations: take what begin() gives for each episode.")
+        return self._answer(self._seen(observation))
+
+    def begin(self, env: Any = None) -> Callable[..., np.ndarray]:
+        """What acts through an episode: the action for each of its observations, see `auv_gym.rl.evaluation.Agent`."""
+        frames = np.zeros((self.frames, self.observations), np.float32)
+        hidden = kept = np.zeros(self.cell[1].shape[1] if self.cell else 0, np.float32)
+
+        def act(observation: np.ndarray, info: Any = None) -> np.ndarray:
+            nonlocal hidden, kept
+            frames[:-1] = frames[1:]
+            frames[-1] = self._seen(observation)
+            x = frames.ravel()
+            if self.cell:
+                hidden, kept = _lstm(self.cell, x, hidden, kept)
+                x = hidden
+            return self._answer(x)
+
+        return act
+
+    @property
+    def observations(self) -> int:
+        """How many numbers an observation has."""
+        return (self.cell or self.weights)[0].shape[1] // self.frames
+
+    def _seen(self, observation: np.ndarray) -> np.ndarray:
+        """The observation as the network takes it; raises on one of another size."""
         x = np.asarray(observation, dtype=np.float32)
-        if x.shape[-1:] != self.weights[0].shape[1:]:
+        if x.shape[-1:] != (self.observations,):
             raise ValueError(
-                f"The policy needs observations of {self.weights[0].shape[1]} numbers, got shape {x.shape}: it was "
+                f"The policy needs observations of {self.observations} numbers, got shape {x.shape}: it was "
                 f"trained in {self.settings.get('env', 'another environment')}."
             )
-        x = x if self.scaling is None else self.scaling(x)
+        return x if self.scaling is None else self.scaling(x)
+
+    def _answer(self, x: np.ndarray) -> np.ndarray:
+        """What the layers make of scaled observations."""
         between = _ACTIVATIONS[self.activation]
         for weight, bias in zip(self.weights[:-1], self.biases[:-1]):
             x = between(x @ weight.T + bias)
-        x = _ACTIVATIONS[self.last](x @ self.weights[-1].T + self.biases[-1])
-        return np.clip(x, -1.0, 1.0)
-
-    def begin(self, env: Any) -> Callable[[np.ndarray, Mapping[str, Any]], np.ndarray]:
-        """What acts through an episode, see `auv_gym.rl.evaluation.Agent`; a policy remembers nothing."""
-        return lambda observation, info: self.act(observation)
+        return np.clip(x @ self.weights[-1].T + self.biases[-1], -1.0, 1.0)
 
     @classmethod
     def load(cls, folder: str | os.PathLike) -> Policy:
@@ -95,14 +127,15 @@ class Policy:
                 tuple(network[f"weight_{i}"] for i in layers),
                 tuple(network[f"bias_{i}"] for i in layers),
                 str(network["activation"]),
-                str(network["last"]),
                 None if scaling is None else Scaling(scaling["mean"], scaling["variance"], float(scaling["clip"])),
                 settings,
                 folder,
+                tuple(network[name] for name in _CELL if name in network),
+                int(network.get("frames", 1)),
             )
         except KeyError as error:
             raise ValueError(f"{folder} holds no whole policy ({error} is missing): train it again.") from None
-        if policy.activation not in _ACTIVATIONS or policy.last not in _ACTIVATIONS:
+        if policy.activation not in _ACTIVATIONS:
             raise ValueError(f"{folder / NETWORK} has an activation that this version does not know: update auv-gym.")
         return policy
 
@@ -112,8 +145,8 @@ class Policy:
             f"bias_{i}": b for i, b in enumerate(self.biases)
         }
         with replacing(folder / NETWORK) as new, new.open("wb") as file:
-            names = {"activation": np.array(self.activation), "last": np.array(self.last)}
-            np.savez(file, allow_pickle=False, layers=np.array(len(self.weights)), **names, **layers)
+            kept = {"layers": len(self.weights), "frames": self.frames, "activation": self.activation}
+            np.savez(file, allow_pickle=False, **kept, **layers, **dict(zip(_CELL, self.cell)))
         if self.scaling is not None:
             with replacing(folder / SCALING) as new, new.open("wb") as file:
                 np.savez(file, mean=self.scaling.mean, variance=self.scaling.variance, clip=np.array(self.scaling.clip))
@@ -140,13 +173,27 @@ class Policy:
         trained |= {name: value for name, value in options.items() if value is not None}
         made = make_env(env or self.settings["env"], on, render_mode, **trained)
         sizes = (made.observation_space.shape, made.action_space.shape)
-        own = ((self.weights[0].shape[1],), (self.weights[-1].shape[0],))
+        own = ((self.observations,), (self.weights[-1].shape[0],))
         if sizes != own:
             raise ValueError(
                 f"The policy has {own[0][0]} observations and {own[1][0]} actions, and the environment {sizes[0]} and "
                 f"{sizes[1]}: evaluate it in the one it was trained in, {self.settings['env']}."
             )
         return made
+
+
+def _lstm(
+    cell: tuple[np.ndarray, ...], x: np.ndarray, hidden: np.ndarray, kept: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The next output and memory of a recurrent layer.  Source: Hochreiter and Schmidhuber 1997; gates as PyTorch's."""
+    of_input, of_hidden, bias = cell
+    into, forget, new, out = np.split(of_input @ x + of_hidden @ hidden + bias, 4)
+    kept = _sigmoid(forget) * kept + _sigmoid(into) * np.tanh(new)
+    return _sigmoid(out) * np.tanh(kept), kept
+
+
+def _sigmoid(values: np.ndarray) -> np.ndarray:
+    return 0.5 + 0.5 * np.tanh(0.5 * values)
 
 
 def read_settings(folder: Path) -> dict[str, Any]:

@@ -28,17 +28,19 @@ class Training:
     """What a training depends on; with these, it is the same on the same machine and versions.
 
     env: `auv_gym/Depth-v0` or `Depth-v0`.  on: "true" for the vehicle of the environment, else what drives it in the
-    vehicle's place, a Model or a model or vehicle file.  steps, envs: in place of those of the hyperparameters.
+    vehicle's place, a Model or a model or vehicle file.  steps, envs, frames: in place of those of the hyperparameters.
+    recurrent: whether the policy has a recurrent layer; such a one does not begin from a controller.
     options: of the environment, such as {"vehicle": "npsauv", "effects": {...}, "randomise": {...}}.
     hyperparameters: in place of the shipped ones.  evaluations: that many while training, each over `episodes`.
     """
 
     env: str
-    algorithm: str = "ppo"
     on: str | os.PathLike | Model = TRUE
     seed: int = 0
     steps: int | None = None
     envs: int | None = None
+    frames: int | None = None
+    recurrent: bool = False
     options: Mapping[str, Any] = field(default_factory=dict)
     hyperparameters: Hyperparameters | Mapping[str, Any] | None = None
     evaluations: int = 20
@@ -54,22 +56,31 @@ class Training:
                 raise ValueError(f"options holds {name}, which training sets itself: {_INSTEAD[name]}.")
         given = self.hyperparameters
         if given is None:
-            found = hyperparameters_for(self.algorithm, self.env)
+            found = hyperparameters_for(self.env)
         else:
             values = given.model_dump(exclude_unset=True) if isinstance(given, Hyperparameters) else dict(given)
-            found = checked(self.algorithm, values)
-        changes = {"n_timesteps": self.steps, "n_envs": self.envs}
-        for label, value in zip(("steps", "envs"), changes.values()):
+            found = checked(values)
+        kept = found.model_dump(exclude_unset=True)
+        for label, name in (("steps", "n_timesteps"), ("envs", "n_envs"), ("frames", "frame_stack")):
+            value = getattr(self, label)
             if value is not None:
                 _check_count(label, value, 1)
-        kept = found.model_dump(exclude_unset=True) | {k: v for k, v in changes.items() if v is not None}
-        object.__setattr__(self, "hyperparameters", checked(self.algorithm, kept))
+                kept[name] = value
+        if self.recurrent:
+            kept |= {"policy": "MlpLstmPolicy", "imitate": None}
+        object.__setattr__(self, "hyperparameters", checked(kept))
+        object.__setattr__(self, "options", {**found.env_kwargs, **self.options})
 
     @property
     def chosen(self) -> Hyperparameters:
-        """The hyperparameters with `steps` and `envs` put into them."""
+        """The hyperparameters with `steps`, `envs`, `frames` and `recurrent` put into them."""
         assert isinstance(self.hyperparameters, Hyperparameters)
         return self.hyperparameters
+
+    @property
+    def learning_options(self) -> dict[str, Any]:
+        """Options of the environments that it learns in."""
+        return {**self.chosen.train_env_kwargs, **self.options}
 
 
 _INSTEAD = {"model": "give it as `on`", "render_mode": "pictures are drawn of the trained policy"}
@@ -126,7 +137,6 @@ def described(training: Training, folder: Path) -> dict[str, Any]:
         "env": training.env,
         "on": on if on == TRUE else Path(on).name,
         "options": _plain(options),
-        "algorithm": training.algorithm,
         "seed": training.seed,
         "hyperparameters": _plain(training.chosen.model_dump(exclude_unset=True)),
         "evaluations": training.evaluations,

@@ -19,7 +19,6 @@ from auv_gym.extra import needs
 from auv_gym.rl.checkpoint import LATEST, Checkpoint
 from auv_gym.rl.curve import CURVE, draw_curve, write_curve
 from auv_gym.rl.evaluation import SELECTION, Summary, evaluate, fresh_seeds
-from auv_gym.rl.hyperparameters import Imitation, Ppo
 from auv_gym.rl.policy import Policy, read_settings
 from auv_gym.rl.settings import SETTINGS, Training, described, make_env
 from auv_gym.writing import replacing, write_text
@@ -54,7 +53,7 @@ def train(
         import stable_baselines3  # noqa: F401
     if tensorboard:
         _require_tensorboard()
-    imitation = _imitation(training)
+    imitation = training.chosen.imitate
     if imitation is not None:
         from auv_gym.rl.imitation import teacher_of
 
@@ -93,7 +92,7 @@ def _learn(training: Training, folder: Path, settings: dict[str, Any], progress:
         write_curve(checkpoint.curve, folder / CURVE)
 
     watch.judge = judge
-    imitation = _imitation(training)
+    imitation = training.chosen.imitate
     if imitation is not None:
         from auv_gym.rl.imitation import freeze_action_network, imitate
 
@@ -119,15 +118,11 @@ def _learn(training: Training, folder: Path, settings: dict[str, Any], progress:
     }
     settings["curve"] = checkpoint.curve
     checkpoint.publish(folder, POLICY)
-    draw_curve(checkpoint.curve, folder / "learning_curve.png", training.env, training.algorithm)
+    draw_curve(checkpoint.curve, folder / "learning_curve.png", training.env)
     settings["complete"] = True
     _write(folder, settings)
     checkpoint.clear()
     progress(1.0, "done")
-
-
-def _imitation(training: Training) -> Imitation | None:
-    return training.chosen.imitate if isinstance(training.chosen, Ppo) else None
 
 
 class _Watch:

@@ -59,7 +59,7 @@ def measure(arguments: argparse.Namespace) -> dict[str, float]:
                         "n_envs": count,
                         "n_steps": STEPS_AN_UPDATE // count,
                     }
-                    agent, clock = make_agent(Training(env, "ppo", seed=arguments.seed, hyperparameters=chosen))
+                    agent, clock = make_agent(Training(env, seed=arguments.seed, hyperparameters=chosen))
                     steps = STEPS_AN_UPDATE if number == 0 else arguments.steps
                     began = perf_counter()
                     agent.learn(steps)

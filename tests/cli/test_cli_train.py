@@ -123,7 +123,6 @@ def test_ctrl_c_stops_and_the_same_command_goes_on(tmp_path, hyperparameters, ca
     "arguments, words",
     [
         (["--env", "Depht-v0"], "has no hyperparameters for 'Depht-v0'"),
-        (["--algo", "ppp"], "No algorithm 'ppp'"),
         (["--effect", "effects.rudder.offset"], "PATH=VALUE"),
         (["--randomise", "effects.rudder.offset=1"], "PATH=LOW:HIGH"),
         (["--randomise", "effects.rudder.offset=0:1"], "needs a value from"),

@@ -92,11 +92,23 @@ def test_a_wrench_beyond_the_thrusters_is_scaled_down_as_a_whole():
 
 def test_action_for_takes_a_wrench_or_commands():
     by_wrench = TaskEnv("StationKeeping", actions="wrench")
-    largest = find_hover(by_wrench.plant).largest
-    wanted = {axis: 0.25 * most for axis, most in largest.items()}
+    hover = find_hover(by_wrench.plant)
+    wanted = {axis: held + 0.25 * most for held, (axis, most) in zip(hover.wrench, hover.largest.items(), strict=True)}
     np.testing.assert_allclose(by_wrench.action_for(wanted), 0.25)
     pulses = TaskEnv("StationKeeping", "bluerov")
     assert pulses.action_for(dict.fromkeys(pulses.episodes.actions, 1700.0)) == pytest.approx([0.5] * 6)
+
+
+def test_axes_that_are_not_asked_for_stay_as_they_hold_the_vehicle():
+    whole, part = (TaskEnv("StationKeeping", randomise={}, actions=a) for a in ("wrench", ["yaw", "surge"]))
+    shares = {"surge": 0.2, "yaw": -0.1}
+    told = [[shares.get(axis, 0.0) for axis in env.episodes.actions] for env in (whole, part)]
+    assert told[1] == [-0.1, 0.2]
+    for env in (whole, part):
+        env.reset(seed=3)
+    for _ in range(5):
+        ends = [env.step(np.array(action))[-1]["state"] for env, action in zip((whole, part), told, strict=True)]
+        assert dict(ends[0]) == pytest.approx(dict(ends[1]), abs=1e-12)
 
 
 def test_errors_are_in_body_axes_and_sums_turn_with_the_vehicle():
@@ -248,7 +260,7 @@ def test_a_lost_thruster_is_felt():
         ),
         (
             {"actions": "wrenches"},
-            "actions= is 'thrusters', 'wrench' or a list of inputs of bluerov2_heavy, got 'wrenches'",
+            "actions= is 'thrusters', 'wrench' or a list of axes",
         ),
         ({"actions": ["t9_share"]}, "actions= has 't9_share', which does not move bluerov2_heavy"),
         ({"actions": []}, "actions= needs one or more names"),

@@ -6,8 +6,9 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 from auv_gym.rl import Training, evaluate, fresh_seeds, train
+from auv_gym.rl.agents import make_agent, policy_network
 from auv_gym.rl.hyperparameters import Imitation, checked
-from auv_gym.rl.imitation import Demonstrations, demonstrate, returns_to_come
+from auv_gym.rl.imitation import Demonstrations, demonstrate, follow, returns_to_come
 from auv_gym.rl.settings import make_env
 from controllers.piloting import pilot_for
 
@@ -62,6 +63,16 @@ def test_what_was_stopped_goes_on_without_being_shown_again(tmp_path, monkeypatc
     assert returns == pytest.approx(returns[:1] * 3, rel=1e-7)
 
 
+def test_gains_alone_follow_a_linear_controller_exactly():
+    gains_alone = SMALL | {"policy_kwargs": {"net_arch": {"pi": [], "vf": [8]}}}
+    agent, _ = make_agent(Training("GliderHeading-v0", hyperparameters=gains_alone))
+    observations = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 5)).astype(np.float32)
+    actions = observations @ [[0.3], [-0.2], [0.1], [0.0], [0.2]] + 0.05
+    shown = Demonstrations(observations, actions, np.ones(40), (40,), (False,))
+    follow(agent, shown, 1, np.random.default_rng(0))
+    np.testing.assert_allclose(policy_network(agent).act(observations), actions, atol=1e-5)  # single precision
+
+
 def test_offsets_move_the_vehicle_and_not_what_is_to_be_learnt():
     env = make_env("GliderHeading-v0", duration=200.0)
     pilot, rng = pilot_for(env, "pid"), np.random.default_rng(0)
@@ -84,11 +95,9 @@ def test_returns_to_come_end_with_the_episode_or_are_not_known():
 
 def test_a_controller_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ValueError, match=r"imitate.controller.*'s_plane'"):
-        checked("ppo", {"n_timesteps": 10, "imitate": {"controller": "lqr"}})
+        checked({"n_timesteps": 10, "imitate": {"controller": "lqr"}})
     with pytest.raises(ValueError, match="Did you mean 'episodes'"):
-        checked("ppo", {"n_timesteps": 10, "imitate": {"controller": "pid", "episode": 3}})
-    with pytest.raises(ValueError, match="unknown key imitate"):
-        checked("sac", {"n_timesteps": 10, "imitate": FOLLOW})
+        checked({"n_timesteps": 10, "imitate": {"controller": "pid", "episode": 3}})
     path = Training("Path-v0", hyperparameters=SMALL | {"imitate": FOLLOW})
     with pytest.raises(ValueError, match="No controller follows"):
         train(path, tmp_path)

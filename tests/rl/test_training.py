@@ -18,29 +18,27 @@ from auv_gym.rl import Policy, Training, evaluate, fresh_seeds, train
 from auv_gym.rl.agents import make_agent, make_vector_env, policy_network
 
 SMALL = {
-    "ppo": {"n_timesteps": 256, "n_envs": 4, "n_steps": 16, "batch_size": 32, "n_epochs": 2, "normalize": True},
-    "sac": {"n_timesteps": 160, "n_envs": 2, "learning_starts": 20, "batch_size": 16, "buffer_size": 500},
-    "td3": {"n_timesteps": 160, "n_envs": 2, "learning_starts": 20, "batch_size": 16, "noise_type": "normal"},
-}
+    "n_timesteps": 256, "n_envs": 4, "n_steps": 16, "batch_size": 32, "n_epochs": 2, "normalize": True,
+    "policy_kwargs": {"net_arch": [8]},
+}  # fmt: skip
 LINEAR = StateSpace(
     np.array([[0.9, 0.0], [1.0, 1.0]]), np.array([[0.02], [0.0]]), np.eye(2)[1:], ("rudder_rad",), ("heading_rad",), 4.0
 )
 
 
-def small(algorithm="ppo", env="GliderHeading-v0", hyperparameters=None, **settings):
+def small(env="GliderHeading-v0", hyperparameters=None, **settings):
     options = {"duration": 40.0} | settings.pop("options", {})
-    chosen = SMALL[algorithm] | {"policy_kwargs": {"net_arch": [8]}} | (hyperparameters or {})
     training = {"evaluations": 4, "episodes": 2, "seed": 3} | settings
-    return Training(env, algorithm, options=options, hyperparameters=chosen, **training)
+    return Training(env, options=options, hyperparameters=SMALL | (hyperparameters or {}), **training)
 
 
-@pytest.fixture(scope="module", params=list(SMALL))
-def trained(request, tmp_path_factory):
-    return train(small(request.param), tmp_path_factory.mktemp("policies") / request.param)
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    return train(small(), tmp_path_factory.mktemp("policies") / "ppo")
 
 
 def test_the_folder_says_all(trained):
-    folder, algorithm = trained.folder, trained.policy.settings["algorithm"]
+    folder = trained.folder
     names = {
         "policy.zip",
         "network.npz",
@@ -48,15 +46,16 @@ def test_the_folder_says_all(trained):
         "learning_curve.csv",
         "learning_curve.png",
         "trained_on.toml",
+        "scaling.npz",
     }
-    assert {path.name for path in folder.iterdir()} == names | ({"scaling.npz"} if algorithm == "ppo" else set())
+    assert {path.name for path in folder.iterdir()} == names
     settings = json.loads((folder / "settings.json").read_text())
     assert settings["complete"]
     assert settings["env"] == "auv_gym/GliderHeading-v0"
     assert settings["options"] == {"duration": 40.0}
     assert settings["versions"]["stable-baselines3"] != "none"
     result = settings["result"]
-    assert result["steps"] >= SMALL[algorithm]["n_timesteps"]
+    assert result["steps"] >= SMALL["n_timesteps"]
     assert 0.0 < result["share_of_time_in_env"] < 1.0
     with (folder / "learning_curve.csv").open() as file:
         rows = list(csv.DictReader(file))
@@ -74,14 +73,11 @@ def test_a_policy_is_the_best_of_the_curve(trained):
 
 
 def test_a_policy_acts_as_the_agent_did_and_needs_numpy_only(trained):
-    from stable_baselines3 import PPO, SAC, TD3
+    from stable_baselines3 import PPO
 
-    algorithm = trained.policy.settings["algorithm"]
-    agent = {"ppo": PPO, "sac": SAC, "td3": TD3}[algorithm].load(trained.folder / "policy.zip", device="cpu")
+    agent = PPO.load(trained.folder / "policy.zip", device="cpu")
     observations = np.random.default_rng(0).uniform(-1.0, 1.0, (50, 5)).astype(np.float32)
-    scaling = trained.policy.scaling
-    seen = observations if scaling is None else scaling(observations)
-    expected, _ = agent.predict(seen, deterministic=True)
+    expected, _ = agent.predict(trained.policy.scaling(observations), deterministic=True)
     # single precision, summed in another order
     np.testing.assert_allclose(trained.policy.act(observations), expected, atol=2e-6)
     np.testing.assert_allclose(trained.policy.act(observations[3]), expected[3], atol=2e-6)
@@ -111,8 +107,7 @@ class Stop(Exception):
     pass
 
 
-@pytest.mark.parametrize("algorithm", list(SMALL))
-def test_a_stopped_training_goes_on_to_its_end(algorithm, tmp_path, monkeypatch):
+def test_a_stopped_training_goes_on_to_its_end(tmp_path, monkeypatch):
     monkeypatch.setattr("auv_gym.rl.training._SHOWN_EVERY", 0.0)
     out = tmp_path / "policy"
 
@@ -124,43 +119,66 @@ def test_a_stopped_training_goes_on_to_its_end(algorithm, tmp_path, monkeypatch)
         return progress
 
     with pytest.raises(Stop):
-        train(small(algorithm), out, stop_at(0.6))
+        train(small(), out, stop_at(0.6))
     with pytest.raises(ValueError, match="was stopped"):
         Policy.load(out)
     before = json.loads((out / "latest" / "state.json").read_text())
-    assert 0 < before["steps"] < SMALL[algorithm]["n_timesteps"]
-    trained = train(small(algorithm), out)
+    assert 0 < before["steps"] < SMALL["n_timesteps"]
+    trained = train(small(), out)
     assert trained.result["times_resumed"] == 1
-    assert trained.result["steps"] >= SMALL[algorithm]["n_timesteps"]
+    assert trained.result["steps"] >= SMALL["n_timesteps"]
     steps = [row["steps"] for row in trained.curve]
     assert steps == sorted(set(steps))
     assert list(trained.curve[: len(before["curve"])]) == before["curve"]
     assert not (out / "latest").exists()
-    again = train(small(algorithm), out)  # nothing is left to do
+    again = train(small(), out)  # nothing is left to do
     assert again.result == trained.result
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_a_checkpoint_holds_all_that_learns(algorithm, tmp_path):
+def test_a_checkpoint_holds_all_that_learns(tmp_path):
     from auv_gym.rl.checkpoint import Checkpoint
 
-    agent, _ = make_agent(small(algorithm))
+    agent, _ = make_agent(small())
     agent.learn(64)
     Checkpoint(tmp_path / "latest").write(agent)
-    other, _ = make_agent(small(algorithm), steps_before=64)
+    other, _ = make_agent(small(), steps_before=64)
     checkpoint = Checkpoint.read(tmp_path / "latest")
     checkpoint.put_into(other)
     assert other.num_timesteps == agent.num_timesteps
     observations = np.random.default_rng(0).uniform(-1.0, 1.0, (9, 5)).astype(np.float32)
     np.testing.assert_array_equal(policy_network(other).act(observations), policy_network(agent).act(observations))
-    mine, other_state = (one.policy.optimizer if algorithm == "ppo" else one.critic.optimizer for one in (agent, other))
+    mine, other_state = (one.policy.optimizer for one in (agent, other))
     for one, two in zip(mine.state_dict()["state"].values(), other_state.state_dict()["state"].values(), strict=True):
         np.testing.assert_array_equal(one["exp_avg"].numpy(), two["exp_avg"].numpy())
-    if algorithm == "sac":
-        assert other.log_ent_coef.item() == agent.log_ent_coef.item() != 0.0
-        assert other.replay_buffer.pos == agent.replay_buffer.pos > 0
-        filled = slice(0, agent.replay_buffer.pos)
-        np.testing.assert_array_equal(other.replay_buffer.rewards[filled], agent.replay_buffer.rewards[filled])
+
+
+@pytest.mark.parametrize("settings", [{"frames": 3}, {"recurrent": True}, {"frames": 2, "recurrent": True}])
+def test_policies_that_remember_act_as_their_agents_did(settings, tmp_path):
+    if settings.get("recurrent"):
+        pytest.importorskip("sb3_contrib")
+    agent, _ = make_agent(small(**settings))
+    agent.learn(64)
+    policy_network(agent).save(tmp_path)
+    (tmp_path / "settings.json").write_text('{"format": "auv-gym policy", "version": 1, "complete": true}')
+    policy, envs, normalizer = Policy.load(tmp_path), agent.env, agent.get_vec_normalize_env()
+    normalizer.training = False
+    observations, acting = envs.reset(), [policy.begin() for _ in range(4)]
+    state, starts = None, np.ones(4, bool)
+    for _ in range(9):  # of an episode's ten steps
+        expected, state = agent.predict(observations, state, starts, deterministic=True)
+        found = [act(one) for act, one in zip(acting, normalizer.get_original_obs(), strict=True)]
+        np.testing.assert_allclose(found, expected, atol=1e-5)  # single precision, summed in another order
+        observations, _, starts, _ = envs.step(expected)
+    with pytest.raises(ValueError, match="begin"):
+        policy.act(np.zeros(5))
+
+
+def test_policies_that_remember_are_trained_and_judged(tmp_path):
+    pytest.importorskip("sb3_contrib")
+    for name, settings in (("frames", {"frames": 3}), ("recurrent", {"recurrent": True})):
+        trained = train(small(**settings), tmp_path / name)
+        again = evaluate(Policy.load(tmp_path / name), trained.policy.env(), fresh_seeds(3, 2, 1))
+        assert again.summary.mean == pytest.approx(trained.result["best_mean_return"], rel=1e-12)
 
 
 def test_the_same_seed_trains_the_same_policy(tmp_path):
@@ -247,10 +265,10 @@ def test_native_environments_are_taken_where_there_are_any():
     "settings, words",
     [
         ({"env": "Depht-v0"}, "No environment 'Depht-v0'. Did you mean|Ours are"),
-        ({"env": "GliderHeading-v0", "algorithm": "ppp"}, "No algorithm 'ppp'"),
         ({"env": "GliderHeading-v0", "seed": -1}, "seed needs"),
         ({"env": "GliderHeading-v0", "steps": 0}, "steps needs"),
         ({"env": "GliderHeading-v0", "envs": 1.5}, "envs needs"),
+        ({"env": "GliderHeading-v0", "frames": 0}, "frames needs"),
         ({"env": "GliderHeading-v0", "options": {"model": "x"}}, "give it as `on`"),
         ({"env": "GliderHeading-v0", "hyperparameters": {"n_timesteps": 5, "lr": 1}}, "unknown key lr"),
     ],
@@ -260,12 +278,19 @@ def test_bad_settings_are_refused(settings, words):
         Training(**settings)
 
 
+def test_options_of_the_hyperparameters_are_those_of_the_environment():
+    given = {"env_kwargs": {"compass_noise": 0.01, "dt": 2.0}, "train_env_kwargs": {"duration": 20.0}}
+    training = Training("GliderHeading-v0", hyperparameters=SMALL | given, options={"compass_noise": 0.02})
+    assert training.options == {"compass_noise": 0.02, "dt": 2.0}
+    assert training.learning_options == {"compass_noise": 0.02, "dt": 2.0, "duration": 20.0}
+
+
 def test_what_cannot_be_trained_is_said_before_anything_is_written(tmp_path):
     for settings, words in (
         ({"options": {"vehicle": "remus100"}}, "heading of an underwater glider"),
         ({"on": tmp_path / "none.npz"}, "There is no file"),
         ({"options": {"durations": 3.0}}, "Did you mean 'duration'"),
-        ({"hyperparameters": {"policy_kwargs": {"n_critics": 3}}}, "n_critics says nothing to ppo"),
+        ({"hyperparameters": {"policy_kwargs": {"n_critics": 3}}}, "unknown key policy_kwargs.n_critics"),
     ):
         with pytest.raises(ValueError, match=words):
             train(small(**settings), tmp_path / "policy")
@@ -277,7 +302,13 @@ def test_what_cannot_be_trained_is_said_before_anything_is_written(tmp_path):
 
 def test_another_training_in_the_same_folder_is_refused(trained):
     with pytest.raises(ValueError, match=r"holds another training \(seed 3, now 4\)"):
-        train(small(trained.policy.settings["algorithm"], seed=4), trained.folder)
+        train(small(seed=4), trained.folder)
+
+
+def test_without_sb3_contrib_the_error_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+    with pytest.raises(ImportError, match=r"auv-gym\[rl\]"):
+        make_agent(small(recurrent=True))
 
 
 def test_without_stable_baselines_the_error_names_the_extra(monkeypatch, tmp_path):

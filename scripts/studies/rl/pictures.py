@@ -22,7 +22,9 @@ from scripts.studies.rl.scenarios import (
     GREY_BOX,
     HULL,
     RANDOMISED,
+    RECURRENT,
     SCENARIOS,
+    STACKED,
     TRUE,
     WORDS,
     Scenario,
@@ -42,6 +44,8 @@ LOOKS = {  # Okabe and Ito's palette
     GREY_BOX: "#cc79a7",
     HULL: "#b8860b",
     RANDOMISED: "#56b4e9",
+    STACKED: "#0072b2",
+    RECURRENT: "#6a3d9a",
 }
 LINES = {DIAGNOSED: "--", ARMAX: ":"}  # they lie on others
 EPISODE = 0  # of the fresh ones, the one that is drawn

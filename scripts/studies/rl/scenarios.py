@@ -16,6 +16,7 @@ from auv_gym.rl.settings import make_env
 from identification.experiments.manoeuvres import NOISE
 
 TRUE, BELIEVED, DIAGNOSED, RANDOMISED = "true", "believed", "diagnosed", "randomised"
+STACKED, RECURRENT = "stacked", "recurrent"  # with domain randomisation, too
 ARMAX, GREY_BOX, HULL = "armax", "grey_box", "ls_svm"
 CONTROLLERS = ("pid", "s_plane", "gpc")
 WORDS = {
@@ -26,10 +27,13 @@ WORDS = {
     BELIEVED: "(c) the believed vehicle",
     DIAGNOSED: "(d) the diagnosed vehicle",
     RANDOMISED: "(e) domain randomisation",
+    STACKED: "(e) and 8 stacked frames",
+    RECURRENT: "(e) and recurrent PPO",
     "pid": "PID",
     "s_plane": "S-plane",
     "gpc": "GPC",
 }
+REMEMBERING: Mapping[str, Mapping[str, Any]] = {RANDOMISED: {}, STACKED: {"frames": 8}, RECURRENT: {"recurrent": True}}
 SPREAD = 0.2  # of a coefficient to either side, in domain randomisation
 
 
@@ -114,7 +118,7 @@ _SCENARIOS = (
         free=("hull.n_r", "hull.n_delta"),
         drawn={"effects.yaw.moment": (-0.01, 0.01), "effects.rudder.offset": (-0.05, 0.05)},
         coefficients=("hull.n_r", "hull.n_delta"),
-        rows=(TRUE, BELIEVED, DIAGNOSED, ARMAX, GREY_BOX, RANDOMISED),
+        rows=(TRUE, BELIEVED, DIAGNOSED, ARMAX, GREY_BOX, RANDOMISED, STACKED, RECURRENT),
         controllers=("pid", "gpc"),
         channel="heading_rad",
         command="rudder_rad",
@@ -145,7 +149,7 @@ _SCENARIOS = (
             "effects.rudder.offset": (-0.05, 0.05),
         },
         coefficients=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur"),
-        rows=(TRUE, BELIEVED, DIAGNOSED, ARMAX, GREY_BOX, HULL, RANDOMISED),
+        rows=(TRUE, BELIEVED, DIAGNOSED, ARMAX, GREY_BOX, HULL, RANDOMISED, STACKED, RECURRENT),
         controllers=CONTROLLERS,
         channel="heading_rad",
         command="rudder_rad",

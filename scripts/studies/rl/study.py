@@ -29,7 +29,7 @@ from scripts.studies.rl.scenarios import (
     BELIEVED,
     CONTROLLERS,
     PPO,
-    RANDOMISED,
+    REMEMBERING,
     SCENARIOS,
     TRUE,
     Scenario,
@@ -66,7 +66,7 @@ def training_of(name: str, row: str, seed: int, out: Path, steps: int) -> Traini
     env, on = scenario.env, ITSELF
     if row == TRUE:
         on = scenario.truth
-    elif row == RANDOMISED:
+    elif row in REMEMBERING:
         options["randomise"] = {path: list(limits) for path, limits in scenario.ranges.items()}
     elif row != BELIEVED:
         on = model_of(scenario, row, seed, out / name / "models")
@@ -78,6 +78,7 @@ def training_of(name: str, row: str, seed: int, out: Path, steps: int) -> Traini
         hyperparameters={**PPO, "n_timesteps": steps or scenario.steps, "gamma": scenario.gamma},
         evaluations=EVALUATIONS,
         episodes=CHOOSING,
+        **REMEMBERING.get(row, {}),
     )
 
 

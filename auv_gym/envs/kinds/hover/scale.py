@@ -32,7 +32,8 @@ def scale(
     """The task of a vehicle; raises on targets, waypoints or actions it cannot have, and where it cannot hold itself.
 
     target: parts of the pose, by channel, that are not drawn.  waypoints: rows of north, east, depth, m; by default
-    they are drawn.  actions: "thrusters", their commands, by default; "wrench", forces and moments; or channels.
+    they are drawn.  actions: "thrusters", their commands, by default; "wrench", forces and moments; axes of it, such as
+    ("surge", "yaw"); or channels.
     """
     if task.targets and waypoints is not None:
         raise ValueError(f"{task.name} has a pose, not waypoints: give target= with values by channel.")
@@ -56,11 +57,13 @@ def scale(
     rate = speed / length
     largest = task.current * speed
     middles, limits = command_middles(plant), command_limits(plant)
-    by_wrench = isinstance(actions, str) and actions == WRENCH
     chosen = _chosen(actions, plant, hover)
+    by_wrench = set(chosen) <= set(hover.axes)
+    axes = [hover.axes.index(name) for name in chosen] if by_wrench else []
+    largest_wrench = np.array(list(hover.largest.values()))[axes]
     moved = [family.inputs.index(name) for name in chosen] if not by_wrench else []
     where = task.targets or ("north_m", "east_m", "depth_m", "heading_rad")
-    per_action = hover.allocation * list(hover.largest.values())
+    per_action = hover.allocation[:, axes] * largest_wrench
     idle = hover.thrusters.idle
     rows = [[at, i, held, *push] for at, i, held, push in zip(hover.thrusters.at, idle, hover.thrusts, per_action)]
     return ScaledTask(
@@ -68,8 +71,8 @@ def scale(
         duration=duration,
         stands_for={},
         actions=chosen,
-        middles=np.zeros(len(chosen)) if by_wrench else middles[moved],
-        limits=np.array(list(hover.largest.values())) if by_wrench else limits[moved],
+        middles=hover.wrench[axes] if by_wrench else middles[moved],
+        limits=largest_wrench if by_wrench else limits[moved],
         start=START,
         randomise=dict.fromkeys(("effects.current.north", "effects.current.east"), (-largest, largest))
         if largest > 0.0
@@ -113,5 +116,10 @@ def _chosen(actions: str | Sequence[str] | None, plant: Plant, hover: Hover) -> 
     if isinstance(actions, str):
         if actions == WRENCH:
             return hover.axes
-        raise ValueError(f"actions= is {THRUSTERS!r}, {WRENCH!r} or a list of inputs of {plant.name}, got {actions!r}.")
+        raise ValueError(
+            f"actions= is {THRUSTERS!r}, {WRENCH!r} or a list of axes ({', '.join(hover.axes)}) or of inputs of "
+            f"{plant.name}, got {actions!r}."
+        )
+    if actions and len({*actions}) == len(actions) and {*actions} <= {*hover.axes}:
+        return tuple(actions)
     return tuple(check_actions(actions, plant))
