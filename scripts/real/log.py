@@ -101,6 +101,7 @@ class Log:
         """What its result says of how far vehicles are off, in units for people."""
         if "errors" in said:
             found = [Error(**error) for error in said["errors"]]
+            found += _of_free_runs(said["error"], self.signals) if self.signals else []
         elif self.horizons:
             found = list(_of_fits(said["fits"][f"{self.horizons[0]:g}"], self.signals))
         else:

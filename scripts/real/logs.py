@@ -98,6 +98,7 @@ LOGS = (
             "the polar of Merckelbach et al. (2010); this glider's mass and volume are not known",
             least_depth=10.0,
             window=window,
+            signals=("depth_m",),
             rival="`gliderflight` 1.2.1, calibrated on the other parts",
             run=diagnose_flight,
         )
@@ -168,6 +169,7 @@ LOGS = (
         "SeaExplorer, 49 files without a CTD; from `c-proof/pyglider`",
         "nothing; half of this log gave the preset its polar",
         least_depth=10.0,
+        signals=("depth_m",),
         run=diagnose_flight,
     ),
 )

@@ -19,12 +19,13 @@ Results = Sequence[tuple[Log, Said]]
 
 _STAGES = ("as given>", "refitted>", "with effects>", "others>")
 _COLOURS = ("#8a97a3", "#d55e00", "#0072b2", "#009e73")
-_OF_COLUMNS = ("since its unit", "since no mapping", "is taken from")
+_WIDE = 30.0  # largest error over the smallest, from which on an axis is logarithmic
+_OF_SAMPLES = (" of the log is ", "is assumed", "cut at", "dropped")
 _UNITS = {
-    "deg": "heading, free runs, RMS error, deg",
-    "m": "depth, free runs, RMS error, m",
-    "cm/s": "vertical velocity, RMS error, cm/s",
-    "%": "speeds and rates, free runs, error in % of the signal's deviation",
+    "deg": "heading: RMS error of free runs, deg",
+    "m": "depth: RMS error of free runs, m",
+    "cm/s": "vertical velocity: RMS error, cm/s",
+    "%": "speeds and rates: RMS error of free runs, % of the signal's deviation",
 }
 
 
@@ -40,8 +41,12 @@ def sheets(results: Results) -> list[Sheet]:
     found = [
         Sheet("real_logs", "Errors in what no fit has seen, and what is named", heads, [_row(*r) for r in results])
     ]
-    told = [[log.name, log.source, log.known, log.rival or "no other tool known"] for log, _ in results]
-    found.append(Sheet("sources", "Where logs come from", ("log", "source", "known from elsewhere", "others"), told))
+    told: dict[tuple[str, str, str], list[str]] = {}
+    for log, _ in results:
+        told.setdefault((log.source, log.known, log.rival or "no other tool known"), []).append(log.name)
+    heads = ("logs", "source", "known from elsewhere", "others")
+    rows = [["; ".join(names), *words] for words, names in told.items()]
+    found.append(Sheet("sources", "Where logs come from", heads, rows))
     dives = [dive for _, said in results for dive in said.get("currents", ())]
     if dives:
         heads = ("dive", "as stated, m/s north and east>", "with effects>", "operators>")
@@ -51,10 +56,10 @@ def sheets(results: Results) -> list[Sheet]:
 
 
 def left_out(results: Results) -> list[str]:
-    """A line for each log of which samples are left out, mended or assumed; columns that nobody needs are not told."""
+    """A line for each log of which samples are left out or assumed; notes on its columns are not repeated."""
     lines = []
     for log, said in results:
-        notes = [n for n in dict.fromkeys(said["log_notes"]) if not any(words in n for words in _OF_COLUMNS)]
+        notes = [n for n in dict.fromkeys(said["log_notes"]) if any(words in n for words in _OF_SAMPLES)]
         if notes:
             lines.append(f"- {log.name}: {' '.join(notes)}")
     return lines
@@ -71,7 +76,7 @@ def summary(results: Results) -> list[str]:
 
 
 def figure(results: Results) -> Figure:
-    """Bars of the errors, a panel a unit; on a logarithmic axis, since vehicles as given are far off."""
+    """Bars of the errors, a panel a unit; on a logarithmic axis where they differ too much to be seen on another."""
     from matplotlib.figure import Figure
 
     of = {unit: [] for unit in _UNITS}
@@ -87,8 +92,11 @@ def figure(results: Results) -> Figure:
             sizes = [(*error.stages, error.others)[k] for _, error in bars]
             at = np.arange(len(bars)) + 0.2 * (k - 1.5)
             panel.barh(at, [np.nan if s is None else s for s in sizes], 0.19, color=colour, label=label)
-        names = [f"{name}: {error.signal}" if unit in ("%", "deg", "m") else name for name, error in bars]
-        panel.set(yticks=np.arange(len(bars)), yticklabels=names, xscale="log", title=_UNITS[unit])
+        names = [f"{name}: {error.signal}" if unit == "%" else name for name, error in bars]
+        panel.set(yticks=np.arange(len(bars)), yticklabels=names, title=_UNITS[unit])
+        sizes = [size for _, e in bars for size in (*e.stages, e.others) if size]
+        if max(sizes) > _WIDE * min(sizes):
+            panel.set_xscale("log")
         panel.invert_yaxis()
         panel.grid(visible=False, axis="y")
     panels[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.12))

@@ -20,7 +20,7 @@ SAID = {
     "error": {
         stage: {"heading_rad": {"rmse": rmse}} for stage, rmse in (("as_given", 0.3), ("before", 0.2), ("after", 0.1))
     },
-    "log_notes": ["Half of it is left out."],
+    "log_notes": ["50 % of the log is left out.", "x: left out, since its unit is not known."],
 }
 FITS = SAID | {"fits": {"2": {"p_radps": [30.0, 50.0, None, 99]}}}
 DIVE = {"dive": "one, 3", "given": [[0.1, 0.2]], "after": [[0.0, -0.2]], "operators": [0.1, 0.1]}
@@ -53,10 +53,10 @@ def test_tables_have_the_errors_of_each_log_beside_those_of_others():
     assert table.rows[0][:7] == ["one, two", "heading, deg", "17.2", "11.5", "5.73", "-", "tied, something left"]
     assert table.rows[1][1:6] == ["roll rate, %", "70", "50", "-", "60"]  # 100 less the fit percent
     assert table.rows[2][1:6] == ["vertical velocity, cm/s", "1.5", "1.4", "0.5", "2"]
-    assert sources.rows[0] == ["one, two", "a source", "nothing", "no other tool known"]
+    assert sources.rows[0] == ["one, two; three", "a source", "nothing", "no other tool known"]
     assert currents.rows == [["one, 3", "0.100, 0.200", "0.000, -0.200", "0.100, 0.100"]]
     assert summary(RESULTS)[-1] == "| dives | vertical velocity, cm/s | 1.5 | 1.4 | 0.5 | 2 | tied, something left |"
-    assert left_out(RESULTS)[0] == "- one, two: Half of it is left out."
+    assert left_out(RESULTS)[0] == "- one, two: 50 % of the log is left out."
 
 
 def test_the_picture_has_a_panel_for_each_unit():
