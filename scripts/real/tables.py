@@ -20,7 +20,7 @@ Results = Sequence[tuple[Log, Said]]
 _STAGES = ("as given>", "refitted>", "with effects>", "others>")
 _COLOURS = ("#8a97a3", "#d55e00", "#0072b2", "#009e73")
 _WIDE = 30.0  # largest error over the smallest, from which on an axis is logarithmic
-_OF_SAMPLES = (" of the log is ", "is assumed", "cut at", "dropped")
+_OF_SAMPLES = (" of the log is ", "is assumed", "were dropped")
 _UNITS = {
     "deg": "heading: RMS error of free runs, deg",
     "m": "depth: RMS error of free runs, m",
@@ -124,8 +124,8 @@ def named(said: Said) -> list[str]:
     names = []
     for e in said["effects"]:
         told = e.get("coefficient") or e
-        limits = tuple(np.nan if limit is None else limit for limit in told["ci95"])
-        size = f"{quantity(told['value'], told['unit'])} ({interval(limits, told['unit'])})"
+        low, high = (np.nan if limit is None else limit for limit in told["ci95"])
+        size = f"{quantity(told['value'], told['unit'])} ({interval((low, high), told['unit'])})"
         share = "" if e["frequency"] is None else f", {100.0 * e['frequency']:.0f} %"
         names.append(f"`{told['path']}` {size}{share}" + "".join(f", or `{p}`" for p in groups.get(e["path"], ())))
     return names
