@@ -127,7 +127,10 @@ def named(said: Said) -> list[str]:
         low, high = (np.nan if limit is None else limit for limit in told["ci95"])
         size = f"{quantity(told['value'], told['unit'])} ({interval((low, high), told['unit'])})"
         share = "" if e["frequency"] is None else f", {100.0 * e['frequency']:.0f} %"
-        names.append(f"`{told['path']}` {size}{share}" + "".join(f", or `{p}`" for p in groups.get(e["path"], ())))
+        names.append(
+            f"`{told['path']}` {size}{share}"
+            + "".join(f", or `{p}`" for p in groups.get(e["path"], ()) if p != told["path"])
+        )
     return names
 
 
