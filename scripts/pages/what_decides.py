@@ -12,9 +12,10 @@ from itertools import pairwise
 from pathlib import Path
 
 from identification import deciding
+from scripts.pages.marked import with_marked
 
 PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
-BEGIN, END = "<!-- table of what decides: begin -->", "<!-- table of what decides: end -->"
+NAME = "table of what decides"
 
 
 @dataclass(frozen=True)
@@ -53,11 +54,7 @@ def lines_of_table() -> list[str]:
 
 def with_table(page: str) -> str:
     """The page with the table between its two marks."""
-    before, _, rest = page.partition(BEGIN)
-    _, found, after = rest.partition(END)
-    if not found:
-        raise ValueError(f"{PAGE} needs the marks {BEGIN} and {END} around the table.")
-    return "\n".join([before + BEGIN, "", *lines_of_table(), "", END + after])
+    return with_marked(page, NAME, "\n".join(lines_of_table()))
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
-"""The table of measured logs: what it says of a diagnosis, what is left out, and what is kept."""
+"""The page about measured logs: what it says of a diagnosis, what is left out, and what is kept."""
 
 import json
 
+import pytest
+
 from scripts import real_logs
-from scripts.real_logs import HEADS, Log, main, row_of
-from scripts.studies.harness import Sheet
+from scripts.real.log import Log
+from scripts.real.tables import figure, left_out, named, sheets, summary
+from scripts.real_logs import main
 
 SAID = {
     "verdict": "tied",
@@ -17,28 +20,75 @@ SAID = {
     "error": {
         stage: {"heading_rad": {"rmse": rmse}} for stage, rmse in (("as_given", 0.3), ("before", 0.2), ("after", 0.1))
     },
-    "seconds": {"judging": 2.0, "searching effects": 10.4},
-    "samples": 1200,
+    "log_notes": ["50 % of the log is left out.", "x: left out, since its unit is not known."],
 }
+FITS = SAID | {"fits": {"2": {"p_radps": [30.0, 50.0, None, 99]}}}
+DIVE = {"dive": "one, 3", "given": [[0.1, 0.2]], "after": [[0.0, -0.2]], "operators": [0.1, 0.1]}
+DIVES = SAID | {"errors": [{"signal": "vertical velocity", "unit": "cm/s", "stages": [1.5, 1.4, 0.5], "others": 2.0}]}
+LOGS = (
+    Log("one, two", "slocum", ("slocum:one",), "a source", "nothing"),
+    Log(
+        "three",
+        "bluerov",
+        ("three.bag",),
+        "a source",
+        "nothing",
+        horizons=(2.0,),
+        signals=("p_radps",),
+        rivals={"roll rate": 60.0},
+    ),
+    Log("dives", "seaglider", ("p1.nc",), "a source", "nothing", rival="operators"),
+)
+RESULTS = list(zip(LOGS, (SAID, FITS, DIVES | {"currents": [DIVE]}), strict=True))
 
 
-def test_a_row_says_verdict_effects_ties_errors_and_time():
-    name, samples, verdict, effects, sizes, seconds = row_of(Log("a log", "slocum"), SAID)
-    assert (name, samples, verdict, seconds) == ("a log", "1200", "tied, something left", "12")
-    first, second = effects.split("; ")
+def test_effects_come_with_interval_share_of_the_halves_and_ties():
+    first, second = named(SAID)
     assert first == "`effects.rudder.offset` 5.73 deg (5.16 to 6.3 deg), 70 %, or `effects.yaw.moment`"
     assert second == "`effects.rudder.gain` 0.8 (0.7 to 0.9)"
-    assert sizes == "heading 17.2 deg, 11.5 deg, 5.73 deg"
 
 
-def test_logs_that_are_not_there_are_left_out_and_kept_diagnoses_are_not_made_again(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(real_logs, "LOGS", (Log("one, two", "slocum"), Log("three", "slocum", "three.csv")))
-    monkeypatch.setattr(real_logs, "diagnosed", lambda log, data: SAID)
-    assert main(["--out", str(tmp_path)]) == 0
-    assert "three is left out" in capsys.readouterr().err
-    table = Sheet("", "Measured logs", HEADS, [row_of(Log("one, two", "slocum"), SAID)]).markdown()
-    assert (tmp_path / "real_logs.md").read_text() == table
-    kept = tmp_path / "one_two.json"
-    kept.write_text(json.dumps(SAID | {"samples": 7}))
-    assert main(["--out", str(tmp_path), "--only", "one"]) == 0
-    assert "| one, two | 7 |" in capsys.readouterr().out
+def test_tables_have_the_errors_of_each_log_beside_those_of_others():
+    table, sources, currents = sheets(RESULTS)
+    assert table.rows[0][:7] == ["one, two", "heading, deg", "17.2", "11.5", "5.73", "-", "tied, something left"]
+    assert table.rows[1][1:6] == ["roll rate, %", "70", "50", "-", "60"]  # 100 less the fit percent
+    assert table.rows[2][1:6] == ["vertical velocity, cm/s", "1.5", "1.4", "0.5", "2"]
+    assert sources.rows[0] == ["one, two; three", "a source", "nothing", "no other tool known"]
+    assert currents.rows == [["one, 3", "0.100, 0.200", "0.000, -0.200", "0.100, 0.100"]]
+    assert summary(RESULTS)[-1] == "| dives | vertical velocity, cm/s | 1.5 | 1.4 | 0.5 | 2 | tied, something left |"
+    assert left_out(RESULTS)[0] == "- one, two: 50 % of the log is left out."
+
+
+def test_the_picture_has_a_panel_for_each_unit():
+    pytest.importorskip("matplotlib")
+    assert [len(panel.get_yticklabels()) for panel in figure(RESULTS).axes] == [1, 1, 1]
+
+
+def test_a_failed_log_and_one_that_is_not_there_cost_no_other_and_results_are_not_made_again(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr(real_logs, "LOGS", LOGS[:2] + (LOGS[0].__class__("bad", "slocum", (), "", ""),))
+
+    def result_of(log, places):
+        if log.name == "bad":
+            raise ValueError("no rows")
+        return SAID
+
+    monkeypatch.setattr(real_logs, "result_of", result_of)
+    page = tmp_path / "page.md"
+    page.write_text("above\n<!-- tables of real logs: begin -->\n<!-- tables of real logs: end -->\nbelow\n")
+    given = ["--out", str(tmp_path / "out"), "--page", str(page), "--data", str(tmp_path)]
+    assert main(given) == 1
+    err = capsys.readouterr().err
+    assert "three is left out: three.bag is not in" in err
+    assert "bad has no result: no rows" in err
+    text = page.read_text()
+    assert text.startswith("above\n")
+    assert text.endswith("below\n")
+    assert "| one, two |" in text
+    kept = tmp_path / "out" / "one_two.json"
+    kept.write_text(json.dumps(SAID | {"verdict": "none"}))
+    assert main([*given, "--only", "one"]) == 0
+    assert "| none, something left |" in page.read_text()
+    assert main([*given, "--summary"]) == 0
+    assert "| one, two | heading, deg |" in capsys.readouterr().out

@@ -7,6 +7,7 @@ import pytest
 
 from identification import deciding
 from scripts.pages import what_decides
+from scripts.pages.marked import with_marked
 from scripts.pages.what_decides import PAGE, constants, with_table
 
 ROOT = Path(__file__).parents[3]
@@ -41,4 +42,4 @@ def test_a_constant_without_a_source_and_a_page_without_marks_are_refused(tmp_pa
     with pytest.raises(ValueError, match="ends with its source"):
         list(constants())
     with pytest.raises(ValueError, match="needs the marks"):
-        with_table("a page")
+        with_marked("a page", "a table", "text")

@@ -1,11 +1,11 @@
-"""The study of a BlueROV2 Heavy in a tank: what its joystick does to thrusters, and samples that cannot be."""
+"""A BlueROV2 Heavy in a tank: what its joystick does to thrusters, and samples that cannot be."""
 
 import numpy as np
 import pytest
 
 from auv_gym.plant import load_vehicle
 from auv_gym.plant.thrusters import AXES, find_thrusters
-from scripts.studies.tank_runs import JUDGED, main, tank_record
+from scripts.real.tank import JUDGED, tank_record
 
 THRUSTERS = find_thrusters(load_vehicle("bluerov2_heavy"))
 
@@ -34,8 +34,3 @@ def test_a_heading_halfway_through_its_jump_is_left_out():
     record = tank_record(table(yaw_rad=yaw), THRUSTERS, "run")
     assert len(record) == 7
     np.testing.assert_allclose(np.diff(record["heading_rad"]), [0.1, 0.1, 2.0 * np.pi - 6.2, 0.1, 0.1, 0.1])
-
-
-def test_without_the_runs_it_says_so(tmp_path, capsys):
-    assert main(["--data", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
-    assert "bluerov2_mocap_2runs.csv is not in" in "".join(capsys.readouterr().err.split("\n")).replace("  ", " ")

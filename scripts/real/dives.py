@@ -1,0 +1,167 @@
+"""Logs of gliders that fly, judged by the vertical velocity that steady flight makes of them.
+
+Away from pumping and inflections, the vertical velocity of the model is compared with the differenced depth: as given,
+with coefficients refitted, and with what the diagnosis names; beside them, what others' flight models make of the same
+samples.  Dives are judged that no fit has seen, or parts of a log by vehicles that were fitted without them.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_gym.cli.options.console import errors
+from auv_gym.model import inputs_of
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant.currents import dive_currents
+from auv_gym.plant.record_check import described, needs_of
+from auv_gym.plant.stated import vehicle_from_dive
+from auv_gym.records.reading import find_log, open_log
+from auv_gym.records.record import Record
+from identification.diagnosis import Diagnosis, diagnose
+from identification.diagnosis.log.parts import parts_of
+from scripts.benchmarks.peers.environments import Peer, run
+from scripts.real.log import Error, Log, Places, bundled, kept
+
+GLIDERFLIGHT = Peer("gliderflight", "1.2.1", "scripts.benchmarks.peers.run_gliderflight")
+SIGNAL, UNIT = "vertical velocity", "cm/s"
+# up, of the operators' hydrodynamic model; vert_speed_gsm is of the measured depth rate, and so foretells nothing
+_OPERATORS = "vert_speed_mps"
+
+
+def dive_of(file: str) -> str:
+    """The number of a dive, as the file's name has it."""
+    return str(int(Path(file).name.partition(".")[0].partition("_")[0][4:]))
+
+
+def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
+    """The diagnosis of some dives of a Seaglider, judged on others beside the operators' own model, and currents."""
+    plant = vehicle_from_dive(places.data / log.files[0], log.vehicle)
+    needs = needs_of(plant)
+    found = diagnose(log.record(places.data, log.files, needs), plant, source=log.name)
+    judged = described(plant, log.record(places.data, log.judged, needs))
+    stages = [100.0 * velocity_error(stage, judged) for stage in found.plants.values()]
+    currents = []
+    for file in log.judged:
+        whole = described(plant, log.record(places.data, [file], needs))
+        stated = open_log(places.data / file).attrs
+        currents.append(
+            {
+                "dive": f"{log.name.partition(',')[0]}, {dive_of(file)}",
+                **{n: [c[1:3] for c in dive_currents(p, whole)] for n, p in found.plants.items() if n != "before"},
+                "operators": [
+                    stated[f"current_{way}_mps"] for way in ("north", "east") if f"current_{way}_mps" in stated
+                ],
+            }
+        )
+    error = Error(SIGNAL, UNIT, stages, operators_error(plant, judged))
+    return kept(found, errors=[vars(error)], currents=currents)
+
+
+def diagnose_flight(log: Log, places: Places) -> dict[str, Any]:
+    """The diagnosis of a log in flight, parts judged by vehicles fitted without them, and Slocums by gliderflight."""
+    plant = load_vehicle(log.vehicle)
+    record = log.record(places.data, _with_science(log.files), needs_of(plant))
+    found = diagnose(record, plant, source=log.name, window=log.window)
+    parts = parts_of(plant, found.record, len(found.windows))
+    numbers = np.full(len(found.record), -1)
+    for number, part in enumerate(parts):
+        for piece in part:
+            numbers[piece] = number
+    stages = [
+        100.0 * _unseen_error(stage.without, found.record, numbers)
+        for stage in (found.given, found.before, found.after)
+    ]
+    others, settings = gliderflight_error(found, numbers, places.peers) if log.rival else (None, "")
+    return kept(found, errors=[vars(Error(SIGNAL, UNIT, stages, others))], others=settings)
+
+
+def vertical_velocities(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """Of the model at the measured depths, and of the differenced depth, m/s, at the samples of a record."""
+    family, inputs, depth = plant.family, inputs_of(plant, record), record["depth_m"]
+    heated = family.actuators.index("temperature_C")
+    view, slopes, found = family.view(plant.derived), np.empty(family.integrated), np.full(len(record), np.nan)
+    between = {n: record[n] for n in family.interpolated if record.has(n)}
+    for name, values in between.items():  # at the sample itself
+        inputs[:, family.inputs.index(name)] = values
+    shaped, memory, z = np.empty(2), np.empty(2), np.zeros(family.integrated)
+    for k in range(len(record)):
+        memory[:] = inputs[k, :2]
+        family.hooks.shape(inputs[k], memory, view, shaped)
+        shaped[heated] = inputs[k, heated]
+        z[0] = depth[k]
+        family.hooks.derivative(z, shaped, inputs[k], view, slopes, np.empty(1))
+        found[k] = slopes[0]
+    logged = np.concatenate([np.gradient(depth[s], record.time[s]) for s in record.segments])
+    return found, logged
+
+
+def velocity_error(plant: Plant, record: Record) -> float:
+    """RMS of the vertical velocity, model less differenced depth, m/s."""
+    model, logged = vertical_velocities(plant, record)
+    return _rms(model - logged)
+
+
+def operators_error(plant: Plant, record: Record) -> float | None:
+    """RMS error of the vertical velocity that the operators' own model makes of a record, cm/s; None without it."""
+    if not record.has(_OPERATORS):
+        return None
+    missed = -record[_OPERATORS] - vertical_velocities(plant, record)[1]
+    return 100.0 * _rms(missed[np.isfinite(missed)])
+
+
+def gliderflight_error(found: Diagnosis, numbers: np.ndarray, environments: Path) -> tuple[float | None, str]:
+    """RMS error of gliderflight's steady model, cm/s, each part by one calibrated without it, and what was calibrated.
+
+    Of the sets of parameters that its runner tries, the one that is best on unseen parts.  numbers: the part of each
+    row.  None where its environment is not there.
+    """
+    if not GLIDERFLIGHT.python(environments).exists():
+        errors.print(f"{GLIDERFLIGHT.title} is not in {environments}: give --make-peers to install it there.")
+        return None, ""
+    plant, record = found.given.plant, found.record
+    density = (
+        record["density_kgpm3"]
+        if record.has("density_kgpm3")
+        else np.full(len(record), plant.constants["density_kgpm3"])
+    )
+    columns = {
+        "time": record.time,
+        "pressure": density * 9.81 * record["depth_m"] / 1e5,  # bar
+        "pitch": record["pitch_rad"],
+        "buoyancy_change": 1e6 * record["buoyancy_volume_m3"],  # cm3
+        "density": density,
+        "dhdt": -vertical_velocities(plant, record)[1],  # up
+        "part": numbers,
+    }
+    hull = plant.parameters.hull
+    with tempfile.TemporaryDirectory() as folder:
+        np.savez(Path(folder) / "log.npz", **columns)
+        (Path(folder) / "start.json").write_text(json.dumps({"mg": hull.mass, "Vg": hull.volume}), encoding="utf-8")
+        lines = list(run(GLIDERFLIGHT, Path(folder), environments, 1))
+    best = min(lines, key=lambda line: line["rms"])
+    return 100.0 * best["rms"], ", ".join(best["calibrated"])
+
+
+def _unseen_error(plants: Sequence[Plant], record: Record, numbers: np.ndarray) -> float:
+    """RMS of the vertical velocity, m/s, each part by its own plant."""
+    missed = []
+    for number, plant in enumerate(plants):
+        model, logged = vertical_velocities(plant, record)
+        missed.append((model - logged)[numbers == number])
+    return _rms(np.concatenate(missed))
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _with_science(files: Sequence[str]) -> list[str]:
+    """Files, and beside those that dbdreader ships the logs of the science computer, which has the CTD."""
+    beside = [find_log(file).with_suffix(".ebd") for file in files if bundled(file)]
+    return [*files, *(str(path) for path in beside if path.exists())]

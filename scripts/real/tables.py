@@ -1,0 +1,140 @@
+"""What the page about measured logs says of the results: tables, lines for the README, and the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from identification.diagnosis.wording import interval, quantity
+from scripts.real.log import Error, Log
+from scripts.studies.harness import Sheet
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Said = Mapping[str, Any]
+Results = Sequence[tuple[Log, Said]]
+
+_STAGES = ("as given>", "refitted>", "with effects>", "others>")
+_COLOURS = ("#8a97a3", "#d55e00", "#0072b2", "#009e73")
+_WIDE = 30.0  # largest error over the smallest, from which on an axis is logarithmic
+_OF_SAMPLES = (" of the log is ", "is assumed", "were dropped")
+_UNITS = {
+    "deg": "heading: RMS error of free runs, deg",
+    "m": "depth: RMS error of free runs, m",
+    "cm/s": "vertical velocity: RMS error, cm/s",
+    "%": "speeds and rates: RMS error of free runs, % of the signal's deviation",
+}
+
+
+def sheets(results: Results) -> list[Sheet]:
+    """The tables of the page."""
+    heads = (
+        "log",
+        "signal",
+        *_STAGES,
+        "verdict",
+        "named (95 % interval), share of the halves of the log that choose it",
+    )
+    found = [
+        Sheet("real_logs", "Errors in what no fit has seen, and what is named", heads, [_row(*r) for r in results])
+    ]
+    told: dict[tuple[str, str, str], list[str]] = {}
+    for log, _ in results:
+        told.setdefault((log.source, log.known, log.rival or "no other tool known"), []).append(log.name)
+    heads = ("logs", "source", "known from elsewhere", "others")
+    rows = [["; ".join(names), *words] for words, names in told.items()]
+    found.append(Sheet("sources", "Where logs come from", heads, rows))
+    dives = [dive for _, said in results for dive in said.get("currents", ())]
+    if dives:
+        heads = ("dive", "as stated, m/s north and east>", "with effects>", "operators>")
+        rows = [[d["dive"], *(_current(d[k]) for k in ("given", "after", "operators"))] for d in dives]
+        found.append(Sheet("currents", "Depth-averaged currents of dives that no fit has seen", heads, sorted(rows)))
+    return found
+
+
+def left_out(results: Results) -> list[str]:
+    """A line for each log of which samples are left out or assumed; notes on its columns are not repeated."""
+    lines = []
+    for log, said in results:
+        notes = [n for n in dict.fromkeys(said["log_notes"]) if any(words in n for words in _OF_SAMPLES)]
+        if notes:
+            lines.append(f"- {log.name}: {' '.join(notes)}")
+    return lines
+
+
+def summary(results: Results) -> list[str]:
+    """The results in the fewest words, for the README: of each log the first signal."""
+    rows = []
+    for log, said in results:
+        first = log.errors(said)[0]
+        given, refitted, effects, others = _numbers(first)
+        rows.append([log.name, f"{first.signal}, {first.unit}", given, refitted, effects, others, _verdict(said)])
+    return Sheet("", "", ("log", "error", *_STAGES, "verdict"), rows).markdown().splitlines()[2:]
+
+
+def figure(results: Results) -> Figure:
+    """Bars of the errors, a panel a unit; on a logarithmic axis where they differ too much to be seen on another."""
+    from matplotlib.figure import Figure
+
+    of = {unit: [] for unit in _UNITS}
+    for log, said in results:
+        for error in log.errors(said):
+            if error.unit in of:
+                of[error.unit].append((log.name, error))
+    of = {unit: bars for unit, bars in of.items() if bars}
+    drawn = Figure(figsize=(9.6, 0.36 * sum(len(bars) + 2 for bars in of.values())), layout="constrained")
+    panels = drawn.subplots(len(of), 1, height_ratios=[len(bars) + 1 for bars in of.values()], squeeze=False)[:, 0]
+    for panel, (unit, bars) in zip(panels, of.items(), strict=True):
+        for k, (label, colour) in enumerate(zip(("as given", "refitted", "with effects", "best of others"), _COLOURS)):
+            sizes = [(*error.stages, error.others)[k] for _, error in bars]
+            at = np.arange(len(bars)) + 0.2 * (k - 1.5)
+            panel.barh(at, [np.nan if s is None else s for s in sizes], 0.19, color=colour, label=label)
+        names = [f"{name}: {error.signal}" if unit == "%" else name for name, error in bars]
+        panel.set(yticks=np.arange(len(bars)), yticklabels=names, title=_UNITS[unit])
+        sizes = [size for _, e in bars for size in (*e.stages, e.others) if size]
+        if max(sizes) > _WIDE * min(sizes):
+            panel.set_xscale("log")
+        panel.invert_yaxis()
+        panel.grid(visible=False, axis="y")
+    panels[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.12))
+    return drawn
+
+
+def _row(log: Log, said: Said) -> list[str]:
+    errors = log.errors(said)
+    columns = [f"{e.signal}, {e.unit}" for e in errors], *zip(*map(_numbers, errors), strict=True)
+    return [log.name, *("<br>".join(cells) for cells in columns), _verdict(said), "; ".join(named(said)) or "nothing"]
+
+
+def _numbers(error: Error) -> list[str]:
+    values = [*error.stages, error.others]
+    return ["-" if value is None or not np.isfinite(value) else f"{value:.3g}" for value in values]
+
+
+def _verdict(said: Said) -> str:
+    return said["verdict"] + (", something left" if said["unexplained"] and said["verdict"] != "unexplained" else "")
+
+
+def named(said: Said) -> list[str]:
+    """The effects of a result with size, interval and frequency, and what each is tied with."""
+    groups = {path: [p for p in group if p != path] for group in said["tied"] for path in group}
+    names = []
+    for e in said["effects"]:
+        told = e.get("coefficient") or e
+        low, high = (np.nan if limit is None else limit for limit in told["ci95"])
+        size = f"{quantity(told['value'], told['unit'])} ({interval((low, high), told['unit'])})"
+        share = "" if e["frequency"] is None else f", {100.0 * e['frequency']:.0f} %"
+        names.append(
+            f"`{told['path']}` {size}{share}"
+            + "".join(f", or `{p}`" for p in groups.get(e["path"], ()) if p != told["path"])
+        )
+    return names
+
+
+def _current(found: Sequence[Any]) -> str:
+    """A current, or each of several, in m/s north and east."""
+    pairs = [found] if found and not isinstance(found[0], list | tuple) else found
+    return "; ".join(f"{north:.3f}, {east:.3f}" for north, east in pairs) or "-"
