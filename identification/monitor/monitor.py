@@ -207,10 +207,10 @@ class Monitor:
             measured = np.array([measured.get(n, np.nan) for n in plant.outputs])
         u, y = np.array(inputs, dtype=np.float64), np.array(measured, dtype=np.float64)
         if u.shape != (len(plant.inputs),) or y.shape != (len(plant.outputs),):  # compiled code checks no index
-            names = f"{', '.join(plant.inputs)}; {', '.join(plant.outputs)}"
+            names, count = ", ".join((*plant.inputs, *plant.outputs)), (len(plant.inputs), len(plant.outputs))
             raise ValueError(
-                f"A monitor of {plant.name} needs {len(plant.inputs)} inputs and {len(plant.outputs)} readings ({names}), "
-                f"got arrays of shape {u.shape} and {y.shape}."
+                f"A monitor of {plant.name} needs {count[0]} inputs and {count[1]} readings ({names}), got arrays of "
+                f"shape {u.shape} and {y.shape}."
             )
         return u, y
 

@@ -3,7 +3,8 @@
     python -m scripts.studies.monitor --case 'delay*' --seeds 20 --out monitor
 
 Faults begin in the middle of a log whose commands are those of the standard experiment.  The size of each is such that
-it moves the innovations by 0.2 to 1 of their deviations, root mean square.
+it moves the innovations by 0.2 to 1 of their deviations, root mean square.  The CUSUM knows from each sample to the
+next by how much, and its bar is of the same rate of false alarms.
 """
 
 from __future__ import annotations
@@ -79,9 +80,10 @@ def _delays(monitor: Monitor, record: Record, rng: np.random.Generator) -> dict[
             if not spec.bounds[0] < value < spec.bounds[1]:
                 break
             other, quiet = replace_at(plant, path, value), np.random.default_rng(seed_of(rng))
-            log = _switched(monitor, record, other, onset, quiet)
-            told, moved = _likelihoods(monitor, log, other)
-            reached = float(np.sqrt(np.mean(moved[onset:] ** 2)))
+            log, same = _logs(monitor, record, other, onset, quiet)
+            innovations, before = _innovations(monitor, log), _innovations(monitor, same)
+            moved = innovations - before
+            reached = float(np.sqrt(np.mean((moved[onset:] ** 2).sum(axis=1))))
             if 0.7 * wanted < reached < 1.4 * wanted:
                 break
             size *= float(np.clip(wanted / max(reached, 1e-3), 0.1, 10.0))
@@ -90,9 +92,9 @@ def _delays(monitor: Monitor, record: Record, rng: np.random.Generator) -> dict[
     else:
         raise ValueError(f"No effect of {plant.name} moves the innovations by {wanted:.2f}.")
     bar, level, alarm = bar_of(reached, rate), 0.0, len(record)
-    for k, gain in enumerate(told):
+    for k, gain in enumerate(((innovations - 0.5 * moved) * moved).sum(axis=1)):
         level = max(level + gain, 0.0)
-        if k >= onset and level > bar:
+        if level > bar:
             alarm = k
             break
     start = float(log.time[onset])
@@ -109,38 +111,42 @@ def seed_of(rng: np.random.Generator) -> int:
     return int(rng.integers(2**31))
 
 
-def _switched(monitor: Monitor, record: Record, other: Plant, onset: int, rng: np.random.Generator) -> Record:
-    """The commands of a log to a vehicle that becomes another one at a row, with the monitor's white noise."""
+def _logs(
+    monitor: Monitor, record: Record, other: Plant, onset: int, rng: np.random.Generator
+) -> tuple[Record, Record]:
+    """The commands of a log to a vehicle that becomes another one at a row, and to one that does not.
+
+    Both have the same white noise, which is the monitor's.
+    """
     plan = monitor.learned.plan
     plant = plan.plant
     inputs, outputs, time = inputs_of(plant, record), outputs_of(plant, record), record.time
-    x = plant.settled(plant.initial(outputs[0])[: len(plant.family.states)], inputs[0])
-    y = np.empty_like(outputs)
-    for k in range(len(time)):
-        now = other if k >= onset else plant
-        y[k] = now.output(x)
-        if k + 1 < len(time):
-            x = now.step_over(x, inputs[k], float(time[k + 1] - time[k]))
-    values = {name: y[:, plant.outputs.index(name)] for name in plan.channels}
-    for name, variance in zip(plan.channels, plan.variances, strict=True):
-        values[name] = values[name] + np.sqrt(variance) * rng.standard_normal(len(time))
-    columns = {n: record[n] for n in plant.inputs if record.has(n)} | values
-    return Record.from_arrays(time, columns, attrs={"source": "simulated", "vehicle": plant.name})
+    noise = np.sqrt(plan.variances) * rng.standard_normal((len(time), len(plan.channels)))
+    columns, found = [plant.outputs.index(n) for n in plan.channels], []
+    for late in (other, plant):
+        x = plant.settled(plant.initial(outputs[0])[: len(plant.family.states)], inputs[0])
+        y = np.empty_like(outputs)
+        for k in range(len(time)):
+            now = late if k >= onset else plant
+            y[k] = now.output(x)
+            if k + 1 < len(time):
+                x = now.step_over(x, inputs[k], float(time[k + 1] - time[k]))
+        values = {n: record[n] for n in plant.inputs if record.has(n)}
+        values |= dict(zip(plan.channels, (y[:, columns] + noise).T, strict=True))
+        found.append(Record.from_arrays(time, values, attrs={"source": "simulated", "vehicle": plant.name}))
+    return found[0], found[1]
 
 
-def _likelihoods(monitor: Monitor, log: Record, other: Plant) -> tuple[np.ndarray, np.ndarray]:
-    """By rows, the logarithm of a fault's likelihood over that without, and by what it moves the innovations."""
-    plan, found = replace(monitor.learned.plan, gains=None, whiten=None), []
-    for plant in (plan.plant, replace(other, dt=plan.plant.dt)):
-        own, rows = OnlineFilter(replace(plan, plant=plant)), np.zeros((len(log), 2, len(plan.channels)))
-        inputs, outputs = inputs_of(plant, log), outputs_of(plant, log)
-        own.begin(inputs[0], outputs[0])
-        for k in range(1, len(log)):
-            if own.step(inputs[k - 1], outputs[k], float(log.time[k] - log.time[k - 1])):
-                rows[k] = own.innovations, np.log(np.diag(own.whiten))
-        found.append(rows)
-    scores = [(-0.5 * rows[:, 0] ** 2 + rows[:, 1]).sum(axis=1) for rows in found]
-    return scores[1] - scores[0], np.sqrt(((found[0][:, 0] - found[1][:, 0]) ** 2).sum(axis=1))
+def _innovations(monitor: Monitor, log: Record) -> np.ndarray:
+    """Those of the monitor's filter with gains that vary, by rows, zero while they do not count."""
+    plan = replace(monitor.learned.plan, gains=None, whiten=None)
+    own, rows = OnlineFilter(plan), np.zeros((len(log), len(plan.channels)))
+    inputs, outputs = inputs_of(plan.plant, log), outputs_of(plan.plant, log)
+    own.begin(inputs[0], outputs[0])
+    for k in range(1, len(log)):
+        if own.step(inputs[k - 1], outputs[k], float(log.time[k] - log.time[k - 1])):
+            rows[k] = own.innovations
+    return rows
 
 
 def bar_of(moves: float, rate: float) -> float:
