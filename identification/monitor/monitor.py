@@ -77,7 +77,7 @@ class Monitor:
 
     The innovations of its Kalman filter are tested as `identification.monitor.bank` says.  After an alarm the tests
     begin anew, and the filter goes on.  It takes constant time and memory for a sample; the last samples are kept for
-    `stretch`.
+    `stretch`.  time: s; over: the greatest statistic of the last sample, over its bar.
     """
 
     def __init__(self, learned: Learned, false_alarms_per_hour: float = 0.1, seed: int = 0):
@@ -86,7 +86,7 @@ class Monitor:
             raise ValueError(
                 f"A monitor needs false_alarms_per_hour > 0, got {false_alarms_per_hour!r}: for example 0.1."
             )
-        self.learned, self.false_alarms_per_hour, self.time = learned, false_alarms_per_hour, 0.0
+        self.learned, self.false_alarms_per_hour, self.time, self.over = learned, false_alarms_per_hour, 0.0, 0.0
         self._filter = OnlineFilter(learned.plan)
         self._bank = Bank(learned.memories, learned.columns, len(learned.plan.channels), learned.inflation)
         rate = false_alarms_per_hour * learned.interval / 3600.0
@@ -160,23 +160,23 @@ class Monitor:
         if not own.step(u, y, duration):
             return None
         self._bank.take(own.innovations, self._scales, own.inputs, own.states)
-        told = self._bank.told
-        return self._alarm() if told[0] > self.bars.pooled or told[3] > self.bars.single else None
+        told, bars = self._bank.told, self.bars
+        self.over = max(told[0] / bars.pooled, told[3] / bars.single)
+        return self._alarm() if self.over > 1.0 else None
 
-    def run(self, record: Record, *, every: bool = True) -> list[Alarm]:
-        """The alarms in a log, each gap of which begins the filter anew; every: not only the first."""
-        plant, found = self.learned.plant, []
-        inputs, outputs, time = _columns(plant, record)
+    def replay(self, record: Record) -> Iterator[Alarm | None]:
+        """An alarm or None at each sample of a log but the first after each gap, where the filter begins anew."""
+        record = described(self.learned.plant, record)
+        inputs, outputs, time = _columns(self.learned.plant, record)
         for segment in record.segments:
             self.time = float(time[segment.start])
             self.begin(inputs[segment.start], outputs[segment.start])
             for k in range(segment.start + 1, segment.stop):
-                alarm = self._step(inputs[k - 1], outputs[k], float(time[k] - time[k - 1]))
-                if alarm is not None:
-                    found.append(alarm)
-                    if not every:
-                        return found
-        return found
+                yield self._step(inputs[k - 1], outputs[k], float(time[k] - time[k - 1]))
+
+    def run(self, record: Record) -> list[Alarm]:
+        """The alarms in a log."""
+        return [alarm for alarm in self.replay(record) if alarm is not None]
 
     def stretch(self) -> Record:
         """The last samples, as a record."""
@@ -221,10 +221,9 @@ class Monitor:
         squares = self._bank.squares[memory, signal]
         most = int(np.argmax(squares))
         name = learned.plan.channels[most] if alone or squares[most] > 0.5 * squares.sum() else ""
-        over = max(told[3] / bars.single, told[0] / bars.pooled)
         self._bank.clear()
         looks_back = float(learned.memories[memory] * learned.interval)
-        return Alarm(self.time, name, (*learned.signals, SCATTER)[signal], looks_back, float(over))
+        return Alarm(self.time, name, (*learned.signals, SCATTER)[signal], looks_back, float(self.over))
 
 
 def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool) -> Learned:
