@@ -34,8 +34,8 @@ _TOLD = 3  # alarms in the summary
 class Watched:
     """What a monitor found in a log.
 
-    hours: of the log.  time: (n,) s, and over: (n,), the greatest statistic over its bar.  timeline: of the stretch about the first alarm,
-    None without an alarm; problem: why there is none otherwise.
+    hours: of the log.  time: (n,) s, and over: (n,), the greatest statistic over its bar.  timeline: of the stretch
+    about the first alarm, None without an alarm; problem: why there is none otherwise.
     """
 
     monitor: Monitor

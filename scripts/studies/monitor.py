@@ -32,9 +32,10 @@ from scripts.blind.kinds import effects_of, known, log_of
 from scripts.blind.logs import Conditions
 from scripts.studies.harness import Found, Option, Sheet, Study
 
-VEHICLES = {"slocum": 7200.0, "qiandao_float": 2400.0, "npsauv": 600.0}  # s, of a log; of the float all are as long
+# s, of a log with a fault and of a clean one; those of the float are all as long
+VEHICLES = {"slocum": (7200.0, 72000.0), "qiandao_float": (2400.0, 2400.0), "npsauv": (600.0, 3600.0)}
 CLEAN, DELAY, STEADY = "clean: ", "delay: ", ", steady gains"
-_RATES = {"slocum": 1.0, "qiandao_float": 1.0, "npsauv": 6.0}  # an hour
+_RATES = {"slocum": 0.2, "qiandao_float": 1.0, "npsauv": 1.0}  # an hour
 _SIZES = (0.2, 1.0)
 _NOT_AT_ONCE = ("dead_time", "clock")  # the length of a vehicle's memory of commands follows from these
 
@@ -44,7 +45,7 @@ def monitor_of(case: str, fitted: bool) -> Monitor:
     """The monitor of a vehicle, from a clean log."""
     vehicle = vehicle_of(case)
     plant = known(vehicle)
-    record = log_of(plant, Conditions(1.0, 1.0, 2.0 * VEHICLES[vehicle]), 7)
+    record = log_of(plant, Conditions(1.0, 1.0, 2.0 * VEHICLES[vehicle][0]), 7)
     return Monitor.learn(
         record, plant, false_alarms_per_hour=_RATES[vehicle], steady=STEADY in case, doubt=DOUBT if fitted else 0.0
     )
@@ -58,7 +59,8 @@ def attempt(case: str, seed: int, fitted: str) -> dict[str, Any]:
     """Alarms, hours and samples a second of a clean log, or delays of a fault."""
     vehicle, monitor = vehicle_of(case), monitor_of(case, fitted == "yes")
     rng = np.random.default_rng([seed, len(case), *case.encode()])
-    record = log_of(known(vehicle), Conditions(1.0, 1.0, VEHICLES[vehicle]), int(rng.integers(2**31)))
+    duration = VEHICLES[vehicle][case.startswith(CLEAN)]
+    record = log_of(known(vehicle), Conditions(1.0, 1.0, duration), int(rng.integers(2**31)))
     if case.startswith(DELAY):
         return _delays(monitor, record, rng)
     begin = perf_counter()
