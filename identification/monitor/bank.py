@@ -13,7 +13,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.stats import chi2
 
 from auv_gym.compiled import outlined, ready
@@ -171,4 +171,4 @@ def _bar(low: float, wanted: float, freedom: int) -> float:
     """The bar of a logarithm of h P(chi-square > h), at least `low`."""
     if _log_shape(low, freedom) <= wanted:
         return float(low)
-    return float(brentq(lambda h: _log_shape(h, freedom) - wanted, low, 1000.0))
+    return float(root_scalar(lambda h: _log_shape(h, freedom) - wanted, bracket=(low, 1000.0)).root)

@@ -25,7 +25,7 @@ from identification.fit.windows import stretches_of
 from identification.monitor.bank import CLIP, Bank, bars_for, memories
 
 Values = Mapping[str, float] | np.ndarray
-_PLACE = ("north_m", "east_m")  # nothing depends on the place
+_NOT_FELT = ("north_m", "east_m", "elapsed_s")  # what no force depends on
 CONSTANT, SCATTER = "constant", "scatter"
 # of a clean log's samples, the longest memory of tests: what its coefficients are off by adds to the square of z, over
 # so many samples, this share of their number; the filter remembers so many times longer
@@ -237,7 +237,7 @@ def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool
         plan = replace(plan, gains=gains, whiten=whiten)
     found = [np.concatenate((own.innovations, own.inputs, own.states)) for own in _followed(record, plan)]
     errors, clean = np.split(np.array(found), [count], axis=1)
-    columns = np.array([k for k, n in enumerate(names) if np.std(clean[:, k]) > 1e-9 and n not in _PLACE], dtype=int)
+    columns = np.array([k for k, n in enumerate(names) if np.std(clean[:, k]) > 1e-9 and n not in _NOT_FELT], dtype=int)
     unit = np.sqrt(np.nanmean(np.minimum(errors**2, CLIP**2), axis=0))
     bank, sums, seen = Bank(lasting, columns, count), np.zeros((len(lasting), 2, count)), np.zeros(len(lasting))
     for k, (e, signals) in enumerate(zip(errors, clean, strict=True)):

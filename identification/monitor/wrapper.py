@@ -25,5 +25,6 @@ class Monitored(gymnasium.Wrapper):
         return observation, {**info, "alarm": None}
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        *result, info = self.env.step(action)
-        return *result, {**info, "alarm": self.monitor.step(info["command"], info["reading"])}
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        alarm = self.monitor.step(info["command"], info["reading"])
+        return observation, reward, terminated, truncated, {**info, "alarm": alarm}

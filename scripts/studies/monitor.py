@@ -17,7 +17,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 from scipy.stats import chi2
 
 from auv_gym.model import inputs_of, outputs_of
@@ -157,8 +157,8 @@ def bar_of(moves: float, rate: float) -> float:
     In his eq. 2.57, the mean time between false ones is 2 (exp(b) - b - 1) / moves^2, where b is moves times the bar
     of the sum of normal numbers, with 1.166 added for the overshoot.
     """
-    b = brentq(lambda b: 2.0 * (np.expm1(b) - b) / moves**2 - 1.0 / rate, 1e-6, 60.0)
-    return float(b - 1.166 * moves)
+    found = root_scalar(lambda b: 2.0 * (np.expm1(b) - b) / moves**2 - 1.0 / rate, bracket=(1e-6, 60.0))
+    return float(found.root - 1.166 * moves)
 
 
 def poisson(count: int, hours: float) -> str:
