@@ -91,13 +91,3 @@ def test_a_monitor_says_what_it_needs(slocum, clean):
     monitor = Monitor.learn(clean, slocum, noise=NOISE)
     with pytest.raises(ValueError, match="got arrays of shape"):
         monitor.step(np.zeros(1), np.zeros(1))
-
-
-@pytest.mark.slow
-def test_the_name_follows_from_the_stretch_behind_an_alarm(slocum, clean):
-    monitor = Monitor.learn(clean, slocum, false_alarms_per_hour=0.01)
-    bent = replace_at(slocum, "effects.rudder.offset", 0.03)
-    moving = ChangingGlider(slocum, lambda t: bent if t >= 1500.0 else slocum)
-    found = watch(monitor, closed_loop(moving, rng=np.random.default_rng(5), duration=2500.0))
-    assert found.timeline is not None
-    assert [(t.path, t.form) for t in found.timeline.found] == [("effects.rudder.offset", "from")]
