@@ -36,6 +36,8 @@ from .linear.uncertainty import (
     response_band as response_band,
     simulated_band as simulated_band,
 )
+from .monitor.monitor import Alarm as Alarm, Monitor as Monitor
+from .monitor.wrapper import Monitored as Monitored
 from .recursive.corrected_ivls import CorrectedIvls as CorrectedIvls
 from .recursive.diving_model import DivingModel as DivingModel
 from .recursive.ivls import Ivls as Ivls

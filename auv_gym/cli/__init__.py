@@ -20,6 +20,7 @@ from auv_gym.cli import (  # noqa: F401  # each puts its command into `app`
     identify,
     listing,
     look,
+    monitor,
     onset,
     simulate,
     train,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_gym.compiled import outlined
+from auv_gym.compiled import compiled, outlined
 from identification.fit.responses import Responses
 
 LEAST_VARIANCE = 1e-300
@@ -205,86 +205,107 @@ def _forward(
         for j in range(size):
             for i in range(size):
                 roots[k, j, i] = root[j, i]
-        # readings, one by one (Potter)
-        score = 0.0
-        for m in range(count):
-            if not finite[k, m]:
-                continue
-            variance = variances[m] / counts[k, m]
-            spread = variance
-            ahead = error[k, m]
-            for j in range(size):
-                column[j] = 0.0
-                gain[j] = 0.0
-            for i in range(size):
-                factor = c[k, m, i]
-                if factor != 0.0:
-                    ahead -= factor * mean[i]
-                    for j in range(size):
-                        column[j] += factor * root[j, i]
-            for j in range(size):
-                spread += column[j] * column[j]
-            spread = max(spread, LEAST_VARIANCE)
-            share = 1.0 / (spread * (1.0 + np.sqrt(variance / spread)))
-            for j in range(size):
-                factor = column[j]
-                for i in range(size):
-                    gain[i] += factor * root[j, i]
-            for j in range(size):
-                factor = share * column[j]
-                for i in range(size):
-                    root[j, i] -= factor * gain[i]
-            for i in range(size):
-                gain[i] /= spread
-                mean[i] += gain[i] * ahead
-            # this reading's innovation in terms of the row's: T, then the whole gain
-            whiten[k, m, m] = 1.0
-            for i in range(size):
-                factor = c[k, m, i]
-                if factor != 0.0:
-                    for n in range(m):
-                        whiten[k, m, n] -= factor * gains[k, i, n]
-            for i in range(size):
-                factor = gain[i]
-                for n in range(m + 1):
-                    gains[k, i, n] += factor * whiten[k, m, n]
-            scale = 1.0 / np.sqrt(spread)
-            for n in range(m + 1):
-                whiten[k, m, n] *= scale
-            innovations[k, m] = ahead * scale
-            score -= 0.5 * (np.log(2.0 * np.pi * spread) + ahead * ahead / spread)
-        scores[k] = score
+        numbers = (c[k], error[k], finite[k], counts[k], variances)
+        scores[k] = read_row(root, mean, *numbers, column, gain, gains[k], whiten[k], innovations[k])
         for i in range(size):
             means[k, i] = mean[i]
-        # to the next row: [A S | sqrt(Q)] made square by reflections
         if k + 1 < rows and begin[k + 1] != 1:
-            for i in range(size):
-                moved[i] = -forcing[k, i] if i < solid else 0.0
-            for n in range(size):
-                factor = mean[n]
-                for i in range(solid):
-                    moved[i] += factor * onward[k, n, i]
-            for j in range(size):
-                for i in range(size):
-                    wide[j, i] = 0.0
-                for n in range(size):
-                    factor = root[j, n]
-                    if factor != 0.0:
-                        for i in range(solid):
-                            wide[j, i] += factor * onward[k, n, i]
-            for j in range(size, size + pushed):
-                for i in range(size):
-                    wide[j, i] = 0.0
-            for d in range(pushed):
-                i = solid + d
-                decay = np.exp(-durations[k] / times[d])
-                moved[i] = decay * mean[i]
+            pushes = (durations[k], deviations, times)
+            to_next_row(root, mean, onward[k], forcing[k], *pushes, wide, moved, reflector, share_of)
+
+
+@compiled
+def read_row(root, mean, c, error, finite, counts, variances, column, gain, gains, whiten, innovations):
+    """The log-likelihood of a row's readings, which move root (transposed, N, N) and mean (N,), one by one (Potter).
+
+    gains (N, C), whiten (C, C) and innovations (C,), zero before, become those of `Pass`.  column, gain: work, (N,).
+    """
+    count, size = c.shape
+    score = 0.0
+    for m in range(count):
+        if not finite[m]:
+            continue
+        variance = variances[m] / counts[m]
+        spread = variance
+        ahead = error[m]
+        for j in range(size):
+            column[j] = 0.0
+            gain[j] = 0.0
+        for i in range(size):
+            factor = c[m, i]
+            if factor != 0.0:
+                ahead -= factor * mean[i]
                 for j in range(size):
-                    wide[j, i] = decay * root[j, i]
-                wide[size + d, i] = deviations[d] * np.sqrt(max(1.0 - decay * decay, 0.0))
+                    column[j] += factor * root[j, i]
+        for j in range(size):
+            spread += column[j] * column[j]
+        spread = max(spread, LEAST_VARIANCE)
+        share = 1.0 / (spread * (1.0 + np.sqrt(variance / spread)))
+        for j in range(size):
+            factor = column[j]
             for i in range(size):
-                mean[i] = moved[i]
-            _made_square(wide, root, reflector, share_of)
+                gain[i] += factor * root[j, i]
+        for j in range(size):
+            factor = share * column[j]
+            for i in range(size):
+                root[j, i] -= factor * gain[i]
+        for i in range(size):
+            gain[i] /= spread
+            mean[i] += gain[i] * ahead
+        # this reading's innovation in terms of the row's: T, then the whole gain
+        whiten[m, m] = 1.0
+        for i in range(size):
+            factor = c[m, i]
+            if factor != 0.0:
+                for n in range(m):
+                    whiten[m, n] -= factor * gains[i, n]
+        for i in range(size):
+            factor = gain[i]
+            for n in range(m + 1):
+                gains[i, n] += factor * whiten[m, n]
+        scale = 1.0 / np.sqrt(spread)
+        for n in range(m + 1):
+            whiten[m, n] *= scale
+        innovations[m] = ahead * scale
+        score -= 0.5 * (np.log(2.0 * np.pi * spread) + ahead * ahead / spread)
+    return score
+
+
+@compiled
+def to_next_row(root, mean, onward, forcing, duration, deviations, times, wide, moved, reflector, share_of):
+    """Root (transposed, N, N) and mean (N,) moved to the next row, duration s later: [A S | sqrt(Q)], made square.
+
+    onward: (N, N - D), `a` of the row transposed.  wide: work, (N + D, N), as are moved (N,) and those of reflections.
+    """
+    size, solid = onward.shape
+    pushed = size - solid
+    for i in range(size):
+        moved[i] = -forcing[i] if i < solid else 0.0
+    for n in range(size):
+        factor = mean[n]
+        for i in range(solid):
+            moved[i] += factor * onward[n, i]
+    for j in range(size):
+        for i in range(size):
+            wide[j, i] = 0.0
+        for n in range(size):
+            factor = root[j, n]
+            if factor != 0.0:
+                for i in range(solid):
+                    wide[j, i] += factor * onward[n, i]
+    for j in range(size, size + pushed):
+        for i in range(size):
+            wide[j, i] = 0.0
+    for d in range(pushed):
+        i = solid + d
+        decay = np.exp(-duration / times[d])
+        moved[i] = decay * mean[i]
+        for j in range(size):
+            wide[j, i] = decay * root[j, i]
+        wide[size + d, i] = deviations[d] * np.sqrt(max(1.0 - decay * decay, 0.0))
+    for i in range(size):
+        mean[i] = moved[i]
+    _made_square(wide, root, reflector, share_of)
 
 
 @outlined

@@ -16,6 +16,7 @@ import numpy as np
 from auv_gym.plant import Plant
 from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.noises import NOISE_STEPS, Noise, Noises
+from identification.fit.online import FilterPlan
 
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
 _BEYOND = 1.0  # of the log-likelihood, for each row, that a better path will not bring
@@ -161,3 +162,17 @@ class PredictionErrors(Noises):
         inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-12, hermitian=True)
         errors = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size
         return {p: float(e * self.scale(p)) if e > 0.0 else np.inf for p, e in zip(paths, errors, strict=True)}
+
+    def online(self, point: Point, memory: float) -> FilterPlan:
+        """The filter of a point for samples that come one by one; each row must be a sample."""
+        assert self.stride == 1
+        assert point.system is not None
+        solid, states = len(self.live), len(self._shared)
+        lasting = (self.live < states) | point.system.a[:, np.arange(solid), :solid].any(axis=(0, 2))
+        variances, deviations, times = self._numbers(point.logs)
+        there, live = deviations > 0.0, self.live[lasting]
+        shared, first = np.r_[self._shared, np.zeros(self._size - states, bool)][live], point.path[:, :states]
+        return FilterPlan(
+            self.plant, self.channels, live, shared, np.median(first, axis=0), self.spread[live], self._probes(live),
+            self.kicks[there], deviations[there], times[there], variances, memory,
+        )  # fmt: skip

@@ -1,4 +1,4 @@
-"""`auv-gym compare-missions` and `auv-gym onset`."""
+"""`auv-gym compare-missions`, `auv-gym onset` and `auv-gym monitor`."""
 
 import json
 
@@ -7,8 +7,10 @@ import pytest
 
 from auv_gym.cli import main
 from auv_gym.cli.compare_missions import spread
+from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.experiments.heading_control import closed_loop
+from scripts.blind.changing import ChangingGlider
 
 
 def test_with_takes_all_logs_that_follow():
@@ -39,3 +41,21 @@ def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
     assert main(["onset", files[0], "--vehicle", "slocum", "--out", str(out)]) == 0
     assert "Nothing is missing" in capsys.readouterr().out
     assert json.loads((out / "onset.json").read_text())["found"] == []
+
+
+@pytest.mark.slow
+def test_a_monitor_raises_an_alarm_and_names_what_went_wrong(tmp_path, capsys):
+    plant, out = load_vehicle("slocum"), tmp_path / "out"
+    bent = replace_at(plant, "effects.rudder.offset", 0.03)
+    moving = ChangingGlider(plant, lambda t: bent if t >= 800.0 else plant)
+    clean, log = str(tmp_path / "clean.nc"), str(tmp_path / "log.nc")
+    closed_loop(plant, rng=np.random.default_rng(1), duration=2000.0).save(clean)
+    closed_loop(moving, rng=np.random.default_rng(5), duration=1400.0).save(log)
+    given = ["monitor", log, "--clean", clean, "--vehicle", "slocum", "--doubt", "0", "--out", str(out)]
+    assert main(given) == 0
+    assert "In the stretch about the first alarm:" in capsys.readouterr().out
+    told = json.loads((out / "monitor.json").read_text())
+    assert 800.0 < told["alarms"][0]["time"] < 1000.0
+    first = told["timeline"]["found"][0]
+    assert any(name.endswith("effects.rudder.offset") for name in (first["path"], *first["tied"]))
+    assert "svg" in (out / "monitor.html").read_text()

@@ -1,0 +1,174 @@
+"""Sequential tests of innovations: sums with fading memories, which an alarm's thresholds bound.
+
+Each of several memories keeps, of each channel, the sum of its innovations by themselves and in step with each signal
+(a command or a predicted output, less its mean), over what such a sum varies by, z.  White innovations make z a
+standard normal whatever the signals do, since they are known beforehand.  Tests are the square of each z, the sum of
+squares over the channels, and the mean square of each channel by Wilson and Hilferty's cube root (1931, PNAS 17).
+Sources: tests over several times side by side, Lai 1995, J. R. Statist. Soc. B 57, sec. 3; the rate at which a
+chi-square process crosses a high bar, Aldous 1989, sec. D10.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import root_scalar
+from scipy.stats import chi2
+
+from auv_gym.compiled import outlined, ready
+
+LEAST = 1e-200  # of a sum of squares, in place of none
+CLIP = 5.0  # of an innovation: one outlier alone raises no alarm, since the lowest bar is higher
+_RATIO = 2.5  # of a memory to the one before: between two of them, an alarm takes at most a fifth longer
+_SHORTEST = 2.0  # samples
+_BLOCK = 1000  # samples, of whose greatest statistics the bars are made
+_BLOCKS = 400
+_OFTEN = 0.3  # of the blocks, in which the bar is passed to which the rate of rarer ones is tied
+
+
+@dataclass(frozen=True, eq=False)
+class Bars:
+    """What raises an alarm: more than `pooled` of the sum of squares over the channels, or than `single` of one."""
+
+    pooled: float
+    single: float
+
+
+def memories(longest: float) -> np.ndarray:
+    """Memories of the tests in samples, up to the longest, (S,)."""
+    count = int(np.floor(np.log(max(longest / _SHORTEST, 1.0)) / np.log(_RATIO))) + 1
+    return _SHORTEST * _RATIO ** np.arange(count)
+
+
+class Bank:
+    """The sums; their time constants in samples are `memories`, (S,).
+
+    columns: (J - 1,), of the signals after the constant one among inputs and states.
+    inflation: (S, 2, C), by which squares of z of a clean log are more than 1: of sums, and of mean squares.
+    squares: (S, J + 1, C), of z; last those of the mean squares, zero where these are small.  told: the greatest
+    pooled square, its memory and signal; the greatest single one, its memory and signal.
+    """
+
+    def __init__(self, lasting: np.ndarray, columns: np.ndarray, channels: int, inflation: np.ndarray | None = None):
+        count, signals = len(lasting), 1 + len(columns)
+        inflation = np.ones((count, 2, channels)) if inflation is None else inflation
+        # of innovations times signals and of squared signals; of squared innovations, their weights and squared weights
+        self._sums, self._own = np.zeros((count, signals, 2, channels)), np.zeros((count, 3, channels))
+        self._means = np.zeros((count, signals + 1))  # of the signals; last, the weight of the past
+        self.squares, self.told = np.zeros((count, signals + 1, channels)), np.zeros(6)
+        room = np.zeros((2, channels))
+        self._numbers = (self._sums, self._own, self._means, self.squares, self.told, room)
+        self._columns, self._settings, self._program = columns, (np.exp(-1.0 / lasting), 1.0 / inflation), ready(_taken)
+
+    def clear(self) -> None:
+        """Forget the past."""
+        self._sums[:], self._own[:], self._means[:] = 0.0, 0.0, 0.0
+
+    def take(self, innovations: np.ndarray, scales: np.ndarray, inputs: np.ndarray, states: np.ndarray) -> None:
+        """Go on by a sample of innovations times scales, (C,)."""
+        self._program(innovations, scales, inputs, states, self._columns, *self._settings, *self._numbers)
+
+    def greatest(self, innovations: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        """The greatest pooled and single square over samples, (2,), nothing being inflated.
+
+        signals: (n, J - 1).
+        """
+        (decays, inverse), columns, found = self._settings, np.arange(signals.shape[1]), np.zeros(2)
+        _greatest(innovations, signals, columns, decays, np.ones_like(inverse), *self._numbers, found)
+        return found
+
+
+@outlined
+def _taken(
+    innovations, scales, inputs, states, columns, decays, inverse, sums, own, means, squares, told, room
+):  # fmt: skip
+    """See `Bank.take`; channels are innermost.  inverse: of the inflation.  room: work, (2, C)."""
+    count, number, _, channels = sums.shape
+    e, there = room[0], room[1]
+    for c in range(channels):
+        there[c] = 1.0 if np.isfinite(innovations[c]) else 0.0
+        e[c] = min(max(scales[c] * innovations[c], -CLIP), CLIP) if there[c] > 0.0 else 0.0
+    told[0], told[3] = 0.0, 0.0
+    for s in range(count):
+        decay = decays[s]
+        faster = decay * decay
+        weight = decay * means[s, number] + 1.0
+        for j in range(number):
+            factor = 1.0
+            if j > 0:
+                k = columns[j - 1]
+                factor = (inputs[k] if k < inputs.shape[0] else states[k - inputs.shape[0]]) - means[s, j]
+                means[s, j] += factor / weight
+                factor = factor if weight > 1.0 else 0.0
+            power = factor * factor
+            total = 0.0
+            for c in range(channels):
+                sums[s, j, 0, c] = decay * sums[s, j, 0, c] + factor * e[c]
+                sums[s, j, 1, c] = faster * sums[s, j, 1, c] + power * there[c]
+            for c in range(channels):
+                squares[s, j, c] = sums[s, j, 0, c] ** 2 * inverse[s, 0, c] / (sums[s, j, 1, c] + LEAST)
+            for c in range(channels):
+                total += squares[s, j, c]
+            if total > told[0]:
+                told[0], told[1], told[2] = total, s, j
+            if total > told[3]:  # or none of them is the greatest
+                for c in range(channels):
+                    if squares[s, j, c] > told[3]:
+                        told[3], told[4], told[5] = squares[s, j, c], s, j
+        means[s, number] = weight
+        for c in range(channels):
+            own[s, 0, c] = decay * own[s, 0, c] + e[c] * e[c]
+            own[s, 1, c] = decay * own[s, 1, c] + there[c]
+            own[s, 2, c] = faster * own[s, 2, c] + there[c]
+        for c in range(channels):
+            squares[s, number, c] = 0.0
+            if own[s, 0, c] > own[s, 1, c]:
+                spread = 2.0 * own[s, 2, c] / (9.0 * own[s, 1, c] ** 2)
+                z = np.cbrt(own[s, 0, c] / own[s, 1, c]) - 1.0 + spread
+                squares[s, number, c] = z * z / spread * inverse[s, 1, c]
+                if squares[s, number, c] > told[3]:
+                    told[3], told[4], told[5] = squares[s, number, c], s, number
+
+
+@outlined
+def _greatest(innovations, signals, columns, decays, inverse, sums, own, means, squares, told, room, found):
+    """See `Bank.greatest`."""
+    scales, none = np.ones(innovations.shape[1]), np.zeros(0)
+    for k in range(innovations.shape[0]):
+        numbers = (columns, decays, inverse, sums, own, means, squares, told, room)
+        _taken(innovations[k], scales, signals[k], none, *numbers)
+        found[0], found[1] = max(found[0], told[0]), max(found[1], told[3])
+
+
+def bars_for(bank: Bank, signals: np.ndarray, present: np.ndarray, rate: float, rng: np.random.Generator) -> Bars:
+    """The bars at which white normal innovations raise `rate` alarms a sample; the bank's past is forgotten.
+
+    signals: (n, J - 1), of a clean log, which is gone through again and again.  present: (n, C), where it has readings.
+    Simulated: what is passed in `_OFTEN` of the blocks of `_BLOCK` samples fixes the rate at which each of the two is,
+    K h P(chi-square > h) of a bar h, and how often both are passed at once; higher bars follow.
+    """
+    channels, greatest = present.shape[1], np.zeros((_BLOCKS, 2))
+    bank.clear()
+    for b in range(_BLOCKS):
+        rows = (b * _BLOCK + np.arange(_BLOCK)) % len(signals)
+        white = np.where(present[rows], rng.standard_normal((_BLOCK, channels)), np.nan)
+        greatest[b] = bank.greatest(white, signals[rows])
+    bank.clear()
+    often, freedoms = -np.log1p(-_OFTEN) / _BLOCK, (channels, 1)
+    known = np.quantile(greatest, 1.0 - _OFTEN, axis=0)
+    logs = [np.log(often) - _log_shape(h, f) for h, f in zip(known, freedoms, strict=True)]  # of K
+    rates = np.stack([k + _log_shape(g, f) for k, g, f in zip(logs, greatest.T, freedoms, strict=True)])
+    own = np.log(rate) + float(np.quantile(rates.min(axis=0), _OFTEN)) - np.log(often)
+    return Bars(*(_bar(h, own - k, f) for h, k, f in zip(known, logs, freedoms, strict=True)))
+
+
+def _log_shape(bar: np.ndarray | float, freedom: int):
+    return np.log(bar) + chi2.logsf(bar, freedom)
+
+
+def _bar(low: float, wanted: float, freedom: int) -> float:
+    """The bar of a logarithm of h P(chi-square > h), at least `low`."""
+    if _log_shape(low, freedom) <= wanted:
+        return float(low)
+    return float(root_scalar(lambda h: _log_shape(h, freedom) - wanted, bracket=(low, 1000.0)).root)

@@ -1,0 +1,268 @@
+"""A monitor of a vehicle: alarms while it runs, and what has gone wrong by the stretch behind an alarm."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from auv_gym.model import inputs_of, outputs_of
+from auv_gym.plant import Chart, Plant
+from auv_gym.plant.record_check import described
+from auv_gym.records.record import Record
+from identification.changes.forms import usable_log
+from identification.changes.onset import Timeline, find_onsets
+from identification.deciding import DOUBT
+from identification.diagnosis.log.checking import Asked
+from identification.diagnosis.search.known import fit_known
+from identification.diagnosis.search.trials import Progress
+from identification.fit.noises import Noise
+from identification.fit.online import FilterPlan, OnlineFilter
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.windows import stretches_of
+from identification.monitor.bank import CLIP, Bank, bars_for, memories
+
+Values = Mapping[str, float] | np.ndarray
+_NOT_FELT = ("north_m", "east_m", "elapsed_s")  # what no force depends on
+CONSTANT, SCATTER = "constant", "scatter"
+# of a clean log's samples, the longest memory of tests: what its coefficients are off by adds to the square of z, over
+# so many samples, this share of their number; the filter remembers so many times longer
+_OF_CLEAN, _KEPT_ON = 0.05, 2.0
+_LONGEST = 1000.0  # samples
+_LEAST_CLEAN = 200  # samples of a clean log
+_BEHIND, _AFTER = 6.0, 3.0  # of a vehicle's windows, what is diagnosed before and after an alarm
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """When the innovations of a channel stopped being white noise.
+
+    time: s.  channel: "" where several together tell.  signal: what they go with: a command or a state, CONSTANT for
+    a steady offset, SCATTER for more noise.  memory: s, over which the test that raised it looks back.
+    over: its statistic over the bar.
+    """
+
+    time: float
+    channel: str
+    signal: str
+    memory: float
+    over: float
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """What a clean log says of a vehicle: its coefficients and noises, and how white its innovations are.
+
+    interval: s, between samples.  unit: (C,), root mean square of the innovations.  signals: names, the constant first;
+    columns: of the others among inputs and states.  clean: (n, J - 1), these.  present: (n, C), where the log has
+    readings.  memories, inflation: see `Bank`.
+    """
+
+    plant: Plant
+    plan: FilterPlan
+    interval: float
+    unit: np.ndarray
+    signals: tuple[str, ...]
+    columns: np.ndarray
+    clean: np.ndarray
+    present: np.ndarray
+    memories: np.ndarray
+    inflation: np.ndarray
+
+
+class Monitor:
+    """Watches a vehicle, sample by sample; `learn` makes one from a clean log.
+
+    The innovations of its Kalman filter are tested as `identification.monitor.bank` says.  After an alarm the tests
+    begin anew, and the filter goes on.  It takes constant time and memory for a sample; the last samples are kept for
+    `stretch`.  time: s; over: the greatest statistic of the last sample, over its bar.
+    """
+
+    def __init__(self, learned: Learned, false_alarms_per_hour: float = 0.1, seed: int = 0):
+        """seed: of the simulated white noise that sets the bars."""
+        if not 0.0 < false_alarms_per_hour < np.inf:
+            raise ValueError(
+                f"A monitor needs false_alarms_per_hour > 0, got {false_alarms_per_hour!r}: for example 0.1."
+            )
+        self.learned, self.false_alarms_per_hour, self.time, self.over = learned, false_alarms_per_hour, 0.0, 0.0
+        self._filter = OnlineFilter(learned.plan)
+        self._bank = Bank(learned.memories, learned.columns, len(learned.plan.channels), learned.inflation)
+        rate = false_alarms_per_hour * learned.interval / 3600.0
+        self.bars = bars_for(self._bank, learned.clean, learned.present, rate, np.random.default_rng(seed))
+        self._scales = 1.0 / learned.unit
+        rows = int((_BEHIND + _AFTER) * learned.plant.window / learned.interval) + 1
+        self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=rows)
+
+    @classmethod
+    def learn(
+        cls,
+        record: Record,
+        plant: Plant,
+        *,
+        false_alarms_per_hour: float = 0.1,
+        steady: bool = False,
+        doubt: float = DOUBT,
+        noise: Noise | None = None,
+        trust: bool = False,
+        seed: int = 0,
+        progress: Progress = lambda fraction, text: None,
+    ) -> Monitor:
+        """The monitor of a vehicle, its coefficients and noises fitted to a clean log as a diagnosis begins.
+
+        steady: hold the filter's mean gains of the clean log but for the first seconds, in place of gains for each
+        sample's motion.  doubt: as of a diagnosis; 0 holds the coefficients.  noise: where a fit has estimated it:
+        nothing is fitted then.  Innovations that are not quite white in the clean log raise the bars.
+        Raises ValueError where the log cannot be used, or the attitude turns too far for the filter.
+        """
+        errors: dict[str, float] = {}
+        if noise is None:
+            log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "that is clean")
+            known = fit_known(log, progress)
+            bench, state, record = known.bench, known.nominal, log.record
+            noise, plant = bench.problem.noise_at(state.point), state.plant
+            errors = {p: error for p, (_, error, _) in bench.intervals(state).items() if 0.0 < error < np.inf}
+        record = described(plant, record)
+        if len(record) < _LEAST_CLEAN:
+            raise ValueError(f"A clean log needs at least {_LEAST_CLEAN} samples, got {len(record)}: record longer.")
+        if Chart.along(plant.family, record).on:
+            raise ValueError(
+                "A monitor follows Euler angles, and in this log the attitude turns too far for them: take a log "
+                "without loops."
+            )
+        plant = replace(plant, dt=record.sample_interval, deviations={**plant.deviations, **errors})
+        problem = PredictionErrors(plant, record, stretches_of(plant, record), doubt=doubt)
+        point = problem.point(plant.vector, problem.logs_of(noise))
+        longest = min(_LONGEST, _OF_CLEAN * len(record))
+        learned = _learned(record, problem.online(point, _KEPT_ON * longest), memories(longest), steady)
+        return cls(learned, false_alarms_per_hour, seed)
+
+    def begin(self, inputs: Values, measured: Values) -> None:
+        """Begin the filter anew where the vehicle is, as after a gap; the tests go on.  inputs: the commands now."""
+        u, y = self._vectors(inputs, measured)
+        self._filter.begin(u, y)
+        self._kept.append((self.time, u, y))
+
+    def step(self, inputs: Values, measured: Values, duration: float | None = None) -> Alarm | None:
+        """An alarm, if there is one, at a sample `duration` s after the one before, by default the usual interval.
+
+        inputs: the commands that were held since then, by channel or in the vehicle's order.  measured: the readings
+        at its end, likewise; NaN where there is none.
+        """
+        u, y = self._vectors(inputs, measured)
+        return self._step(u, y, self.learned.interval if duration is None else duration)
+
+    def _step(self, u: np.ndarray, y: np.ndarray, duration: float) -> Alarm | None:
+        self.time += duration
+        self._kept.append((self.time, u, y))
+        own = self._filter
+        if not own.step(u, y, duration):
+            return None
+        self._bank.take(own.innovations, self._scales, own.inputs, own.states)
+        told, bars = self._bank.told, self.bars
+        self.over = max(told[0] / bars.pooled, told[3] / bars.single)
+        return self._alarm() if self.over > 1.0 else None
+
+    def replay(self, record: Record) -> Iterator[Alarm | None]:
+        """An alarm or None at each sample of a log but the first after each gap, where the filter begins anew."""
+        record = described(self.learned.plant, record)
+        inputs, outputs, time = _columns(self.learned.plant, record)
+        for segment in record.segments:
+            self.time = float(time[segment.start])
+            self.begin(inputs[segment.start], outputs[segment.start])
+            for k in range(segment.start + 1, segment.stop):
+                yield self._step(inputs[k - 1], outputs[k], float(time[k] - time[k - 1]))
+
+    def run(self, record: Record) -> list[Alarm]:
+        """The alarms in a log."""
+        return [alarm for alarm in self.replay(record) if alarm is not None]
+
+    def stretch(self) -> Record:
+        """The last samples, as a record."""
+        plant, (time, inputs, outputs) = self.learned.plant, zip(*self._kept, strict=True)
+        held = np.array([*inputs[1:], inputs[-1]])  # a record's row says what is held from there on
+        columns = dict(zip(plant.inputs, held.T, strict=True))
+        columns |= {n: v for n, v in zip(plant.outputs, np.array(outputs).T, strict=True) if np.isfinite(v).any()}
+        return Record.from_arrays(np.array(time), columns, attrs={"source": "monitor", "vehicle": plant.name})
+
+    def explain(self, record: Record | None = None, alarm: Alarm | None = None, **options) -> Timeline:
+        """What has gone wrong and when, by `find_onsets` over the stretch about an alarm, by default the last samples.
+
+        What a log has after the alarm is of use too.  options: of `find_onsets`.
+        """
+        plant = self.learned.plant
+        if record is None:
+            record = self.stretch()
+        elif alarm is not None:
+            first, last = alarm.time - _BEHIND * plant.window, alarm.time + _AFTER * plant.window
+            record = record.select((record.time >= first) & (record.time <= last))
+        return find_onsets(record, plant, **options)
+
+    def _vectors(self, inputs: Values, measured: Values) -> tuple[np.ndarray, np.ndarray]:
+        plant = self.learned.plant
+        if isinstance(inputs, Mapping):
+            inputs = np.array([inputs[n] if n in inputs else plant.constants[n] for n in plant.inputs])
+        if isinstance(measured, Mapping):
+            measured = np.array([measured.get(n, np.nan) for n in plant.outputs])
+        u, y = np.array(inputs, dtype=np.float64), np.array(measured, dtype=np.float64)
+        if u.shape != (len(plant.inputs),) or y.shape != (len(plant.outputs),):  # compiled code checks no index
+            names, count = ", ".join((*plant.inputs, *plant.outputs)), (len(plant.inputs), len(plant.outputs))
+            raise ValueError(
+                f"A monitor of {plant.name} needs {count[0]} inputs and {count[1]} readings ({names}), got arrays of "
+                f"shape {u.shape} and {y.shape}."
+            )
+        return u, y
+
+    def _alarm(self) -> Alarm:
+        learned, told, bars = self.learned, self._bank.told, self.bars
+        alone = told[3] / bars.single >= told[0] / bars.pooled
+        memory, signal = told[4:6].astype(int) if alone else told[1:3].astype(int)
+        squares = self._bank.squares[memory, signal]
+        most = int(np.argmax(squares))
+        name = learned.plan.channels[most] if alone or squares[most] > 0.5 * squares.sum() else ""
+        self._bank.clear()
+        looks_back = float(learned.memories[memory] * learned.interval)
+        return Alarm(self.time, name, (*learned.signals, SCATTER)[signal], looks_back, float(self.over))
+
+
+def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool) -> Learned:
+    """What innovations are like over a clean log."""
+    plant = plan.plant
+    names, count = [*plant.inputs, *plant.family.states], len(plan.channels)
+    if steady:
+        found = [(own.gains.copy(), own.whiten.copy()) for own in _followed(record, plan)]
+        late = found[len(found) // 2 :]
+        gains, whiten = (np.mean(each, axis=0) for each in zip(*late, strict=True))
+        plan = replace(plan, gains=gains, whiten=whiten)
+    found = [np.concatenate((own.innovations, own.inputs, own.states)) for own in _followed(record, plan)]
+    errors, clean = np.split(np.array(found), [count], axis=1)
+    columns = np.array([k for k, n in enumerate(names) if np.std(clean[:, k]) > 1e-9 and n not in _NOT_FELT], dtype=int)
+    unit = np.sqrt(np.nanmean(np.minimum(errors**2, CLIP**2), axis=0))
+    bank, sums, seen = Bank(lasting, columns, count), np.zeros((len(lasting), 2, count)), np.zeros(len(lasting))
+    for k, (e, signals) in enumerate(zip(errors, clean, strict=True)):
+        bank.take(e, 1.0 / unit, signals, signals[:0])
+        late = k > 2.0 * lasting
+        sums[late, 0] += bank.squares[late, :-1].mean(axis=1)
+        sums[late, 1] += bank.squares[late, -1]
+        seen += late
+    inflation = np.maximum(sums / np.maximum(seen, 1.0)[:, None, None], 1.0)
+    return Learned(
+        plant, plan, float(record.sample_interval), unit, (CONSTANT, *(names[k] for k in columns)), columns,
+        np.ascontiguousarray(clean[:, columns]), np.isfinite(errors), lasting, inflation,
+    )  # fmt: skip
+
+
+def _followed(record: Record, plan: FilterPlan) -> Iterator[OnlineFilter]:
+    """The filter after each sample of a log that counts."""
+    own, (inputs, outputs, time) = OnlineFilter(plan), _columns(plan.plant, record)
+    for segment in record.segments:
+        own.begin(inputs[segment.start], outputs[segment.start])
+        for k in range(segment.start + 1, segment.stop):
+            if own.step(inputs[k - 1], outputs[k], float(time[k] - time[k - 1])):
+                yield own
+
+
+def _columns(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Inputs, outputs and times of a log."""
+    return inputs_of(plant, record), outputs_of(plant, record), record.time

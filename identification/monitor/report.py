@@ -1,0 +1,156 @@
+"""A log that was replayed to a monitor: its alarms, what has gone wrong, and the page that says so."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from auv_gym import __version__
+from auv_gym.channels import channel
+from auv_gym.records.record import Record
+from auv_gym.writing import finite, writable_folder, write_text
+from identification.changes.onset import Timeline
+from identification.changes.wording import timeline_json, timeline_summary
+from identification.diagnosis.search.trials import Progress
+from identification.monitor.monitor import CONSTANT, SCATTER, Alarm, Monitor
+from identification.pages.drawing import AFTER, BEFORE, WIDTH
+from identification.pages.model_page import Section
+from identification.pages.page import Table, drawn, page
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_POINTS = 1000  # of the picture, each the greatest of its time
+_TOLD = 3  # alarms in the summary
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """What a monitor found in a log.
+
+    hours: of the log.  time: (n,) s, and over: (n,), the greatest statistic over its bar.  timeline: of the stretch
+    about the first alarm, None without an alarm; problem: why there is none otherwise.
+    """
+
+    monitor: Monitor
+    hours: float
+    alarms: tuple[Alarm, ...]
+    time: np.ndarray
+    over: np.ndarray
+    timeline: Timeline | None = None
+    problem: str = ""
+
+
+def watch(
+    monitor: Monitor, record: Record, *, trust: bool = False, progress: Progress = lambda fraction, text: None
+) -> Watched:
+    """Replay a log, and find what has gone wrong by the stretch about the first alarm."""
+    found = [(monitor.time, monitor.over, alarm) for alarm in monitor.replay(record)]
+    alarms = tuple(alarm for _, _, alarm in found if alarm is not None)
+    timeline, problem = None, ""
+    if alarms:
+        try:
+            timeline = monitor.explain(record, alarms[0], trust=trust, progress=progress)
+        except ValueError as error:
+            problem = str(error)
+    time, over = (np.array([row[k] for row in found]) for k in (0, 1))
+    return Watched(monitor, record.duration_s / 3600.0, alarms, time, over, timeline, problem)
+
+
+def alarm_words(alarm: Alarm) -> str:
+    """`Alarm at 412 s: the heading departs steadily from its prediction (memory of the test: 50 s).`"""
+    what = f"the {channel(alarm.channel).label}" if alarm.channel else "several readings together"
+    verb = "departs" if alarm.channel else "depart"
+    if alarm.signal == SCATTER:
+        text = f"the prediction errors of {what} have grown"
+    elif alarm.signal == CONSTANT:
+        text = f"{what} {verb} steadily from the prediction"
+    else:
+        text = f"{what} {verb} from the prediction in step with the {channel(alarm.signal).label}"
+    return f"Alarm at {alarm.time:.0f} s: {text} (memory of the test: {alarm.memory:.0f} s)."
+
+
+def watched_summary(found: Watched) -> list[str]:
+    """The alarms, and what has gone wrong, a sentence each."""
+    rate, alarms, hours = found.monitor.false_alarms_per_hour, found.alarms, found.hours
+    if not alarms:
+        return [f"No alarm in {hours:.2g} h, at {rate:g} false alarms an hour."]
+    lines = [alarm_words(alarm) for alarm in alarms[:_TOLD]]
+    if len(alarms) > _TOLD:
+        lines.append(f"{len(alarms) - _TOLD} more alarms follow, the last one at {alarms[-1].time:.0f} s.")
+    lines.append(f"At {rate:g} false alarms an hour, {rate * hours:.2g} false ones are expected in {hours:.2g} h.")
+    if found.timeline is None:
+        return [*lines, f"The stretch about the first alarm could not be diagnosed. {found.problem}"]
+    return [*lines, "In the stretch about the first alarm:", *timeline_summary(found.timeline)]
+
+
+def watched_json(found: Watched) -> dict[str, Any]:
+    """The same as plain data, SI throughout."""
+    return finite(
+        {
+            "vehicle": found.monitor.learned.plant.name,
+            "summary": watched_summary(found),
+            "false_alarms_per_hour": found.monitor.false_alarms_per_hour,
+            "alarms": [asdict(alarm) for alarm in found.alarms],
+            "timeline": None if found.timeline is None else timeline_json(found.timeline),
+        }
+    )
+
+
+def write_watched(found: Watched, folder: str | os.PathLike) -> dict[str, Path]:
+    """Write monitor.json and monitor.html; their paths by name.
+
+    Raises ValueError if the folder cannot be written, ImportError without the extra `render`.
+    """
+    out = writable_folder(folder)
+    texts = {"monitor.json": json.dumps(watched_json(found), indent=2) + "\n", "monitor.html": watched_page(found)}
+    for name, text in texts.items():
+        write_text(out / name, text)
+    return {name: out / name for name in texts}
+
+
+def watched_page(found: Watched) -> str:
+    """The text of one HTML page, with one picture."""
+    rows = [
+        (f"{a.time:.0f} s", a.channel or "several", a.signal, f"{a.memory:.0f} s", f"{a.over:.2f}")
+        for a in found.alarms
+    ]
+    heads = ("time", "reading", "goes with", "memory of the test", "over the bar")
+    picture = drawn(
+        lambda: watched_figure(found),
+        "monitor",
+        "Greatest statistic of the tests over its bar, over time, with the alarms.",
+        "The greatest statistic of the tests, over its bar. An alarm is raised at 1; the tests then begin anew.",
+    )
+    content: dict[str, Any] = {
+        "title": f"{found.monitor.learned.plant.name}: {len(found.alarms)} alarms",
+        "eyebrow": f"{found.monitor.false_alarms_per_hour:g} false alarms an hour",
+        "found": watched_summary(found),
+        "sections": [Section("Alarms", (), [Table(heads, rows, words=3)] if rows else (), [picture])],
+        "version": __version__,
+    }
+    return page("models.html", content)
+
+
+def watched_figure(found: Watched) -> Figure:
+    """The greatest statistic over its bar, by time."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 2.6), layout="constrained")
+    axes = figure.add_subplot()
+    pieces: Sequence[np.ndarray] = np.array_split(np.arange(found.time.size), min(_POINTS, max(found.time.size, 1)))
+    axes.plot(
+        [found.time[p[0]] for p in pieces if p.size], [found.over[p].max() for p in pieces if p.size], color=AFTER
+    )
+    axes.axhline(1.0, color=BEFORE, linewidth=0.8, linestyle="--")
+    axes.plot([a.time for a in found.alarms], [a.over for a in found.alarms], "v", color=BEFORE)
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("statistic over its bar")
+    axes.set_ylim(bottom=0.0)
+    return figure

@@ -1,0 +1,93 @@
+"""The online filter beside the fit's own, and alarms where a vehicle changes."""
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+
+from auv_gym.model import inputs_of, outputs_of
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from identification.experiments.heading_control import closed_loop
+from identification.fit.noises import Noise
+from identification.fit.online import OnlineFilter
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.windows import stretches_of
+from identification.monitor.monitor import CONSTANT, Monitor
+from identification.monitor.report import watch, watched_summary
+from identification.monitor.wrapper import Monitored
+from scripts.blind.changing import ChangingGlider
+
+NOISE = Noise({"heading_rad": np.radians(0.5), "north_m": 1.0, "east_m": 1.0}, {})
+PUSHED = replace(NOISE, process={"r_radps": (2e-4, 60.0)})
+
+
+@pytest.fixture(scope="module")
+def slocum():
+    return load_vehicle("slocum")
+
+
+@pytest.fixture(scope="module")
+def clean(slocum):
+    return closed_loop(slocum, rng=np.random.default_rng(1), duration=4000.0)
+
+
+def test_an_online_filter_predicts_as_that_of_a_fit_does(slocum, clean):
+    record = clean.select(clean.time <= 1200.0)
+    problem = PredictionErrors(slocum, record, stretches_of(slocum, record))
+    point = problem.point(slocum.vector, problem.logs_of(PUSHED))
+    own, found = OnlineFilter(problem.online(point, 1e12)), np.zeros_like(point.errors)
+    inputs, outputs, first = inputs_of(slocum, record), outputs_of(slocum, record), int(problem.rows[0])
+    own.begin(inputs[first], outputs[first])
+    for k in range(1, len(found)):
+        own.step(inputs[first + k - 1], outputs[first + k], float(np.diff(record.time)[first + k - 1]))
+        found[k] = own.innovations
+    late = slice(len(found) // 2, None)  # where nothing is left of how it began
+    assert np.abs(found[late] - point.errors[late]).max() < 0.05
+
+
+@pytest.mark.parametrize("steady", [False, True])
+def test_an_alarm_comes_after_a_rudder_goes_off_and_none_before(slocum, clean, steady):
+    monitor = Monitor.learn(clean, slocum, noise=NOISE, false_alarms_per_hour=0.01, steady=steady)
+    bent = replace_at(slocum, "effects.rudder.offset", 0.03)
+    moving = ChangingGlider(slocum, lambda t: bent if t >= 2000.0 else slocum)
+    record = closed_loop(moving, rng=np.random.default_rng(5), duration=3000.0)
+    alarms = monitor.run(record)
+    assert alarms[0].time > 2000.0
+    assert alarms[0].time < 2200.0
+    assert CONSTANT in monitor.learned.signals
+    assert len(monitor.stretch()) <= 9.0 * slocum.window / monitor.learned.interval + 1.0
+
+
+def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean):
+    monitor = Monitor.learn(clean, slocum, noise=NOISE, false_alarms_per_hour=0.01)
+    other = closed_loop(slocum, rng=np.random.default_rng(6), duration=2000.0)
+    found = watch(monitor, other)
+    assert found.alarms == ()
+    assert watched_summary(found) == ["No alarm in 0.56 h, at 0.01 false alarms an hour."]
+    again = Monitor(monitor.learned, 0.01)
+    inputs, outputs = inputs_of(slocum, other), outputs_of(slocum, other)
+    again.begin(inputs[0], outputs[0])
+    for k in range(1, len(other)):
+        again.step(dict(zip(slocum.inputs, inputs[k - 1], strict=True)), outputs[k])
+        assert again.over == pytest.approx(found.over[k - 1], rel=1e-9)
+
+
+def test_an_environment_tells_of_an_alarm(slocum, clean):
+    monitor = Monitor.learn(clean, slocum, noise=NOISE)
+    env = Monitored(gymnasium.make("auv_gym/GliderHeading-v0", vehicle="slocum", dt=4.0).unwrapped, monitor)
+    assert env.reset(seed=0)[1]["alarm"] is None
+    told = [env.step([0.3])[-1]["alarm"] for _ in range(5)]
+    assert told == [None] * 5
+    assert monitor.time == pytest.approx(5 * monitor.learned.interval)
+
+
+def test_a_monitor_says_what_it_needs(slocum, clean):
+    with pytest.raises(ValueError, match="false_alarms_per_hour > 0, got 0"):
+        Monitor.learn(clean, slocum, noise=NOISE, false_alarms_per_hour=0)
+    with pytest.raises(ValueError, match="at least 200 samples, got"):
+        Monitor.learn(clean.select(clean.time < 400.0), slocum, noise=NOISE)
+    monitor = Monitor.learn(clean, slocum, noise=NOISE)
+    with pytest.raises(ValueError, match="got arrays of shape"):
+        monitor.step(np.zeros(1), np.zeros(1))
