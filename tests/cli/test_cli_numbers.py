@@ -60,4 +60,5 @@ def test_there_are_numbers_in_every_command_but_those_that_show():
         "list",
         "draw",
         "look",
+        "export",
     }
