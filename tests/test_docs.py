@@ -77,7 +77,7 @@ def test_settings_are_valid(page, block, tmp_path):
 def test_hyperparameters_are_valid(page, block):
     yaml = pytest.importorskip("yaml", reason="the extra `rl` is not installed")
     for name, values in yaml.safe_load(block.text).items():
-        assert checked("ppo", values, name).n_timesteps > 0
+        assert checked(values, name).n_timesteps > 0
 
 
 def test_what_is_not_run_says_why():
