@@ -93,7 +93,7 @@ def compare(
         output.print(printed(title, score_table(open_loop)))
     if sweeps:
         uneven = "" if data.is_uniform() else ", about, as samples are uneven"
-        output.print(printed(f"Predictions: root mean square error so far ahead{uneven}", horizon_table(sweeps)))
+        output.print(printed(f"RMS prediction error, by horizon{uneven}", horizon_table(sweeps)))
     for name, reason in open_loop.failed.items():
         output.print(f"{name}: {reason}", markup=False, soft_wrap=True)
     for path in written:

@@ -1,4 +1,4 @@
-"""`auv-gym diagnose`: the effect that a vehicle's model lacks to explain a measured log."""
+"""`auv-gym diagnose`: the physical effect that a vehicle's model is missing."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def diagnose(
     ] = 0,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Find the physical effect that a vehicle's model lacks to explain a measured log."""
+    """Find the physical effect that a vehicle's model is missing, from a log that disagrees with it."""
     with progress_bar() as progress:
         progress(0.0, "starting")
         # what can be refused at once comes before what takes long to import

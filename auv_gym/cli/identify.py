@@ -152,7 +152,7 @@ def identify(
     for words in outside_words(done):
         output.print(words, soft_wrap=True)
     if done.sweep:
-        output.print(printed("Predictions: root mean square error so far ahead", horizon_table({"model": done.sweep})))
+        output.print(printed("RMS prediction error, by horizon", horizon_table({"model": done.sweep})))
     if done.tests:
         output.print(printed("Residual tests (follows most: in 95 % bounds of noise)", residual_table(done.tests)))
     if done.problem:

@@ -31,7 +31,7 @@ def onset(
     trust: logs.Trust = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Find the effects that a vehicle's model lacks in a log, and when each began, ended or grew."""
+    """Find the effects that a vehicle's model is missing, and when in the log each began, ended or grew."""
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, log)

@@ -1,4 +1,4 @@
-"""Diagnosis: which physical effect a vehicle's model lacks, from a log that disagrees with it."""
+"""Diagnosis: which physical effect a vehicle's model is missing, from a log that disagrees with it."""
 
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.judge.verdict import Diagnosis

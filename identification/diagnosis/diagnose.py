@@ -34,7 +34,7 @@ def diagnose(
     source: str = "",
     progress: Progress = lambda fraction, text: None,
 ) -> Diagnosis:
-    """Which effect the plant lacks to explain the record, with the error before and after on unseen parts.
+    """The effect that the plant is missing to explain the record, with the error before and after on unseen parts.
 
     window: s, length of the free runs (see `free_run_windows`).  settle: s at a window's start to which its
     initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling

@@ -121,7 +121,7 @@ def watched_page(found: Watched) -> str:
         (f"{a.time:.0f} s", a.channel or "several", a.signal, f"{a.memory:.0f} s", f"{a.over:.2f}")
         for a in found.alarms
     ]
-    heads = ("time", "reading", "goes with", "memory of the test", "over the bar")
+    heads = ("time", "reading", "correlates with", "memory of the test", "over the bar")
     picture = drawn(
         lambda: watched_figure(found),
         "monitor",

@@ -179,7 +179,7 @@ def growth_figure(d: Diagnosis) -> Figure:
             tops.append(min(np.nanmax(shown_values(name, error)), 2.5 * max(tops)))
         axes.set_xlim(0.0, d.window)
         axes.set_ylim(0.0, 1.08 * max(tops))
-        axes.set_title(f"error of {d.after.unseen.label(name)}, {unit_label(name)} (root mean square)", loc="left")
+        axes.set_title(f"error of {d.after.unseen.label(name)}, {unit_label(name)} (RMS)", loc="left")
         axes.set_xlabel("time since the window's start, s")
     handles, labels = panels[0].get_legend_handles_labels()
     handles, labels = [*handles, patch(SETTLE_SHADE)], [*labels, "start fitted here, not scored"]
@@ -284,7 +284,7 @@ def input_correlation_figure(d: Diagnosis) -> Figure:
 
 
 def correlate_figure(d: Diagnosis) -> Figure:
-    """Rate of what remains of an output against the signal that it goes with most, and its trend."""
+    """Rate of what remains of an output against the signal that it correlates with most, and its trend."""
     names = correlated_outputs(d)
     figure = new_figure(2.8 * ((len(names) + 1) // 2))
     panels = grid(figure, len(names), 2)
@@ -344,7 +344,7 @@ def least_explained(d: Diagnosis) -> str:
 
 
 def correlated_outputs(d: Diagnosis) -> list[str]:
-    """The outputs whose residual goes with a logged signal, or else the one whose residual does so most, if any."""
+    """The outputs whose residual correlates with a logged signal, or else the one that does so most, if any."""
     found = {n: abs(next(iter(r["rate_correlates_with"].values()), 0.0)) for n, r in d.remains.items()}
     clear = [n for n, size in found.items() if size > CLEAR]
     strongest = max(found, key=lambda n: found[n])
@@ -352,7 +352,7 @@ def correlated_outputs(d: Diagnosis) -> list[str]:
 
 
 def error_growth(runs: FreeRuns, record: Record, window: float, output: int) -> tuple[np.ndarray, np.ndarray]:
-    """Time since the window's start, s, and root mean square residual of an output around it, both (bins,)."""
+    """Time since the window's start, s, and RMS residual of an output around it, both (bins,)."""
     time = record.time[runs.rows]
     first = np.r_[True, runs.window[1:] != runs.window[:-1]]
     since = time - time[first][np.cumsum(first) - 1]

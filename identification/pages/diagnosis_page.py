@@ -82,9 +82,9 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     (
         "habitat",
         habitat_figure.habitat_figure,
-        "Where the residual lives: shares of the squared error and of the samples, and its growth within a run.",
-        "Where what is left lives. Bars: share of the squared error and share of the samples, by the quantity that it "
-        "goes with most; line: how it grows while the model runs alone.",
+        "Where the residual is: shares of the squared error and of the samples, and its growth within a run.",
+        "Where the remaining error is. Bars: share of the squared error and share of the samples, by the quantity that "
+        "it correlates with most; line: how it grows during a free run.",
     ),
     (
         "autocorrelation",
@@ -102,9 +102,9 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
     (
         "correlate",
         diagnosis_figures.correlate_figure,
-        "Scatter of the residual's rate against the signal it goes with most.",
-        "The rate of what remains against the logged signal that it goes with most. A slope or a bend in the black "
-        "line points at a cause; a flat line does not.",
+        "Scatter of the residual's rate against the signal it correlates with most.",
+        "The rate of the residual against the logged signal that it correlates with most. A slope or a bend in the "
+        "black line points at a cause; a flat line does not.",
     ),
 )
 GLOSSARY = {
@@ -300,18 +300,18 @@ def _log_facts(d: Diagnosis) -> str:
 
 
 def _remains(d: Diagnosis) -> list[tuple[str, str]]:
-    """Per output its words, and a paragraph: size, noise floor, memory, and what it goes with."""
+    """Per output its words, and a paragraph: size, noise floor, memory, and what it correlates with."""
     texts = []
     for name in d.after.fitted.channels:
         r, unit = d.remains[name], channel(name).unit
-        text = f"root mean square {amount(r['rms'], unit)}, noise floor {amount(r['noise_floor'], unit)}. "
+        text = f"{amount(r['rms'], unit)} RMS, noise floor {amount(r['noise_floor'], unit)}. "
         if r["resolution"] > 0.0:
             text += f"Readings come in steps of {amount(r['resolution'], unit)}. "
         coloured = r["whiteness_p"] < 0.01
         if r["rms"] < 1.25 * r["noise_floor"]:
             text += "There is little left to explain. "
         elif coloured:
-            text += "The difference is slow: something that lasts over samples and that no accepted effect describes. "
+            text += "The error is slow: something lasts over many samples that no accepted effect describes. "
         text += f"Neighbouring samples correlate by {number(r['lag_1_correlation'], 2, sign=True)}, "
         text += "and the residual is not white. " if coloured else "and the residual may well be white. "
         strongest = next(iter(r["rate_correlates_with"].items()), None)
@@ -320,9 +320,9 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
             words = "strongly" if size > 0.6 else "moderately" if size > 0.3 else "weakly"
             value = f"correlation {number(strongest[1], 2, sign=True)}"
             if size > diagnosis_figures.CLEAR:
-                text += f"Of all logged signals its rate goes most with {signal}, {words} ({value})."
+                text += f"Of all logged signals, its rate correlates most with {signal}, {words} ({value})."
             else:
-                text += f"Its rate goes with no logged signal to speak of (most with {signal}: {value})."
+                text += f"Its rate hardly correlates with any logged signal (most with {signal}: {value})."
         texts.append((d.after.fitted.label(name), text))
     return texts
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def habitat_figure(d: Diagnosis) -> Figure:
-    """Shares of the squared error and of the samples by the quantity it goes with most, beside its growth in a run."""
+    """Shares of squared error and samples by the quantity that it correlates with most, beside its growth in a run."""
     habitat = d.habitat
     assert habitat is not None
     share = (habitat.found or tuple(sorted(habitat.shares, key=lambda s: s.p_value)))[0]
@@ -34,7 +34,7 @@ def habitat_figure(d: Diagnosis) -> Figure:
         rms = shown_values(habitat.channel, habitat.growth.rms)
         panels[1].plot(habitat.growth.time, rms, marker="o", markersize=3, color=AFTER)
         panels[1].set_ylim(bottom=0.0)
-        label = f"residual of {channel(habitat.channel).label}, {unit_label(habitat.channel)} (root mean square)"
+        label = f"residual of {channel(habitat.channel).label}, {unit_label(habitat.channel)} (RMS)"
         panels[1].set_title(label, loc="left")
         panels[1].set_xlabel("time since the window's start, s")
     return figure

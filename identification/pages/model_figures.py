@@ -130,7 +130,7 @@ def horizon_figure(sweeps: Mapping[str, Mapping[str, Mapping[float, float]]]) ->
                 axes.loglog(seconds, shown_values(name, errors), marker="o", markersize=3, label=label, **look)
         if largest > 0.0:
             axes.set_ylim(bottom=max(axes.get_ylim()[0], _SHOWN * largest))
-        axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (root mean square)", loc="left")
+        axes.set_title(f"error of {channel(name).label}, {unit_label(name)} (RMS)", loc="left")
         axes.set_xlabel("seconds ahead")
         for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
             axis.set_major_formatter("{x:g}")

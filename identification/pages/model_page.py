@@ -30,7 +30,7 @@ from identification.pages.model_figures import horizon_figure, residual_drawings
 from identification.pages.order_figures import order_figure, singular_value_figure
 from identification.pages.page import Drawing, Table, amount, chance, drawn, number, page, span
 
-# model -> channel -> horizon in s -> root mean square error
+# model -> channel -> horizon in s -> RMS error
 Sweeps = Mapping[str, Mapping[str, Mapping[float, float]]]
 _RUNS = (
     "In a free run the model sees the inputs alone. Its start is fitted to the first {settle} of each window, "
@@ -99,7 +99,7 @@ def outputs_of_several_models(found: Mapping[str, Mapping[str, Any]]) -> list[st
 
 
 def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
-    """Whiteness of the residual of each output, and the input that it goes with most."""
+    """Whiteness of the residual of each output, and the input that it correlates with most."""
     rows = []
     for name, test in tests.items():
         driver, size = strongest_input_correlation(test)

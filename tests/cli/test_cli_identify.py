@@ -41,7 +41,7 @@ def test_a_model_is_fitted_judged_and_written(folder, tmp_path, capsys):
     assert "Free runs over 1 record to validate on" in said
     assert "white" in said
     assert "Poles, in discrete time" in said
-    assert "Predictions: root mean square error so far ahead" in said
+    assert "RMS prediction error, by horizon" in said
     model = load_model(out)
     assert isinstance(model, Polynomial)
     np.testing.assert_allclose(model.a, TRUTH.a, atol=0.05)

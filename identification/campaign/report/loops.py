@@ -130,7 +130,7 @@ def _growth(kind: str, told: Sequence[Mapping[str, Any]], names: Sequence[str]) 
     curves = _curves(told)
     if not curves or len(told) < 2:
         return []
-    caption = f"How the models' errors develop over time, over {len(told)} runs (root mean square). {_GROWTH[kind]}"
+    caption = f"How the models' errors develop over time, over {len(told)} runs (RMS). {_GROWTH[kind]}"
     label = "Error of each model over time, in percent of the step."
     return [drawn(lambda: figures.growth_figure(curves, names[:6]), f"{kind}-growth", label, caption)]
 
@@ -159,7 +159,7 @@ def _pictures(
 
 
 def _curves(told: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, dict[str, list[float]]]]:
-    """Error over time of each model and output in percent of the step, root mean square over the runs."""
+    """Error over time of each model and output in percent of the step, RMS over the runs."""
     parts: dict[str, dict[str, list[Mapping[str, Any]]]] = {}
     for r in told:
         for name, of in r["models"].items():

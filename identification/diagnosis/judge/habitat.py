@@ -14,7 +14,7 @@ from auv_gym.channels import channel
 from auv_gym.records.record import Record
 from identification.deciding import BINS, LEAST_EXCHANGED, LEAST_GROWTH, LEAST_POWER, LEVEL, MOST_OF_ERROR
 from identification.diagnosis.judge.spectrum import Rhythm, residual_period
-from identification.diagnosis.wording import capital, quantity
+from identification.diagnosis.wording import quantity
 from identification.fit.residual import noise_floors
 from identification.fit.validation import FreeRuns
 
@@ -86,15 +86,12 @@ class Habitat:
     def summary(self) -> str:
         """A plain paragraph of what passes a test, corrected for the number of tests."""
         name, unit = channel(self.channel).label, channel(self.channel).unit
-        size = f"Its root mean square in {name} is {quantity(self.rms, unit)}."
-        parts = []
+        size = f"The remaining {name} error is {quantity(self.rms, unit)} RMS"
         if len(self.channels) > 1 and 1.0 - self.certain < self.level:
             share = self.channels[self.channel]
-            parts.append(
-                f"{'most' if share > MOST_OF_ERROR else f'the largest part, {100 * share:.0f} %,'} of it is in {name}"
-            )
-        parts += [s.words for s in self.found[:2]]
-        text = ", ".join(parts)
+            most = "most" if share > MOST_OF_ERROR else f"the largest part ({100 * share:.0f} %)"
+            size += f", {most} of what is left"
+        text = ", ".join(s.words for s in self.found[:2])
         later = []
         if self.rhythm is not None and self.rhythm.p_value < self.level and self.rhythm.share > LEAST_POWER:
             later.append(f"it has a period of about {_two_digits(self.rhythm.period_s)} s")
@@ -103,8 +100,8 @@ class Habitat:
             later.append(f"it grows within a run, from {first} to {last}")
         said = "; ".join(p for p in (text, *later) if p)
         if not said:
-            return f"{size} It goes with nothing that was recorded, and has no period."
-        return f"{capital(said)}. {size}"
+            return f"{size}; it correlates with no recorded signal and is not periodic."
+        return f"{size}: {said}."
 
 
 def residual_habitat(runs: FreeRuns, record: Record, rng: np.random.Generator, name: str | None = None) -> Habitat:
