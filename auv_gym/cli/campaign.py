@@ -34,15 +34,17 @@ class Part(StrEnum):
 @app.command()
 def campaign(
     file: Annotated[Path, typer.Argument(help="A campaign file (.toml), see docs/campaigns.md.")],
-    out: Annotated[Path, typer.Option(help="Folder for records, index, models and report; one that is there goes on.")],
+    out: Annotated[
+        Path, typer.Option(help="Folder for records, index, models and report; an existing one is resumed.")
+    ],
     jobs: Annotated[int | None, whole_number("Worker processes; default: one for each core.", 1, 1024)] = None,
     scheduler: Annotated[
         str | None, typer.Option(help="Address of a Dask scheduler that performs the runs, such as tcp://host:8786.")
     ] = None,
     seed: Annotated[int, whole_number("Added to every seed of the file.", *SEED)] = 0,
-    only: Annotated[Part | None, typer.Option(help="One part alone; default: all of them.")] = None,
+    only: Annotated[Part | None, typer.Option(help="Run one part alone; default: all parts.")] = None,
 ) -> None:
-    """Run a campaign of experiments, fit models to the records, compare them, tune gains; a stopped one goes on.
+    """Run a campaign of experiments, fit models to the records, compare them, tune gains; a stopped campaign is resumed.
 
     Exit code: 3 where a run, a fit or a comparison failed or gains do not meet a requirement, 130 where the campaign
     was stopped.

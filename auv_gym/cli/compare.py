@@ -27,7 +27,7 @@ def compare(
     ],
     record: Annotated[list[str], typer.Option(metavar="RECORD", help="A record to compare over; may be repeated.")],
     out: Annotated[
-        Path | None, typer.Option(help="Folder for report.html and scores.json; made if it is not there.")
+        Path | None, typer.Option(help="Folder for report.html and scores.json; created if it does not exist.")
     ] = None,
     resample: logs.Resample = None,
     window: Annotated[

@@ -44,10 +44,10 @@ def spread(args: Sequence[str]) -> list[str]:
 def compare_missions(
     before: Annotated[list[str], typer.Argument(help=f"Logs of missions before. {logs.ANY_LOG}")],
     vehicle: logs.Vehicle,
-    out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; a series that is there goes on.")],
-    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of missions after, one or several.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; an existing series is resumed.")],
+    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of the missions after, one or several.")] = None,
     series: Annotated[
-        bool, typer.Option("--series", help="Trends over missions that follow one another, in place of two sides.")
+        bool, typer.Option("--series", help="Trends over consecutive missions, instead of before and after.")
     ] = False,
     jobs: Annotated[int, whole_number("Processes that take the missions of a series.", 1, 1024)] = 1,
     min_depth: logs.MinDepth = None,

@@ -48,9 +48,9 @@ def diagnose(
     again: Annotated[
         Path | None, typer.Option(help="A diagnosis.json of the same log: repeat it, vehicle and settings included.")
     ] = None,
-    timings: Annotated[bool, typer.Option("--timings", help="Say how long each step took.")] = False,
+    timings: Annotated[bool, typer.Option("--timings", help="Print how long each step took.")] = False,
     next_experiment: Annotated[
-        bool, typer.Option("--next-experiment", help="For a tie, write the campaign that would tell its effects apart.")
+        bool, typer.Option("--next-experiment", help="For a tie, write a campaign that would separate its effects.")
     ] = False,
     seed: Annotated[
         int,

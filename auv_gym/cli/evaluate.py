@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 @app.command()
 def evaluate(
     folder: Annotated[Path, typer.Argument(help="The folder that `auv-gym train` wrote.")],
-    env: Annotated[str | None, typer.Option(help="Another environment than that of the training.")] = None,
+    env: Annotated[str | None, typer.Option(help="Environment to evaluate in; default: that of the training.")] = None,
     on: environment.On = "true",
     episodes: Annotated[int, whole_number("Episodes; each agent drives the same ones.", 2, 1_000_000)] = 50,
     seed: Annotated[int, whole_number("Seed of the episodes, which no training has seen.", *SEED)] = 0,
     against: Annotated[
-        str | None, typer.Option(metavar="pid,s-plane,gpc", help="Controllers to compare with, divided by commas.")
+        str | None, typer.Option(metavar="pid,s-plane,gpc", help="Controllers to compare with, separated by commas.")
     ] = None,
     vehicle: environment.Vehicle = None,
     effect: environment.Effects = None,

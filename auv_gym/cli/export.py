@@ -37,7 +37,9 @@ def export(
     ],
     out: Annotated[
         str | None,
-        typer.Option(help="File to write; default: the vehicle's name. Of minari: the data set, such as auv/dives-v0."),
+        typer.Option(
+            help="File to write; default: the vehicle's name. With minari: the data set's name, such as auv/dives-v0."
+        ),
     ] = None,
     log: Annotated[list[str] | None, typer.Option(help=f"With minari. {logs.ANY_LOG} May be repeated.")] = None,
     mapping: logs.ColumnNames = None,

@@ -47,7 +47,9 @@ def identify(
     ] = None,
     validate: Annotated[
         list[str] | None,
-        typer.Option(metavar="RECORD", help="A record to judge by; may be repeated. Default: the last third held out."),
+        typer.Option(
+            metavar="RECORD", help="A record to judge by; may be repeated. Default: the last third of each record."
+        ),
     ] = None,
     resample: logs.Resample = None,
     window: Annotated[

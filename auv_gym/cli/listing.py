@@ -27,7 +27,7 @@ class Listing(StrEnum):
 
 @app.command(name="list")
 def list_things(
-    what: Annotated[Listing | None, typer.Argument(help="Default: all of them.")] = None,
+    what: Annotated[Listing | None, typer.Argument(help="Default: everything.")] = None,
     vehicle: Annotated[
         str | None, typer.Argument(help="With effects: a preset or vehicle file (TOML), whose effects to list.")
     ] = None,

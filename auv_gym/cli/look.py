@@ -27,7 +27,8 @@ _MOST = 40  # rows of the table of signals, and lines of what was left out
 def look(
     log: Annotated[str, typer.Argument(help=logs.ANY_LOG)],
     vehicle: Annotated[
-        str | None, typer.Option(help="A preset or a vehicle file (.toml); default: all presets are compared.")
+        str | None,
+        typer.Option(help="A preset or a vehicle file (.toml); default: the log is compared with all presets."),
     ] = None,
     mapping: logs.ColumnNames = None,
     mapping_out: Annotated[
@@ -36,7 +37,7 @@ def look(
     picture: Annotated[
         Path | None, typer.Option(help="Draw the recognised signals over time (.png, .svg or .pdf).")
     ] = None,
-    every: Annotated[bool, typer.Option("--all", help="Show all columns, also those that are left out.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Show all columns, including those that are left out.")] = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
     """Show what is in a log, what is recognised, what looks wrong, and which vehicles it would serve."""

@@ -21,10 +21,13 @@ def monitor(
     vehicle: logs.Vehicle,
     out: Annotated[Path, typer.Option(help="Folder for monitor.json and monitor.html.")],
     clean: Annotated[
-        str | None, typer.Option(help=f"A log of the vehicle in order; by default the first quarter. {logs.ANY_LOG}")
+        str | None,
+        typer.Option(help=f"A log of the healthy vehicle; default: the first quarter of the log. {logs.ANY_LOG}"),
     ] = None,
-    rate: Annotated[float, number("False alarms an hour.", 1e-6, 1e4)] = 0.1,
-    steady: Annotated[bool, typer.Option("--steady", help="Hold the filter's gains: faster, and less exact.")] = False,
+    rate: Annotated[float, number("False alarms per hour.", 1e-6, 1e4)] = 0.1,
+    steady: Annotated[
+        bool, typer.Option("--steady", help="Hold the filter's gains constant: faster, less exact.")
+    ] = False,
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
     resample: logs.Thinning = None,
@@ -34,7 +37,7 @@ def monitor(
     trust: logs.Trust = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Raise alarms where a vehicle departs from its model, at a stated rate of false ones, and name what is wrong."""
+    """Raise alarms where a vehicle departs from its model, at a stated false-alarm rate, and name the cause."""
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, [*log, *([clean] if clean else [])])

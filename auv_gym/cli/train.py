@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @app.command()
 def train(
     env: Annotated[str, typer.Option(help="The environment, such as Depth-v0; see docs/environments.md.")],
-    out: Annotated[Path, typer.Option(help="Folder for policy and learning curve; one that was stopped goes on.")],
+    out: Annotated[Path, typer.Option(help="Folder for policy and learning curve; a stopped training is resumed.")],
     on: environment.On = "true",
     seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
     steps: Annotated[int | None, whole_number("Steps to learn from; default: as tuned.", 1, 1_000_000_000)] = None,
@@ -28,7 +28,8 @@ def train(
         int | None, whole_number("Last observations that the policy sees at once; default: as tuned.", 1, 1000)
     ] = None,
     recurrent: Annotated[
-        bool, typer.Option("--recurrent", help="Give the policy a recurrent layer (LSTM); it learns from nothing.")
+        bool,
+        typer.Option("--recurrent", help="Give the policy a recurrent layer (LSTM); it cannot start by imitation."),
     ] = False,
     vehicle: environment.Vehicle = None,
     effect: environment.Effects = None,
@@ -42,7 +43,7 @@ def train(
 ) -> None:
     """Train a policy by PPO of stable-baselines3, and keep the best one on episodes set aside.
 
-    Exit code: 130 where the training was stopped; the same command goes on.
+    Exit code: 130 where the training was stopped; the same command resumes it.
     """
     options = environment.parse_environment_options(vehicle, effect, randomise, dt, duration)
     with progress_bar() as progress:
