@@ -44,7 +44,7 @@ def campaign(
     seed: Annotated[int, whole_number("Added to every seed of the file.", *SEED)] = 0,
     only: Annotated[Part | None, typer.Option(help="Run one part alone; default: all parts.")] = None,
 ) -> None:
-    """Run experiments, fit models to the records, compare them, tune gains; a stopped campaign is resumed.
+    """Run a campaign: experiments, fits, comparison and gains; a stopped campaign is resumed.
 
     Exit code: 3 where a run, a fit or a comparison failed or gains do not meet a requirement, 130 where the campaign
     was stopped.
