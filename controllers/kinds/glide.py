@@ -7,6 +7,7 @@ from typing import Any
 from auv_gym.plant import Plant
 from auv_gym.plant.flying import NOMINAL_PITCH, neutral_engine, nominal_flight
 from controllers.controller import Controller
+from controllers.gains import Gains
 from controllers.gliding import GlideToDepth, YoPilot
 from controllers.kinds import ControlKind, Ranges
 
@@ -25,11 +26,14 @@ def _placed(
     apogee: float = _APOGEE,
     lift: float = _LIFT,
     pitch: float = NOMINAL_PITCH,
+    gains: Gains | None = None,
 ) -> Controller:
     """band: m from a depth, beyond which the glider flies as fast as it can.
 
     apogee, lift, pitch: of yos to a place, the depth, m, where climbs begin, the share of the engine, and rad.
     """
+    if gains is not None:
+        raise ValueError(f"An autopilot of {plant.name!r} is a rule without gains: leave out gains=.")
     masses = "battery_position_m" in plant.inputs
     if not band > 0.0:
         raise ValueError(f"An autopilot of {plant.name!r} needs band > 0 m, got {band!r}.")

@@ -12,6 +12,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.plant.flying import neutral_engine, steered
 from auv_gym.vehicles.glide_steered import GLIDE_STEERED
 from controllers.autopilots import autopilot
+from controllers.gains import Gains
 from controllers.piloting import pilot_for
 from tests.envs.env_runs import run
 
@@ -136,6 +137,8 @@ def test_autopilots_of_gliders_say_what_they_follow():
         autopilot(attitude, targets=("north_m", "east_m", "depth_m"))
     with pytest.raises(ValueError, match="Yos need apogee > 1 m"):
         autopilot(masses, targets=("north_m", "east_m", "depth_m"), apogee=0.5)
+    with pytest.raises(ValueError, match="is a rule without gains: leave out gains="):
+        autopilot(attitude, gains=Gains("seaglider", attitude.dt))
     command, _ = autopilot(masses).act(None, {"depth_m": 50.0}, {"depth_m": 80.0})
     assert command["buoyancy_volume_m3"] < neutral_engine(masses, 50.0)
     assert command["battery_position_m"] == pytest.approx(-0.6 / 64.2, rel=0.01)

@@ -17,6 +17,7 @@ from auv_gym.records.record import Record, concat
 from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge.verdict import RARE
 from identification.diagnosis.log.plausibility import Doubt
+from identification.diagnosis.search.remainder import Left
 from identification.experiments.heading_control import closed_loop
 from identification.fit.noises import Noise
 from identification.fit.validation import FreeRuns
@@ -168,14 +169,14 @@ def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosi
 
 def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figures):
     pushed = Noise({"heading_rad": 0.01}, {"r_radps": (0.001, 20.0)})
-    text = Outline(diagnosis_page(replace(diagnosis, noise=pushed, coloured=("heading_rad",)))).text
+    text = Outline(diagnosis_page(replace(diagnosis, noise=pushed, left=Left(("heading_rad",), ("heading_rad",))))).text
     assert (
         "Random accelerations push the vehicle (RMS and correlation time): yaw rate 0.0573 deg/s^2 over 20 s." in text
     )
-    assert "one-step prediction errors are not white in: heading." in text
-    still = Outline(diagnosis_page(replace(diagnosis, noise=Noise({"heading_rad": 0.01}, {}), coloured=()))).text
+    assert "One-step prediction errors are correlated in time (heading) and come in bursts (heading)." in text
+    still = Outline(diagnosis_page(replace(diagnosis, noise=Noise({"heading_rad": 0.01}, {}), left=Left()))).text
     assert "Random" not in still
-    assert "are not white in" not in still
+    assert "One-step prediction errors" not in still
 
 
 def test_what_most_halves_of_the_log_do_not_choose_is_said(diagnosis, no_figures):

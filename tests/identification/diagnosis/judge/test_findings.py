@@ -10,6 +10,7 @@ from auv_gym.param import replace_at
 from identification.diagnosis.judge.findings import effects_of
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.constancy import Steadiness
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
@@ -42,7 +43,7 @@ def test_at_the_ends_of_a_profile_the_log_likelihood_has_fallen_by_the_quantile(
 
 
 def test_a_member_of_a_tie_says_which_other_effects_its_likeliest_set_does_without(monkeypatch):
-    monkeypatch.setattr("identification.diagnosis.judge.findings.steadiness", lambda *given: 1.0)
+    monkeypatch.setattr("identification.diagnosis.judge.findings.steadiness", lambda *given: Steadiness("", 1.0))
     width, play, offset, moment = (
         f"effects.{name}" for name in ("rudder.deadband", "rudder.backlash", "rudder.offset", "yaw.moment")
     )
