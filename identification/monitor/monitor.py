@@ -195,7 +195,8 @@ class Monitor:
         if record is None:
             record = self.stretch()
         elif alarm is not None:
-            first, last = alarm.time - _BEHIND * plant.window, alarm.time + _AFTER * plant.window
+            first = max(alarm.time - _BEHIND * plant.window, float(record.time[0]))  # a log may begin just before it
+            last = max(alarm.time + _AFTER * plant.window, first + (_BEHIND + _AFTER) * plant.window)
             record = record.select((record.time >= first) & (record.time <= last))
         return find_onsets(record, plant, **options)
 

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POINTS = 1000  # of the picture, each the greatest of its time
-_TOLD = 3  # alarms in the summary
+_TOLD, _LISTED = 3, 20  # alarms in the summary, and on the page
+_SIGNALS = {CONSTANT: "nothing: a steady offset", SCATTER: "nothing: larger errors"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +81,11 @@ def watched_summary(found: Watched) -> list[str]:
     """The alarms, and what has gone wrong, a sentence each."""
     rate, alarms, hours = found.monitor.false_alarms_per_hour, found.alarms, found.hours
     if not alarms:
-        return [f"No alarm in {hours:.2g} h, at {rate:g} false alarms an hour."]
+        return [f"No alarm in {hours:.2g} h, at {rate:g} false alarms per hour."]
     lines = [alarm_words(alarm) for alarm in alarms[:_TOLD]]
     if len(alarms) > _TOLD:
         lines.append(f"{len(alarms) - _TOLD} more alarms follow, the last one at {alarms[-1].time:.0f} s.")
-    lines.append(f"At {rate:g} false alarms an hour, {rate * hours:.2g} false ones are expected in {hours:.2g} h.")
+    lines.append(f"At {rate:g} false alarms per hour, {rate * hours:.2g} false ones are expected in {hours:.2g} h.")
     if found.timeline is None:
         return [*lines, f"The stretch about the first alarm could not be diagnosed. {found.problem}"]
     return [*lines, "In the stretch about the first alarm:", *timeline_summary(found.timeline)]
@@ -117,10 +118,18 @@ def write_watched(found: Watched, folder: str | os.PathLike) -> dict[str, Path]:
 
 def watched_page(found: Watched) -> str:
     """The text of one HTML page, with one picture."""
+    count = len(found.alarms)
     rows = [
-        (f"{a.time:.0f} s", a.channel or "several", a.signal, f"{a.memory:.0f} s", f"{a.over:.2f}")
-        for a in found.alarms
+        (
+            f"{a.time:.0f} s",
+            channel(a.channel).label if a.channel else "several",
+            _SIGNALS[a.signal] if a.signal in _SIGNALS else channel(a.signal).label,
+            f"{a.memory:.0f} s",
+            f"{a.over:.2f}",
+        )
+        for a in found.alarms[:_LISTED]
     ]
+    first = [f"The first {_LISTED} of {count} alarms; all are in monitor.json."] if count > _LISTED else []
     heads = ("time", "reading", "correlates with", "memory of the test", "over the bar")
     picture = drawn(
         lambda: watched_figure(found),
@@ -129,10 +138,13 @@ def watched_page(found: Watched) -> str:
         "The greatest statistic of the tests, over its bar. An alarm is raised at 1; the tests then begin anew.",
     )
     content: dict[str, Any] = {
-        "title": f"{found.monitor.learned.plant.name}: {len(found.alarms)} alarms",
-        "eyebrow": f"{found.monitor.false_alarms_per_hour:g} false alarms an hour",
+        "title": f"{found.monitor.learned.plant.name}: {count} alarm{'' if count == 1 else 's'}",
+        "eyebrow": f"{found.monitor.false_alarms_per_hour:g} false alarms per hour",
         "found": watched_summary(found),
-        "sections": [Section("Alarms", (), [Table(heads, rows, words=3)] if rows else (), [picture])],
+        "sections": [
+            Section("Tests over time", (), (), [picture]),
+            *([Section("Alarms", first, [Table(heads, rows, words=3)], ())] if rows else []),
+        ],
         "version": __version__,
     }
     return page("models.html", content)

@@ -14,8 +14,8 @@ from identification.fit.noises import Noise
 from identification.fit.online import OnlineFilter
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.windows import stretches_of
-from identification.monitor.monitor import CONSTANT, Monitor
-from identification.monitor.report import watch, watched_summary
+from identification.monitor.monitor import CONSTANT, Alarm, Monitor
+from identification.monitor.report import Watched, watch, watched_page, watched_summary
 from identification.monitor.wrapper import Monitored
 from scripts.blind.changing import ChangingGlider
 
@@ -65,13 +65,32 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
     other = closed_loop(slocum, rng=np.random.default_rng(6), duration=2000.0)
     found = watch(monitor, other)
     assert found.alarms == ()
-    assert watched_summary(found) == ["No alarm in 0.56 h, at 0.01 false alarms an hour."]
+    assert watched_summary(found) == ["No alarm in 0.56 h, at 0.01 false alarms per hour."]
     again = Monitor(monitor.learned, 0.01)
     inputs, outputs = inputs_of(slocum, other), outputs_of(slocum, other)
     again.begin(inputs[0], outputs[0])
     for k in range(1, len(other)):
         again.step(dict(zip(slocum.inputs, inputs[k - 1], strict=True)), outputs[k])
         assert again.over == pytest.approx(found.over[k - 1], rel=1e-9)
+
+
+def test_the_stretch_about_an_alarm_is_as_long_where_the_log_begins_just_before_it(slocum, clean, monkeypatch):
+    monkeypatch.setattr("identification.monitor.monitor.find_onsets", lambda record, plant: np.ptp(record.time))
+    monitor = Monitor.learn(clean, slocum, noise=NOISE)
+    for time in (100.0, 2000.0):
+        length = monitor.explain(clean, Alarm(time, "heading_rad", CONSTANT, 8.0, 1.5))
+        assert length == pytest.approx(9.0 * slocum.window, abs=2.0 * monitor.learned.interval)
+
+
+def test_the_page_lists_the_first_alarms_in_words_and_says_how_many_there_are(slocum, clean):
+    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
+    monitor = Monitor.learn(clean, slocum, noise=NOISE)
+    alarms = tuple(Alarm(4.0 * k, "heading_rad", CONSTANT, 8.0, 1.1) for k in range(1, 31))
+    text = watched_page(Watched(monitor, 1.0, alarms, np.arange(2.0), np.ones(2)))
+    assert "slocum: 30 alarms" in text
+    assert "The first 20 of 30 alarms; all are in monitor.json." in text
+    assert text.count("a steady offset") == 20
+    assert "heading_rad" not in text
 
 
 def test_an_environment_tells_of_an_alarm(slocum, clean):
