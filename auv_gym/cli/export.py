@@ -27,7 +27,7 @@ class Form(StrEnum):
 
 @app.command()
 def export(
-    vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    vehicle: logs.VehicleArgument,
     to: Annotated[
         Form,
         typer.Option(

@@ -10,6 +10,7 @@ import typer
 from rich.table import Table
 
 from auv_gym.cli.application import app
+from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import output, table
 from auv_gym.cli.options.numbers import DEPTH, LENGTH, SEED, TIME_STEP, number, whole_number
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 @app.command()
 def simulate(
-    vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    vehicle: logs.VehicleArgument,
     out: Annotated[Path | None, typer.Option(help="Write the record: .nc or .csv.")] = None,
     duration: Annotated[
         float | None, number("Length of the run, s; default: 600, for a float 600 for each depth.", *LENGTH)

@@ -8,13 +8,14 @@ from typing import Annotated
 import typer
 
 from auv_gym.cli.application import app
+from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import output, progress_bar
 from auv_gym.cli.options.numbers import SEED, TIME_STEP, number, whole_number
 
 
 @app.command()
 def tune(
-    vehicle: Annotated[str, typer.Argument(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")],
+    vehicle: logs.VehicleArgument,
     out: Annotated[Path, typer.Option(help="The file of gains to write; entries of other vehicles stay in it.")],
     uncertain: Annotated[
         Path | None,

@@ -1,6 +1,6 @@
 """The right-hand side of a vehicle as a CasADi function, for optimal control and estimation.
 
-It is the vehicle's own own source, run on symbols (`symbols`): there is no second set of equations.
+It is the vehicle's own source, run on symbols (`symbols`): there is no second set of equations.
 """
 
 from __future__ import annotations

@@ -37,6 +37,18 @@ class Bench(NamedTuple):
         """The bench with other vehicles on it; raises where one cannot hold itself at the start."""
         return self._replace(plants=tuple(plants), starts=tuple(self.trial.start(plant) for plant in plants))
 
+    def with_able(self, plants: Sequence[Plant]) -> tuple[Bench, dict[int, str]]:
+        """The bench with those vehicles on it that can hold themselves at the start; by number, why others cannot."""
+        kept, starts, refused = [], [], {}
+        for number, plant in enumerate(plants):
+            try:
+                starts.append(self.trial.start(plant))
+            except ValueError as error:
+                refused[number] = str(error)
+            else:
+                kept.append(plant)
+        return self._replace(plants=tuple(kept), starts=tuple(starts)), refused
+
 
 def bench_of(plant: Plant, seed: int, intervals: Intervals | None = None) -> Bench:
     """The trial of a vehicle: steps that fit its size, and two changed plants with their actuators off zero.

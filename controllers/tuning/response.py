@@ -12,6 +12,7 @@ from auv_gym.channels import excitation_of, set_point_of
 from auv_gym.model import Diverged
 from controllers.composed.excited import Excited
 from controllers.controller import Controller
+from controllers.kinds import KINDS as CONTROL
 from controllers.trials.trial import run_trial
 from controllers.tuning.bench import Bench
 from controllers.tuning.kinds import KINDS
@@ -134,8 +135,6 @@ def _room(bench: Bench, at: int, command: str) -> float:
     plant = bench.plants[at]
     if command not in plant.inputs:
         return inf
-    from controllers.kinds import KINDS as CONTROL
-
     (low, high), start = CONTROL.of(plant.family).ranges(plant)[command], bench.starts[at][1]
     value = float(start[plant.inputs.index(command)])
     return min(high - value, value - low)

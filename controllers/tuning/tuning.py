@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -20,7 +19,7 @@ from controllers.kinds import KINDS as CONTROL
 from controllers.trials.settling import step_response
 from controllers.trials.trial import NOISE
 from controllers.tuning.bench import Bench, Run, bench_of, run_cost, segments, tried
-from controllers.tuning.kinds import KINDS
+from controllers.tuning.kinds import KINDS, first_loops, loops_of
 from controllers.tuning.requirements import QUANTITIES, USUAL, Requirement, parse_requirements, worst
 from controllers.tuning.response import UNSETTLED, Response, loop_response
 from controllers.tuning.spread import Intervals, corner, drawn
@@ -97,8 +96,8 @@ class Judged:
 
 def first_gains(plant: Plant, laws: Sequence[str] = ("pid",)) -> Gains:
     """Gains to start from: a hull's by its linear-quadratic regulators, others' by their lags and engines."""
-    kind = KINDS.of(plant.family)
-    return Gains(plant.name, plant.dt, kind.bow_share(plant), {law: kind.first(plant, law) for law in laws})
+    share = KINDS.of(plant.family).bow_share(plant)
+    return Gains(plant.name, plant.dt, share, {law: first_loops(plant, law) for law in laws})
 
 
 def tuned(
@@ -115,8 +114,7 @@ def tuned(
     """
     plant = bench.plants[0]
     gains = _all_rounded(first_gains(plant, laws) if start is None else start)
-    loops = KINDS.of(plant.family).loops
-    plan = [(law, name) for law in laws for name in loops(plant, law) if name in bench.trial.steps]
+    plan = [(law, name) for law in laws for name in loops_of(plant, law) if name in bench.trial.steps]
     for i, (law, name) in enumerate(plan):
 
         def told(done: int, text: str = f"{gains.vehicle} {law} {name}", i: int = i) -> None:
@@ -138,10 +136,7 @@ def _hardest(bench: Bench, gains: Gains, law: str, name: str, requirements: Sequ
     others = [*bench.plants[1:]]
     for make in (drawn, corner):
         others += [make(plant, bench.intervals, rng) for _ in range(_SCREENED)]
-    able = bench._replace(plants=(), starts=())
-    for other in (plant, *others):
-        with suppress(ValueError):  # it cannot hold itself at the start, whatever the gains
-            able = able._replace(plants=(*able.plants, other), starts=(*able.starts, bench.trial.start(other)))
+    able, _ = bench.with_able((plant, *others))  # the rest cannot hold themselves at the start, whatever the gains
     controller = _controller(able, gains, law)
     short = [_shortfall(able, at, controller, gains, law, name, requirements) for at in range(1, len(able.plants))]
     worst_first = 1 + np.argsort(-np.array(short), kind="stable")[: len(bench.plants) - 1]
@@ -165,20 +160,15 @@ def judged(
     corners = (draws + 1) // 2
     asked = [*(drawn(plant, intervals, rng) for _ in range(draws))]
     asked += [corner(plant, intervals, rng) for _ in range(corners)]
-    plants, refused = [plant], []
-    for number, other in enumerate(asked):
-        try:
-            bench.trial.start(other)
-            plants.append(other)
-        except ValueError as error:
-            refused.append(f"{'draw' if number < draws else 'corner'} {number}: {error}")
-    bench = bench.with_plants(plants)
+    bench, unable = bench.with_able([plant, *asked])
+    refused = [f"{'draw' if k <= draws else 'corner'} {k - 1}: {reason}" for k, reason in unable.items()]
+    count = len(bench.plants)
     controller = _controller(bench, gains, law)
     loops: dict[str, list[Trying]] = {name: [] for name in bench.trial.steps}
-    for at in range(len(plants)):
+    for at in range(count):
         for name, found in loops.items():
-            show((at + len(found) / (at + 1) / len(loops)) / len(plants), f"vehicle {at + 1} of {len(plants)}")
-            found.append(trying(bench, at, controller, name, gains.bow_share if law != "gpc" else 0.0))
+            show((at + len(found) / (at + 1) / len(loops)) / count, f"vehicle {at + 1} of {count}")
+            found.append(trying(bench, at, controller, name, _bow_share(gains, law)))
     return Judged(
         plant=plant,
         law=law,
@@ -275,9 +265,14 @@ def _shortfall(
     run: Run | None = None,
 ) -> float:
     """What the requirements that a loop does not meet on one of the plants cost."""
-    found = trying(bench, at, controller, name, gains.bow_share if law != "gpc" else 0.0, run)
+    found = trying(bench, at, controller, name, _bow_share(gains, law), run)
     short = [requirement.shortfall(found.quantities[requirement.quantity]) for requirement in requirements]
     return sum(_UNMET + _SHORT * size for size in short if size > 0.0)
+
+
+def _bow_share(gains: Gains, law: str) -> float:
+    """How far bow planes move with the stern planes: predictive control leaves them alone."""
+    return 0.0 if law == "gpc" else gains.bow_share
 
 
 def _controller(bench: Bench, gains: Gains, law: str) -> Controller:
@@ -306,7 +301,7 @@ def _improved(
 ) -> Gains:
     places = [
         (loop, key)
-        for loop in KINDS.of(bench.plants[0].family).loops(bench.plants[0], law)[name]
+        for loop in loops_of(bench.plants[0], law)[name]
         if loop in gains.loops[law]
         for key in _TUNED
         if gains.loops[law][loop].get(key, 0.0) != 0.0

@@ -80,11 +80,16 @@ def slipped(time: np.ndarray, rng: np.random.Generator, size: float, spacing: fl
     return time + np.interp(time, edges, gained) - np.interp(time[0], edges, gained)
 
 
+def lopsided(told: float, side: float) -> float:
+    """What an actuator does that is stronger to the positive side by this share, and weaker to the other one."""
+    return told * (1.0 + side * float(np.sign(told)))
+
+
 @dataclass(frozen=True)
 class Around:
     """What is around a vehicle, or wrong with it; None: absent.
 
-    side: share by which an actuator is stronger to the positive side, and weaker to the other one.
+    side: see `lopsided`.
     """
 
     side: float = 0.0

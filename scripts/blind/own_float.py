@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import ceil, copysign, sqrt
+from math import ceil, sqrt
 
 from auv_gym.plant import Plant
-from scripts.blind.disturbances import Around
+from scripts.blind.disturbances import Around, lopsided
 
 _STEP = 0.1  # s; a float without inertia takes `_SLOW_STEP`
 _SLOW_STEP = 10.0
@@ -49,9 +49,7 @@ class OwnSwim:
         for k in range(count):
             t = self.time + k * h
             told = command if around.sticking is None else around.sticking.position(told, command, t)
-            aim = a.piston_neutral + (told - a.piston_neutral) * (
-                1.0 + around.side * copysign(1.0, told - a.piston_neutral)
-            )
+            aim = a.piston_neutral + lopsided(told - a.piston_neutral, around.side)
             moved = piston + min(max(aim - piston, -fastest * h), fastest * h)
             if around.tripping is not None:
                 tripped = around.tripping.tripped(tripped, abs(w))

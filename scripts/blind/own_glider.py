@@ -11,7 +11,7 @@ from math import ceil, cos, sin
 import numpy as np
 
 from auv_gym.plant import Plant
-from scripts.blind.disturbances import Sticking, Tripping
+from scripts.blind.disturbances import Sticking, Tripping, lopsided
 
 _STEP = 0.2  # s
 _GRAVITY = 9.81
@@ -25,7 +25,7 @@ class OwnGlider:
     """
 
     given: Plant
-    side: float = 0.0  # see `scripts.blind.disturbances.Around`
+    side: float = 0.0  # see `lopsided`
     sticking: Sticking | None = None
     tripping: Tripping | None = None
 
@@ -44,7 +44,7 @@ class OwnGlider:
         x, held = x.copy(), u.copy()
         if self.sticking is not None:
             held[0] = x[5] = self.sticking.position(x[5], u[0], x[4])
-        held[0] *= 1.0 + self.side * np.sign(held[0])
+        held[0] = lopsided(held[0], self.side)
         count = ceil(self.given.dt / _STEP)
         h = self.given.dt / count
         for _ in range(count):

@@ -18,7 +18,7 @@ from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
 from controllers.composed.excited import Excited
 from identification.experiments.manoeuvres import draw_manoeuvres, steered
-from scripts.blind.disturbances import Around, Slack
+from scripts.blind.disturbances import Around, Slack, lopsided
 from scripts.blind.own_forces import Hull, cross
 
 _SUBSTEPS = 2
@@ -91,10 +91,10 @@ class Body:
         x, h, target = x.copy(), duration / _SUBSTEPS, told.copy()
         for k in range(_SUBSTEPS):
             t = time + k * h
+            held = told[0]
             if self.around.sticking is not None:
-                target[0] = x[15] = self.around.sticking.position(x[15], told[0], t)
-            target[0] = told[0] if self.around.sticking is None else target[0]
-            target[0] *= 1.0 + self.around.side * np.sign(target[0])
+                held = x[15] = self.around.sticking.position(x[15], held, t)
+            target[0] = lopsided(held, self.around.side)
             if self.around.tripping is not None:
                 x[16] = self.around.tripping.tripped(bool(x[16]), abs(x[0]))
             k1 = self._rates(x, target)

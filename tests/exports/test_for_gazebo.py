@@ -123,7 +123,10 @@ class Gazebo:
 
 def ours(plant, nu, roll, pitch, u):
     """The vehicle's accelerations in its own axes."""
-    model = pytest.importorskip("casadi") and __import__("auv_gym.exports", fromlist=["_"]).casadi_model(plant)
+    pytest.importorskip("casadi", reason="the extra `casadi` is not installed")
+    from auv_gym.exports import casadi_model
+
+    model = casadi_model(plant)
     x = np.zeros(len(model.states))
     x[:6], x[9:11] = nu, (roll, pitch)
     full = plant.settled(x[: len(plant.family.states)], u)
@@ -133,7 +136,7 @@ def ours(plant, nu, roll, pitch, u):
     return np.array(model.rhs(x, u)).ravel()[:6]
 
 
-def same_acceleration(plant, nu, u, actuators):
+def assert_same_acceleration(plant, nu, u, actuators):
     gazebo = Gazebo(gazebo_world(plant).xml)
     roll, pitch = 0.3, -0.4
     up = FLIP[:3] * -np.array([-np.sin(pitch), np.cos(pitch) * np.sin(roll), np.cos(pitch) * np.cos(roll)])
@@ -157,7 +160,7 @@ def test_the_hull_accelerates_as_ours(name):
     u = np.array([plant.constants.get(channel, 0.0) for channel in plant.inputs])
     rng = np.random.default_rng(5)
     for _ in range(5):
-        same_acceleration(plant, rng.uniform(-1, 1, 6) * [2, 0.5, 0.5, 0.5, 0.5, 0.5], u, lambda gazebo, nu: [])
+        assert_same_acceleration(plant, rng.uniform(-1, 1, 6) * [2, 0.5, 0.5, 0.5, 0.5, 0.5], u, lambda gazebo, nu: [])
 
 
 def test_thrusters_push_where_ours_do():
@@ -170,7 +173,7 @@ def test_thrusters_push_where_ours_do():
     def pushes(gazebo, nu):
         return [gazebo.thrust(part.name, newtons) for part, newtons in zip(parts, thrusts)]
 
-    same_acceleration(plant, rng.uniform(-0.5, 0.5, 6), u, pushes)
+    assert_same_acceleration(plant, rng.uniform(-0.5, 0.5, 6), u, pushes)
 
 
 def test_planes_and_propeller_do_as_ours_on_a_straight_run():
@@ -192,7 +195,7 @@ def test_planes_and_propeller_do_as_ours_on_a_straight_run():
             gazebo.thrust("propeller", newtons),
         ]
 
-    same_acceleration(own, np.array([1.7, 0, 0, 0, 0, 0]), u, pushes)
+    assert_same_acceleration(own, np.array([1.7, 0, 0, 0, 0, 0]), u, pushes)
 
 
 def test_fins_and_a_buoyancy_engine():

@@ -25,7 +25,9 @@ FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters
 _SHOWN = 12  # lines on what was left out; more are for `auv-gym look`
 
 Logs = Annotated[list[str], typer.Argument(help=f"{ANY_LOG} Several files are one record, in segments.")]
-Vehicle = Annotated[str, typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")]
+_VEHICLE = "A preset (see `auv-gym list vehicles`) or a vehicle file (.toml)."
+Vehicle = Annotated[str, typer.Option(help=_VEHICLE)]
+VehicleArgument = Annotated[str, typer.Argument(help=_VEHICLE)]
 ColumnNames = Annotated[
     Path | None,
     typer.Option(

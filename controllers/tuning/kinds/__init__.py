@@ -15,7 +15,7 @@ from controllers.trials.trial import Steps
 
 Start = tuple[np.ndarray, np.ndarray]
 SEGMENT = 30.0  # s per time scale of the vehicle, of one target; a run has two
-GPC = {"effort": 1.0, "drift_factor": 1.0}  # what of predictive control is tuned, and its usual values
+_GPC = {"effort": 1.0, "drift_factor": 1.0}  # what of predictive control is tuned, and its usual values
 OFF = 0.05  # of an actuator's range, by which it is off its zero in the changed plants
 
 
@@ -51,7 +51,7 @@ def _nothing(plant: Plant) -> dict[str, float]:
 class TuningKind:
     """What tuning has to know of a kind of vehicle.
 
-    trial: what its loops are tried with.  first: gains to start from, of a plant and a law ("pid", "s_plane", "gpc").
+    trial: what its loops are tried with.  first: gains to start from, of a plant and a law ("pid", "s_plane").
     loops: of a plant and a law, by channel the loops that are tuned together.  moved_by: of a plant and a channel.
     mirror: by input, how far it moves with the one that moves a channel, of a plant, a channel and the share of bow
     planes.  offsets: of the actuators in the changed plants, by path.  besides: coefficients that are uncertain
@@ -77,3 +77,16 @@ def law(proportional: float, integral: float, derivative: float = 0.0, **setting
 
 
 KINDS: Kinds[TuningKind] = Kinds("controllers.tuning.kinds", "Tuning knows")
+
+
+def loops_of(plant: Plant, law: str) -> Mapping[str, tuple[str, ...]]:
+    """By channel the loops that are tuned together; predictive control has one of its own for each."""
+    loops = KINDS.of(plant.family).loops
+    return {name: (name,) for name in loops(plant, "pid")} if law == "gpc" else loops(plant, law)
+
+
+def first_loops(plant: Plant, law: str) -> Loops:
+    """Gains to start from, of a law."""
+    if law == "gpc":
+        return dict.fromkeys(loops_of(plant, law), _GPC)
+    return KINDS.of(plant.family).first(plant, law)

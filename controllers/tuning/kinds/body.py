@@ -6,7 +6,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_limits, find_cruise, find_helm
 from controllers.gains import Loops
 from controllers.trials.trial import Steps, level_flight
-from controllers.tuning.kinds import GPC, OFF, SEGMENT, Moved, Trial, TuningKind, law
+from controllers.tuning.kinds import OFF, SEGMENT, Moved, Trial, TuningKind, law
 
 TABLE_4 = {"heading": (0.9, 1.7, 0.0024), "depth": (2.3, 2.4, 0.00006), "speed": (0.8, 0.1, 0.02)}  # Xu et al. 2013
 _PITCH_LIMIT = 0.35  # rad
@@ -15,7 +15,6 @@ _VERTICAL = ("hull.heave.uw", "hull.pitch.uw", "hull.pitch.uq", "parts.stern_pla
 _LOOPS = {
     "pid": {"u_mps": ("speed",), "heading_rad": ("heading",), "depth_m": ("pitch", "depth")},
     "s_plane": {"u_mps": ("speed",), "heading_rad": ("heading",), "depth_m": ("depth",)},
-    "gpc": {"u_mps": ("u_mps",), "heading_rad": ("heading_rad",), "depth_m": ("depth_m",)},
 }
 
 
@@ -33,10 +32,8 @@ def _trial(plant: Plant) -> Trial:
     return Trial(steps, held, duration, scale, lambda plant: level_flight(plant, deep), ("u_mps",))
 
 
-def _first(plant: Plant, kind: str) -> Loops:
+def _first(plant: Plant, of_law: str) -> Loops:
     """By the linear-quadratic regulators of the environments, with slow integrals."""
-    if kind == "gpc":
-        return dict.fromkeys(_LOOPS["gpc"], GPC)
     cruise, limits, helm = find_cruise(plant), command_limits(plant), find_helm(plant)
     length, speed = plant.hull.length, cruise.speed
     time = length / speed
@@ -44,7 +41,7 @@ def _first(plant: Plant, kind: str) -> Loops:
     _, rate, pitch, depth = (float(gain) for gain in cruise.plane_gains)
     push = 0.5 * float(limits[helm.drive]) / speed
     by_pitch = depth / pitch
-    if kind == "pid":
+    if of_law == "pid":
         return {
             "speed": {"proportional": push, "integral": push / (10.0 * time), "integral_range": 0.3 * speed},
             "heading": law(rudder, rudder / (20.0 * time), turn, integral_range=0.2),
@@ -94,7 +91,7 @@ def _offsets(plant: Plant) -> dict[str, float]:
 KIND = TuningKind(
     trial=_trial,
     first=_first,
-    loops=lambda plant, kind: _LOOPS[kind],
+    loops=lambda plant, of_law: _LOOPS[of_law],
     moved_by=_moved_by,
     bow_share=lambda plant: _BOW_SHARE if len(plant.family.body.by_role()["pitch"]) > 1 else 0.0,
     mirror=_mirror,

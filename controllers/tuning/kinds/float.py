@@ -6,7 +6,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.float_engine import find_engine
 from controllers.gains import Loops
 from controllers.trials.trial import Steps, at_rest
-from controllers.tuning.kinds import GPC, OFF, SEGMENT, Moved, Trial, TuningKind, law
+from controllers.tuning.kinds import OFF, SEGMENT, Moved, Trial, TuningKind, law
 
 
 def _trial(plant: Plant) -> Trial:
@@ -17,9 +17,7 @@ def _trial(plant: Plant) -> Trial:
     return Trial(steps, held, duration, engine.time, lambda plant: at_rest(plant, held))
 
 
-def _first(plant: Plant, kind: str) -> Loops:
-    if kind == "gpc":
-        return {"depth_m": GPC}
+def _first(plant: Plant, of_law: str) -> Loops:
     engine = find_engine(plant)
     time = max(3.0 * plant.dt, 1.5 * engine.half / engine.rate)
     reach = 1.4 * time * engine.speed
@@ -40,7 +38,7 @@ def _offsets(plant: Plant) -> dict[str, float]:
 KIND = TuningKind(
     trial=_trial,
     first=_first,
-    loops=lambda plant, kind: {"depth_m": ("depth_m" if kind == "gpc" else "depth",)},
+    loops=lambda plant, of_law: {"depth_m": ("depth",)},
     moved_by=_moved_by,
     offsets=_offsets,
 )

@@ -6,7 +6,7 @@ from auv_gym.plant import Plant
 from controllers.gains import Loops
 from controllers.pid import heading_pid
 from controllers.trials.trial import Steps, at_rest
-from controllers.tuning.kinds import GPC, OFF, SEGMENT, Moved, Trial, TuningKind
+from controllers.tuning.kinds import OFF, SEGMENT, Moved, Trial, TuningKind
 
 
 def _trial(plant: Plant) -> Trial:
@@ -17,9 +17,7 @@ def _trial(plant: Plant) -> Trial:
     return Trial(steps, held, duration, scale, lambda plant: at_rest(plant, held))
 
 
-def _first(plant: Plant, kind: str) -> Loops:
-    if kind == "gpc":
-        return {"heading_rad": GPC}
+def _first(plant: Plant, of_law: str) -> Loops:
     pid, names = heading_pid(plant), ("proportional", "integral", "derivative", "filter_time", "integral_range")
     return {"heading": {name: getattr(pid, name) for name in names}}
 
@@ -27,7 +25,7 @@ def _first(plant: Plant, kind: str) -> Loops:
 KIND = TuningKind(
     trial=_trial,
     first=_first,
-    loops=lambda plant, kind: {"heading_rad": ("heading_rad" if kind == "gpc" else "heading",)},
+    loops=lambda plant, of_law: {"heading_rad": ("heading",)},
     moved_by=lambda plant, name: Moved("rudder_rad", 2.0 * plant.hull.rudder_limit),
     offsets=lambda plant: {"effects.rudder.offset": OFF * plant.hull.rudder_limit},
 )

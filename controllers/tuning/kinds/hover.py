@@ -8,7 +8,7 @@ from controllers.gains import Loops
 from controllers.hovering.dynamics import POSE
 from controllers.kinds.hover import axis_of, dynamics_of, placed_frequencies, poses_of
 from controllers.trials.trial import Steps, at_rest
-from controllers.tuning.kinds import GPC, Moved, Trial, TuningKind
+from controllers.tuning.kinds import Moved, Trial, TuningKind
 
 _LENGTHS = 40.0  # 1 / frequency of the slowest loop, of one target
 _DEEP = 20.0  # m
@@ -28,9 +28,7 @@ def _trial(plant: Plant) -> Trial:
     return Trial(steps, held, 2.0 * half, scale, lambda plant: at_rest(plant, held), tuple(held))
 
 
-def _first(plant: Plant, kind: str) -> Loops:
-    if kind == "gpc":
-        return dict.fromkeys(poses_of(plant), GPC)
+def _first(plant: Plant, of_law: str) -> Loops:
     frequencies = placed_frequencies(plant)
     return {
         axis_of(name): {"frequency": float(frequencies[POSE.index(name)]), "damping": 1.0} for name in poses_of(plant)
@@ -45,6 +43,6 @@ def _moved_by(plant: Plant, name: str) -> Moved:
 KIND = TuningKind(
     trial=_trial,
     first=_first,
-    loops=lambda plant, kind: {name: (name if kind == "gpc" else axis_of(name),) for name in poses_of(plant)},
+    loops=lambda plant, of_law: {name: (axis_of(name),) for name in poses_of(plant)},
     moved_by=_moved_by,
 )
