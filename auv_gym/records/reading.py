@@ -85,7 +85,7 @@ def read_record(
     beside: str | Path | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Record:
-    """The record in a file of any known format, in several of them, or in a log that dbdreader ships (slocum:ammonite).
+    """Read a record from a file of any supported format, from several files, or from an example log (slocum:ammonite).
 
     mapping: their column to our channel or to '' (left out), as a dict or the path of a flat TOML file; '*' stands for
     all columns not named.  A target's suffix is the column's unit: {"Hdg": "heading_deg"} gives heading_rad.  A minus
