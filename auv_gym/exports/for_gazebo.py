@@ -47,7 +47,7 @@ class GazeboWorld:
 
 
 def gazebo_world(plant: Plant) -> GazeboWorld:
-    """A Gazebo world with a vehicle in water.  Raises ValueError if it is not a hull with parts, or has a learned hull."""
+    """A Gazebo world with a vehicle in water.  Raises ValueError if it has no hull and parts, or a learned hull."""
     if plant.family.body is None or plant.learned is not None:
         what = "a learned hull" if plant.learned is not None else f"one of family {plant.family.name!r}"
         raise ValueError(f"SDF needs a hull with coefficients and parts, got {what}: choose another vehicle.")
