@@ -313,5 +313,5 @@ class _Regression:
     def _imitation(self, signature: np.ndarray, power: float) -> str:
         overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.tall]
         if max(overlap, default=0.0) > ALIKE:
-            return f"{self.fitted[int(np.argmax(overlap))]} does the same"
-        return "what is fitted already does the same"
+            return f"{self.fitted[int(np.argmax(overlap))]} has the same effect"
+        return "the parameters already fitted have the same effect"
