@@ -67,13 +67,23 @@ def look(
     _print_head(found)
     _print_signals(found, every)
     _print_list("Left out, repaired or cut", found.notes, every)
-    _print_list("Looks wrong", found.doubts, True)
+    _print_list("Looks wrong", [*found.doubts, *_wrong_for(vehicle, found)], True)
     _print_vehicles(found, needs)
     for path in (mapping_out, picture):
         if path is not None:
             output.print(f"Written: {path}", markup=False, soft_wrap=True)
     output.print()
     output.print(f"Next: {_next_command(found, needs, log, mapping, mapping_out)}", markup=False, soft_wrap=True)
+
+
+def _wrong_for(vehicle: str | None, found: FirstLook) -> Sequence[str]:
+    """What is wrong with the log as one of a vehicle, where one is named and the whole log was read."""
+    if vehicle is None or found.record is None or found.sampled is not None:
+        return ()
+    from auv_gym.plant import load_vehicle
+    from auv_gym.plant.record_check import wrong_for
+
+    return wrong_for(load_vehicle(vehicle), found.record)
 
 
 def _print_head(found: FirstLook) -> None:

@@ -35,6 +35,7 @@ from identification.fit.validation import FreeRuns, Score, Whiteness
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
 RARE = "most halves of the log do not choose {it}"
 WORSE = "free runs over unseen parts of the log are worse with {it} than without"
+_FEW_DIVES = 6  # that a sentence lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +71,7 @@ class Diagnosis:
     resting: states that nothing measures.  left_out: channels that were not compared.
     loops: the closed loop with each of the vehicles.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
+    spread: the vehicle after, moved by a standard error in each independent direction of what was fitted.
     currents: of the dives between two GPS fixes, by the vehicle after.
     failures: parts that could not be made.  seconds: that each step took.
     """
@@ -106,6 +108,7 @@ class Diagnosis:
     loops: tuple[ClosedLoop, ...] = ()
     common: tuple[Common, ...] = ()
     planned: bool = False
+    spread: tuple[Plant, ...] = ()
     currents: tuple[DiveCurrent, ...] = ()
     failures: tuple[Failure, ...] = ()
     source: str = ""
@@ -171,7 +174,13 @@ class Diagnosis:
         grouped = (
             (_sentence(self), _error_sentence(self)),
             (_tied_sentence(self), _likelier_sentence(self), _common_sentence(self)),
-            (_halves_sentence(self), _unsteady_sentence(self), dropped_sentence(self), _slight_sentence(self)),
+            (
+                _halves_sentence(self),
+                _dives_sentence(self),
+                _unsteady_sentence(self),
+                dropped_sentence(self),
+                _slight_sentence(self),
+            ),
             (_rest_sentence(self), noise_sentence(self), _currents_sentence(self)),
             (_limit_sentence(self), averaged_sentence(self), _unseen_sentence(self)),
         )
@@ -251,9 +260,23 @@ def _halves_sentence(d: Diagnosis) -> str:
     return " ".join(f"Only {share} of the halves of the log choose {listed(t)}." for share, t in rare.items())
 
 
+def _dives_sentence(d: Diagnosis) -> str:
+    """The sizes of effects that differ from dive to dive; of many dives, the smallest and the largest."""
+    told = []
+    for e in (e for e in d.effects if e.by_dive):
+        sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
+        own = [
+            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or 'the first dive'}"
+            for s in ((sizes[0], sizes[-1]) if many else e.by_dive)
+        ]
+        range_of = f"from {' to '.join(own)}" if many else listed(own)
+        told.append(f"{capital(short(e.name))} differs from dive to dive: {range_of}.")
+    return " ".join(told)
+
+
 def _unsteady_sentence(d: Diagnosis) -> str:
-    """Effects whose size differs between parts of the log."""
-    names = [short(e.name) for e in d.effects if e.steady < UNSTEADY]
+    """Effects whose size differs between parts of the log, and not from dive to dive."""
+    names = [short(e.name) for e in d.effects if e.steady < UNSTEADY and not e.by_dive]
     if not names:
         return ""
     which = "Its size" if len(names) == len(d.effects) == 1 else f"The size of {listed(names)}"
@@ -356,7 +379,7 @@ def _currents_sentence(d: Diagnosis) -> str:
     if not d.currents:
         return ""
     dives = "; ".join(current.words for current in d.currents)
-    return f"Depth-averaged current to the north and east, from GPS and dead reckoning: {dives}."
+    return f"Depth-averaged current to the north and east, from GPS and dead reckoning, with 95 % intervals: {dives}."
 
 
 def _unseen_sentence(d: Diagnosis) -> str:

@@ -1,12 +1,10 @@
-"""What a diagnosis says of noises, of halves of a log, and of sizes that no log could show."""
+"""What a diagnosis says of noises, of halves of a log, and of what it is tied with."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import detectable_effects
 from identification.diagnosis.judge.found import AsCoefficient, Effect, Member
 from identification.diagnosis.judge.verdict import (
     RARE,
@@ -17,9 +15,9 @@ from identification.diagnosis.judge.verdict import (
     dropped_sentence,
     noise_sentence,
 )
-from identification.diagnosis.search.candidates import Candidate, Screening
+from identification.diagnosis.search.candidates import Candidate
 from identification.fit.noises import Noise
-from tests.identification.diagnosis.stand_ins import PLANT, trial_of
+from tests.identification.diagnosis.stand_ins import trial_of
 
 
 @pytest.mark.parametrize(
@@ -67,19 +65,6 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said_not_to_be_kept(titles
     d.dropped |= {"effects.drag": WORSE}
     worse = "effects.drag, but free runs over unseen parts of the log are worse with it than without."
     assert dropped_sentence(d).endswith(worse)  # type: ignore[arg-type]
-
-
-def test_a_size_beyond_what_is_possible_is_none_that_the_record_shows():
-    bias = Candidate("compass bias", ("effects.compass.bias",))  # within half a turn
-    screened = [Screening(bias, np.zeros(1), 0.0, 1.0, np.array([size])) for size in (3.1, 11.5, np.inf)]
-    found = detectable_effects(PLANT, screened, (), set())
-    assert [d.size for d in found] == [3.1, np.inf, np.inf]
-    assert [d.reason for d in found] == [
-        "",
-        "changes too little of what was measured",
-        "changes nothing that was measured",
-    ]
-    assert detectable_effects(PLANT, screened, (), {"effects.compass.bias"}) == ()
 
 
 def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be_so_and_why():
