@@ -16,11 +16,11 @@ from auv_gym.plant.currents import dive_currents
 from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.closing import closed_loop
+from identification.diagnosis.judge.detectable import detectable_effects
 from identification.diagnosis.judge.findings import (
     as_coefficients,
     coefficient_of,
     coefficient_twins,
-    detectable_effects,
     effects_of,
     twin_effects,
 )
@@ -30,7 +30,7 @@ from identification.diagnosis.judge.verdict import RARE, WORSE, Diagnosis, Stage
 from identification.diagnosis.judge.weighing import Weighed, common_predictions, rounds_told, weigh
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import candidates_of, screen
+from identification.diagnosis.search.candidates import Regression, candidates_of
 from identification.diagnosis.search.constancy import sizes_by_dive
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.explanations import Explanations
@@ -98,7 +98,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         state, after, held, rounds, survivals, dives = nominal, before, [], (), (), None
         weighed, left = Weighed(nominal, (), (), Explanations(())), what_is_left(bench, nominal, searched.library)
     rest = [] if log.slipped else candidates_of(state.plant, record)
-    screening = tuple(screen(bench.problem, state.point, state.paths, rest, threshold(count)))
+    regression = Regression(bench.problem, state.point, state.paths, threshold(count))
+    screening = tuple(regression.screened(rest))
     sizes = bench.intervals(state)
     found = tuple(
         coefficient_of(plant, p, sizes[p], count, plant.deviation(p, asked.doubt))
@@ -150,7 +151,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         effects=tuple(as_coefficients(known.given.plant, effects)),
         tied=tuple(tied),
         coefficients=found,
-        detectable=detectable_effects(plant, screening, rounds, {e.path for e in effects}),
+        detectable=detectable_effects(regression, screening, {e.path for e in effects}),
         rounds=rounds_told(searched, held, weighed),
         dropped=why,
         state=state,
