@@ -27,7 +27,7 @@ from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search.known import fit_known
 from scripts.studies.harness import Found, Sheet, Study
 
-CASES = {"three dives": (3, 10.0), "one dive": (1, 60.0)}  # how many, and s between samples
+CASES = {"three dives": (3, 10.0), "one dive": (1, 30.0)}  # how many, and s between samples
 EPOCH, LATITUDE, LONGITUDE = 1.4e9, 47.0, -125.0
 DEGREE = np.array([111175.0, 76057.0])  # m for a degree to the north and east at 47 deg north (tables of WGS 84)
 OFF = 0.1  # deviation of drag and lift slope, relative; what a diagnosis doubts them by
@@ -67,8 +67,8 @@ def _dive(
     true: Plant, begun: float, every: float, current: np.ndarray, bias: float, rng: np.random.Generator
 ) -> Record:
     """A dive and a climb, as its log has them every so many s, with a fix before and one after."""
-    time = np.arange(0.0, 7000.0, 10.0)
-    bottom, nose, heading = rng.uniform(1200.0, 2000.0), rng.uniform(0.25, 0.5, 2), rng.uniform(0.0, 6.28)
+    time = np.arange(0.0, 9000.0, 10.0)
+    bottom, nose, heading = rng.uniform(1600.0, 2400.0), rng.uniform(0.25, 0.5, 2), rng.uniform(0.0, 6.28)
     down = time < bottom
     net = rng.uniform(1e-4, 2e-4, 2)
     engine = neutral_engine(true, 100.0) + np.where(down, -net[0], net[1])
@@ -94,7 +94,8 @@ def _dive(
     values["heading_rad"] = values["heading_rad"] + bias
     size, held = HEAVE[0], np.exp(-10.0 / HEAVE[1])
     pushed = lfilter([size * np.sqrt(1.0 - held**2)], [1.0, -held], rng.standard_normal(time.size))
-    values["depth_m"] = (flown["depth_m"] + 10.0 * np.cumsum(pushed) + NOISE * rng.standard_normal(time.size))[own]
+    carried = np.where(flown["depth_m"] > 2.0, 10.0 * np.cumsum(pushed), 0.0)  # not at the surface
+    values["depth_m"] = (flown["depth_m"] + carried + NOISE * rng.standard_normal(time.size)).clip(0.0)[own]
     attrs = {FIXES: fixes, "start_epoch_s": EPOCH}
     return Record.from_arrays(begun + time[own], values, attrs=attrs).with_labels([f"dive at {begun:.0f} s"])
 
