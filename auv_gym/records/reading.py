@@ -24,6 +24,7 @@ from auv_gym.records.mapping import (
     Names,
     Source,
     fitting_mappings,
+    is_known,
     list_of,
     load_mapping,
     sources,
@@ -292,8 +293,10 @@ def _runs(segment: np.ndarray | None, size: int) -> list[slice]:
 
 def _missing(missing: Sequence[str], known: Understood) -> ValueError:
     """The error for channels that a vehicle requires and the log does not have, with what looks like them."""
-    columns = [name for group in known.log.groups for name in group.columns]
-    hints = "".join(looks_like(name, columns) for name in missing)
+    columns = [(own, group.units.get(own)) for group in known.log.groups for own in group.columns]
+    hints = ""
+    for name in missing:  # a column in metres is no pitch, whatever it is called
+        hints += looks_like(name, [own for own, unit in columns if unit is None or is_known(name, unit)])
     have = list_of(sorted({name for stream in known.streams for name in stream.values}))
     needed = " and ".join(missing) if len(missing) < 3 else ", ".join(missing)
     example = f'"their column" = "{missing[0]}"'
