@@ -71,7 +71,8 @@ class Diagnosis:
     loops: the closed loop with each of the vehicles.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
     currents: of the dives between two GPS fixes, by the vehicle after.
-    failures: parts that could not be made.  seconds: that each step took.
+    failures: parts that could not be made.  unfinished: steps that the search left out, having reached its limit, in
+    words.  seconds: that each step took.
     """
 
     verdict: Verdict
@@ -108,6 +109,7 @@ class Diagnosis:
     planned: bool = False
     currents: tuple[DiveCurrent, ...] = ()
     failures: tuple[Failure, ...] = ()
+    unfinished: tuple[str, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -166,6 +168,7 @@ class Diagnosis:
         """The verdict in plain words, with the error before and after."""
         parts = [
             _sentence(self),
+            unfinished_sentence(self),
             _likelier_sentence(self),
             _common_sentence(self),
             _halves_sentence(self),
@@ -210,6 +213,16 @@ def _sentence(d: Diagnosis) -> str:
     titles, odds = d.titles, d.probabilities
     groups = [" or ".join(titles.get(p, p) + _odds(odds, p) for p in group) for group in d.tied]
     return f"{missing} This log cannot tell apart: {'; '.join(groups)}."
+
+
+def unfinished_sentence(d: Diagnosis) -> str:
+    """What is said of a search that ended at its limit, or nothing."""
+    if not d.unfinished:
+        return ""
+    return (
+        f"The search ended at its limit of computing time before it had {listed(d.unfinished)}: more effects may be "
+        "missing, and others may explain this log as well. Shorten the log, or thin it by --resample."
+    )
 
 
 def _odds(odds: Mapping[str, float], path: str) -> str:

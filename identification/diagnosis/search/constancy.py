@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -14,6 +14,9 @@ from identification.deciding import BLOCKS, MOST_PARTS, UNSTEADY
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change
+from identification.fit.filtering import Point
+from identification.fit.parameters import moves_of
+from identification.fit.prediction_errors import PredictionErrors
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,7 @@ def steadiness(bench: Workbench, state: State, paths: Sequence[str], quietly: bo
     problem.index = positions(plant)
     here = replace_at(plant, {p: value_at(state.plant, p) for p in state.paths})
     near = replace(state.point, vector=here.vector)
+    _soon(bench, problem, state, near, paths, courses)
     parts = {Candidate(p, tuple(change(form, p) for form in courses)): p for p in paths}
     bar, count = float(chi2.isf(UNSTEADY / len(paths), len(courses))), len(courses)
     bases = (near, problem.quieted(near)) if quietly and problem.pushed else (near,)
@@ -55,3 +59,25 @@ def steadiness(bench: Workbench, state: State, paths: Sequence[str], quietly: bo
         evidence = 2.0 * (problem.objective(fitted, free) - bench.problem.objective(state.point, state.paths))
     chance = len(paths) * float(chi2.sf(max(evidence, 0.0), count))
     return Steadiness(parts[best.candidate], min(chance, 1.0))
+
+
+def _soon(
+    bench: Workbench,
+    problem: PredictionErrors,
+    state: State,
+    near: Point,
+    paths: Sequence[str],
+    courses: Mapping[str, Course],
+) -> None:
+    """Slopes that are known already, and those by changes of coefficients as far as responses give them."""
+    moves = moves_of(state.paths)
+    problem.keep_columns(near, moves, bench.problem.columns_of(state.point, moves))
+    answered = bench.problem.prepared(state.point, state.paths)
+    for form, course in courses.items():
+        row = int(np.searchsorted(problem.rows, course.edges[0]))
+        columns = bench.problem.slopes_from(answered, paths, row)
+        if columns is None:
+            return
+        own = [change(form, p) for p in paths]
+        scales = [problem.scale(q) / bench.problem.scale(p) for p, q in zip(paths, own, strict=True)]
+        problem.keep_columns(near, moves_of(own), columns * np.array(scales)[:, None, None])

@@ -10,6 +10,7 @@ from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
+from identification.fit import filtering
 from scripts.blind.changing import ChangingGlider
 
 OFFSET = "effects.rudder.offset"
@@ -36,3 +37,19 @@ def test_a_coefficient_that_changes_half_way_is_left():
     given = value_at(load_vehicle("slocum"), "hull.n_delta")
     assert what_is_left(*fitted(300.0, "hull.n_delta", 1.5 * given, ()), ()).changes == "hull.n_delta"
     assert what_is_left(*fitted(300.0, "hull.n_delta", given, ()), ()) == Left()
+
+
+def test_changes_of_coefficients_are_seen_as_well_by_responses(monkeypatch):
+    """In the linearised filter, at hardly any cost, where there are enough of them to hold how the vehicle answers."""
+    given = value_at(load_vehicle("slocum"), "hull.n_delta")
+    bench, state = fitted(300.0, "hull.n_delta", 1.5 * given, ())
+    own = [p for p in state.paths if p in state.plant.doubted]
+    began = bench.problem.work.done
+    itself = steadiness(bench, state, own, quietly=False)
+    between = bench.problem.work.done
+    monkeypatch.setattr(filtering, "_MANY", 2)
+    soon = steadiness(bench, state, own, quietly=False)
+    assert soon.path == itself.path == "hull.n_delta"
+    assert itself.probability < UNSTEADY
+    assert soon.probability < UNSTEADY
+    assert bench.problem.work.done - between < between - began
