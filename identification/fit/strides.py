@@ -8,7 +8,6 @@ import numpy as np
 
 from auv_gym.plant import Chart, Plant
 from auv_gym.records.record import Record
-from identification.deciding import FEW_STATES
 from identification.fit.filtering import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
@@ -19,7 +18,7 @@ MOST_LOST = 0.25  # of any parameter's variance: standard errors grow by an eigh
 _MOST_OF_PLAIN, _PLAIN = 1.0, 10.0
 # of a record, however dense: colour is judged by them; of vehicles with few states, whose fits are soon done, and with
 # many, where a filter takes ten times as long for a row
-LEAST_ROWS, _LEAST_OF_MANY = 1500, 500
+LEAST_ROWS, _LEAST_OF_MANY, _MANY_STATES = 1500, 500, 8
 MOST_ROWS = 3000  # of a record, whatever longer ones lose: a filter takes as long as it has rows
 _LEAST_OF_WINDOW = 8  # rows
 _STRIDES, _REFERENCE = (20, 15, 10, 7, 5, 4, 3), 2
@@ -52,7 +51,7 @@ def stride_for(
     """
     samples = sum(w.stop - w.start for w in windows)
     shortest = min(w.stop - w.start for w in windows)
-    rows = LEAST_ROWS if len(plant.family.states) <= FEW_STATES else _LEAST_OF_MANY
+    rows = LEAST_ROWS if len(plant.family.states) < _MANY_STATES else _LEAST_OF_MANY
     most = min(samples // rows, shortest // _LEAST_OF_WINDOW)
     tried = [s for s in _STRIDES if s <= most]
     if not tried or not (fitted or others) or Chart.along(plant.family, record).on:  # a chart is of each sample
