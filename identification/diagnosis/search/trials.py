@@ -24,6 +24,7 @@ NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than others"
 IDLE_PART = "its part of the vehicle shows nothing"
 UNSTABLE = "no stable run with it"
+NO_TIME = "was not fitted to the end, for want of time"
 _FITTING = "fitted all effects that look promising to the end"
 UNSEEN = "cannot be seen in this record"
 
@@ -92,11 +93,13 @@ def trials_of(
     late = _overtaken(begun, trials, gain, threshold(count))
     if late and bench.goes_on(_FITTING):
         trials += _all_finished(bench, state, late, count)
-    done = {t.candidate for t in trials}
+    done, wanted = {t.candidate for t in trials}, {b.screening.candidate for b in (*finalists, *late)}
     for screening in screened:
         if screening.candidate not in done:
             reached = gain.get(screening.candidate, screening.evidence)
             reason = NO_TRACE if reached < LEAST_TRACE * threshold(count) else FAR_LESS
+            if screening.candidate in wanted:
+                reason = NO_TIME
             if screening.chance >= PART_LEVEL:
                 reason = IDLE_PART
             if screening.seen < SEEN:

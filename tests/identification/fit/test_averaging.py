@@ -179,6 +179,7 @@ def test_a_lag_shorter_than_a_row_is_still_found():
 def test_rows_are_as_long_as_the_slowest_loss_allows(monkeypatch):
     record = dense_log(7, 9000)
     monkeypatch.setattr(strides, "LEAST_ROWS", 300)
+    monkeypatch.setattr(strides, "MOST_ROWS", 9000)
     slow = stride_for(GLIDER, record, whole(record), COEFFICIENTS)
     assert slow > 1
     quick = stride_for(GLIDER, record, whole(record), (*COEFFICIENTS, "effects.rudder.dead_time"))
