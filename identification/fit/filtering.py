@@ -508,8 +508,8 @@ class Filter(Linearised):
         found[[p in rest for p in paths]] = self.columns_of(point, moves_of(rest))
         return self.counted_flat(found)
 
-    def slopes_from(self, point: Point, paths: Sequence[str], row: int) -> np.ndarray | None:
-        """Slopes by coefficients that change from a row on, (P, rows, C), by responses; None where these are not known.
+    def changing_slopes(self, point: Point, paths: Sequence[str], shares: np.ndarray) -> np.ndarray | None:
+        """Slopes by coefficients that change by shares in each row, (rows,), by responses; None where none are known.
 
         The same as those of the vehicle itself to what responses are off by, at hardly any cost.
         """
@@ -517,8 +517,8 @@ class Filter(Linearised):
         if known is None or point.system is None or not set(paths) <= set(known.paths):
             return None
         later, numbers = known.of(paths), self._numbers(point.logs)[2]
-        after = (np.arange(len(self.rows)) >= row)[:, None, None]
-        later = replace(later, onward=later.onward * after, seen=later.seen * after)
+        shares = shares[:, None, None]
+        later = replace(later, onward=later.onward * shares, seen=later.seen * shares)
         return driven_slopes(point.system, point.gains[:, self._moving], point.whiten, numbers, later)
 
     def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:

@@ -80,10 +80,14 @@ def test_slopes_in_other_scales_are_others(fitted):
 
 def test_slopes_by_coefficients_that_change_are_zero_before_and_those_of_the_vehicle_after(fitted, monkeypatch):
     problem, point = fitted
-    assert problem.slopes_from(point, COEFFICIENTS, 0) is None  # two coefficients are too few to hold responses
+    assert (
+        problem.changing_slopes(point, COEFFICIENTS, np.ones(1200)) is None
+    )  # two coefficients are too few to hold responses
     monkeypatch.setattr(filtering, "_MANY", 2)
     answered = problem.prepared(point, COEFFICIENTS)
-    whole, later = (problem.slopes_from(answered, COEFFICIENTS, row) for row in (0, 600))
+    whole, later = (
+        problem.changing_slopes(answered, COEFFICIENTS, (np.arange(1200) >= row).astype(float)) for row in (0, 600)
+    )
     exact = problem.columns_of(point, moves_of(COEFFICIENTS))
     assert np.linalg.norm(whole - exact) < 2e-3 * np.linalg.norm(exact)
     assert not later[:, :600].any()
