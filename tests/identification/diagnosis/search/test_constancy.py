@@ -13,6 +13,7 @@ from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
+from identification.fit import filtering
 from scripts.blind.changing import ChangingGlider
 
 OFFSET, AIR = "effects.rudder.offset", "effects.volume.air"
@@ -72,3 +73,19 @@ def test_air_in_one_dive_alone_shows_where_no_air_was_fitted():
     found = sizes_by_dive(bench, state, AIR)
     assert found is not None
     assert [size.value for size in found.sizes] == pytest.approx([0.0, 1.2e-4, 0.0], abs=3e-6)
+
+
+def test_changes_of_coefficients_are_seen_as_well_by_responses(monkeypatch):
+    """In the linearised filter, at less cost, where there are enough of them to hold how the vehicle answers."""
+    given = value_at(load_vehicle("slocum"), "hull.n_delta")
+    bench, state = fitted(300.0, "hull.n_delta", given, ())
+    own, work = [p for p in state.paths if p in state.plant.doubted], bench.problem.work
+    began = work.done
+    itself = steadiness(bench, state, own, quietly=False)
+    between = work.done
+    monkeypatch.setattr(filtering, "_MANY", 2)
+    soon = steadiness(bench, state, own, quietly=False)
+    assert itself.probability > UNSTEADY
+    assert soon.path == itself.path
+    assert soon.probability == pytest.approx(itself.probability, rel=0.05)
+    assert 0 < work.done - between < between - began
