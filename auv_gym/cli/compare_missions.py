@@ -50,6 +50,10 @@ def compare_missions(
         bool, typer.Option("--series", help="Trends over consecutive missions, instead of before and after.")
     ] = False,
     jobs: Annotated[int, whole_number("Processes that take the missions of a series.", 1, 1024)] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of a Dask scheduler that takes the missions of a series, such as tcp://host:8786."),
+    ] = None,
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
     resample: logs.Thinning = None,
@@ -85,7 +89,8 @@ def compare_missions(
         options: Any = {"most": most, "doubt": doubt, "trust": trust}
         options["progress"] = lambda f, text: progress(0.05 + 0.9 * f, text)
         if series:
-            trends = follow_series({file: read(file) for file in before}, plant, out, jobs=jobs, **options)
+            options |= {"jobs": jobs, "scheduler": scheduler}
+            trends = follow_series({file: read(file) for file in before}, plant, out, **options)
             lines, written = series_summary(trends), write_series(trends, out)
         else:
             names = before, after or []

@@ -78,7 +78,7 @@ class Changeable:
 
 
 def kind_of(form: str) -> str:
-    """A form without the number of its time: `from` of `from7`."""
+    """A form without its number: `from` of `from7`."""
     return form.rstrip("0123456789")
 
 
