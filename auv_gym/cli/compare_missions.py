@@ -28,9 +28,11 @@ class _Sides(TyperCommand):
 
 
 def spread(args: Sequence[str]) -> list[str]:
-    """`--with A B` as `--with A --with B`."""
+    """`--with A B` as `--with A --with B`; raises ValueError where nothing follows --with."""
     found, after = [], False
-    for arg in args:
+    for arg, following in zip(args, [*args[1:], "--"], strict=True):
+        if arg == _WITH and following.startswith("-"):
+            raise ValueError(f"{_WITH} needs the missions after, one log or several, got none: name them behind it.")
         if arg.startswith("-"):
             after = arg == _WITH
         elif after:
@@ -67,8 +69,12 @@ def compare_missions(
     """Find what of a vehicle has changed between missions, and how small a change would have been seen."""
     if series == bool(after):
         raise ValueError(f"Give missions after by {_WITH}, or --series for trends over missions; not both.")
+    if scheduler is not None and not series:
+        raise ValueError("--scheduler shares out the missions of a series: add --series, or leave it out.")
     if twice := sorted(set(before) & set(after or [])):
         raise ValueError(f"A mission is before or after, not both: leave out {', '.join(twice)} on one side.")
+    if twice := sorted({log for side in (before, after or []) for log in side if side.count(log) > 1}):
+        raise ValueError(f"A mission counts once: {', '.join(twice)} is given twice.")
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, [*before, *(after or [])])

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record, concat
 from auv_gym.writing import writable_folder, write_json
 from identification.campaign.running.pool import Spread, in_parallel, on_cluster
-from identification.changes.forms import Sized
+from identification.changes.forms import Sized, refuse_overlaps
 from identification.changes.missions import Comparison, compare_missions
 from identification.deciding import DOUBT, MISSED, MOST_EFFECTS, SURPRISE
 from identification.diagnosis.log.checking import Asked, check_log
@@ -88,12 +89,15 @@ def follow_series(
     """
     if len(missions) < LEAST:
         raise ValueError(f"A trend needs at least {LEAST} missions, one after the other, got {len(missions)}.")
+    refuse_overlaps(missions)
+    times = _times(missions)
     with nullcontext(partial(in_parallel, jobs=jobs)) if scheduler is None else on_cluster(scheduler) as spread:
-        return _followed(missions, plant, Path(folder), most, doubt, trust, spread, progress)
+        return _followed(missions, times, plant, Path(folder), most, doubt, trust, spread, progress)
 
 
 def _followed(
     missions: Mapping[str, Record],
+    times: tuple[list[float], str],
     plant: Plant,
     folder: Path,
     most: int,
@@ -128,7 +132,7 @@ def _followed(
             told[name] = {"failed": "its process died" if sizes is None else f"{type(sizes).__name__}: {sizes}"}
         progress(0.85 + 0.1 * done / len(left), f"{done} of {len(left)} missions")
     each = {name: own for name, own in told.items() if own is not None}
-    at, per = _times(missions)
+    at, per = times
     usable = [(when, each[name]["sizes"]) for name, when in zip(missions, at, strict=True) if "sizes" in each[name]]
     trends = [t for path in paths if (t := _trend(plant, path, usable, per)) is not None]
     failed = {name: own["failed"] for name, own in each.items() if "failed" in own}
@@ -196,11 +200,17 @@ def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float,
 
 
 def _times(missions: Mapping[str, Record]) -> tuple[list[float], str]:
-    """When missions began, in days from the first, where their logs say so; else their numbers."""
+    """When missions began, in days from the first, where their logs say so; else their numbers.
+
+    Raises ValueError where dates are not in order.
+    """
     begins = [float(r.attrs.get("start_epoch_s", np.nan)) + float(r.time[0]) for r in missions.values()]
-    if np.isfinite(begins).all() and np.all(np.diff(begins) > 0.0):
-        return [(b - begins[0]) / _DAY for b in begins], "day"
-    return [float(k) for k in range(len(begins))], "mission"
+    if not np.isfinite(begins).all():
+        return [float(k) for k in range(len(begins))], "mission"
+    for (name, begin), (other, later) in pairwise(zip(missions, begins, strict=True)):
+        if later <= begin:
+            raise ValueError(f"A series needs its missions in order of time, but {other} began before {name}: reorder.")
+    return [(b - begins[0]) / _DAY for b in begins], "day"
 
 
 def _key(plant: Plant, *facts: Any) -> str:

@@ -91,7 +91,7 @@ def test_actuators_go_on_from_where_a_change_finds_them(glider, path, size):
     plant, record = glider
     edge = 1 + int(np.argmax(np.abs(np.diff(record["rudder_rad"]))))  # just after the largest move
     course = Course((edge, edge + 20), (0.0, 1.0, 0.0))
-    both = replace_at(ChangingPlant.of(plant, {"for": [path]}, {"for": course}), change("for", path), size)
+    both = replace_at(ChangingPlant.of(plant, {"amid": [path]}, {"amid": course}), change("amid", path), size)
     inputs = np.stack([record[n] if record.has(n) else np.full(len(record), plant.constants[n]) for n in plant.inputs])
     x = plant.settled(plant.initial(np.zeros(len(plant.outputs)))[: len(plant.family.states)], inputs[:, 0])
     first, stepped = x[None, :], []
