@@ -90,7 +90,10 @@ def compare_missions(
 
         def read(files: str | list[str]) -> Record:
             progress(0.0, "reading the logs")
-            return logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+            try:
+                return logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+            except ValueError as error:
+                raise ValueError(f"{files if isinstance(files, str) else ', '.join(files)}: {error}") from None
 
         options: Any = {"most": most, "doubt": doubt, "trust": trust}
         options["progress"] = lambda f, text: progress(0.05 + 0.9 * f, text)

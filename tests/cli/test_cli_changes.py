@@ -69,16 +69,17 @@ def test_what_cannot_be_compared_is_refused_in_words(dives, tmp_path, capsys):
     told = refused(capsys, "compare-missions", first, "--with", third, "--scheduler", "tcp://127.0.0.1:9", *common)
     assert "--scheduler shares out the missions of a series: add --series" in told
     told = refused(capsys, "compare-missions", first, "--with", other, *common)
-    assert "rudder" in told
+    assert "float.nc: The record has no channel 'heading_rad'" in told
     told = refused(capsys, "compare-missions", other, "--with", first, *common)
-    assert "rudder" in told
+    assert "float.nc: The record has no channel 'heading_rad'" in told
 
 
 def test_onset_and_monitor_refuse_the_log_of_another_vehicle_and_a_rate_that_is_none(dives, tmp_path, capsys):
     common = ("--vehicle", "slocum", "--out", tmp_path)
     for command in ("onset", "monitor"):
-        assert "rudder" in refused(capsys, command, dives / "float.nc", *common)
-    assert "rudder" in refused(capsys, "monitor", dives / "first.nc", "--clean", dives / "float.nc", *common)
+        assert "no channel 'heading_rad'" in refused(capsys, command, dives / "float.nc", *common)
+    told = refused(capsys, "monitor", dives / "first.nc", "--clean", dives / "float.nc", *common)
+    assert "no channel 'heading_rad'" in told
     for rate in ("0", "-1", "nan"):
         told = refused(capsys, "monitor", dives / "first.nc", "--rate", rate, *common)
         assert f"from 1e-06 to 10000 is needed, got {rate}" in told
