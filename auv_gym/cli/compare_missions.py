@@ -1,4 +1,4 @@
-"""`auv-gym compare-missions`: what of a vehicle has changed between missions before and after."""
+"""`auv-gym compare-missions`: what changed in a vehicle between earlier and later missions."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def spread(args: Sequence[str]) -> list[str]:
     found, after = [], False
     for arg, following in zip(args, [*args[1:], "--"], strict=True):
         if arg == _WITH and following.startswith("-"):
-            raise ValueError(f"{_WITH} needs the missions after, one log or several, got none: name them behind it.")
+            raise ValueError(f"{_WITH} needs at least one later mission, got none: put the logs after it.")
         if arg.startswith("-"):
             after = arg == _WITH
         elif after:
@@ -44,14 +44,15 @@ def spread(args: Sequence[str]) -> list[str]:
 
 @app.command(cls=_Sides)
 def compare_missions(
-    before: Annotated[list[str], typer.Argument(help=f"Logs of missions before. {logs.ANY_LOG}")],
+    before: Annotated[list[str], typer.Argument(help=f"Logs of the earlier missions. {logs.ANY_LOG}")],
     vehicle: logs.Vehicle,
     out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; an existing series is resumed.")],
-    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of the missions after, one or several.")] = None,
+    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of the later missions.")] = None,
     series: Annotated[
-        bool, typer.Option("--series", help="Trends over consecutive missions, instead of before and after.")
+        bool,
+        typer.Option("--series", help="Follow trends over consecutive missions, instead of comparing two groups."),
     ] = False,
-    jobs: Annotated[int, whole_number("Processes that take the missions of a series.", 1, 1024)] = 1,
+    jobs: Annotated[int, whole_number("Worker processes for a series of missions.", 1, 1024)] = 1,
     scheduler: Annotated[
         str | None,
         typer.Option(help="Address of a Dask scheduler that takes the missions of a series, such as tcp://host:8786."),
@@ -62,19 +63,19 @@ def compare_missions(
     mapping: logs.ColumnNames = None,
     cut_gaps: logs.CutGaps = True,
     doubt: logs.Doubt = 0.1,
-    most: Annotated[int, whole_number("How many effects and changes may be named at once.", 1, 20)] = 3,
+    most: Annotated[int, whole_number("Largest number of effects, and of changes, to name.", 1, 20)] = 3,
     trust: logs.Trust = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Find what of a vehicle has changed between missions, and how small a change would have been seen."""
+    """Find what changed in a vehicle between missions, and the smallest change that these logs would show."""
     if series == bool(after):
-        raise ValueError(f"Give missions after by {_WITH}, or --series for trends over missions; not both.")
+        raise ValueError(f"Give later missions with {_WITH}, or ask for trends with --series, but not both.")
     if scheduler is not None and not series:
-        raise ValueError("--scheduler shares out the missions of a series: add --series, or leave it out.")
+        raise ValueError("--scheduler is for a series of missions: add --series, or leave --scheduler out.")
     if twice := sorted(set(before) & set(after or [])):
-        raise ValueError(f"A mission is before or after, not both: leave out {', '.join(twice)} on one side.")
+        raise ValueError(f"A mission is either earlier or later, not both: leave out {', '.join(twice)} on one side.")
     if twice := sorted({log for side in (before, after or []) for log in side if side.count(log) > 1}):
-        raise ValueError(f"A mission counts once: {', '.join(twice)} is given twice.")
+        raise ValueError(f"Give each mission once; this one was given twice: {', '.join(twice)}.")
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, [*before, *(after or [])])

@@ -52,12 +52,12 @@ def test_what_cannot_be_compared_is_refused_in_words(dives, tmp_path, capsys):
     first, second, third, fourth, other = (dives / f"{n}.nc" for n in ("first", "second", "third", "fourth", "float"))
     common = ("--vehicle", "slocum", "--out", tmp_path)
     told = refused(capsys, "compare-missions", first, "--with", *common)
-    assert "--with needs the missions after, one log or several, got none" in told
+    assert "--with needs at least one later mission, got none" in told
     told = refused(capsys, "compare-missions", first, "--with", second, *common)
     assert "Missions of one vehicle cannot overlap in time" in told
     assert "begins 60 s before" in told
     told = refused(capsys, "compare-missions", first, third, first, "--with", fourth, *common)
-    assert "first.nc is given twice" in told
+    assert "given twice: " in told
     told = refused(capsys, "compare-missions", first, "--series", *common)
     assert "A trend needs at least 4 missions, one after the other, got 1" in told
     copies = [tmp_path / f"{n}.nc" for n in range(2)]
@@ -67,7 +67,7 @@ def test_what_cannot_be_compared_is_refused_in_words(dives, tmp_path, capsys):
     assert "A series needs its missions in order of time" in told
     assert "fourth.nc began before" in told
     told = refused(capsys, "compare-missions", first, "--with", third, "--scheduler", "tcp://127.0.0.1:9", *common)
-    assert "--scheduler shares out the missions of a series: add --series" in told
+    assert "--scheduler is for a series of missions: add --series" in told
     told = refused(capsys, "compare-missions", first, "--with", other, *common)
     assert "float.nc: The record has no channel 'heading_rad'" in told
     told = refused(capsys, "compare-missions", other, "--with", first, *common)
@@ -93,7 +93,7 @@ def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
         closed_loop(plant, rng=np.random.default_rng(seed), duration=600.0).save(files[-1])
     out = tmp_path / "out"
     assert main(["compare-missions", files[0], "--with", files[1], "--vehicle", "slocum", "--out", str(out)]) == 0
-    assert "Nothing has changed that these missions could show." in capsys.readouterr().out
+    assert "These missions show no change." in capsys.readouterr().out
     assert json.loads((out / "changes.json").read_text())["changed"] == []
     assert main(["onset", files[0], "--vehicle", "slocum", "--out", str(out)]) == 0
     assert "Nothing is missing" in capsys.readouterr().out
@@ -110,7 +110,7 @@ def test_a_monitor_raises_an_alarm_and_names_what_went_wrong(tmp_path, capsys):
     closed_loop(moving, rng=np.random.default_rng(5), duration=1400.0).save(log)
     given = ["monitor", log, "--clean", clean, "--vehicle", "slocum", "--doubt", "0", "--out", str(out)]
     assert main(given) == 0
-    assert "In the stretch about the first alarm:" in capsys.readouterr().out
+    assert "Around the first alarm, the diagnosis found:" in capsys.readouterr().out
     told = json.loads((out / "monitor.json").read_text())
     assert 800.0 < told["alarms"][0]["time"] < 1000.0
     first = told["timeline"]["found"][0]
