@@ -90,7 +90,8 @@ def _onset(case: str, plant: Plant, conditions: Conditions, rng: np.random.Gener
         raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
     begin = perf_counter()
     found = find_onsets(record, plant)
-    truth = [t * length for t in times]
+    # an effect acts from the first sample on that is not before it
+    truth = [float(record.time[min(np.searchsorted(record.time, t * length), len(record) - 1)]) for t in times]
     own = [f for f in found.found if path and (f.path == path or any(t.endswith(path) for t in f.tied))]
     timed = [[t for t in (f.time, f.second) if t is not None] for f in own if f.form == form]
     timed = [told for told in timed if told]

@@ -164,7 +164,7 @@ def screen_signatures(
 
     Candidates in their order; one with a corner at neutral comes once for each of its sizes.
     """
-    regression = _Regression(problem, point, fitted, threshold)
+    regression = Regression(problem, point, fitted, threshold)
     return [(one, rest) for one, rest, _ in regression._signed(candidates)], regression.left
 
 
