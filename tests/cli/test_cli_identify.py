@@ -106,10 +106,10 @@ def test_bad_input_is_refused_in_words(folder, tmp_path, capsys):
             "no channel 'rudder_rad'"
         ),
         ("identify", train, *arx, "--resample", "200"): "at least 4 samples per coefficient",
-        ("compare", tmp_path / "fast.npz", "--record", train): "fast steps 1 s at a time",
+        ("compare", tmp_path / "fast.npz", "--record", train): "fast has a time step of 1 s",
         ("compare", tmp_path / "fast.npz", tmp_path / "truth.npz", "--record", train): "fast 1 s, truth 4 s",
         ("compare", tmp_path / "junk.npz", "--record", train): "no .npz file",
-        ("compare", tmp_path / "truth.npz", tmp_path / "truth.npz", "--record", train): "came twice",
+        ("compare", tmp_path / "truth.npz", tmp_path / "truth.npz", "--record", train): "listed twice",
         ("compare", "slocum", "--record", train): "rudder_rad",
     }
     for arguments, words in cases.items():

@@ -17,9 +17,9 @@ EDGE = 1e-6  # of the span between a parameter's bounds
 INSIGNIFICANT = "not significant"
 UNREPEATED = "does not hold from one part of the log to the others"
 DIVERGES = "free runs diverge with it"
-LIMITED = "only helps at the limit of what is physical"
+LIMITED = "helps only at the limit of the physical range"
 UNSURE = "its size is too uncertain"
-GONE = "does nothing beside the others"
+GONE = "not significant next to the other effects"
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # of the short list
 NO_TRACE = "leaves no trace in the residual"
-FAR_LESS = "explains far less than others"
-IDLE_PART = "its part of the vehicle shows nothing"
+FAR_LESS = "explains far less than the others"
+IDLE_PART = "its part of the vehicle shows no missing effect"
 UNSTABLE = "no stable run with it"
-UNSEEN = "cannot be seen in this record"
+UNSEEN = "not detectable in this log"
 
 Progress = Callable[[float, str], None]
 T = TypeVar("T")

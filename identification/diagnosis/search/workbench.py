@@ -171,6 +171,17 @@ class Workbench:
         variance = float(units @ found.covariance[np.ix_(rows, rows)] @ units)
         return half_width(float(found.freedom[rows].min())) * float(np.sqrt(max(variance, 0.0)))
 
+    def spread(self, state: State) -> tuple[Plant, ...]:
+        """The vehicle of a state, moved by a standard error in each independent direction of what was fitted."""
+        if not state.paths:
+            return ()
+        values, vectors = np.linalg.eigh(self._information(state).covariance)
+        problem, steps = self.problem, (vectors * np.sqrt(np.maximum(values, 0.0))).T
+        moved = (problem.moved_vector(state.point.vector, state.paths, step) for step in steps)
+        return tuple(
+            replace_at(state.plant, {p: float(vector[problem.index[p]]) for p in state.paths}) for vector in moved
+        )
+
     def _information(self, state: State) -> Information:
         if state not in self._told:
             self._told[state] = information_of(self.problem, state.point, state.paths)
