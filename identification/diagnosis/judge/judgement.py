@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.deciding import EXPLAINED, MANY_WINDOWS
+from identification.deciding import EXPLAINED, MANY_WINDOWS, UNSTEADY
+from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.verdict import Stage, Verdict
+from identification.diagnosis.search.remainder import Left
 from identification.fit.residual import noise_floors
 
 
@@ -33,9 +35,17 @@ def many_windows(windows: Sequence[slice], steady: bool) -> bool:
     return len(windows) >= MANY_WINDOWS and steady
 
 
-def verdict_of(effects, tied, explained: float, left: bool, refit_is_all: bool, wrong: bool) -> Verdict:
-    """Where something is left, effects must explain most of the excess error; a refit alone does not do."""
-    if left and (refit_is_all or explained < EXPLAINED):
+def unsteady_of(effects: Sequence[Effect]) -> list[Effect]:
+    """The effects in whose sizes parts of the record contradict each other, the surest first."""
+    return sorted((e for e in effects if e.steady < UNSTEADY), key=lambda e: e.steady)
+
+
+def verdict_of(effects, tied, explained: float, left: Left, refit_is_all: bool, wrong: bool) -> Verdict:
+    """Where something is left, effects must explain most of the excess error; a refit alone does not do.
+
+    Where parts of the record contradict each other, nothing constant explains it, however little it leaves.
+    """
+    if left.changes or (left and (refit_is_all or explained < EXPLAINED)):
         return "unexplained"
     if effects:
         return "tied" if tied else "named"

@@ -60,6 +60,8 @@ class Diagnosis:
     """The result of comparing a record with a vehicle; `summary` says it in a paragraph.
 
     given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
+    alike: effects that the vehicle after has and that are not named, since they do not explain the record; the
+    difference acts like them.
     tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
     are not named, each with the reason (`RARE`, `WORSE`).  explained: share of the squared error in excess of the
     measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
@@ -92,6 +94,7 @@ class Diagnosis:
     window: float
     settle: float
     seed: int
+    alike: tuple[Effect, ...] = ()
     asked: Asked = field(default_factory=Asked)
     dropped: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
@@ -119,8 +122,13 @@ class Diagnosis:
 
     @property
     def changed(self) -> bool:
-        """Whether anything was added to the vehicle: named effects, or a term found in the data."""
-        return bool(self.effects) or (self.discovery is not None and self.discovery.holds)
+        """Whether anything was added to the vehicle: effects, or a term found in the data."""
+        return bool(self.added) or (self.discovery is not None and self.discovery.holds)
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """The effects of the vehicle after: those that are named, and those that the difference acts like."""
+        return (*self.effects, *self.alike)
 
     def noise_of(self, name: str) -> float:
         """The standard deviation of a sensor's noise as the filter found it; infinite where it is not known."""
@@ -134,15 +142,15 @@ class Diagnosis:
     @property
     def titles(self) -> dict[str, str]:
         """What effects and coefficients are called, by path."""
-        named = {x.path: x.title for e in self.effects for x in (*e.members, e)}
+        named = {x.path: x.title for e in self.added for x in (*e.members, e)}
         others = {x.path: x.title for x in self.detectable} | {c.path: c.title for c in self.coefficients}
         return others | named
 
     @property
     def probabilities(self) -> dict[str, float]:
         """The probability of each named effect and of what it is tied with, by path."""
-        members = {m.path: m.probability for e in self.effects for m in e.members}
-        return members | {e.path: e.probability for e in self.effects if e.probability is not None}
+        members = {m.path: m.probability for e in self.added for m in e.members}
+        return members | {e.path: e.probability for e in self.added if e.probability is not None}
 
     def dropped_for(self, reason: str) -> list[str]:
         """The titles of effects that were found and are not named for a reason."""
@@ -169,7 +177,7 @@ class Diagnosis:
             _likelier_sentence(self),
             _common_sentence(self),
             _halves_sentence(self),
-            _unsteady_sentence(self),
+            unsteady_sentence(self),
             dropped_sentence(self),
             _slight_sentence(self),
             _rest_sentence(self),
@@ -202,7 +210,8 @@ def _sentence(d: Diagnosis) -> str:
         )
     if d.verdict == "unexplained":
         text = "The log and the model disagree, and no known effect explains it."
-        return text + (f" Part of the difference looks like {'; '.join(names)}." if names else "")
+        alike = "; ".join(e.told for e in d.alike)
+        return text + (f" Part of the difference acts like {alike}." if alike else "")
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
     missing = f"The model is missing {count}: {'; '.join(names)}."
     if d.verdict == "named":
@@ -244,18 +253,18 @@ def _common_sentence(d: Diagnosis) -> str:
 def _halves_sentence(d: Diagnosis) -> str:
     """What is said of effects that many halves of the log do not choose."""
     rare: dict[str, list[str]] = {}
-    for e in d.effects:
+    for e in d.added:
         if e.frequency < STABLE:
             rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(e.name)
     return " ".join(f"Only {share} of the halves of the log choose {listed(t)}." for share, t in rare.items())
 
 
-def _unsteady_sentence(d: Diagnosis) -> str:
+def unsteady_sentence(d: Diagnosis) -> str:
     """Which effects are not of one size throughout."""
-    names = [e.name for e in d.effects if e.steady < UNSTEADY]
+    names = [e.name for e in d.alike if e.steady < UNSTEADY]
     if not names:
         return ""
-    which = "its size" if len(names) == len(d.effects) == 1 else f"the size of {listed(names)}"
+    which = "its size" if len(names) == len(d.alike) == 1 else f"the size of {listed(names)}"
     return f"Parts of the log contradict each other in {which}: `auv-gym onset` looks for when it begins or ends."
 
 
@@ -317,7 +326,7 @@ def left_sentence(d: Diagnosis) -> str:
         subject, _, of = spec_at(d.state.plant, left.depends).title.removeprefix("discovered ").partition(" from ")
         shown.append(f"follow {of}, as a {subject} would")
     text = f"One-step prediction errors {listed(shown)}. " if shown else ""
-    if left.changes:
+    if left.changes and left.changes not in {e.path for e in d.alike}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         text += f"Parts of the log contradict each other in the {title}: something has changed during the log. "
     return text

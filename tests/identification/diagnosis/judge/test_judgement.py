@@ -21,20 +21,22 @@ from tests.identification.diagnosis.stand_ins import point_of
 from tests.identification.gliders import QUICK
 
 NAMED, TIED, WRONG = ["an effect"], [("an effect", "another")], True
+NOTHING, COLOUR, CHANGE = Left(), Left(("depth_m",)), Left(changes="hull.n_r")
 
 
 @pytest.mark.parametrize(
     "effects, tied, explained, left, refit_is_all, wrong, verdict",
     [
-        (NAMED, [], 0.9, False, False, False, "named"),
-        (NAMED, TIED, 0.9, False, False, False, "tied"),
-        (NAMED, [], 0.51, True, False, WRONG, "named"),
-        (NAMED, [], 0.49, True, False, False, "unexplained"),
-        (NAMED, TIED, 0.49, False, False, False, "tied"),
-        ([], [], 0.0, False, True, False, "none"),
-        ([], [], 0.9, False, True, WRONG, "coefficients"),
-        ([], [], 0.9, True, True, WRONG, "unexplained"),
-        ([], [], 0.0, True, True, False, "unexplained"),
+        (NAMED, [], 0.9, NOTHING, False, False, "named"),
+        (NAMED, TIED, 0.9, NOTHING, False, False, "tied"),
+        (NAMED, [], 0.51, COLOUR, False, WRONG, "named"),
+        (NAMED, [], 0.49, COLOUR, False, False, "unexplained"),
+        (NAMED, TIED, 0.49, NOTHING, False, False, "tied"),
+        (NAMED, TIED, 0.99, CHANGE, False, False, "unexplained"),  # nothing constant explains what changes
+        ([], [], 0.0, NOTHING, True, False, "none"),
+        ([], [], 0.9, NOTHING, True, WRONG, "coefficients"),
+        ([], [], 0.9, COLOUR, True, WRONG, "unexplained"),
+        ([], [], 0.0, COLOUR, True, False, "unexplained"),
     ],
 )
 def test_the_verdict(effects, tied, explained, left, refit_is_all, wrong, verdict):

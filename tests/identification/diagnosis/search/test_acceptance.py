@@ -64,7 +64,7 @@ def sure(**changes) -> Claim:
         ({"train": 1000.0, "held": 19.9}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 20.1}, ""),
         ({"flies": lambda: False}, "free runs diverge with it"),
-        ({"sizes": [Size(5.0, True)]}, "only helps at the limit of what is physical"),
+        ({"sizes": [Size(5.0, True)]}, "only helps at the limit of what is physical, or of what is known of it"),
         ({"reach": lambda: [1.96 * 5.0 / 3.01]}, ""),  # three standard errors
         ({"reach": lambda: [1.96 * 5.0 / 2.99]}, "its size is too uncertain"),
     ],
