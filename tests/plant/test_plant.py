@@ -384,8 +384,8 @@ BAD_FILES = {
     ),
     "text for a deviation": (HEAD + '[hull]\nmass = { value = 50.0, deviation = "5 kg" }', "got '5 kg'"),
     "deviation of what a pilot sets": (
-        'family = "glide_steered"\n[steering]\npitch_gain = { value = 0.1, deviation = 0.1 }',
-        "steering.pitch_gain cannot have a deviation: only numbers of the hull and of parts, and effects, do",
+        'family = "glide_steered"\n[steering]\nlag = { value = 0.1, deviation = 0.1 }',
+        "steering.lag cannot have a deviation: only numbers of the hull and of parts, and effects, do",
     ),
     "no value": (HEAD + '[hull]\nmass = { unit = "kg" }', "hull.mass needs a number in kg, got None"),
     "text for a value": (HEAD + '[hull]\nmass = "50"', "hull.mass needs a number in kg, got '50'"),

@@ -104,6 +104,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         if p in sizes
     )
     effects = [replace(e, changes=_changes(e.path, e.neutral, after, record, log)) for e in effects]
+    common = common_predictions(effects, tied, weighed.found, state, lambda plant: _every(plant, record, log))
     explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
     wrong = any(c.wrong for c in found)
     refit_is_all = not effects
@@ -117,8 +118,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     effects = as_coefficients(known.given.plant, effects)
     alike: list[Effect] = []
     if verdict == "unexplained":
-        alike, effects, tied = effects, [], []
-    common = common_predictions(effects, tied, weighed.found, state, lambda plant: _every(plant, record, log))
+        alike, effects, tied, common = effects, [], [], ()
     discovery, habitat, rng, extras = None, None, np.random.default_rng(asked.seed), Extras()
     if log.slipped or (log.doubts and verdict == "unexplained"):
         verdict = "doubted"

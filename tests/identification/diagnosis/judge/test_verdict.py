@@ -15,11 +15,16 @@ from identification.diagnosis.judge.verdict import (
     _halves_sentence,
     _likelier_sentence,
     dropped_sentence,
+    left_sentence,
     noise_sentence,
+    unsteady_sentence,
 )
 from identification.diagnosis.search.candidates import Candidate, Screening
+from identification.diagnosis.search.remainder import Left
 from identification.fit.noises import Noise
 from tests.identification.diagnosis.stand_ins import PLANT, trial_of
+
+ONSET = "`auv-gym onset` looks for when it begins or ends."
 
 
 @pytest.mark.parametrize(
@@ -42,13 +47,13 @@ def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
     sure = Effect("effects.rudder.offset", "rudder offset", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0)
     gain = AsCoefficient("hull.n_delta", "rudder effectiveness", "1", 1.0, 0.8, (0.7, 0.9))
     rare = [replace(sure, title=title, frequency=f) for title, f in (("trim", 0.55), ("drift", 0.55), ("lag", 0.799))]
-    said = _halves_sentence(SimpleNamespace(effects=(sure, *rare)))  # type: ignore[arg-type]
+    said = _halves_sentence(SimpleNamespace(added=(sure, *rare)))  # type: ignore[arg-type]
     assert said == (
         "Only 55 % of the halves of the log choose trim and drift. Only 80 % of the halves of the log choose lag."
     )
-    turned = SimpleNamespace(effects=(replace(sure, frequency=0.6, coefficient=gain),))
+    turned = SimpleNamespace(added=(replace(sure, frequency=0.6, coefficient=gain),))
     assert "choose another rudder effectiveness" in _halves_sentence(turned)  # type: ignore[arg-type]
-    assert _halves_sentence(SimpleNamespace(effects=(sure,))) == ""  # type: ignore[arg-type]
+    assert _halves_sentence(SimpleNamespace(added=(sure,))) == ""  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -67,6 +72,19 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said_not_to_be_kept(titles
     d.dropped |= {"effects.drag": WORSE}
     worse = "effects.drag, but with it, free runs follow unseen parts of the log less well than without."
     assert dropped_sentence(d).endswith(worse)  # type: ignore[arg-type]
+
+
+def test_which_effects_are_not_of_one_size_is_said():
+    trim = Effect("effects.rudder.offset", "trim", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0, steady=1e-4)
+    lag, drag = replace(trim, title="lag", steady=0.002), replace(trim, title="drag")
+    for alike, words in (((lag,), ""), ((trim,), "its size"), ((trim, lag), "the size of trim")):
+        said = unsteady_sentence(SimpleNamespace(alike=alike))  # type: ignore[arg-type]
+        assert said == (words and f"Parts of the log contradict each other in {words}: {ONSET}")
+    both = SimpleNamespace(alike=(trim, lag, drag), left=Left(changes=trim.path), state=None)
+    assert unsteady_sentence(both).startswith(  # type: ignore[arg-type]
+        "Parts of the log contradict each other in the size of trim and drag: "
+    )
+    assert left_sentence(both) == ""  # type: ignore[arg-type]  # said once
 
 
 def test_a_size_beyond_what_is_possible_is_none_that_the_record_shows():
