@@ -40,7 +40,7 @@ MEANINGS = {
     "coefficients": "The refitted vehicle agrees with this log; some coefficients were not what they were given as.",
     "named": "Adding these effects explains most of the disagreement, also in data that took no part in the fit.",
     "tied": "Something is missing, its size is known, but several causes would explain this log equally well.",
-    "unexplained": "Log and vehicle disagree, and no effect in the list of candidates accounts for most of it.",
+    "unexplained": "Log and vehicle disagree, and no constant effect in the list of candidates explains it.",
 }
 # Key in the template, function, words for who cannot see it, words below it.
 PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (

@@ -53,7 +53,7 @@ def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch
     assert (alike.path, found.left) == (OFFSET, Left(changes=OFFSET))
     assert value_at(found.after.plant, OFFSET) == alike.value == constant.effects[0].value  # the fitted vehicle has it
     said = found.summary()
-    assert f"Part of the difference acts like {alike.told}." in said
+    assert "no constant effect explains it. Part of the difference acts like " + alike.told in said
     assert said.count("Parts of the log contradict each other") == 1
     assert "contradict each other in its size: `auv-gym onset` looks for when it begins or ends." in said
     told = as_json(found)
