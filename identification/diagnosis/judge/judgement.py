@@ -9,7 +9,6 @@ import numpy as np
 from identification.deciding import EXPLAINED, MANY_WINDOWS, UNSTEADY
 from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.verdict import Stage, Verdict
-from identification.diagnosis.search.remainder import Left
 from identification.fit.residual import noise_floors
 
 
@@ -40,12 +39,15 @@ def unsteady_of(effects: Sequence[Effect]) -> list[Effect]:
     return sorted((e for e in effects if e.steady < UNSTEADY), key=lambda e: e.steady)
 
 
-def verdict_of(effects, tied, explained: float, left: Left, refit_is_all: bool, wrong: bool) -> Verdict:
+def verdict_of(
+    effects: Sequence[Effect], tied, explained: float, left: bool, refit_is_all: bool, wrong: bool
+) -> Verdict:
     """Where something is left, effects must explain most of the excess error; a refit alone does not do.
 
-    Where parts of the record contradict each other, nothing constant explains it, however little it leaves.
+    Where parts of the record contradict each other in the size of one of them, constant effects do not explain it,
+    however little they leave: they were fitted together, and what changes has gone into all of their sizes.
     """
-    if left.changes or (left and (refit_is_all or explained < EXPLAINED)):
+    if unsteady_of(effects) or (left and (refit_is_all or explained < EXPLAINED)):
         return "unexplained"
     if effects:
         return "tied" if tied else "named"

@@ -114,7 +114,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         groups = coefficient_twins(plant, found)
         effects += twin_effects(groups, effects, found, bench, state, count)
         tied += [group for group in groups if not any(group[0] in other for other in tied)]
-    verdict = verdict_of(effects, tied, explained, left, refit_is_all, wrong)
+    verdict = verdict_of(effects, tied, explained, bool(left), refit_is_all, wrong)
     effects = as_coefficients(known.given.plant, effects)
     alike: list[Effect] = []
     if verdict == "unexplained":

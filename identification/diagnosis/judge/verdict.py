@@ -209,7 +209,8 @@ def _sentence(d: Diagnosis) -> str:
             f"Corrected: {'; '.join(wrong)}."
         )
     if d.verdict == "unexplained":
-        text = f"The log and the model disagree, and no {'constant' if d.left.changes else 'known'} effect explains it."
+        kind = "constant" if unsteady_sentence(d) else "known"
+        text = f"The log and the model disagree, and no {kind} effect explains it."
         alike = "; ".join(e.told for e in d.alike)
         return text + (f" Part of the difference acts like {alike}." if alike else "")
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
