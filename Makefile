@@ -37,9 +37,9 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/lint-imports
 
 # Nothing is fetched, neither here nor by who reads it. Searching needs a server: python3 -m http.server -d site
-docs: export NO_MKDOCS_2_WARNING := 1
 docs: $(VENV)/.installed-dev
-	$(BIN)/mkdocs build --quiet --strict
+	$(BIN)/python -m scripts.site_pages
+	$(BIN)/zensical build --clean --strict
 	@echo "The documentation: $(CURDIR)/site/index.html"
 
 format: $(VENV)/.installed-dev

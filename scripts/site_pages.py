@@ -1,11 +1,12 @@
-"""Pages of the documentation that are made, not written: parts, effects, channels, commands, and files beside docs/.
+"""The documentation's sources in one folder: docs/, and the pages that are made: parts, effects, channels, commands.
 
-A hook of mkdocs, see `mkdocs.yml`; `make docs` builds the site.
+`python -m scripts.site_pages` writes build/docs, from which `make docs` builds the site.
 """
 
 from __future__ import annotations
 
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -48,11 +49,18 @@ _FAMILIES = (
 _LONG_TABLE = 20  # numbers of a curve or a table of thrust, of which only the first and the last are listed
 
 
-def on_files(files: Any, config: Any) -> Any:
-    """The files of the site with the made pages among them."""
-    from mkdocs.structure.files import File
+def write(folder: Path) -> None:
+    """Empty the folder, copy docs/ there, and write the made pages beside."""
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(_ROOT / "docs", folder)
+    for path, text in made_pages().items():
+        (folder / path).parent.mkdir(exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
 
-    made = {
+
+def made_pages() -> dict[str, str]:
+    """The text of each made page by its path."""
+    return {
         "reference/parts.md": parts_page(),
         "reference/effects.md": effects_page(),
         "reference/channels.md": channels_page(),
@@ -60,9 +68,6 @@ def on_files(files: Any, config: Any) -> Any:
         "contributing.md": _beside("CONTRIBUTING.md"),
         "changelog.md": _beside("CHANGELOG.md"),
     }
-    for path, text in made.items():
-        files.append(File.generated(config, path, content=text))
-    return files
 
 
 def parts_page() -> str:
@@ -165,3 +170,7 @@ def _table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
         )
         + "\n"
     )
+
+
+if __name__ == "__main__":
+    write(_ROOT / "build" / "docs")

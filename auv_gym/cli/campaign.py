@@ -1,4 +1,4 @@
-"""`auv-gym campaign`: the runs of a campaign file, the fits to them, and the report."""
+"""`auv-gym campaign`: run the experiments of a campaign file, fit models to them, and write the report."""
 
 from __future__ import annotations
 
@@ -35,19 +35,18 @@ class Part(StrEnum):
 def campaign(
     file: Annotated[Path, typer.Argument(help="A campaign file (.toml), see docs/campaigns.md.")],
     out: Annotated[
-        Path, typer.Option(help="Folder for records, index, models and report; an existing one is resumed.")
+        Path, typer.Option(help="Folder for records, index, models and report; an existing campaign is resumed.")
     ],
-    jobs: Annotated[int | None, whole_number("Worker processes; default: one for each core.", 1, 1024)] = None,
+    jobs: Annotated[int | None, whole_number("Worker processes. Default: one per core.", 1, 1024)] = None,
     scheduler: Annotated[
-        str | None, typer.Option(help="Address of a Dask scheduler that performs the runs, such as tcp://host:8786.")
+        str | None, typer.Option(help="Address of a Dask scheduler for the runs, such as tcp://host:8786.")
     ] = None,
-    seed: Annotated[int, whole_number("Added to every seed of the file.", *SEED)] = 0,
-    only: Annotated[Part | None, typer.Option(help="Run one part alone; default: all parts.")] = None,
+    seed: Annotated[int, whole_number("Added to every seed in the file.", *SEED)] = 0,
+    only: Annotated[Part | None, typer.Option(help="Run only this part. Default: all parts.")] = None,
 ) -> None:
     """Run a campaign: experiments, fits, comparison and gains; a stopped campaign is resumed.
 
-    Exit code: 3 where a run, a fit or a comparison failed or gains do not meet a requirement, 130 where the campaign
-    was stopped.
+    Exit codes: 3 if a run, fit or comparison failed or gains miss a requirement; 130 if the campaign was stopped.
     """
     with progress_bar() as progress:
         progress(0.0, "starting")
@@ -85,7 +84,7 @@ def campaign(
                 progress(1.0, "writing the report")
                 report = _report(settings, out, needed=only is Part.report)
         except KeyboardInterrupt:
-            errors.print(f"Stopped. What is done is in {out}; the same command goes on from there.", soft_wrap=True)
+            errors.print(f"Stopped. Finished work is in {out}; the same command resumes it.", soft_wrap=True)
             raise typer.Exit(130) from None
     if conducted is not None:
         _tell(conducted, out)
@@ -131,12 +130,12 @@ def _report(settings: Campaign, out: Path, *, needed: bool) -> Path | None:
 def _tell(conducted: Conducted, out: Path) -> None:
     rows = conducted.rows
     done = sum(row.usable for row in rows)
-    kept = f", {conducted.kept} of them from before" if conducted.kept else ""
+    kept = f", {conducted.kept} of them earlier" if conducted.kept else ""
     output.print(f"{done} of {len(rows)} runs done in {out}{kept}.", markup=False, soft_wrap=True)
     if conducted.strangers:
         output.print(
-            f"{len(conducted.strangers)} records in {out} belong to no run of this file, which has changed: delete "
-            "them if you do not need them.",
+            f"{len(conducted.strangers)} records in {out} belong to no run of this campaign file, which has changed: "
+            "delete them if you do not need them.",
             markup=False,
             soft_wrap=True,
         )

@@ -1,4 +1,4 @@
-"""`auv-gym compare`: models against one another over records."""
+"""`auv-gym compare`: compare models over records."""
 
 from __future__ import annotations
 
@@ -31,19 +31,19 @@ def compare(
     ] = None,
     resample: logs.Resample = None,
     window: Annotated[
-        float | None, number("Length of the free runs, s; default: whole segments, or a vehicle's own.", *LENGTH)
+        float | None, number("Length of the free runs, s. Default: whole segments, or a vehicle's own.", *LENGTH)
     ] = None,
     settle: Annotated[
-        float | None, number("First seconds of each window, to which starts are fitted; not scored.", 0, LENGTH[1])
+        float | None, number("First seconds of each window, used to fit its start and not scored.", 0, LENGTH[1])
     ] = None,
     horizon: Annotated[
         list[int] | None,
-        whole_number("Samples ahead of a prediction; may be repeated. Default: 1 to 100.", 1, 1_000_000),
+        whole_number("Prediction horizon in samples; may be repeated. Default: 1 to 100.", 1, 1_000_000),
     ] = None,
     mapping: logs.ColumnNames = None,
     cut_gaps: logs.CutGaps = True,
 ) -> None:
-    """Compare models over records: free runs from fitted starts, and predictions over the horizon."""
+    """Compare models over records, by free runs from fitted starts and by predictions over several horizons."""
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.check_log_files(record)  # refused before what takes long to import
@@ -92,7 +92,7 @@ def compare(
     if open_loop.runs:
         output.print(printed(title, score_table(open_loop)))
     if sweeps:
-        uneven = "" if data.is_uniform() else ", about, as samples are uneven"
+        uneven = "" if data.is_uniform() else " (approximate: samples are uneven)"
         output.print(printed(f"RMS prediction error, by horizon{uneven}", horizon_table(sweeps)))
     for name, reason in open_loop.failed.items():
         output.print(f"{name}: {reason}", markup=False, soft_wrap=True)
@@ -104,7 +104,7 @@ def _names(models: list[str]) -> list[str]:
     """The stems of the files; whole paths where two have the same."""
     stems = [Path(path).stem for path in models]
     if len(set(models)) != len(models):
-        raise ValueError(f"A model came twice among {', '.join(models)}: name each once.")
+        raise ValueError(f"A model is listed twice in {', '.join(models)}: name each once.")
     return [stem if stems.count(stem) == 1 else path for stem, path in zip(stems, models, strict=True)]
 
 
@@ -116,13 +116,13 @@ def _check_sample_times(models: Mapping[str, Model], data: Record) -> None:
     if len({round(dt, 9) for dt in times.values()}) > 1:
         told = ", ".join(f"{name} {dt:g} s" for name, dt in times.items())
         raise ValueError(
-            f"Models of different sample times cannot be compared over one record: {told}. Fit them at one interval, "
-            "as with `auv-gym identify --resample`."
+            f"Models with different sample times cannot be compared over one record: {told}. Fit them at one interval, "
+            "for example with `auv-gym identify --resample`."
         )
     for name, dt in times.items():
         if not data.is_uniform() or abs(dt - data.sample_interval) > 1e-3 * dt:
             raise ValueError(
-                f"{name} steps {dt:g} s at a time, and the record has samples {data.sample_interval:g} s apart"
+                f"{name} has a time step of {dt:g} s, but the record has samples {data.sample_interval:g} s apart"
                 f"{'' if data.is_uniform() else ', unevenly'}: give --resample {dt:g}."
             )
 

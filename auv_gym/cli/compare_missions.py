@@ -1,4 +1,4 @@
-"""`auv-gym compare-missions`: what of a vehicle has changed between missions before and after."""
+"""`auv-gym compare-missions`: what changed in a vehicle between earlier and later missions."""
 
 from __future__ import annotations
 
@@ -42,29 +42,30 @@ def spread(args: Sequence[str]) -> list[str]:
 
 @app.command(cls=_Sides)
 def compare_missions(
-    before: Annotated[list[str], typer.Argument(help=f"Logs of missions before. {logs.ANY_LOG}")],
+    before: Annotated[list[str], typer.Argument(help=f"Logs of the earlier missions. {logs.ANY_LOG}")],
     vehicle: logs.Vehicle,
     out: Annotated[Path, typer.Option(help="Folder for changes.json and report.html; an existing series is resumed.")],
-    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of the missions after, one or several.")] = None,
+    after: Annotated[list[str] | None, typer.Option(_WITH, help="Logs of the later missions.")] = None,
     series: Annotated[
-        bool, typer.Option("--series", help="Trends over consecutive missions, instead of before and after.")
+        bool,
+        typer.Option("--series", help="Follow trends over consecutive missions, instead of comparing two groups."),
     ] = False,
-    jobs: Annotated[int, whole_number("Processes that take the missions of a series.", 1, 1024)] = 1,
+    jobs: Annotated[int, whole_number("Worker processes for a series of missions.", 1, 1024)] = 1,
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
     resample: logs.Thinning = None,
     mapping: logs.ColumnNames = None,
     cut_gaps: logs.CutGaps = True,
     doubt: logs.Doubt = 0.1,
-    most: Annotated[int, whole_number("How many effects and changes may be named at once.", 1, 20)] = 3,
+    most: Annotated[int, whole_number("Largest number of effects, and of changes, to name.", 1, 20)] = 3,
     trust: logs.Trust = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Find what of a vehicle has changed between missions, and how small a change would have been seen."""
+    """Find what changed in a vehicle between missions, and the smallest change that these logs would show."""
     if series == bool(after):
-        raise ValueError(f"Give missions after by {_WITH}, or --series for trends over missions; not both.")
+        raise ValueError(f"Give later missions with {_WITH}, or ask for trends with --series, but not both.")
     if twice := sorted(set(before) & set(after or [])):
-        raise ValueError(f"A mission is before or after, not both: leave out {', '.join(twice)} on one side.")
+        raise ValueError(f"A mission is either earlier or later, not both: leave out {', '.join(twice)} on one side.")
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, [*before, *(after or [])])

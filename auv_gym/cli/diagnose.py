@@ -1,4 +1,4 @@
-"""`auv-gym diagnose`: the physical effect that a vehicle's model is missing."""
+"""`auv-gym diagnose`: the physical effects that a vehicle's model is missing."""
 
 from __future__ import annotations
 
@@ -32,37 +32,39 @@ def diagnose(
     resample: logs.Thinning = None,
     window: Annotated[
         float | None,
-        number("Length of the free runs that give the errors, s; default: the vehicle's.", *LENGTH),
+        number("Length of the free runs that measure errors, s. Default: the vehicle's own.", *LENGTH),
     ] = None,
     mapping: logs.ColumnNames = None,
     profile: Annotated[
         Path | None,
         typer.Option(
-            help="CSV of the water's density: density_kgpm3 over depth_m or pressure_dbar, by dive_id if many."
+            help="CSV file of water density: density_kgpm3 against depth_m or pressure_dbar, with dive_id if several."
         ),
     ] = None,
     cut_gaps: logs.CutGaps = True,
     doubt: logs.Doubt = 0.1,
-    most: Annotated[int, whole_number("How many effects may be named at once.", 1, 20)] = 3,
+    most: Annotated[int, whole_number("Largest number of effects to name.", 1, 20)] = 3,
     trust: logs.Trust = False,
     again: Annotated[
-        Path | None, typer.Option(help="A diagnosis.json of the same log: repeat it, vehicle and settings included.")
+        Path | None,
+        typer.Option(help="Repeat the diagnosis of this diagnosis.json, with its vehicle and settings."),
     ] = None,
     timings: Annotated[bool, typer.Option("--timings", help="Print how long each step took.")] = False,
     next_experiment: Annotated[
-        bool, typer.Option("--next-experiment", help="For a tie, write a campaign that would separate its effects.")
+        bool,
+        typer.Option("--next-experiment", help="If effects are tied, write a campaign that tells them apart."),
     ] = False,
     seed: Annotated[
         int,
         whole_number(
-            "Seed of what is drawn: windows resampled to search for a missing term and to say where the rest of the "
-            "error lives, and the runs simulated for --next-experiment.",
+            "Random seed, for resampling windows (search for a missing term, location of the remaining error) and for "
+            "simulating --next-experiment.",
             *SEED,
         ),
     ] = 0,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Find the physical effect that a vehicle's model is missing, from a log that disagrees with it."""
+    """Find the physical effects that a vehicle's model is missing, from a log that disagrees with it."""
     with progress_bar() as progress:
         progress(0.0, "starting")
         # what can be refused at once comes before what takes long to import
@@ -84,7 +86,7 @@ def diagnose(
         if profile is not None:
             if "density_kgpm3" not in plant.inputs:
                 raise ValueError(
-                    f"--profile serves vehicles that feel the water's density; {plant.name} does not: drop it."
+                    f"--profile is for vehicles whose model uses the water's density; {plant.name} does not: drop it."
                 )
             record = with_density(record, read_profiles(profile))
 
@@ -125,8 +127,9 @@ def diagnose(
         if line not in record.notes:
             errors.print(f"Log: {escape(line)}", soft_wrap=True)
     output.print()
-    output.print(diagnosis.summary(), markup=False)
-    output.print()
+    for paragraph in diagnosis.paragraphs():
+        output.print(paragraph, markup=False)
+        output.print()
     output.print(_error_table(diagnosis))
     for loop in diagnosis.loops:
         output.print(loop.words, markup=False)
@@ -166,7 +169,7 @@ def _timings_table(seconds: Mapping[str, float]) -> Table:
     shown = table("Time", "step", "s>")
     for step, time in seconds.items():
         shown.add_row(step, f"{time:.1f}")
-    shown.add_row("together", f"{sum(seconds.values()):.1f}")
+    shown.add_row("total", f"{sum(seconds.values()):.1f}")
     return shown
 
 
@@ -175,7 +178,7 @@ def _effect_table(diagnosis: Diagnosis) -> Table:
     from identification.diagnosis.wording import interval, quantity
 
     weighed = any(effect.members for effect in diagnosis.added)
-    heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else []), "could also be"]
+    heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else []), "alternatives"]
     shown = table("Effects" if diagnosis.effects else "What the difference acts like", *heads)
     for effect in diagnosis.added:
         told = effect.coefficient or effect  # an effect that does nothing but change a coefficient is told as that

@@ -16,7 +16,7 @@ def draw(
     vehicle: Annotated[str, typer.Argument(metavar="VEHICLE", help="A preset or a vehicle file (TOML).")],
     out: Annotated[Path, typer.Option(help="The picture to write: .png, .svg or .pdf.")] = Path("vehicle.png"),
 ) -> None:
-    """Draw a vehicle in six degrees of freedom from above and from the side, with its parts where they sit."""
+    """Draw a six-degree-of-freedom vehicle to scale, from above and from the side, with its parts."""
     from auv_gym.plant import load_vehicle
     from auv_gym.writing import replacing
 

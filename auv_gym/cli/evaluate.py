@@ -1,4 +1,4 @@
-"""`auv-gym evaluate`: what a trained policy reaches on fresh episodes, beside controllers on the same ones."""
+"""`auv-gym evaluate`: evaluate a trained policy on fresh episodes, and controllers on the same episodes."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
 @app.command()
 def evaluate(
     folder: Annotated[Path, typer.Argument(help="The folder that `auv-gym train` wrote.")],
-    env: Annotated[str | None, typer.Option(help="Environment to evaluate in; default: that of the training.")] = None,
+    env: Annotated[str | None, typer.Option(help="Environment to evaluate in. Default: that of the training.")] = None,
     on: environment.On = "true",
-    episodes: Annotated[int, whole_number("Episodes; each agent drives the same ones.", 2, 1_000_000)] = 50,
-    seed: Annotated[int, whole_number("Seed of the episodes, which no training has seen.", *SEED)] = 0,
+    episodes: Annotated[int, whole_number("Number of episodes; all agents get the same ones.", 2, 1_000_000)] = 50,
+    seed: Annotated[int, whole_number("Random seed of the episodes, which training has never seen.", *SEED)] = 0,
     against: Annotated[
         str | None, typer.Option(metavar="pid,s-plane,gpc", help="Controllers to compare with, separated by commas.")
     ] = None,
@@ -34,13 +34,13 @@ def evaluate(
     dt: environment.Dt = None,
     duration: environment.Duration = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Draw the policy's first episode: a strip (.png), or moving (.gif).")
+        Path | None, typer.Option(help="Draw the policy's first episode as a strip (.png) or an animation (.gif).")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, with the return of every episode.")] = False,
 ) -> None:
     """Evaluate a trained policy on fresh episodes: mean and interquartile mean of the returns, with 95 % intervals.
 
-    Options of the environment that are not given are those of the training.
+    Environment options that are not given are taken from the training.
     """
     options = environment.parse_environment_options(vehicle, effect, randomise, dt, duration)
     with progress_bar() as progress:

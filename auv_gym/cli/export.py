@@ -31,26 +31,26 @@ def export(
     to: Annotated[
         Form,
         typer.Option(
-            help="sdf: a world for Gazebo. casadi: the right-hand side as a CasADi function. control: the linear form "
-            "about its trim, as a MAT file. minari: a data set of the logs."
+            help="sdf: a Gazebo world. casadi: the equations of motion as a CasADi function. control: the model "
+            "linearised at its trim, as a MAT file. minari: a data set of the logs."
         ),
     ],
     out: Annotated[
         str | None,
         typer.Option(
-            help="File to write; default: the vehicle's name. With minari: the data set's name, such as auv/dives-v0."
+            help="File to write. Default: the vehicle's name. With minari: the data set's name, such as auv/dives-v0."
         ),
     ] = None,
-    log: Annotated[list[str] | None, typer.Option(help=f"With minari. {logs.ANY_LOG} May be repeated.")] = None,
+    log: Annotated[list[str] | None, typer.Option(help=f"With minari: a log, may be repeated. {logs.ANY_LOG}")] = None,
     mapping: logs.ColumnNames = None,
     cache_dir: logs.CacheFolder = None,
-    continuous: Annotated[bool, typer.Option("--continuous", help="With control: in continuous time.")] = False,
+    continuous: Annotated[bool, typer.Option("--continuous", help="With control: use continuous time.")] = False,
 ) -> None:
     """Export a vehicle to Gazebo, CasADi or python-control, or its logs to a Minari data set."""
     if (to is Form.minari) != bool(log):
-        raise ValueError("Give --log with --to minari, and only there: a data set is made of logs of the vehicle.")
+        raise ValueError("Give --log with --to minari, and only then: a data set is made of the vehicle's logs.")
     if continuous and to is not Form.control:
-        raise ValueError(f"--continuous says nothing about {to.value}: leave it out.")
+        raise ValueError(f"--continuous does not apply to {to.value}: leave it out.")
     from auv_gym.plant import load_vehicle
 
     plant = load_vehicle(vehicle)
@@ -68,7 +68,7 @@ def _to_sdf(plant: Plant, file: Path, continuous: bool) -> list[str]:
 
     world = gazebo_world(plant)
     world.save(file)
-    return [f"Not held by SDF: {line}" for line in world.left_out]
+    return [f"Not representable in SDF: {line}" for line in world.left_out]
 
 
 def _to_casadi(plant: Plant, file: Path, continuous: bool) -> list[str]:

@@ -1,4 +1,4 @@
-"""`auv-gym identify`: a model fitted to records, judged on data that took no part, written to a file."""
+"""`auv-gym identify`: fit a model to records, test it on held-out data, and write it to a file."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 
 @app.command()
 def identify(
-    records: Annotated[list[str], typer.Argument(metavar="RECORD...", help="Records: .nc, .csv, .mat, Slocum files.")],
+    records: Annotated[list[str], typer.Argument(metavar="RECORD...", help="Records (.nc, .csv, .mat, Slocum files).")],
     method: Annotated[str, typer.Option(help="A method, see `auv-gym list methods`.")],
-    out: Annotated[Path, typer.Option(help="The model file: .npz, for a vehicle .toml.")],
+    out: Annotated[Path, typer.Option(help="Model file to write: .npz, or .toml for a vehicle.")],
     vehicle: Annotated[
-        str | None, typer.Option(help="For grey_box: a preset (see `auv-gym list vehicles`) or a vehicle file (.toml).")
+        str | None,
+        typer.Option(help="With grey_box: a preset (see `auv-gym list vehicles`) or a vehicle file."),
     ] = None,
     inputs: Annotated[
         list[str] | None, typer.Option("--input", metavar="CHANNEL", help="An input of the model; may be repeated.")
@@ -43,25 +44,25 @@ def identify(
     tolerance: orders.Tolerance = None,
     free: Annotated[
         list[str] | None,
-        typer.Option(metavar="PATH", help="For grey_box: a parameter to free, such as hull.n_r; may be repeated."),
+        typer.Option(metavar="PATH", help="With grey_box: a parameter to fit, such as hull.n_r; may be repeated."),
     ] = None,
     validate: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="RECORD", help="A record to judge by; may be repeated. Default: the last third of each record."
+            metavar="RECORD", help="A record to test on; may be repeated. Default: the last third of each record."
         ),
     ] = None,
     resample: logs.Resample = None,
     window: Annotated[
-        float | None, number("Length of the free runs, s; default: whole segments, for a vehicle its own.", *LENGTH)
+        float | None, number("Length of the free runs, s. Default: whole segments; for a vehicle, its own.", *LENGTH)
     ] = None,
     mapping: logs.ColumnNames = None,
     cut_gaps: logs.CutGaps = True,
     report: Annotated[
-        Path | None, typer.Option(help="Write a page with tables and figures: a name that ends in .html, or a folder.")
+        Path | None, typer.Option(help="Write a page with tables and figures to this .html file or folder.")
     ] = None,
 ) -> None:
-    """Fit a model to records, judge it in free runs over data that took no part, and write it to a file."""
+    """Fit a model to records, test it by free runs over held-out data, and write it to a file."""
     from auv_gym.presets import find_vehicle
 
     with progress_bar() as progress:
@@ -94,7 +95,7 @@ def identify(
         given = parse_settings(settings or [])
         if free:
             if "free" in given:
-                raise ValueError("--free and --set free=... say the same: give one of them.")
+                raise ValueError("--free and --set free=... mean the same: give one of them.")
             given["free"] = list(free)
         ranges = orders.check(search, choose, tolerance)
         estimator = make_estimator(method, given, plant=plant, inputs=inputs, outputs=outputs)
@@ -156,9 +157,14 @@ def identify(
     if done.sweep:
         output.print(printed("RMS prediction error, by horizon", horizon_table({"model": done.sweep})))
     if done.tests:
-        output.print(printed("Residual tests (follows most: in 95 % bounds of noise)", residual_table(done.tests)))
+        output.print(
+            printed(
+                "Residual tests (strongest input: relative to the 95 % noise bound)",
+                residual_table(done.tests),
+            )
+        )
     if done.problem:
-        output.print(f"Not judged in full: {done.problem}", markup=False, soft_wrap=True)
+        output.print(f"Not tested in full: {done.problem}", markup=False, soft_wrap=True)
     for path in (out, page):
         if path is not None:
             output.print(f"Written to {path}", markup=False, soft_wrap=True)
@@ -189,7 +195,7 @@ def _check_name(out: Path, suffix: str) -> None:
     if out.suffix.lower() != suffix:
         raise ValueError(f"--out needs a name that ends in {suffix} for this method, got {out.name!r}.")
     if not out.parent.is_dir():
-        raise ValueError(f"--out names the folder {out.parent}, which is not there: make it first.")
+        raise ValueError(f"--out names the folder {out.parent}, which does not exist: create it first.")
 
 
 def _write_page(path: Path, text: str) -> None:

@@ -29,10 +29,10 @@ class Listing(StrEnum):
 def list_things(
     what: Annotated[Listing | None, typer.Argument(help="Default: everything.")] = None,
     vehicle: Annotated[
-        str | None, typer.Argument(help="With effects: a preset or vehicle file (TOML), whose effects to list.")
+        str | None, typer.Argument(help="With effects: the preset or vehicle file (.toml) whose effects to list.")
     ] = None,
 ) -> None:
-    """List vehicles, kinds of part, effects, methods of identification, and channels with their units."""
+    """List vehicles, part kinds, effects, identification methods, and channels with their units."""
     if vehicle is not None and what is not Listing.effects:
         wanted = what.value if what else "everything"
         raise typer.BadParameter(

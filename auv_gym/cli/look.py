@@ -1,4 +1,4 @@
-"""`auv-gym look`: what is in a log, which vehicles it would serve, and what to type next."""
+"""`auv-gym look`: what a log contains, which vehicles it fits, and what to type next."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ def look(
     log: Annotated[str, typer.Argument(help=logs.ANY_LOG)],
     vehicle: Annotated[
         str | None,
-        typer.Option(help="A preset or a vehicle file (.toml); default: the log is compared with all presets."),
+        typer.Option(help="A preset or a vehicle file (.toml). Default: compare the log with all presets."),
     ] = None,
     mapping: logs.ColumnNames = None,
     mapping_out: Annotated[
-        Path | None, typer.Option(help="Write a mapping of the log's columns, ready to edit (.toml).")
+        Path | None, typer.Option(help="Write an editable mapping (.toml) of the log's columns.")
     ] = None,
     picture: Annotated[
         Path | None, typer.Option(help="Draw the recognised signals over time (.png, .svg or .pdf).")
     ] = None,
-    every: Annotated[bool, typer.Option("--all", help="Show all columns, including those that are left out.")] = False,
+    every: Annotated[bool, typer.Option("--all", help="Show all columns, including unused ones.")] = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Show what is in a log, what is recognised, what looks wrong, and which vehicles it would serve."""
+    """Show what a log contains, which channels are recognised, what looks wrong, and which vehicles it fits."""
     from auv_gym.presets import find_vehicle
 
     if vehicle is not None:
@@ -66,14 +66,24 @@ def look(
         progress(1.0, "done")
     _print_head(found)
     _print_signals(found, every)
-    _print_list("Left out, mended or cut", found.notes, every)
-    _print_list("Looks wrong", found.doubts, True)
+    _print_list("Left out, repaired or cut", found.notes, every)
+    _print_list("Looks wrong", [*found.doubts, *_wrong_for(vehicle, found)], True)
     _print_vehicles(found, needs)
     for path in (mapping_out, picture):
         if path is not None:
             output.print(f"Written: {path}", markup=False, soft_wrap=True)
     output.print()
     output.print(f"Next: {_next_command(found, needs, log, mapping, mapping_out)}", markup=False, soft_wrap=True)
+
+
+def _wrong_for(vehicle: str | None, found: FirstLook) -> Sequence[str]:
+    """What is wrong with the log as one of a vehicle, where one is named and the whole log was read."""
+    if vehicle is None or found.record is None or found.sampled is not None:
+        return ()
+    from auv_gym.plant import load_vehicle
+    from auv_gym.plant.record_check import wrong_for
+
+    return wrong_for(load_vehicle(vehicle), found.record)
 
 
 def _print_head(found: FirstLook) -> None:
@@ -84,8 +94,8 @@ def _print_head(found: FirstLook) -> None:
     output.print(f"[bold]{escape(found.path.name)}[/]: {escape(found.format)}, {_duration(found.duration)}{began}")
     if found.sampled is not None:
         output.print(
-            f"The file is large: it was looked at by its index and the first {found.sampled:,} samples of each signal, "
-            "which ranges and gaps are taken from."
+            f"The file is large: only its index and the first {found.sampled:,} samples of each signal were read. "
+            "Ranges and gaps refer to these samples."
         )
     if found.record is not None:
         record = found.record
@@ -97,14 +107,14 @@ def _print_head(found: FirstLook) -> None:
         if record.attrs.get("derived"):
             output.print(f"Derived: {escape(str(record.attrs['derived']))}.", soft_wrap=True)
     if found.problem:
-        output.print(f"[bold yellow]It cannot be read as a record yet:[/] {escape(found.problem)}", soft_wrap=True)
+        output.print(f"[bold yellow]The log cannot be read as a record yet:[/] {escape(found.problem)}", soft_wrap=True)
 
 
 def _print_signals(found: FirstLook, every: bool) -> None:
     used = [signal for signal in found.signals if signal.channel]
     rest = [signal for signal in found.signals if not signal.channel]
     ways = list(dict.fromkeys(signal.by for signal in used))
-    shown = table("Signals", "column", "taken as", "by>", "samples>", "every>", "gaps>", "range")
+    shown = table("Signals", "column", "channel", "rule>", "samples>", "every>", "gaps>", "range")
     rows = [*used, *(rest if every else rest[: max(0, _MOST - len(used))])]
     for signal in rows:
         by = str(ways.index(signal.by) + 1) if signal.channel else ""
@@ -114,7 +124,7 @@ def _print_signals(found: FirstLook, every: bool) -> None:
         output.print(f"{len(found.signals) - len(rows)} more columns are not shown: use --all.")
     for number, way in enumerate(ways, 1):
         count = sum(signal.by == way for signal in used)
-        output.print(f"{number}: by {escape(way)}, {count} column{'s' * (count != 1)}")
+        output.print(f"Rule {number}: {escape(way)} ({count} column{'s' * (count != 1)})")
     output.print()
 
 
@@ -129,7 +139,7 @@ def _cells(signal: SignalLook, by: str) -> Sequence[str]:
     every = f"{signal.interval:.3g} s" if np.isfinite(signal.interval) else ""
     extent = f"{ends[0]:.4g} to {ends[1]:.4g} {unit}" if np.isfinite(ends).all() else unit
     gaps = str(signal.gaps) if signal.gaps else ""
-    taken = "the same" if signal.channel == signal.column else signal.channel
+    taken = "same name" if signal.channel == signal.column else signal.channel
     return signal.column, taken, by, f"{signal.samples:,}", every, gaps, extent.rstrip()
 
 
@@ -148,11 +158,11 @@ def _print_vehicles(found: FirstLook, needs: Mapping[str, Needs]) -> None:
     from auv_gym.records.naming import looks_like
 
     columns = [signal.column for signal in found.signals if not signal.channel]
-    shown = table("Vehicles, those that the log suits best first", "vehicle!", "what it would still need", "uses>")
+    shown = table("Vehicles, best match first", "vehicle!", "missing channels", "uses>")
     for rank, name in enumerate(_ranked(found, needs)):
         missing = found.missing(needs[name])
         hints = "".join(looks_like(one, columns) for one in missing).strip() if rank < _HINTED else ""
-        words = f"{', '.join(missing)}. {hints}".rstrip() if missing else "nothing"
+        words = f"{', '.join(missing)}{'. ' * bool(hints)}{hints}" if missing else "none"
         shown.add_row(
             escape(name), escape(words), f"{(count := _used(found, needs[name]))} channel{'s' * (count != 1)}"
         )
@@ -165,9 +175,9 @@ def _used(found: FirstLook, need: Needs) -> int:
 
 
 def _ranked(found: FirstLook, needs: Mapping[str, Needs]) -> list[str]:
-    """The vehicles, those first that need the least, then those for whose needs there are columns that look like them.
+    """The vehicles, best match first.
 
-    Then that of the log's source, then those that use the most.
+    In order: fewest missing channels, most columns that look like these, that of the log's source, most channels used.
     """
     from auv_gym.records.mapping import fitting_mappings
     from auv_gym.records.naming import candidates
@@ -186,7 +196,7 @@ def _ranked(found: FirstLook, needs: Mapping[str, Needs]) -> list[str]:
 def _next_command(
     found: FirstLook, needs: Mapping[str, Needs], log: str, mapping: Path | None, written: Path | None
 ) -> str:
-    """What to type next: a diagnosis where a vehicle is served, otherwise a mapping to edit."""
+    """What to type next: a diagnosis if some vehicle has all its channels, otherwise a mapping to edit."""
     from auv_gym.records.naming import candidates
 
     used, nearest = written or mapping, _ranked(found, needs)[0]
@@ -194,13 +204,13 @@ def _next_command(
     if found.record is not None and not found.missing(needs[nearest]):
         thinned = _thinned(len(found.record), found.record.duration_s)
         options += f" --resample {thinned:g}" if thinned else ""
-        why = f" (--resample thins its {len(found.record):,} samples, or it takes long)" if thinned else ""
+        why = f" (without --resample its {len(found.record):,} samples take long)" if thinned else ""
         return f"auv-gym diagnose {quote(log)} --vehicle {quote(nearest)}{options} --out diagnosis{why}"
     columns = [signal.column for signal in found.signals if not signal.channel]
     if not any(candidates(name, columns) for name in found.missing(needs[nearest])) and found.record is not None:
         return (
             "auv-gym list parts (no preset has this log's inputs: write a vehicle file, see "
-            "docs/guides/add_a_vehicle.md, then look again with --vehicle FILE)"
+            "docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE)"
         )
     if written is not None:
         return (

@@ -1,4 +1,4 @@
-"""`auv-gym monitor`: replay a log to a monitor that has learned from a clean one."""
+"""`auv-gym monitor`: replay a log through a monitor that has learned from a clean one."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def monitor(
     out: Annotated[Path, typer.Option(help="Folder for monitor.json and monitor.html.")],
     clean: Annotated[
         str | None,
-        typer.Option(help=f"A log of the healthy vehicle; default: the first quarter of the log. {logs.ANY_LOG}"),
+        typer.Option(help=f"A log of the healthy vehicle. Default: the first quarter of the log. {logs.ANY_LOG}"),
     ] = None,
-    rate: Annotated[float, number("False alarms per hour.", 1e-6, 1e4)] = 0.1,
+    rate: Annotated[float, number("Accepted false alarms per hour.", 1e-6, 1e4)] = 0.1,
     steady: Annotated[
-        bool, typer.Option("--steady", help="Hold the filter's gains constant: faster, less exact.")
+        bool, typer.Option("--steady", help="Use constant filter gains: faster but less accurate.")
     ] = False,
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
@@ -37,7 +37,7 @@ def monitor(
     trust: logs.Trust = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Raise alarms where a vehicle departs from its model, at a stated false-alarm rate, and name the cause."""
+    """Raise alarms when a vehicle departs from its model, at a stated false-alarm rate, and name the cause."""
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, [*log, *([clean] if clean else [])])

@@ -1,4 +1,4 @@
-"""`auv-gym onset`: since when, until when, or how steadily an effect acts in a log."""
+"""`auv-gym onset`: when an effect begins, ends or grows in a log."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def onset(
     mapping: logs.ColumnNames = None,
     cut_gaps: logs.CutGaps = True,
     doubt: logs.Doubt = 0.1,
-    most: Annotated[int, whole_number("How many effects may be named at once.", 1, 20)] = 3,
+    most: Annotated[int, whole_number("Largest number of effects to name.", 1, 20)] = 3,
     trust: logs.Trust = False,
     cache_dir: logs.CacheFolder = None,
 ) -> None:
-    """Find the effects that a vehicle's model is missing, and when in the log each began, ended or grew."""
+    """Find the effects that a vehicle's model is missing, and when each began, ended or grew during the log."""
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, log)

@@ -1,4 +1,4 @@
-"""`auv-gym simulate`: the standard experiment of a vehicle's family, recorded as its sensors would."""
+"""`auv-gym simulate`: the standard experiment of a vehicle's family, as its sensors record it."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ def simulate(
     vehicle: logs.VehicleArgument,
     out: Annotated[Path | None, typer.Option(help="Write the record: .nc or .csv.")] = None,
     duration: Annotated[
-        float | None, number("Length of the run, s; default: 600, for a float 600 for each depth.", *LENGTH)
+        float | None, number("Length of the run, s. Default: 600; for a float, 600 for each depth.", *LENGTH)
     ] = None,
-    dt: Annotated[float | None, number("Sample time, s; default: the vehicle's.", *TIME_STEP)] = None,
+    dt: Annotated[float | None, number("Sample time, s. Default: the vehicle's.", *TIME_STEP)] = None,
     effect: Annotated[
         list[str] | None,
         typer.Option(metavar="PATH=VALUE", help="An effect, such as effects.rudder.offset=0.05; may be repeated."),
     ] = None,
     compass_noise_deg: Annotated[
         float | None,
-        number("Glider, torpedo: noise of the compass, standard deviation, deg; default: 0.5.", 0, 180),
+        number("Glider, torpedo: standard deviation of the compass noise, deg. Default: 0.5.", 0, 180),
     ] = None,
     track_noise_m: Annotated[
         float | None,
-        number("Glider: noise of the track, standard deviation, m; default: 1; negative: no track.", -1, 10000),
+        number("Glider: standard deviation of the track noise, m. Default: 1; negative: no track.", -1, 10000),
     ] = None,
     target_depth: Annotated[
         list[float] | None,
-        number("Float: depth to go to, m; may be repeated: one after the other, or a dive to each.", *DEPTH),
+        number("Float: target depth, m. May be repeated, for several depths or dives.", *DEPTH),
     ] = None,
     depth_noise_m: Annotated[
         float | None,
-        number("Float, torpedo: noise of the depth, standard deviation, m; default: 0.02, or 0.1.", 0, 1000),
+        number("Float, torpedo: standard deviation of the depth noise, m. Default: 0.02; torpedo: 0.1.", 0, 1000),
     ] = None,
-    seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
+    seed: Annotated[int, whole_number("Random seed.", *SEED)] = 0,
 ) -> None:
-    """Simulate a vehicle under control, and record what its sensors give.
+    """Simulate a vehicle under control and record its sensor readings.
 
-    A glider follows a changing heading with excitation at its rudder; a torpedo changes heading, depth and speed with
-    excitation at its fins; a float with a piston goes from depth to depth; one with an oil bladder makes dives with
-    pump and valve.
+    A glider follows a changing heading, with excitation added to its rudder. A torpedo changes heading, depth and
+    speed, with excitation added to its fins. A float with a piston moves between depths. A float with an oil bladder
+    dives with its pump and valve.
     """
     if out is not None:
         _check_file_writable(out)
@@ -108,14 +108,14 @@ def _simulated(plant: Plant, given: Mapping[str, Any], seed: int) -> Record:
     for flag in given:
         if flag not in takes:
             raise ValueError(
-                f"{flag} says nothing about {plant.name}, a vehicle of family {plant.family.name}: leave it out. "
+                f"{flag} does not apply to {plant.name}, a vehicle of family {plant.family.name}: leave it out. "
                 f"Options for this family: {', '.join(('--effect', '--seed', '--out', *takes))}."
             )
     samples = given.get("--duration", 0.0) / plant.dt
     if samples > _MOST_SAMPLES:
         raise ValueError(
-            f"--duration {given['--duration']:g} at a sample time of {plant.dt:g} s makes {samples:.3g} samples, and a "
-            f"run can have {_MOST_SAMPLES:.0f}, for which memory suffices: give a shorter --duration or a longer --dt."
+            f"--duration {given['--duration']:g} at a sample time of {plant.dt:g} s makes {samples:.3g} samples, but "
+            f"memory allows for {_MOST_SAMPLES:.0f}: give a shorter --duration or a longer --dt."
         )
     settings = {_FLAGS[flag]: value for flag, value in given.items() if flag in _FLAGS}
     if "compass_noise" in settings:

@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 @app.command()
 def train(
     env: Annotated[str, typer.Option(help="The environment, such as Depth-v0; see docs/environments.md.")],
-    out: Annotated[Path, typer.Option(help="Folder for policy and learning curve; a stopped training is resumed.")],
+    out: Annotated[Path, typer.Option(help="Folder for policy and learning curve; a stopped training run is resumed.")],
     on: environment.On = "true",
-    seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
-    steps: Annotated[int | None, whole_number("Steps to learn from; default: as tuned.", 1, 1_000_000_000)] = None,
-    envs: Annotated[int | None, whole_number("Environments at once; default: as tuned.", 1, 4096)] = None,
-    frames: Annotated[
-        int | None, whole_number("Last observations that the policy sees at once; default: as tuned.", 1, 1000)
-    ] = None,
+    seed: Annotated[int, whole_number("Random seed.", *SEED)] = 0,
+    steps: Annotated[int | None, whole_number("Training steps. Default: as tuned.", 1, 1_000_000_000)] = None,
+    envs: Annotated[int | None, whole_number("Number of parallel environments. Default: as tuned.", 1, 4096)] = None,
+    frames: Annotated[int | None, whole_number("Number of stacked observations. Default: as tuned.", 1, 1000)] = None,
     recurrent: Annotated[
         bool,
-        typer.Option("--recurrent", help="Give the policy a recurrent layer (LSTM); it cannot start by imitation."),
+        typer.Option(
+            "--recurrent", help="Give the policy a recurrent layer (LSTM); excludes pretraining by imitation."
+        ),
     ] = False,
     vehicle: environment.Vehicle = None,
     effect: environment.Effects = None,
@@ -37,13 +37,13 @@ def train(
     dt: environment.Dt = None,
     duration: environment.Duration = None,
     hyperparameters: Annotated[
-        Path | None, typer.Option(help="File of hyperparameters (.yml), see docs/rl.md; default: the shipped ones.")
+        Path | None, typer.Option(help="File of hyperparameters (.yml), see docs/rl.md. Default: the shipped ones.")
     ] = None,
     tensorboard: Annotated[bool, typer.Option("--tensorboard", help="Also write logs for TensorBoard.")] = False,
 ) -> None:
-    """Train a policy by PPO of stable-baselines3, and keep the best one on episodes set aside.
+    """Train a policy with PPO from stable-baselines3, and keep the one that does best on held-out episodes.
 
-    Exit code: 130 where the training was stopped; the same command resumes it.
+    Exit code: 130 if the training was stopped; the same command resumes it.
     """
     options = environment.parse_environment_options(vehicle, effect, randomise, dt, duration)
     with progress_bar() as progress:
@@ -55,13 +55,13 @@ def train(
         try:
             trained = learn(training, out, progress, tensorboard=tensorboard)
         except KeyboardInterrupt:
-            errors.print(f"Stopped. What is done is in {out}; the same command goes on from there.", soft_wrap=True)
+            errors.print(f"Stopped. Finished work is in {out}; the same command resumes it.", soft_wrap=True)
             raise typer.Exit(130) from None
     _tell(trained)
 
 
 def _tell(trained: Trained) -> None:
-    shown = table("Learning curve, returns on episodes set aside", "steps>", "time, s>", "mean>", "lowest>", "highest>")
+    shown = table("Learning curve, returns on held-out episodes", "steps>", "time, s>", "mean>", "lowest>", "highest>")
     for row in trained.curve:
         numbers = (row["mean_return"], row["lowest_return"], row["highest_return"])
         shown.add_row(f"{row['steps']:.0f}", f"{row['seconds']:.1f}", *(f"{value:.4g}" for value in numbers))

@@ -1,4 +1,4 @@
-"""`auv-gym tune`: gains of a vehicle's controller, and whether they meet requirements on all that the data allow."""
+"""`auv-gym tune`: tune a vehicle's controller, and test it against requirements on all plausible vehicles."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from auv_gym.cli.options.numbers import SEED, TIME_STEP, number, whole_number
 @app.command()
 def tune(
     vehicle: logs.VehicleArgument,
-    out: Annotated[Path, typer.Option(help="The file of gains to write; entries of other vehicles stay in it.")],
+    out: Annotated[Path, typer.Option(help="File of gains to write (.toml); entries for other vehicles are kept.")],
     uncertain: Annotated[
         Path | None,
         typer.Option(
-            help="A diagnosis.json, or the JSON of a campaign's fit: values and 95 % intervals of what it found. "
-            "Default: the deviations in the vehicle file, and 20 % for its other main coefficients."
+            help="A diagnosis.json or the JSON of a campaign's fit, with values and 95 % intervals. Default: the "
+            "deviations in the vehicle file, and 20 % for its other main coefficients."
         ),
     ] = None,
     kind: Annotated[str, typer.Option(metavar="pid|gpc", help="The controller to tune.")] = "pid",
@@ -34,19 +34,20 @@ def tune(
         ),
     ] = None,
     gains: Annotated[
-        Path | None, typer.Option(help="Begin with the gains of this file; with --evaluations 0 they are only judged.")
+        Path | None, typer.Option(help="Start from the gains in this file; with --evaluations 0 they are only tested.")
     ] = None,
-    evaluations: Annotated[int, whole_number("Trials of each loop in the search.", 0, 10_000)] = 25,
+    evaluations: Annotated[int, whole_number("Evaluations per loop in the search.", 0, 10_000)] = 25,
     draws: Annotated[
-        int, whole_number("Vehicles drawn from the intervals; half as many corners are added.", 0, 10_000)
+        int,
+        whole_number("Vehicles drawn from the intervals; half as many corner cases are added.", 0, 10_000),
     ] = 12,
-    dt: Annotated[float | None, number("Sample time of the controller, s; default: the vehicle's.", *TIME_STEP)] = None,
-    seed: Annotated[int, whole_number("Seed of all that is drawn.", *SEED)] = 0,
-    report: Annotated[Path | None, typer.Option(help="Write a page (.html) with responses and steps.")] = None,
+    dt: Annotated[float | None, number("Sample time of the controller, s. Default: the vehicle's.", *TIME_STEP)] = None,
+    seed: Annotated[int, whole_number("Random seed.", *SEED)] = 0,
+    report: Annotated[Path | None, typer.Option(help="Write a page (.html) with frequency and step responses.")] = None,
 ) -> None:
-    """Tune a vehicle's controller, and judge it on vehicles drawn from the intervals of what is known.
+    """Tune a vehicle's controller, and test it on vehicles drawn from the uncertainty of its parameters.
 
-    Exit code: 1 where a requirement is not met on all of them; the gains are written all the same.
+    Exit code: 1 if a requirement is not met on all of them; the gains are still written.
     """
     with progress_bar() as progress:
         progress(0.0, "starting")
@@ -64,7 +65,7 @@ def tune(
         if report is not None:
             require_render()
         if out.suffix.lower() != ".toml" or not out.parent.is_dir():
-            raise ValueError(f"--out needs a name that ends in .toml in a folder that is there, got {out}.")
+            raise ValueError(f"--out needs a name that ends in .toml in an existing folder, got {out}.")
         plant = load_vehicle(vehicle, dt=dt)
         check_law(plant, kind)
         kept = read_gains(out) if out.exists() else ()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from math import cos, radians, sin, sqrt
 from typing import NamedTuple
@@ -16,34 +17,80 @@ from auv_gym.records.record import Record
 _EQUATOR, _FLATTENING = 6378137.0, 1.0 / 298.257223563  # m and 1, of the ellipsoid of WGS 84
 _PLACE = ("north_m", "east_m")
 _ENDS = 10  # samples at either end of a dive, whose depth rate tells how long it took from the surface
+_FIX = (
+    5.0  # m, standard error of a fix to the north and to the east: 12 m hold 95 %; the GPS standard of 2020 has 8 to 15
+)
+_DRIFT = 0.15  # m/s to either side, by which a drift at the surface differs: 2 % of a wind of 7 m/s; chosen
+_COMPASS = radians(2.0)  # standard error of a heading over a dive, of a compass that was calibrated; chosen
+_REACH = 1.96  # standard errors of a 95 % interval
 
 
 class DiveCurrent(NamedTuple):
-    """A depth-averaged current, m/s, over one dive: its label, and the fixes' times, s since the record's start."""
+    """A depth-averaged current, m/s, over one dive: its label, and the fixes' times, s since the record's start.
+
+    north_error, east_error: standard errors, m/s.
+    """
 
     dive: str
     north: float
     east: float
     start: float
     stop: float
+    north_error: float
+    east_error: float
 
     @property
     def words(self) -> str:
-        """The current with its name."""
-        return f"{self.dive + ': ' if self.dive else ''}{self.north:.3f} and {self.east:.3f} m/s"
+        """The current with its name and 95 % intervals."""
+        north, east = (
+            f"{value:.3f} ± {_REACH * error:.3f}"
+            for value, error in ((self.north, self.north_error), (self.east, self.east_error))
+        )
+        return f"{self.dive + ': ' if self.dive else ''}{north} and {east} m/s"
 
 
-def dive_currents(plant: Plant, record: Record) -> tuple[DiveCurrent, ...]:
+class _Leg(NamedTuple):
+    """A dive between two fixes: its label, the fixes' times, and, m and s, what it went over ground and through water.
+
+    afloat: s, between a fix and the dive.
+    """
+
+    dive: str
+    start: float
+    stop: float
+    ground: np.ndarray
+    water: np.ndarray
+    afloat: float
+
+
+def dive_currents(plant: Plant, record: Record, spread: Sequence[Plant] = ()) -> tuple[DiveCurrent, ...]:
     """The current of each dive of a record that lies between two GPS fixes: what is left of the way between them.
 
     record: of samples that the vehicle's family describes.  The way through the water is the plant's, from sample to
     sample at the measured depth and heading; in what is left out it goes on evenly, and from the surface to the first
     sample and back it goes on as there.  One way and one current for each dive: fixes tell the vehicle nothing else.
+    spread: the plant moved by a standard error in each independent direction of what was fitted.  Standard errors are
+    of these, of the fixes, of the compass, and of a drift at the surface that is not the dive's current.
     """
+    legs, found = _legs(plant, record), []
+    moved = [_legs(other, record) for other in spread]
+    for k, leg in enumerate(legs):
+        current = (leg.ground - leg.water) / (leg.stop - leg.start)
+        turned = _COMPASS * leg.water[::-1]
+        squares = 2.0 * _FIX**2 + (_DRIFT * leg.afloat) ** 2 + turned**2
+        squares += sum((other[k].water - leg.water) ** 2 for other in moved)
+        errors = np.sqrt(squares) / (leg.stop - leg.start)
+        (north, east), (north_error, east_error) = current.tolist(), errors.tolist()
+        found.append(DiveCurrent(leg.dive, north, east, leg.start, leg.stop, north_error, east_error))
+    return tuple(found)
+
+
+def _legs(plant: Plant, record: Record) -> list[_Leg]:
+    """The dives of a record that lie between two fixes."""
     fixes = np.reshape(record.attrs.get(FIXES, ()), (-1, 3))
     needed = {"depth_m", "heading_rad"} <= set(record.names) and set(_PLACE) <= set(plant.outputs)
     if not len(fixes) or not needed or "start_epoch_s" not in record.attrs:
-        return ()
+        return []
     fixes = fixes[np.argsort(fixes[:, 0])]
     fixes[:, 0] -= float(record.attrs["start_epoch_s"])
     middles, velocities = _through_water(plant, record)
@@ -52,12 +99,10 @@ def dive_currents(plant: Plant, record: Record) -> tuple[DiveCurrent, ...]:
         rows = np.flatnonzero((record.time >= before[0]) & (record.time <= after[0]))
         own = (middles >= before[0]) & (middles <= after[0])
         if own.any():
-            way = _way(record, rows, middles[own], velocities[own], (before[0], after[0]))
-            north, east = (_apart(before, after) - way) / (after[0] - before[0])
-            found.append(
-                DiveCurrent(str(labels[rows[0]]), float(north), float(east), float(before[0]), float(after[0]))
-            )
-    return tuple(found)
+            start, stop = float(before[0]), float(after[0])
+            way, afloat = _way(record, rows, middles[own], velocities[own], (start, stop))
+            found.append(_Leg(str(labels[rows[0]]), start, stop, _apart(before, after), way, afloat))
+    return found
 
 
 def _through_water(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -74,16 +119,17 @@ def _through_water(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray
 
 def _way(
     record: Record, rows: np.ndarray, middles: np.ndarray, velocities: np.ndarray, fixes: tuple[float, float]
-) -> np.ndarray:
-    """The way through the water, m north and east, from fix to fix."""
+) -> tuple[np.ndarray, float]:
+    """The way through the water, m north and east, from fix to fix, and the time at the surface beside it, s."""
     time, depth = record.time[rows], record["depth_m"][rows]
     between, lengths = 0.5 * (time[1:] + time[:-1]), np.diff(time)
     way = np.array([np.interp(between, middles, v) @ lengths for v in velocities.T])
-    few = min(_ENDS, len(rows) - 1)
+    few, afloat = min(_ENDS, len(rows) - 1), 0.0
     for end, far, limit in ((0, few, time[0] - fixes[0]), (-1, -1 - few, fixes[1] - time[-1])):
         rate = abs((depth[far] - depth[end]) / (time[far] - time[end]))
-        way += velocities[end] * (min(max(depth[end], 0.0) / rate, limit) if rate > 0.0 else 0.0)
-    return way
+        under = min(max(depth[end], 0.0) / rate, limit) if rate > 0.0 else 0.0
+        way, afloat = way + velocities[end] * under, afloat + float(limit - under)
+    return way, afloat
 
 
 def _apart(before: np.ndarray, after: np.ndarray) -> np.ndarray:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -9,12 +12,21 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.param import value_at
 from auv_gym.plant import Plant
+from auv_gym.plant.cruise import command_ranges
+from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.reading import Needs
 from auv_gym.records.record import Record
 
 _TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
 _STILL = 1e-3  # of an input's usual size, below which it does not move
+_MOSTLY = 0.5  # share of commands beyond what thrusters take, from which they come in another unit
+_COMMAND_UNITS = (  # what commands of thrusters come in instead: least, most, and words
+    ("shares from -1 to 1", -1.0, 1.0),
+    ("percent from -100 to 100", -100.0, 100.0),
+    ("pulse lengths less 1500 us", -500.0, 500.0),
+    ("pulse lengths in us", 900.0, 2100.0),
+)
 _USUAL = {
     "piston_m": 1e-2,
     "oil_volume_m3": 1e-5,
@@ -58,6 +70,110 @@ def check_ranges(plant: Plant, record: Record) -> None:
                 f"{values[row]:.4g} {where} ({share} are beyond): check the column's sign and unit, throughout the log"
                 f"{looks}."
             )
+    _check_commands(plant, record)
+
+
+def wrong_for(plant: Plant, record: Record) -> list[str]:
+    """Sentences on what is wrong with a record as one of this vehicle, for a first look: what checks would raise.
+
+    None where a channel is missing that the vehicle needs.
+    """
+    if not all(record.has(name) for name in plant.family.required):
+        return []
+    try:
+        check_ranges(plant, record)
+        check_excitation(plant, record)
+    except ValueError as error:
+        return [str(error)]
+    return command_remarks(plant, record)
+
+
+def _check_commands(plant: Plant, record: Record) -> None:
+    """Raises if the commands of thrusters come in another unit: those that are not at rest are mostly out of range."""
+    rows = _thruster_commands(plant, record)
+    moved = np.concatenate([np.empty(0), *(row.beyond[row.values != row.ends[1]] for row in rows)])
+    if moved.sum() <= _MOSTLY * moved.size:
+        return
+    least, most = min(row.values.min() for row in rows), max(row.values.max() for row in rows)
+    low, idle, high = rows[0].ends
+    looks = next((words for words, a, b in _COMMAND_UNITS if a <= least and most <= b), "")
+    raise ValueError(
+        f"{plant.name} takes commands of {low:g} to {high:g}{rows[0].unit}, and rests at {idle:g}; those of this log "
+        f"({_listed([row.name for row in rows])}) go from {least:.4g} to {most:.4g}: "
+        f"{f'they look like {looks}' if looks else 'check their unit'}. Convert them, so that {low:g} is full "
+        f"thrust astern and {high:g} full thrust ahead."
+    )
+
+
+def command_remarks(plant: Plant, record: Record) -> list[str]:
+    """Sentences on thrusters that a log moves beyond what they take or not at all, and on commands of no thruster."""
+    rows = _thruster_commands(plant, record)
+    if not rows:
+        return []
+    lines = []
+    for row in rows:
+        low, _, high = row.ends
+        if row.beyond.any():
+            lines.append(
+                f"{row.name} goes from {row.values.min():.4g} to {row.values.max():.4g}{row.unit}, but its thruster "
+                f"takes {low:g} to {high:g}. Beyond this range ({np.sum(row.beyond)} of {row.values.size} samples), "
+                "the thrust at its end is assumed: check whether these samples are errors of the log."
+            )
+    still = [row for row in rows if row.still]
+    if still and len(still) < len(rows):
+        many = len(still) > 1
+        lines.append(
+            f"{_listed([row.name for row in still])} {'do' if many else 'does'} not move. This log shows nothing "
+            f"about {'these thrusters' if many else 'this thruster'}: neither gain, dead zone and lag nor place and "
+            "direction."
+        )
+    ending = rows[0].name.rpartition("_")[2]
+    extra = [n for n in record.names if re.fullmatch(rf"[a-z]+\d+_{ending}", n) and n not in plant.inputs]
+    if extra:
+        lines.append(
+            f"{plant.name} has {len(rows)} thrusters ({_listed([row.name for row in rows])}), and the log also has "
+            f"{_listed(extra)}, which is not used. If the vehicle has more thrusters, add them to a vehicle file."
+        )
+    return lines
+
+
+@dataclass(frozen=True, eq=False)
+class _Commands:
+    """The logged commands of a thruster; ends: the lowest that it takes, that of rest, and the highest."""
+
+    name: str
+    values: np.ndarray
+    ends: tuple[float, float, float]
+
+    @property
+    def unit(self) -> str:
+        return f" {channel(self.name).unit}".removesuffix(" 1")
+
+    @property
+    def beyond(self) -> np.ndarray:
+        low, _, high = self.ends
+        slack = _TOLERANCE * (high - low)
+        return (self.values < low - slack) | (self.values > high + slack)
+
+    @property
+    def still(self) -> bool:
+        low, _, high = self.ends
+        return bool(np.ptp(self.values) < _STILL * (high - low))
+
+
+def _thruster_commands(plant: Plant, record: Record) -> list[_Commands]:
+    """The commands of each thruster of a vehicle that a record has."""
+    body = plant.family.body
+    if body is None or not body.thrusters:
+        return []
+    thrusters = find_thrusters(plant)
+    ends = command_ranges(plant)[thrusters.at].tolist()
+    found = [_Commands(n, record[n], tuple(e)) for n, e in zip(thrusters.channels, ends, strict=True) if record.has(n)]
+    return [replace(row, values=row.values[np.isfinite(row.values)]) for row in found]
+
+
+def _listed(names: Sequence[str]) -> str:
+    return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
 
 
 def check_excitation(plant: Plant, record: Record) -> None:
@@ -72,7 +188,8 @@ def check_excitation(plant: Plant, record: Record) -> None:
     for name in moving:
         signal = record[name]
         if np.ptp(signal) < _STILL * max(abs(float(signal.mean())), _USUAL.get(name, 1.0)):
-            still.append(f"{name} is constant at {float(signal[0]):.4g} ({channel(name).unit})")
+            unit = channel(name).unit.removeprefix("1")
+            still.append(f"{name} is constant at {float(signal[0]):.4g}{f' ({unit})' if unit else ''}")
     if len(still) == len(moving):
         raise ValueError(f"Nothing excites the vehicle: {', '.join(still)}. Use a log in which it moves.")
 
@@ -89,6 +206,7 @@ def described(plant: Plant, record: Record) -> Record:
         for name in plant.family.assumed
         if not record.has(name)
     ]
+    lines += command_remarks(plant, record)
     found = _not_described(plant, record)
     left_out = np.any(list(found.values()), axis=0) if found else np.zeros(len(record), dtype=bool)
     if left_out.any():
@@ -103,7 +221,8 @@ def described(plant: Plant, record: Record) -> Record:
     if found and not record.has("elapsed_s"):
         record = record.with_channels({"elapsed_s": record.time - record.time[0]})
     kept = record.select(~left_out) if left_out.any() else record
-    return kept.with_notes([*kept.notes, *lines]) if lines else kept
+    new = [line for line in lines if line not in kept.notes]
+    return kept.with_notes([*kept.notes, *new]) if new else kept
 
 
 def _not_described(plant: Plant, record: Record) -> dict[str, np.ndarray]:

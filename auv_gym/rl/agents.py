@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -58,6 +58,31 @@ class Clock(VecEnvWrapper):
         return seconds
 
 
+class ScaledActions(VecEnvWrapper):
+    """The environments, whose actions an agent gives in units of `scale`, one for all or one each."""
+
+    def __init__(self, venv: VecEnv, scale: float | Sequence[float]):
+        box = venv.action_space
+        assert isinstance(box, gymnasium.spaces.Box)
+        if np.size(scale) not in (1, *box.shape):
+            raise ValueError(f"action_scale needs one number, or one for each of {box.shape[0]} actions, got {scale}.")
+        self.scale = np.broadcast_to(np.asarray(scale, dtype=np.float32), box.shape)
+        own = gymnasium.spaces.Box(box.low / self.scale, box.high / self.scale, dtype=np.float32)
+        super().__init__(venv, action_space=own)
+
+    def reset(self) -> Any:
+        """As the environments."""
+        return self.venv.reset()
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """As the environments."""
+        self.venv.step_async(actions * self.scale)
+
+    def step_wait(self) -> Any:
+        """As the environments."""
+        return self.venv.step_wait()
+
+
 def make_vector_env(env: str, count: int, on: Any = TRUE, **options: Any) -> VecEnv:
     """Environments as stable-baselines3 takes them: the native vector environment, else single ones."""
     one = make_env(env, on, **options)  # also for its errors
@@ -89,6 +114,8 @@ def make_agent(training: Training, tensorboard: Path | None = None, steps_before
             f"{clock.action_space}."
         )
     envs: VecEnv = VecMonitor(clock)
+    if chosen.action_scale != 1.0:
+        envs = ScaledActions(envs, chosen.action_scale)
     normalizer = chosen.normalizer
     if normalizer is not None:
         envs = VecNormalize(envs, gamma=chosen.gamma, **normalizer.model_dump())
@@ -121,9 +148,12 @@ def policy_network(agent: Any) -> Policy:
     if normalizer is not None and normalizer.norm_obs:
         moments: Any = normalizer.obs_rms
         scaling = Scaling(moments.mean.copy(), moments.var.copy(), normalizer.clip_obs, normalizer.epsilon)
+    weights, biases = ([p.detach().numpy().copy() for p in of] for of in zip(*((q.weight, q.bias) for q in linear)))
+    scale = action_scale_of(agent)
+    weights[-1], biases[-1] = weights[-1] * np.reshape(scale, (-1, 1)), biases[-1] * scale
     return Policy(
-        tuple(part.weight.detach().numpy().copy() for part in linear),
-        tuple(part.bias.detach().numpy().copy() for part in linear),
+        tuple(weights),
+        tuple(biases),
         names[0] if names else "tanh",
         scaling,
         cell=tuple(part.detach().numpy().copy() for part in cell),
@@ -134,6 +164,16 @@ def policy_network(agent: Any) -> Policy:
 def frames_of(agent: Any) -> int:
     """How many observations the agent sees at once."""
     return agent.env.stacked_obs.n_stack if isinstance(agent.env, VecFrameStack) else 1
+
+
+def action_scale_of(agent: Any) -> np.ndarray:
+    """The actions that are 1 to the agent, (1,) where it is the same for all."""
+    env = agent.env
+    while isinstance(env, VecEnvWrapper):
+        if isinstance(env, ScaledActions):
+            return env.scale
+        env = env.venv
+    return np.ones(1, dtype=np.float32)
 
 
 def _algorithm(recurrent: bool) -> Any:

@@ -83,7 +83,9 @@ class Hyperparameters(_Table):
 
     env_kwargs: options of the environment.  train_env_kwargs: further ones of the environments that it learns in, such
     as shorter episodes; the policy is judged without these.  frame_stack: how many of the last observations the policy
-    sees at once.  policy: with MlpLstmPolicy the agent is RecurrentPPO of sb3-contrib.
+    sees at once.  action_scale: the actions that are 1 to the agent, one for all or one each, best about as large as
+    usual ones: noise and learning rates are in these units.  policy: with MlpLstmPolicy the agent is RecurrentPPO of
+    sb3-contrib.
     """
 
     n_timesteps: Count
@@ -91,6 +93,7 @@ class Hyperparameters(_Table):
     env_kwargs: dict[str, Any] = {}
     train_env_kwargs: dict[str, Any] = {}
     frame_stack: Count = 1
+    action_scale: Positive | list[Positive] = 1.0
     policy: Literal["MlpPolicy", "MlpLstmPolicy"] = "MlpPolicy"
     normalize: bool | Normalize = False
     policy_kwargs: Networks = Networks()
@@ -129,8 +132,8 @@ class Hyperparameters(_Table):
 
 
 _OTHERS = {
-    "n_timesteps", "n_envs", "env_kwargs", "train_env_kwargs", "frame_stack", "policy", "normalize", "policy_kwargs",
-    "imitate", "learning_rate", "clip_range",
+    "n_timesteps", "n_envs", "env_kwargs", "train_env_kwargs", "frame_stack", "action_scale", "policy", "normalize",
+    "policy_kwargs", "imitate", "learning_rate", "clip_range",
 }  # fmt: skip
 _INNER: dict[str, type[_Table]] = {"policy_kwargs": Networks, "normalize": Normalize, "imitate": Imitation}
 _SHIPPED = "ppo.yml"

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from scipy.signal import lfilter
 
-from auv_gym.rl.agents import frames_of
+from auv_gym.rl.agents import action_scale_of, frames_of
 from auv_gym.rl.evaluation import TRAINING, Agent, fresh_seeds
 from auv_gym.rl.hyperparameters import Imitation
 from auv_gym.rl.settings import Training, make_env
@@ -111,6 +111,7 @@ def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Genera
     """Fit mean actions and values to the demonstrations by least squares, in passes over them in random order."""
     policy, normalizer = agent.policy, agent.get_vec_normalize_env()
     observations, values = shown.observations, returns_to_come(shown, agent.gamma)
+    wanted = shown.actions / action_scale_of(agent)
     if normalizer is not None:
         observations = normalizer.normalize_obs(observations)
         if normalizer.norm_reward:
@@ -118,7 +119,7 @@ def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Genera
     seen = [_stacked(part, frames_of(agent)) for part in shown.episodes(observations)]
     observations = np.concatenate(seen)
     rows, actions, targets = (
-        torch.as_tensor(np.asarray(a), dtype=torch.float32) for a in (observations, shown.actions, values)
+        torch.as_tensor(np.asarray(a), dtype=torch.float32) for a in (observations, wanted, values)
     )
     noise = policy.log_std
     optimizer = torch.optim.Adam([p for p in policy.parameters() if p is not noise], lr=_RATE)
@@ -138,7 +139,7 @@ def follow(agent: Any, shown: Demonstrations, passes: int, rng: np.random.Genera
             optimizer.step()
     if not len(policy.mlp_extractor.policy_net):  # gains alone: the best ones are known in closed form
         known = np.column_stack([rows.numpy(), np.ones(len(rows))])
-        *gains, offset = np.linalg.lstsq(known, shown.actions, rcond=_DEPENDENT)[0]
+        *gains, offset = np.linalg.lstsq(known, wanted, rcond=_DEPENDENT)[0]
         with torch.no_grad():
             policy.action_net.weight.copy_(torch.as_tensor(np.array(gains).T))
             policy.action_net.bias.copy_(torch.as_tensor(offset))

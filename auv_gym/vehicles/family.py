@@ -105,6 +105,8 @@ class Family:
     # none where the parameter at `shared_unless` is not zero
     shared: Mapping[str, str] = field(default_factory=dict)
     shared_unless: str = ""
+    # effects that may have another size in each dive of a log, where the evidence asks for it
+    by_dive: tuple[str, ...] = ()
     # inputs that change now and then, so that free runs lie between
     stepped: tuple[str, ...] = ()
     # depth, m, above which it may bob or bounce at the surface, which no fit of a free run's start can follow

@@ -1,4 +1,4 @@
-"""The page of a comparison of missions, and the files that it leaves."""
+"""The report of a comparison of missions, and the files that it writes."""
 
 from __future__ import annotations
 
@@ -57,17 +57,17 @@ def series_page(found: Series) -> str:
         (t.title, (amount(t.rate.value, t.unit), span(t.rate.ci95, t.unit)), t.per, amount(t.scatter, t.unit))
         for t in found.trends
     ]
-    texts = [f"Mission {name} has no sizes: {why}" for name, why in found.failed.items()]
+    texts = [f"Mission {name} gives no estimates: {why}" for name, why in found.failed.items()]
     picture = drawn(
         lambda: series_figure(found),
         "series",
         "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
-        "What each mission says by itself, with its 95 % interval, and the line through the missions.",
+        "The estimate from each mission with its 95 % interval, and the line through the missions.",
     )
     section = Section(
         "Trends",
         [
-            "A trend's 95 % interval allows for what missions differ by beyond their own intervals: the scatter.",
+            "The 95 % interval of a trend allows for scatter: differences between missions beyond their own intervals.",
             *texts,
         ],
         [Table(("what", "rate", "per", "scatter"), rows)],
@@ -103,28 +103,28 @@ def comparison_page(found: Comparison) -> str:
     """The report as the text of one HTML page, which needs no other file and no network."""
     before, after = found.missions
     sections = [
-        Section("What has changed", tables=[_changes(found)] if found.changed else (), texts=_texts(found)),
+        Section("What changed", tables=[_changes(found)] if found.changed else (), texts=_texts(found)),
         Section(
-            "What has not",
+            "What did not change",
             [
-                "The estimate of a change of each, if it alone had changed, and the change that would have been found "
-                "with 95 % probability."
+                "For each parameter: the estimated change if it alone had changed, and the change that would have been "
+                "found with 95 % probability."
             ],
             [_steady(found)],
             [
                 drawn(
                     lambda: change_figure(found),
                     "changes",
-                    "Estimated change of each parameter with its 95 % interval, over the change that would be found.",
-                    "Changes with their 95 % intervals, over the change of each that would have been found with 95 % "
-                    "probability. Blue: changed.",
+                    "Estimated change of each parameter with its 95 % interval, relative to its detectable change.",
+                    "Changes with their 95 % intervals, relative to the change that would have been found with 95 % "
+                    "probability. Parameters that changed are blue.",
                 )
             ],
         ),
-        Section("The logs", found.notes or ("Nothing was left out, mended or cut.",)),
+        Section("The logs", found.notes or ("Nothing was left out, repaired or cut.",)),
     ]
     content: dict[str, Any] = {
-        "title": f"{found.plant.name}: what has changed",
+        "title": f"{found.plant.name}: what changed",
         "eyebrow": f"before: {', '.join(before)}; after: {', '.join(after)}",
         "found": summary(found),
         "sections": sections,
@@ -135,11 +135,11 @@ def comparison_page(found: Comparison) -> str:
 
 def _texts(found: Comparison) -> list[str]:
     if not found.changed:
-        return [f"Nothing, of {found.candidates} forms of effects and coefficients that were tried."]
+        return [f"None of {found.candidates} candidate changes of effects and coefficients was found."]
     return [
-        "Each side has its own value, all else is common. A change is named as an effect of a diagnosis is: by "
-        f"evidence beyond the bar for {found.candidates} candidates, which each part of the missions foretells from "
-        "the others."
+        "The changed parameter has its own value on each side; all others are common. A change is named by the same "
+        f"rules as an effect in a diagnosis: its evidence must exceed the threshold for {found.candidates} candidates, "
+        "and each part of the missions, predicted from the others, must confirm it."
     ]
 
 
@@ -156,7 +156,7 @@ def _changes(found: Comparison) -> Table:
     for c in found.common:
         same = (amount(c.size.value, c.unit), span(c.size.ci95, c.unit))
         rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", tied_words(c.tied, found.plant)))
-    return Table(("what", "before", "after", "change", "evidence", "could also be"), rows)
+    return Table(("what", "before", "after", "change", "evidence", "alternatives"), rows)
 
 
 def _steady(found: Comparison) -> Table:
@@ -171,11 +171,11 @@ def _steady(found: Comparison) -> Table:
         )
         for u in found.unchanged
     ]
-    return Table(("what", "value", "change", "would have been found"), rows)
+    return Table(("what", "value", "change", "smallest detectable change"), rows)
 
 
 def change_figure(found: Comparison) -> Figure:
-    """Changes with their intervals, each over the change that would have been found."""
+    """Changes with their intervals, each relative to its smallest detectable change."""
     from matplotlib.figure import Figure
 
     steady = [u for u in found.unchanged if np.isfinite(u.detectable)]
@@ -185,7 +185,7 @@ def change_figure(found: Comparison) -> Figure:
     for c in found.changed:
         size = abs(c.change.value)
         axes.errorbar(*_bar(c.change.value, c.change.ci95, size or 1.0, len(names)), fmt="o", color=AFTER, capsize=3)
-        names.append(f"{named(c)}, over itself")
+        names.append(f"{named(c)} (relative to itself)")
     for u in steady:
         axes.errorbar(*_bar(u.change.value, u.change.ci95, u.detectable, len(names)), fmt="o", color=BEFORE, capsize=3)
         names.append(named(u))
@@ -194,7 +194,7 @@ def change_figure(found: Comparison) -> Figure:
     axes.axvline(0.0, color=QUIET, linewidth=0.8)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set_xlabel("change, over what would have been found")
+    axes.set_xlabel("change, relative to the smallest detectable change")
     return figure
 
 

@@ -20,15 +20,13 @@ _TOLD = 4  # that did not change, in the summary; the page has all
 
 
 def summary(found: Comparison) -> list[str]:
-    """What changed, what is the same on both sides, and how small a change would have been seen; a sentence each."""
-    lines = [changed_words(c, found.plant) for c in found.changed] or [
-        "Nothing has changed that these missions could show."
-    ]
+    """What changed, what is the same on both sides, and the smallest detectable changes; one sentence each."""
+    lines = [changed_words(c, found.plant) for c in found.changed] or ["These missions show no change."]
     lines += [common_words(c, found.plant) for c in found.common]
     steady = [u for u in found.unchanged if np.isfinite(u.detectable)][:_TOLD]
     if steady:
         told = "; ".join(f"{named(u)}, {size_of(u.detectable, u)}" for u in steady)
-        lines.append(f"No change was found of the rest. Changes that would have been found: {told}.")
+        lines.append(f"No other change was found. The smallest detectable changes are: {told}.")
     return lines
 
 
@@ -38,8 +36,8 @@ def changed_words(c: Changed, plant: Plant) -> str:
     text += f"{quantity(c.after.value, c.unit)}: by {quantity(c.change.value, c.unit)}{_relative(c)} "
     text += f"(95 % interval {interval(c.change.ci95, c.unit)})."
     if c.tied:
-        text += f" The missions do not tell this from: {tied_words(c.tied, plant)}."
-        text += "" if c.surely else " So it is not sure that anything has changed."
+        text += f" The missions cannot tell this from: {tied_words(c.tied, plant)}."
+        text += "" if c.surely else " So it is not certain that anything has changed."
     return text
 
 
@@ -50,14 +48,15 @@ def tied_words(tied: Sequence[str], plant: Plant) -> str:
 
 
 def common_words(c: Common, plant: Plant) -> str:
-    text = f"There before and after: {sized(c.title, quantity(c.size.value, c.unit), interval(c.size.ci95, c.unit))}."
-    return text + (f" The missions do not tell this from: {tied_words(c.tied, plant)}." if c.tied else "")
+    size = sized(c.title, quantity(c.size.value, c.unit), interval(c.size.ci95, c.unit))
+    text = f"The model is missing the same effect before and after: {size}."
+    return text + (f" The missions cannot tell this from: {tied_words(c.tied, plant)}." if c.tied else "")
 
 
 def timeline_summary(found: Timeline) -> list[str]:
     """What is missing and when it acts, a sentence each."""
     return [timed_words(t, found.plant) for t in found.found] or [
-        "Nothing is missing that this log could show, at any time."
+        "The model explains this log: no known effect is missing at any time."
     ]
 
 
@@ -71,8 +70,8 @@ def timed_words(t: Timed, plant: Plant) -> str:
         when = f"{t.form} {t.time.value:.0f} s{' on' if t.form == FROM else ''}"
         text += f", {when} (95 % interval {low:.0f} to {high:.0f} s)."
     else:
-        text += ", which grows from nothing to this size over the log." if t.form else ", throughout the log."
-    return text + (f" The log does not tell this from: {tied_words(t.tied, plant)}." if t.tied else "")
+        text += ", which grows from zero to this size over the log." if t.form else ", throughout the log."
+    return text + (f" The log cannot tell this from: {tied_words(t.tied, plant)}." if t.tied else "")
 
 
 def timeline_json(found: Timeline) -> dict[str, Any]:

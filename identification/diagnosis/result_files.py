@@ -1,4 +1,4 @@
-"""The files that a diagnosis leaves: diagnosis.json, vehicle.toml and report.html."""
+"""The files that a diagnosis writes: diagnosis.json, vehicle.toml and report.html."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     out = writable_folder(folder)
     paths = {name: out / name for name in ("diagnosis.json", "vehicle.toml", "report.html")}
     write_text(paths["diagnosis.json"], _json_text(diagnosis, extras))
-    told = ((diagnosis.effects, "named by"), (diagnosis.alike, "acts like the difference, and is not named, in"))
+    told = ((diagnosis.effects, "named by"), (diagnosis.alike, "acts like the difference, but is not named, in"))
     notes = {e.path: f"{words} a diagnosis of {diagnosis.source or 'a record'}" for own, words in told for e in own}
     notes |= {c.path: f"refitted by a diagnosis of {diagnosis.source or 'a record'}" for c in diagnosis.coefficients}
     seen = (diagnosis.after.plant.fitted_to, diagnosis.source or "a record")
@@ -65,7 +65,7 @@ def _json_text(diagnosis: Diagnosis, extras: Extras) -> str:
 def as_json(d: Diagnosis) -> dict[str, Any]:
     """The diagnosis as plain data; angles in rad, SI throughout."""
     metric = {
-        "metric": "rmse of free runs in unseen parts",
+        "metric": "RMS error of free runs in unseen parts of the log",
         "horizon_s": d.window - d.settle,
         "window_s": d.window,
         "settle_s": d.settle,
@@ -107,7 +107,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
                 {
                     "paths": list(t.candidate.paths),
                     "evidence_all_rows": t.train,
-                    "evidence_foretold": t.held,
+                    "evidence_cross_validated": t.held,
                     "values": [value_at(t.state.plant, p) for p in t.candidate.paths] if t.state else None,
                     "objection": t.objection,
                     "chosen": t is r.chosen,
@@ -136,6 +136,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "averaged_over_s": d.averaged,
         "currents": [current._asdict() for current in d.currents],
         "closed_loop": [finite(asdict(loop)) for loop in d.loops],
+        "unfinished": list(d.unfinished),
         "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,
         "vehicle": {
@@ -169,9 +170,10 @@ def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
         "neutral": e.neutral,
         "unit": e.unit,
         "ci95": list(e.ci95),
-        "evidence": {"all_rows": e.evidence_train, "foretold": e.evidence_held},
+        "evidence": {"all_rows": e.evidence_train, "cross_validated": e.evidence_held},
         "frequency": e.frequency if e.path in searched else None,
         "steady": e.steady,
+        "by_dive": [{"dive": d.dive, "value": d.value, "ci95": list(d.ci95)} for d in e.by_dive],
         "changes": {name: finite(size) for name, size in e.changes.items()},
         "tied_with": list(e.tied_with),
         "probability": e.probability,
@@ -181,24 +183,26 @@ def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
 
 
 def again(file: str | os.PathLike, record: Record, progress: Progress = lambda fraction, text: None) -> Diagnosis:
-    """The diagnosis of a diagnosis.json file made anew; raises ValueError if the record is another one."""
+    """Repeat the diagnosis of a diagnosis.json file; raises ValueError if the record is another one."""
     try:
         told = json.loads(Path(file).read_text(encoding="utf-8"))
         vehicle, asked, digest = told["vehicle"], told["asked"], told["record_sha256"]
         known = {name: vehicle[name] for name in ("deviations", "fitted_to")}
         parts = [Part(**{**part, "channels": tuple(part["channels"])}) for part in vehicle["parts"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ValueError(f"{file} is no diagnosis.json of this version ({error}): make one by a diagnosis.") from error
+        raise ValueError(f"{file} is no diagnosis.json of this version ({error}): run the diagnosis again.") from error
     family = family_named(vehicle["family"], parts)
     times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
     plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times, **known), vehicle["parameters"])
     if digest != digest_of(described(plant, record)):
-        raise ValueError(f"{file} is of another record, or of one read otherwise: give the same log, mapping and cuts.")
+        raise ValueError(
+            f"{file} was made from another record, or from one read differently: give the same log, mapping and cuts."
+        )
     return diagnose(record, plant, source=told["source"], progress=progress, **asked)
 
 
 def digest_of(record: Record) -> str:
-    """A number of the record's times and channels, by which two readings of one log can be told to be the same."""
+    """A hash of the record's times and channels, to check that two readings of a log are the same."""
     found = hashlib.sha256(np.ascontiguousarray(record.time).tobytes())
     for name in sorted(record.names):
         found.update(name.encode() + np.ascontiguousarray(record[name]).tobytes())

@@ -32,6 +32,11 @@ def sized(title: str, size: str, limits: str, *more: str) -> str:
     return f"{name}{'' if name.endswith(' by') else ','} {size} ({', '.join(told)})"
 
 
+def short(title: str) -> str:
+    """A title without its remark in brackets."""
+    return title.partition(" (")[0]
+
+
 def listed(items: Sequence[str], word: str = "and") -> str:
     """Words in a row: `a, b and c`, or with another word in the place of the last comma."""
     return f" {word} ".join([", ".join(items[:-1]), items[-1]]) if len(items) > 1 else "".join(items)

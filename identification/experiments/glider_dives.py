@@ -104,7 +104,9 @@ def yo_mission(
             t += _FINE
         begun += t + 600.0  # at the surface
         records.append(_record(np.array(rows), tuple(read), tuple(u), rng, noise, measured))
-    return concat(records).with_notes([], source="simulated", vehicle=plant.name, depth_noise_m=noise)
+    labels = [f"dive {k}" for k in range(1, len(records) + 1)]
+    joined = concat(records).with_labels(labels)
+    return joined.with_notes([], source="simulated", vehicle=plant.name, depth_noise_m=noise)
 
 
 def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: float) -> dict[str, float]:

@@ -237,6 +237,7 @@ def _run(
     commanded = plant.family.actuators
     x, u = at_rest(plant, start)
     at = [plant.outputs.index(name) for name in outputs]
+    clock = [k for k, name in enumerate(plant.inputs) if name == "elapsed_s"]  # what sags with time needs it
     n, memory = time.size, controller.start()
     readings, inputs = np.empty((n, len(at))), np.empty((n, len(commanded)))
     reports: list[dict[str, float]] = []
@@ -252,6 +253,7 @@ def _run(
         given = np.array([command[name] for name in commanded])
         u[: len(commanded)] = np.clip(given, ranges[:, 0], ranges[:, 2])
         inputs[k] = u[: len(commanded)]
+        u[clock] = time[k]
         reports.append({name: value for name, value in command.items() if name not in commanded})
         x = plant.step(x, u)
     return {

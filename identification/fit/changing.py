@@ -41,20 +41,35 @@ class ChangingPlant(Plant):
 
     @classmethod
     def of(cls, plant: Plant, paths: Mapping[str, Sequence[str]], courses: Mapping[str, Course]) -> ChangingPlant:
-        """The plant with changes of these paths, by form."""
+        """The plant with changes of these paths, by form; those that it has already stay."""
         specs = {f"{form}.{path}": _spec(plant, path) for form, own in paths.items() for path in own}
+        kept = {}
+        if isinstance(plant, ChangingPlant):
+            kept = {path: value_at(plant, path) for path in plant.changes}
+            specs = {path.removeprefix(f"{CHANGES}."): spec_at(plant, path) for path in kept} | specs
+            plant, courses = plant.plain, {**plant.courses, **courses}
         tree = plant.parameters
         group = _group("Changes", specs)
         kind = make_dataclass("Changing", [(CHANGES, group, part(group))], bases=(type(tree),), frozen=True)
         parameters = kind(**{f.name: getattr(tree, f.name) for f in fields(tree)})
         given = {f.name: getattr(plant, f.name) for f in fields(Plant)} | {"parameters": parameters}
-        return cls(**given, courses=dict(courses))
+        return replace_at(cls(**given, courses=dict(courses)), kept)
+
+    @property
+    def changes(self) -> list[str]:
+        """The paths of the changes."""
+        return [path for path in list_paths(self) if path.startswith(f"{CHANGES}.")]
+
+    @property
+    def plain(self) -> Plant:
+        """The plant without changes."""
+        tree = self.parameters
+        plain = type(tree).__bases__[0](**{f.name: getattr(tree, f.name) for f in fields(tree) if f.name != CHANGES})
+        return Plant(**{f.name: getattr(self, f.name) for f in fields(Plant)} | {"parameters": plain})
 
     def at_row(self, row: int) -> Plant:
         """The plant as it is at a row of the record, without changes."""
-        tree = self.parameters
-        plain = type(tree).__bases__[0](**{f.name: getattr(tree, f.name) for f in fields(tree) if f.name != CHANGES})
-        plant = Plant(**{f.name: getattr(self, f.name) for f in fields(Plant)} | {"parameters": plain})
+        plant = self.plain
         values, places = self._layout.acting(self.vector[None], row)[0], positions(plant)
         return replace_at(plant, {path: float(values[places[path]]) for path in self._layout.changed})
 
@@ -129,7 +144,7 @@ class _Layout:
 
     @classmethod
     def of(cls, plant: ChangingPlant) -> _Layout:
-        places, names = positions(plant), [p for p in list_paths(plant) if p.startswith(f"{CHANGES}.")]
+        places, names = positions(plant), plant.changes
         split = [changed(name) for name in names]
         bounds = [spec_at(plant, path).bounds for _, path in split]
         return cls(

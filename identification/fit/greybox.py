@@ -52,7 +52,7 @@ class GreyBoxFit:
 
 @dataclass(frozen=True)
 class GreyBox:
-    """Prediction-error fit with noise of sensors and of motion; see `identification.fit.prediction_errors`.
+    """Grey-box prediction-error fit with sensor and process noise; see `identification.fit.prediction_errors`.
 
     free: parameter paths of the plant.  process: whether random accelerations may push the vehicle, their strength and
     correlation times estimated; without, this is output error over windows, each begun from states of its own.

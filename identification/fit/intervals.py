@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +20,8 @@ _NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are take
 _LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
 _LEAST_FREEDOM = 2.0  # of Student's t, which has no variance below
 _MOST_GROWTH = 1.0  # of the logarithm of a variance, as far as the first order holds
+
+Slopes = Callable[[Point, Sequence[str]], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +59,22 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
         long_run += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
     robust = inverse @ (long_run + known) @ inverse
     wider = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(inverse), 1e-300), 1.0))
-    growth, freedom = _by_noise(problem, point, paths, told, known)
+    growth, freedom = _by_noise(problem, point, paths, known)
     wider *= np.exp(0.5 * growth)
     freedom = np.minimum(freedom, max(problem.count - len(paths) - point.logs.size, 3))
     reach = np.array([half_width(f) for f in freedom]) * wider
     return Information(inverse * np.outer(wider, wider), alone, freedom, reach)
 
 
-def _told(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def _told(
+    problem: PredictionErrors, point: Point, paths: Sequence[str], slopes_of: Slopes | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Slopes of the paths that starts cannot imitate, (P, rows * C), and their normal matrix, (P, P).
 
     The matrix is without what the starts leave of a change that they can all but imitate: what is left there is the
     rounding of slopes, and would look like a change by parameters that are told.
     """
-    slopes = problem.counted_slopes(point, paths)
+    slopes = (slopes_of or problem.counted_slopes)(point, paths)
     flat = problem.without_starts(point, slopes)
     size = np.maximum(np.linalg.norm(slopes, axis=1), 1e-150)
     values, vectors = np.linalg.eigh(flat @ flat.T / np.outer(size, size))
@@ -89,20 +93,22 @@ def _size(normal: np.ndarray) -> float:
 
 
 def _by_noise(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], told: np.ndarray, known: np.ndarray
+    problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """By how much logarithms of variances grow since accelerations are estimated, and degrees of freedom, (P,) each.
 
     A log of a few correlation times does not tell the noise well.  That parameters take up a part of it makes it too
     weak by what restricted likelihood corrects (Patterson and Thompson 1971); the variance of a logarithm of a
     variance, s^2, makes intervals those of Student's t with 2 / s^2 degrees of freedom (Satterthwaite 1946; Kenward
-    and Roger 1997), all to first order in the logarithms of the noises.
+    and Roger 1997), all to first order in the logarithms of the noises.  Differences between noises need no slopes by
+    the vehicle itself where it is known how it answers the coefficients.
     """
     pushing, count = problem.pushing(point), len(paths)
     if not pushing or not count:
         return np.zeros(count), np.full(count, np.inf)
-    size = len(pushing)
+    size, point = len(pushing), problem.prepared(point, paths)
     curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)
+    told = _told(problem, point, paths, problem.soon_slopes)[1]
     first, whole = np.log(np.maximum(np.diag(_inverse(told + known)), 1e-300)), _size(told + known)
     slope = problem.noise_slopes(point, point.logs)[1][pushing]
     for j, i in enumerate(pushing):
@@ -110,7 +116,7 @@ def _by_noise(
         more[i] += _NOISE_STEP
         curvature[j] = (slope - problem.noise_slopes(point, more)[1][pushing]) / _NOISE_STEP
         there = problem.with_noise(point, more)
-        normal = _told(problem, there, paths)[1] + known
+        normal = _told(problem, there, paths, problem.soon_slopes)[1] + known
         slopes[j] = (np.log(np.maximum(np.diag(_inverse(normal)), 1e-300)) - first) / _NOISE_STEP
         fall[j] = -0.5 * (_size(normal) - whole) / _NOISE_STEP
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))

@@ -1,4 +1,4 @@
-"""A log that was replayed to a monitor: its alarms, what has gone wrong, and the page that says so."""
+"""A log replayed through a monitor: its alarms, their cause, and the report."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 _POINTS = 1000  # of the picture, each the greatest of its time
 _TOLD, _LISTED = 3, 20  # alarms in the summary, and on the page
-_SIGNALS = {CONSTANT: "nothing: a steady offset", SCATTER: "nothing: larger errors"}
+_SIGNALS = {CONSTANT: "none (steady offset)", SCATTER: "none (larger errors)"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,14 +81,14 @@ def watched_summary(found: Watched) -> list[str]:
     """The alarms, and what has gone wrong, a sentence each."""
     rate, alarms, hours = found.monitor.false_alarms_per_hour, found.alarms, found.hours
     if not alarms:
-        return [f"No alarm in {hours:.2g} h, at {rate:g} false alarms per hour."]
+        return [f"No alarm was raised in {hours:.2g} h, at {rate:g} false alarms per hour."]
     lines = [alarm_words(alarm) for alarm in alarms[:_TOLD]]
     if len(alarms) > _TOLD:
         lines.append(f"{len(alarms) - _TOLD} more alarms follow, the last one at {alarms[-1].time:.0f} s.")
     lines.append(f"At {rate:g} false alarms per hour, {rate * hours:.2g} false ones are expected in {hours:.2g} h.")
     if found.timeline is None:
-        return [*lines, f"The stretch about the first alarm could not be diagnosed. {found.problem}"]
-    return [*lines, "In the stretch about the first alarm:", *timeline_summary(found.timeline)]
+        return [*lines, f"The log around the first alarm could not be diagnosed. {found.problem}"]
+    return [*lines, "Around the first alarm, the diagnosis found:", *timeline_summary(found.timeline)]
 
 
 def watched_json(found: Watched) -> dict[str, Any]:
@@ -130,12 +130,12 @@ def watched_page(found: Watched) -> str:
         for a in found.alarms[:_LISTED]
     ]
     first = [f"The first {_LISTED} of {count} alarms; all are in monitor.json."] if count > _LISTED else []
-    heads = ("time", "reading", "correlates with", "memory of the test", "over the bar")
+    heads = ("time", "reading", "correlates with", "memory of the test", "statistic / threshold")
     picture = drawn(
         lambda: watched_figure(found),
         "monitor",
-        "Greatest statistic of the tests over its bar, over time, with the alarms.",
-        "The greatest statistic of the tests, over its bar. An alarm is raised at 1; the tests then begin anew.",
+        "Largest test statistic relative to its threshold, over time, with the alarms.",
+        "The largest test statistic, relative to its threshold. At 1 an alarm is raised and the tests restart.",
     )
     content: dict[str, Any] = {
         "title": f"{found.monitor.learned.plant.name}: {count} alarm{'' if count == 1 else 's'}",
@@ -163,6 +163,6 @@ def watched_figure(found: Watched) -> Figure:
     axes.axhline(1.0, color=BEFORE, linewidth=0.8, linestyle="--")
     axes.plot([a.time for a in found.alarms], [a.over for a in found.alarms], "v", color=BEFORE)
     axes.set_xlabel("time, s")
-    axes.set_ylabel("statistic over its bar")
+    axes.set_ylabel("statistic / threshold")
     axes.set_ylim(bottom=0.0)
     return figure

@@ -1,4 +1,4 @@
-"""The page that tells a diagnosis to people: one self-contained HTML file, figures inside, nothing to load."""
+"""The report of a diagnosis: one self-contained HTML file with its figures inside."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MEANINGS = {
-    "none": "The refitted vehicle agrees with this log as far as the log can tell.",
-    "doubted": "The log itself looks wrong. Nothing is said of the vehicle until that is cleared up.",
-    "coefficients": "The refitted vehicle agrees with this log; some coefficients were not what they were given as.",
-    "named": "Adding these effects explains most of the disagreement, also in data that took no part in the fit.",
-    "tied": "Something is missing, its size is known, but several causes would explain this log equally well.",
-    "unexplained": "Log and vehicle disagree, and no constant effect in the list of candidates explains it.",
+    "none": "The refitted model agrees with this log.",
+    "doubted": "The log itself looks wrong. The model cannot be judged until that is cleared up.",
+    "coefficients": "The refitted model agrees with this log, but some coefficients differ from their given values.",
+    "named": "Adding these effects explains most of the disagreement, also on held-out data.",
+    "tied": "An effect is missing, but several causes would explain this log equally well.",
+    "unexplained": "Log and model disagree, and no candidate effect of constant size explains the difference.",
 }
 # Key in the template, function, words for who cannot see it, words below it.
 PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
@@ -48,91 +48,92 @@ PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
         "log",
         diagnosis_figures.log_figure,
         "Time series of {first}, inputs and context, with the windows of each part of the log shaded.",
-        "What was measured: first what the vehicle did, then what it was told to do, then the circumstances. "
-        "Shaded bands are the windows; the shade changes from one part of the log to the next.",
+        "The measured signals: outputs first, then inputs, then other signals. Shaded bands are the windows of the "
+        "free runs; the shade alternates between parts of the log.",
     ),
     (
         "overview",
         diagnosis_figures.overview_figure,
         "Measured {first} over time with free runs of the model {model}, in every window.",
-        "Free runs of the model, {model}, over what was measured. Each window starts afresh, so every jump back to "
-        "the measured line is the start of a new run.",
+        "Free runs of the model, {model}, and the measured signal. The model restarts in each window, so every jump "
+        "back to the measured line is the start of a new run.",
     ),
     (
         "zoom",
         diagnosis_figures.zoom_figure,
-        "Measured {improved} and free runs of the model {model}, in single windows that it has not seen.",
-        "Single windows in close-up: {improved}, and below it {input}. The model was fitted and chosen without that "
-        "part of the log. In the grey seconds the start of the run is fitted; they are not scored.",
+        "Measured {improved} and free runs of the model {model}, in single unseen windows.",
+        "Single windows in close-up, with {improved} above {input}. The model was fitted and chosen without that part "
+        "of the log. The grey seconds are used to fit the start of the run and are not scored.",
     ),
     (
         "growth",
         diagnosis_figures.growth_figure,
-        "Root mean square error in unseen parts of the log against time since the window's start.",
-        "How the error grows while the model runs alone in parts of the log that it has not seen, over all windows. A "
-        "lower and flatter line is a better model.",
+        "RMS error in unseen parts of the log against time since the window's start.",
+        "Growth of the error during a free run in unseen parts of the log, over all windows. A lower and flatter line "
+        "means a better model.",
     ),
     (
         "track",
         diagnosis_figures.track_figure,
         "Plan view of the measured track and of the model's free runs in unseen parts of the log.",
-        "The track from above, north up, with free runs in unseen parts of the log.",
+        "The measured track from above, north up, and free runs in unseen parts of the log.",
     ),
     (
         "residual",
         diagnosis_figures.residual_figure,
         "Residual of {first} and of all other outputs over time.",
-        "Measured minus model, with starts fitted to whole windows. Noise looks like grass; waves and slopes are "
-        "something that the model is missing.",
+        "The residual: measured minus model, with starts fitted to whole windows. Noise jumps from sample to sample; "
+        "slow waves and slopes show that the model is missing something.",
     ),
     (
         "habitat",
         habitat_figure.habitat_figure,
         "Where the residual is: shares of the squared error and of the samples, and its growth within a run.",
-        "Where the remaining error is. Bars: share of the squared error and share of the samples, by the quantity that "
-        "it correlates with most; line: how it grows during a free run.",
+        "Where the remaining error is. The bars compare the share of the squared error with the share of the samples, "
+        "by the quantity that it correlates with most. The line shows its growth during a free run.",
     ),
     (
         "autocorrelation",
         diagnosis_figures.autocorrelation_figure,
         "Autocorrelation of the residual with the 95 % band of noise.",
-        "Whether the residual remembers its past. Bars inside the grey band: no more than noise.",
+        "Autocorrelation of the residual. Bars inside the grey band are compatible with white noise.",
     ),
     (
         "inputs",
         diagnosis_figures.input_correlation_figure,
         "Correlation of the residual of {left} with each input at positive and negative lags.",
-        "Whether the residual of {left} follows an input. A peak right of zero is a response that is missing in the "
-        "model; one left of zero comes with control, which moves {input} after {first} has gone astray.",
+        "Correlation of the residual of {left} with the inputs. A peak right of zero means that the model is missing "
+        "a response to it. A peak left of zero is due to feedback, which moves {input} after an error of {first}.",
     ),
     (
         "correlate",
         diagnosis_figures.correlate_figure,
         "Scatter of the residual's rate against the signal it correlates with most.",
-        "The rate of the residual against the logged signal that it correlates with most. A slope or a bend in the "
-        "black line points at a cause; a flat line does not.",
+        "The rate of change of the residual against the logged signal that it correlates with most. A slope or bend in "
+        "the black line points to a cause; a flat line does not.",
     ),
 )
 GLOSSARY = {
-    "free run": "The model alone, driven by the logged inputs from one starting state, never looking at the log again.",
-    "window": "A stretch of the log over which one free run goes.",
-    "part": "One of up to six shares of the log, each fitted with the others and left out in turn.",
-    "unseen": "In a part of the log, by a vehicle that was fitted and chosen without that part. Such errors show what "
-    "a model is worth on new data.",
-    "half of the log": "Half of its parts, in any combination. Each half chooses again among the fitted candidates. An "
-    "effect stays only if most halves find something there.",
-    "horizon": "How long a free run is scored: the window less the first seconds, to which its start is fitted.",
+    "free run": "A simulation of the model from one fitted initial state, driven by the logged inputs alone.",
+    "window": "The stretch of the log that one free run covers.",
+    "part": "One of up to six equal shares of the log. Each part is left out of the fit in turn.",
+    "unseen": "Refers to a part of the log, and to a model that was fitted and chosen without that part. Unseen errors "
+    "show how good a model is on new data.",
+    "half of the log": "Any half of its parts. The choice among the fitted candidates is repeated with each half. An "
+    "effect is kept only if most halves find something in its place.",
+    "horizon": "The scored length of a free run: the window without the first seconds, to which its start is fitted.",
     "residual": "Measured minus model.",
-    "coefficient": "A number that the model always has, such as yaw damping. Refitted before anything is missing.",
-    "effect": "A physical cause that the model can have but does not need, such as a rudder offset.",
-    "neutral": "The value of an effect at which it is not there.",
-    "evidence": "Twice the gain in log-likelihood from adding a candidate. Zero: it does not help. Negative: it harms.",
-    "foretold": "Evidence from each part of the log when the others have set the parameters, summed over the parts.",
-    "probe": "The smallest change of an effect that is worth detecting, declared with the effect.",
-    "tied": "Explaining the log equally well: the log gives no reason to prefer one over the other.",
-    "95 % interval": "Where the true value lies with 95 % confidence, if this effect is the cause.",
-    "noise floor": "The part of a residual that jumps from sample to sample. No model can explain it.",
-    "white": "Without memory: knowing one sample of the residual says nothing about the next.",
+    "coefficient": "A parameter that the model always has, such as yaw damping. Coefficients are refitted first.",
+    "effect": "A physical effect that the model may or may not have, such as a rudder offset.",
+    "neutral": "The value of an effect at which it does nothing.",
+    "evidence": "Twice the gain in log-likelihood from adding a candidate. A negative value means a worse model.",
+    "cross-validated": "Evidence from predicting each part of the log with parameters fitted to the others, summed "
+    "over the parts.",
+    "probe": "The smallest change of an effect that is worth detecting.",
+    "tied": "Explaining the log equally well, so that the log gives no reason to prefer one cause over the other.",
+    "95 % interval": "The range that contains the true value with 95 % confidence, if this effect is the cause.",
+    "noise floor": "The part of a residual that changes from sample to sample. No model can explain it.",
+    "white": "Uncorrelated in time: one sample of the residual says nothing about the next.",
 }
 
 
@@ -156,7 +157,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "vehicle": plant.title or plant.name,
         "vehicle_name": plant.name,
         "vehicle_text": plant.description,
-        "summary": typeset(_worded(d.summary(), {n: channel(n).label for n in d.record.names})),
+        "summary": [typeset(_worded(text, {n: channel(n).label for n in d.record.names})) for text in d.paragraphs()],
         "meaning": MEANINGS[d.verdict],
         "figures": _figures(d, extras),
         "errors": _errors(d),
@@ -199,9 +200,9 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
         "improved": channel(diagnosis_figures.most_improved(d)).label,
         "left": channel(diagnosis_figures.least_explained(d)).label,
         "input": channel((*d.given.plant.family.required, *d.given.plant.inputs)[0]).label,
-        "model": "before and after what was added to it" if d.changed else "with its coefficients refitted",
+        "model": "before and after the diagnosis" if d.changed else "with its coefficients refitted",
     }
-    lacking = {
+    missing = {
         "track": not {"north_m", "east_m"} <= set(d.after.unseen.channels),
         "inputs": not diagnosis_figures.varying_inputs(d),
         "correlate": not diagnosis_figures.correlated_outputs(d),
@@ -210,7 +211,7 @@ def _figures(d: Diagnosis, extras: Extras) -> dict[str, Drawing | None]:
     made: dict[str, Drawing | None] = {}
     for key, draw, label, caption in PICTURES:
         made[key] = None
-        if not lacking.get(key, False):
+        if not missing.get(key, False):
             drawn = partial(diagnosis_figures.svg, draw, d, key, label.format(**words))
             picture = extras.attempt(f"The picture '{key}'", drawn, "")
             made[key] = drawing(picture, caption.format(**words)) if picture else None
@@ -245,7 +246,7 @@ def _less(before: float, after: float) -> str:
 
 
 def _rest(d: Diagnosis) -> list[str]:
-    """Paragraphs on what no effect explains, and on process noise."""
+    """Paragraphs on the unexplained error and on process noise."""
     said = [f"The log itself: {doubt.text}. What to do: {doubt.mend}." for doubt in d.doubts]
     if d.left:
         said.append(left_sentence(d).strip())
@@ -265,9 +266,9 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
         (
             _longest_run(d),
             "horizon",
-            f"length of {'the longest' if d.given.plant.family.stepped else 'each'} scored free run",
+            f"scored length of {'the longest' if d.given.plant.family.stepped else 'each'} free run",
         ),
-        (str(sum(len(part) for part in d.windows)), "windows", f"in {_parts(d)} of the log"),
+        (str(sum(len(part) for part in d.windows)), "windows", f"free runs, in {_parts(d)} of the log"),
     ]
     if d.added:
         share = max(d.explained, 0.0)
@@ -295,15 +296,17 @@ def _log_facts(d: Diagnosis) -> str:
     text = f"{len(record):,} samples over {seconds / size:.3g} {unit}, "
     text += "evenly" if record.is_uniform() else "unevenly"
     text += f" spaced, {record.sample_interval:.3g} s apart" + ("" if record.is_uniform() else " in the median")
-    text += f", in {parts} segments without a gap." if parts > 1 else ", without a gap that would cut it."
+    text += f", in {parts} segments without gaps." if parts > 1 else ", without gaps."
     filled = {n: int(record.dataset[n].attrs.get("filled", 0)) for n in record.names}
     filled = {n: count for n, count in filled.items() if count}
     if filled:
         text += (
-            " Missing samples filled in: " + ", ".join(f"{c} of {channel(n).label}" for n, c in filled.items()) + "."
+            " Missing samples were filled in: "
+            + ", ".join(f"{c} of {channel(n).label}" for n, c in filled.items())
+            + "."
         )
     if record.attrs.get("derived"):
-        text += f" Not measured but derived: {record.attrs['derived']}."
+        text += f" Derived, not measured: {record.attrs['derived']}."
     return text
 
 
@@ -312,25 +315,25 @@ def _remains(d: Diagnosis) -> list[tuple[str, str]]:
     texts = []
     for name in d.after.fitted.channels:
         r, unit = d.remains[name], channel(name).unit
-        text = f"{amount(r['rms'], unit)} RMS, noise floor {amount(r['noise_floor'], unit)}. "
+        text = f"The residual is {amount(r['rms'], unit)} RMS; the noise floor is {amount(r['noise_floor'], unit)}. "
         if r["resolution"] > 0.0:
-            text += f"Readings come in steps of {amount(r['resolution'], unit)}. "
+            text += f"The sensor's resolution is {amount(r['resolution'], unit)}. "
         coloured = r["whiteness_p"] < 0.01
         if r["rms"] < 1.25 * r["noise_floor"]:
             text += "There is little left to explain. "
         elif coloured:
-            text += "The error is slow: something lasts over many samples that no accepted effect describes. "
-        text += f"Neighbouring samples correlate by {number(r['lag_1_correlation'], 2, sign=True)}, "
-        text += "and the residual is not white. " if coloured else "and the residual may well be white. "
+            text += "The error varies slowly: no accepted effect describes it. "
+        text += f"The correlation between neighbouring samples is {number(r['lag_1_correlation'], 2, sign=True)}, "
+        text += "so the residual is not white. " if coloured else "and the residual is compatible with white noise. "
         strongest = next(iter(r["rate_correlates_with"].items()), None)
         if strongest:
             size, signal = abs(strongest[1]), diagnosis_figures.signal_label(strongest[0]).partition(",")[0]
             words = "strongly" if size > 0.6 else "moderately" if size > 0.3 else "weakly"
             value = f"correlation {number(strongest[1], 2, sign=True)}"
             if size > diagnosis_figures.CLEAR:
-                text += f"Of all logged signals, its rate correlates most with {signal}, {words} ({value})."
+                text += f"Of all logged signals, its rate of change correlates most with {signal}, {words} ({value})."
             else:
-                text += f"Its rate hardly correlates with any logged signal (most with {signal}: {value})."
+                text += f"Its rate of change hardly correlates with any logged signal (most with {signal}: {value})."
         texts.append((d.after.fitted.label(name), text))
     return texts
 
@@ -390,15 +393,15 @@ def _verdict(d: Diagnosis, trial: Trial, of: Round, titles: dict[str, str]) -> s
         return "chosen, but not kept" if _is_dropped(d, of) else "chosen"
     if trial in of.tied:
         return "tied with the chosen one"
-    return _worded(trial.objection, titles) or "acceptable, but clearly behind the chosen one"
+    return _worded(trial.objection, titles) or "acceptable, but clearly worse than the chosen one"
 
 
 def _outcome(d: Diagnosis, r: Round) -> str:
     if r.chosen is None:
-        return "Nothing was accepted in this round, and the search ended."
+        return "No candidate was accepted in this round, so the search ended."
     text = f"Chosen: {r.chosen.candidate.title}."
     if r.tied:
-        text += f" The record does not tell it from {listed([t.candidate.title for t in r.tied], 'or')}."
+        text += f" The log cannot tell it from {listed([t.candidate.title for t in r.tied], 'or')}."
     if _is_dropped(d, r):
         text += f" It was not kept: {d.dropped[r.chosen.candidate.paths[0]].format(it='it')}."
     return text

@@ -42,7 +42,7 @@ _BAND = (
 )
 _TESTS = (
     "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "
-    "follows most: the input with the largest correlation at an earlier sample, and that in 95 % bounds of noise."
+    "strongest input: the one whose earlier samples correlate most with the residual, relative to the 95 % noise bound."
 )
 
 
@@ -106,7 +106,7 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
         tie = f"{driver} ({number(size, 2)})" if driver else "–"
         rms, first = amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2)
         rows.append((name, tie, rms, first, chance(test["p_value"]), "yes" if is_white(test) else "no"))
-    return Table(("output", "follows most", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
+    return Table(("output", "strongest input", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
 
 
 def identified_page(title: str, done: Identified, words: str) -> str:

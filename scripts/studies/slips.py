@@ -1,4 +1,4 @@
-"""Which slips of sign, unit, column and clock are noticed: each is made in turn in a clean log of each vehicle.
+"""Which slips of sign, unit, column, clock or thruster are noticed: each is made in a clean log of each vehicle.
 
     python -m scripts.studies.slips --seeds 1 --jobs 2 --out slips
     python -m scripts.studies.slips --vehicle vt690 --seed 2
@@ -18,11 +18,22 @@ from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.log.plausibility import Doubt, log_doubts
 from identification.diagnosis.log.slips import possible_slips, slipped
+from identification.diagnosis.log.thruster_slips import thruster_slips
 from identification.experiments.missions import mission_of, run_mission
 from identification.fit.windows import free_run_windows
 from scripts.studies.harness import Found, Sheet, Study
 
-VEHICLES = ("ganeshblue", "slocum", "qiandao_float", "mermaid", "npsauv", "remus100", "vt690")
+VEHICLES = (
+    "ganeshblue",
+    "slocum",
+    "qiandao_float",
+    "mermaid",
+    "npsauv",
+    "remus100",
+    "vt690",
+    "bluerov",
+    "bluerov2_heavy",
+)
 LAKE = {"target_depths": [60.0, 20.0, 50.0, 10.0, 40.0, 5.0], "duration": 1500.0}  # where both can be chosen
 DURATION, WINDOW = 200.0, 25.0  # s, of a log of a hull and its parts and of its windows
 
@@ -32,7 +43,7 @@ def attempt(vehicle: str, seed: int) -> list[dict[str, Any]]:
     plant = load_vehicle(vehicle)
     record = log_of(plant, seed)
     found = []
-    for slip in (None, *possible_slips(record, plant)):
+    for slip in (None, *possible_slips(record, plant), *thruster_slips(record, plant)):
         raised = doubts(slipped(record, slip, plant) if slip else record, plant)
         said = [text for doubt in raised for text in (doubt.text, *doubt.instead)]
         found.append({"slip": slip.text if slip else "", "doubts": said})

@@ -132,8 +132,8 @@ def test_simulated_missions_read_back_dive_by_dive(tmp_path, capsys):
 @pytest.mark.parametrize(
     "arguments, words",
     [
-        (["simulate", "slocum", "--target-depth", "3"], "--target-depth says nothing about slocum"),
-        (["simulate", "mermaid", "--duration", "600"], "--duration says nothing about mermaid"),
+        (["simulate", "slocum", "--target-depth", "3"], "--target-depth does not apply to slocum"),
+        (["simulate", "mermaid", "--duration", "600"], "--duration does not apply to mermaid"),
         (["simulate", "qiandao_float", "--compass-noise-deg", "1"], "family float_piston: leave it out"),
         (["simulate", "qiandao_float", "--duration", "1"], "hold longer than a sample"),
         (["simulate", "mermaid", "--target-depth", "9"], "depths from 50 to 3000 m"),
@@ -144,7 +144,7 @@ def test_simulated_missions_read_back_dive_by_dive(tmp_path, capsys):
         (["simulate", "slocum", "--effect", "effects.rudder.ofset=0.1"], "Did you mean 'effects.rudder.offset'"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset=9"], "from -0.5 to 0.5 rad"),
         (["simulate", "slocum", "--duration", "1"], "at least one sample"),
-        (["simulate", "slocum", "--duration", "8.1e6"], "makes 2.02e+06 samples, and a run can have 2000000"),
+        (["simulate", "slocum", "--duration", "8.1e6"], "makes 2.02e+06 samples, but memory allows for 2000000"),
         (["simulate", "slocum", "--duration", "2001", "--dt", "0.001"], "a longer --dt"),
         (["simulate", "slocum", "--out", "run.xlsx"], ".nc or .csv"),
         (["simulate", "slocum", "--out", "no/such/folder/run.nc"], "Cannot write"),
@@ -180,7 +180,7 @@ def test_debug_shows_the_traceback(monkeypatch):
 @pytest.mark.parametrize(
     "options, words",
     [
-        (["--min-depth", "500"], "No sample of the log lies between 500"),
+        (["--min-depth", "500"], "The log has no sample between 500"),
         (["--min-depth", "30", "--max-depth", "20"], "--min-depth needs to be less"),
     ],
 )

@@ -40,10 +40,10 @@ def test_the_example_goes_on_and_takes_other_seeds(tmp_path, capsys):
     short.write_text(text.replace("400.0", "80.0"))
     assert run(short, tmp_path / "out") == 0
     assert run(short, tmp_path / "out") == 0
-    assert "6 of them from before" in capsys.readouterr().out
+    assert "6 of them earlier" in capsys.readouterr().out
     assert run(short, tmp_path / "out", "--seed", "1") == 0
     said = capsys.readouterr().out
-    assert "4 of them from before" in said
+    assert "4 of them earlier" in said
     assert "2 records" in said
     assert "belong to no run" in said
     assert {row.seed for row in read_index(tmp_path / "out")} == {1, 2, 3}

@@ -24,7 +24,7 @@ def test_sides_are_given_once_and_each_mission_on_one(tmp_path, capsys):
     assert main([*common, "--with", "b.csv", "--series"]) == 1
     assert main([*common, "--with", "a.csv"]) == 1
     told = " ".join(capsys.readouterr().err.split())
-    assert told.count("--series for trends over missions") == 2
+    assert told.count("ask for trends with --series") == 2
     assert "leave out a.csv on one side" in told
 
 
@@ -36,7 +36,7 @@ def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
         closed_loop(plant, rng=np.random.default_rng(seed), duration=600.0).save(files[-1])
     out = tmp_path / "out"
     assert main(["compare-missions", files[0], "--with", files[1], "--vehicle", "slocum", "--out", str(out)]) == 0
-    assert "Nothing has changed that these missions could show." in capsys.readouterr().out
+    assert "These missions show no change." in capsys.readouterr().out
     assert json.loads((out / "changes.json").read_text())["changed"] == []
     assert main(["onset", files[0], "--vehicle", "slocum", "--out", str(out)]) == 0
     assert "Nothing is missing" in capsys.readouterr().out
@@ -53,7 +53,7 @@ def test_a_monitor_raises_an_alarm_and_names_what_went_wrong(tmp_path, capsys):
     closed_loop(moving, rng=np.random.default_rng(5), duration=1400.0).save(log)
     given = ["monitor", log, "--clean", clean, "--vehicle", "slocum", "--doubt", "0", "--out", str(out)]
     assert main(given) == 0
-    assert "In the stretch about the first alarm:" in capsys.readouterr().out
+    assert "Around the first alarm, the diagnosis found:" in capsys.readouterr().out
     told = json.loads((out / "monitor.json").read_text())
     assert 800.0 < told["alarms"][0]["time"] < 1000.0
     first = told["timeline"]["found"][0]

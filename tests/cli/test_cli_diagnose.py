@@ -54,10 +54,10 @@ def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
     assert content["seed"] == 5
     (effect,) = content["effects"]
     assert effect["path"] == "effects.rudder.deadband"
-    assert set(effect["evidence"]) == {"all_rows", "foretold"}
+    assert set(effect["evidence"]) == {"all_rows", "cross_validated"}
     assert 0.5 < effect["frequency"] <= 1.0
     assert content["dropped"] == []
-    assert content["error"]["metric"] == "rmse of free runs in unseen parts"
+    assert content["error"]["metric"] == "RMS error of free runs in unseen parts of the log"
     assert 4 <= content["error"]["parts"] <= content["error"]["windows"]
     assert effect["ci95"][0] < 0.06 < effect["ci95"][1]
     assert {p.name for p in out.iterdir()} == {"diagnosis.json", "vehicle.toml", "report.html"}
@@ -167,5 +167,5 @@ def test_a_log_much_finer_than_the_vehicles_step_is_brought_to_it():
     fine = Record.from_arrays(time, {"heading_rad": np.sin(time)})
     coarse = thinned(fine, 0.05)
     assert coarse.sample_interval == pytest.approx(0.05)
-    assert coarse.notes[-1].startswith("Thinned from samples 0.005 s apart to the vehicle's step of 0.05 s")
+    assert coarse.notes[-1].startswith("Resampled from an interval of 0.005 s to the vehicle's time step of 0.05 s")
     assert thinned(fine, 0.019) is fine  # not four times as fine

@@ -14,7 +14,7 @@ from auv_gym.records.record import Record
 def test_sdf_says_what_it_does_not_hold(tmp_path, capsys):
     file = tmp_path / "npsauv.sdf"
     assert main(["export", "npsauv", "--to", "sdf", "--out", str(file)]) == 0
-    assert "Not held by SDF: Cross-flow drag" in capsys.readouterr().out
+    assert "Not representable in SDF: Cross-flow drag" in capsys.readouterr().out
     assert ElementTree.parse(file).getroot().tag == "sdf"
 
 
@@ -48,7 +48,7 @@ def test_options_of_another_form_are_refused(capsys):
     assert main(["export", "ganeshblue", "--to", "sdf", "--continuous"]) == 1
     told = " ".join(capsys.readouterr().err.split())
     assert "Give --log with --to minari" in told
-    assert "--continuous says nothing about sdf" in told
+    assert "--continuous does not apply to sdf" in told
 
 
 @pytest.mark.parametrize("package, module", [("casadi", "symbols"), ("minari", "for_minari")])

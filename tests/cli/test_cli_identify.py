@@ -99,17 +99,17 @@ def test_bad_input_is_refused_in_words(folder, tmp_path, capsys):
         ("identify", train, *arx, "--set", "n_a"): "KEY=VALUE",
         ("identify", train, *arx, "--free", "hull.n_r"): "no setting 'free'",
         ("identify", train, "--method", "arx", "--out", tmp_path / "m.toml", *CHANNELS): "ends in .npz",
-        ("identify", train, "--method", "arx", "--out", tmp_path / "no" / "m.npz", *CHANNELS): "make it first",
+        ("identify", train, "--method", "arx", "--out", tmp_path / "no" / "m.npz", *CHANNELS): "create it first",
         ("identify", train, "--method", "grey_box", "--out", tmp_path / "m.toml"): "needs the setting 'free'",
         ("identify", tmp_path / "none.nc", *arx): "There is no file",
         ("identify", train, "--method", "arx", "--out", out, "--input", "rudder_rad", "--output", "pitch_rad"): (
             "no channel 'rudder_rad'"
         ),
         ("identify", train, *arx, "--resample", "200"): "at least 4 samples per coefficient",
-        ("compare", tmp_path / "fast.npz", "--record", train): "fast steps 1 s at a time",
+        ("compare", tmp_path / "fast.npz", "--record", train): "fast has a time step of 1 s",
         ("compare", tmp_path / "fast.npz", tmp_path / "truth.npz", "--record", train): "fast 1 s, truth 4 s",
         ("compare", tmp_path / "junk.npz", "--record", train): "no .npz file",
-        ("compare", tmp_path / "truth.npz", tmp_path / "truth.npz", "--record", train): "came twice",
+        ("compare", tmp_path / "truth.npz", tmp_path / "truth.npz", "--record", train): "listed twice",
         ("compare", "slocum", "--record", train): "rudder_rad",
     }
     for arguments, words in cases.items():

@@ -13,12 +13,12 @@ On = Annotated[
     str,
     typer.Option(
         metavar="true|FILE",
-        help="What drives the environment: true, its vehicle; or in its place a model (.npz) or vehicle file (.toml).",
+        help="Dynamics of the environment: true for its own vehicle, or a model (.npz) or vehicle file (.toml).",
     ),
 ]
 Vehicle = Annotated[
     str | None,
-    typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file; default: the environment's."),
+    typer.Option(help="A preset (see `auv-gym list vehicles`) or a vehicle file. Default: the environment's."),
 ]
 Effects = Annotated[
     list[str] | None,
@@ -28,11 +28,11 @@ Randomise = Annotated[
     list[str] | None,
     typer.Option(
         metavar="PATH=LOW:HIGH",
-        help="A parameter that each episode draws, such as effects.current.north=-0.2:0.2; may be repeated.",
+        help="A parameter drawn at random in each episode, such as effects.current.north=-0.2:0.2; may be repeated.",
     ),
 ]
-Dt = Annotated[float | None, number("Sample time, s; default: the vehicle's.", *TIME_STEP)]
-Duration = Annotated[float | None, number("Length of an episode, s; default: the environment's.", *LENGTH)]
+Dt = Annotated[float | None, number("Sample time, s. Default: the vehicle's.", *TIME_STEP)]
+Duration = Annotated[float | None, number("Length of an episode, s. Default: the environment's.", *LENGTH)]
 
 
 def parse_environment_options(

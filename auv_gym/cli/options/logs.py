@@ -18,51 +18,51 @@ if TYPE_CHECKING:
     from auv_gym.records.record import Record
 
 ANY_LOG = (
-    "A log: a table (.csv, .txt, .nc, .mat), a ROS bag or MCAP file, ArduPilot .bin or .tlog, PX4 .ulg, MOOS .alog, a "
-    "file of a Slocum, Seaglider or SeaExplorer, or slocum:ammonite."
+    "Log file: a table (.csv, .txt, .nc, .mat), ROS bag, MCAP, ArduPilot .bin or .tlog, PX4 .ulg, MOOS .alog, a "
+    "Slocum, Seaglider or SeaExplorer file, or the example log slocum:ammonite."
 )
 FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters take as long as a log has rows
 _SHOWN = 12  # lines on what was left out; more are for `auv-gym look`
 
-Logs = Annotated[list[str], typer.Argument(help=f"{ANY_LOG} Several files are one record, in segments.")]
+Logs = Annotated[list[str], typer.Argument(help=f"{ANY_LOG} Several files are joined into one record.")]
 _VEHICLE = "A preset (see `auv-gym list vehicles`) or a vehicle file (.toml)."
 Vehicle = Annotated[str, typer.Option(help=_VEHICLE)]
 VehicleArgument = Annotated[str, typer.Argument(help=_VEHICLE)]
 ColumnNames = Annotated[
     Path | None,
     typer.Option(
-        help="TOML file of column names: theirs = ours, such as Hdg = 'heading_deg'; a number, as in "
-        "speed_cmd_mps = 1.5, is the value of a channel that was constant and not logged; '-rudder_rad' turns the "
-        "sign. `auv-gym look --mapping-out` writes one."
+        help="TOML file that maps the log's columns to channels, such as Hdg = 'heading_deg'. A minus, as in "
+        "'-rudder_rad', changes the sign. A number, as in speed_cmd_mps = 1.5, sets a channel that was constant and "
+        "not logged. `auv-gym look --mapping-out` writes such a file."
     ),
 ]
 CutGaps = Annotated[
     bool,
     typer.Option(
-        "--cut-gaps/--refuse-gaps", help="Where values are missing, cut the log there, or refuse it. Default: cut."
+        "--cut-gaps/--refuse-gaps", help="Cut the log where values are missing, or refuse such a log. Default: cut."
     ),
 ]
 CacheFolder = Annotated[
-    Path | None, typer.Option(help="Folder of a Slocum glider's cache files (.cac), if not beside the log.")
+    Path | None, typer.Option(help="Folder with a Slocum glider's cache files (.cac), if they are not next to the log.")
 ]
-Resample = Annotated[float | None, number("Bring the records to even samples of so many s.", *TIME_STEP)]
-MinDepth = Annotated[float | None, number("Use the log below this depth only, m.", *DEPTH)]
-MaxDepth = Annotated[float | None, number("Use the log above this depth only, m.", *DEPTH)]
+Resample = Annotated[float | None, number("Resample the records evenly at this interval, s.", *TIME_STEP)]
+MinDepth = Annotated[float | None, number("Use only samples deeper than this, m.", *DEPTH)]
+MaxDepth = Annotated[float | None, number("Use only samples shallower than this, m.", *DEPTH)]
 Thinning = Annotated[
     float | None,
     number(
-        "Sample time, s, to thin a log to that is finer than the vehicle moves; default: the vehicle's, where the "
-        f"log is over {FINER} times as fine.",
+        "Resample the log at this interval, s. Default: the vehicle's time step, if the log is sampled over "
+        f"{FINER} times as fast.",
         *TIME_STEP,
     ),
 ]
 Doubt = Annotated[
     float,
     number(
-        "Standard deviation of the vehicle's own coefficients, relative; they are refitted. 0 holds them fixed.", 0, 10
+        "Relative uncertainty (standard deviation) of the vehicle's coefficients in the fit; 0 holds them fixed.", 0, 10
     ),
 ]
-Trust = Annotated[bool, typer.Option("--trust", help="Go on where the log itself looks mislabelled.")]
+Trust = Annotated[bool, typer.Option("--trust", help="Continue even if the log itself looks mislabelled.")]
 
 
 def refuse_early(vehicle: str, out: Path, logs: Sequence[str]) -> None:
@@ -91,7 +91,7 @@ def read_log(
     cut_gaps: bool,
     progress: Callable[[float, str], None] | None = None,
 ) -> Record:
-    """The record of one log, or of several; what was left out, mended or cut is said on stderr, a line each."""
+    """The record of one log, or of several; prints to stderr what was left out, repaired or cut, one line each."""
     from auv_gym.records.reading import read_record
 
     record = read_record(
@@ -102,7 +102,7 @@ def read_log(
         errors.print(f"Log: {escape(line)}", soft_wrap=True)
     if len(notes) > _SHOWN:
         first = log if isinstance(log, str) else log[0]
-        errors.print(f"Log: and {len(notes) - _SHOWN} lines more; see auv-gym look {escape(first)}.", soft_wrap=True)
+        errors.print(f"Log: and {len(notes) - _SHOWN} more notes; see auv-gym look {escape(first)}.", soft_wrap=True)
     return record
 
 
@@ -129,7 +129,7 @@ def between_depths(record: Record, shallowest: float | None, deepest: float | No
     kept = (depth >= low) & (depth <= high)
     if not kept.any():
         raise ValueError(
-            f"No sample of the log lies between {low:g} and {high:g} m: its depth goes from {np.nanmin(depth):.1f} to "
+            f"The log has no sample between {low:g} and {high:g} m; its depth ranges from {np.nanmin(depth):.1f} to "
             f"{np.nanmax(depth):.1f} m. Change --min-depth or --max-depth."
         )
     return record.select(kept)
@@ -140,8 +140,8 @@ def thinned(record: Record, step: float) -> Record:
     if not record.sample_interval * FINER < step:
         return record
     note = (
-        f"Thinned from samples {record.sample_interval:.2g} s apart to the vehicle's step of {step:g} s, which is all "
-        "that it moves in; --resample sets another."
+        f"Resampled from an interval of {record.sample_interval:.2g} s to the vehicle's time step of {step:g} s; "
+        "--resample sets another."
     )
     return record.resample(step).with_notes([*record.notes, note])
 
@@ -154,7 +154,7 @@ def load_stated(vehicle: str, log: str) -> Plant:
     plant, stated = as_stated(load_vehicle(vehicle), log)
     if stated:
         names = ", ".join(path.removeprefix("hull.") for path in stated)
-        errors.print(f"Log: constants of the vehicle that {escape(log)} states: {names}.", soft_wrap=True)
+        errors.print(f"Log: vehicle constants taken from {escape(log)}: {names}.", soft_wrap=True)
     return plant
 
 

@@ -18,21 +18,21 @@ Search = Annotated[
     typer.Option(
         "--search",
         metavar="KEY=FROM:TO",
-        help="Orders to try, n_a, n_b, n_c or delay, such as n_a=1:6 or delay=1,3; may be repeated. Each output is "
-        "searched by itself, on the data that are fitted: what judges the model takes no part.",
+        help="Orders to try (n_a, n_b, n_c or delay), such as n_a=1:6 or delay=1,3; may be repeated. Each output is "
+        "searched separately, on the fitted data only; the test data are not used.",
     ),
 ]
 Choose = Annotated[
     str | None,
     typer.Option(
         metavar="CRITERION",
-        help="Of the orders tried, take those of mdl (the default), aic, bic, held_out (free runs over the last third "
-        "of the data that are fitted) or parsimony (the fewest parameters that lose little against mdl).",
+        help="How to choose the orders: mdl (default), aic, bic, held_out (free runs over the last third of the fitted "
+        "data) or parsimony (the fewest parameters that lose little compared with mdl).",
     ),
 ]
 Tolerance = Annotated[
     float | None,
-    number("How much larger the mean square one-step error may be for parsimony, as a share; default 0.5.", 0, 1e9),
+    number("With parsimony: the accepted relative increase of the mean square one-step error. Default: 0.5.", 0, 1e9),
 ]
 
 
@@ -43,11 +43,11 @@ def check(search: Sequence[str] | None, choose: str | None, tolerance: float | N
 
     for name, value in (("--choose", choose), ("--tolerance", tolerance)):
         if value is not None and not search:
-            raise ValueError(f"{name} chooses among orders that are tried: give --search, such as --search n_a=1:6.")
+            raise ValueError(f"{name} chooses among the orders of a search: give --search, such as --search n_a=1:6.")
     if choose is not None:
         check_criterion(choose)
     if tolerance is not None and choose != "parsimony":
-        raise ValueError("--tolerance is that of parsimony: give --choose parsimony, or leave it out.")
+        raise ValueError("--tolerance applies to parsimony only: give --choose parsimony, or leave it out.")
     return parse_ranges(search or [])
 
 

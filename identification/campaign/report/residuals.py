@@ -38,7 +38,7 @@ def residual_content(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None
             rms, first = spread([test["rms"]], name), number(test["correlation"][0], 2, sign=True)
             told = "yes" if is_white(test) else "no"
             lines.append([model, channel(name).label, of_what, tie, rms, first, chance(test["p_value"]), told])
-    heads = ["model", "output", "residual", "follows most", "rms", "lag-1 correlation", "p", "white"]
+    heads = ["model", "output", "residual", "strongest input", "rms", "lag-1 correlation", "p", "white"]
     return {
         "heading": f"Residual tests: white in {white} of {len(lines)} outputs of models",
         "text": _TEXT,

@@ -190,8 +190,8 @@ def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray]) -> Closed
     unit = channel(name).unit
     said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
     words = (
-        f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in the log; the "
-        f"model's run differs from that by {said['before']} before and {said['after']} after."
+        f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in the log. The "
+        f"simulated loop differs from the logged one by {said['before']} before and {said['after']} after."
     )
     tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}
     return ClosedLoop(name, unit, _rms(logged), apart["given"], apart["before"], apart["after"], tracking, words)

@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.plant import Plant
-from identification.diagnosis.wording import quantity
+from identification.diagnosis.wording import listed, quantity, short
 from identification.fit.validation import FreeRuns
 
 
@@ -28,11 +28,11 @@ class Common:
 
     def words(self, titles: Mapping[str, str], reach: str) -> str:
         """A sentence; reach: how far a free run goes, in words."""
-        names = " or ".join(titles.get(path, path) for path in self.members)
+        names = listed([short(titles.get(path, path)) for path in self.members], "or")
         if not all(np.isfinite(size) for size in self.spread.values()):
-            return f"Whether it is {names} matters: free runs {reach} diverge with one of them."
+            return f"It matters whether the cause is {names}: free runs {reach} diverge with one of them."
         apart = [f"{quantity(size, channel(n).unit)} in {channel(n).label}" for n, size in self.spread.items()]
-        return f"Whether it is {names}, free runs {reach} differ by at most {', '.join(apart)} (RMS)."
+        return f"Free runs {reach} with {names} differ by at most {', '.join(apart)} (RMS)."
 
 
 def common_prediction(members: Sequence[tuple[str, float, Plant]], fly: Callable[[Plant], FreeRuns | None]) -> Common:

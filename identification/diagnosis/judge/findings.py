@@ -1,4 +1,4 @@
-"""What a diagnosis found: effects with intervals, wrong coefficients, and what the record could have shown."""
+"""What a diagnosis found: effects with intervals, and wrong coefficients."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import BEYOND, LEAST_CHANGE, REACH, SURPRISE
-from identification.diagnosis.judge.found import AsCoefficient, Coefficient, Detectable, Effect, Member
+from identification.diagnosis.judge.found import AsCoefficient, Coefficient, Effect, Member
 from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
@@ -153,24 +152,6 @@ def twin_effects(groups, effects, found, bench: Workbench, state: State, count: 
             gains = (passed.train, passed.held)
             added.append(Effect(path, spec.title, value, spec.neutral, spec.unit, (low, high), *gains, group[1:]))
     return added
-
-
-def detectable_effects(
-    plant: Plant, screening: Sequence[Screening], rounds: Sequence[Round], named: set[str]
-) -> tuple[Detectable, ...]:
-    result = []
-    for s in screening:
-        for path, size in zip(s.candidate.paths, s.detectable, strict=True):
-            if path in named:
-                continue
-            spec = spec_at(plant, path)
-            reason, far = "", max(abs(bound - spec.neutral) for bound in spec.bounds)
-            if not np.isfinite(size):
-                reason = s.unseen or "changes nothing that was measured"
-            elif size > far:
-                size, reason = np.inf, "changes too little of what was measured"
-            result.append(Detectable(path, spec.title, spec.unit, float(size), reason))
-    return tuple(result)
 
 
 def _span(size: tuple[float, float, float]) -> tuple[float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from identification.diagnosis.search.constancy import OfDive
 from identification.diagnosis.wording import interval, quantity, sized
 
 
@@ -47,6 +48,7 @@ class Effect:
     probability: of all sets of effects that explain the record nearly as well, those that have it; None where it was
     found by a coefficient's change.  members: what it is tied with, the same of each.
     steady: probability that parts of the record differ in its size as much, if it is the same in all.
+    by_dive: its size in each dive, where the dives contradict each other in it.
     """
 
     path: str
@@ -64,6 +66,7 @@ class Effect:
     probability: float | None = None
     members: tuple[Member, ...] = ()
     steady: float = 1.0
+    by_dive: tuple[OfDive, ...] = ()
 
     @property
     def name(self) -> str:

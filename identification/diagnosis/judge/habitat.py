@@ -43,11 +43,11 @@ class Share:
 
     @property
     def words(self) -> str:
-        """Such as: 71 % of it between 20 and 60 m of depth, where 24 % of the samples are."""
+        """Such as: 71 % of the squared error is in the 24 % of samples with depth between 20 and 60 m."""
         label, unit = channel(self.name).label, channel(self.name).unit
         low, high = (quantity(v, unit or "1") for v in self.stretch)
-        where = f"between {low.split(' ')[0]} and {high} of {label}"
-        return f"{100 * self.error_share:.0f} % of it {where}, where {100 * self.sample_share:.0f} % of the samples are"
+        where = f"the {100 * self.sample_share:.0f} % of samples with {label} between {low.split(' ')[0]} and {high}"
+        return f"{100 * self.error_share:.0f} % of the squared error is in {where}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Habitat:
 
     @property
     def found(self) -> tuple[Share, ...]:
-        """The quantities with which the error goes, the surest first."""
+        """The quantities that the error correlates with, the most certain first."""
         return tuple(s for s in self.shares if s.p_value < self.level)
 
     def summary(self) -> str:
@@ -90,8 +90,8 @@ class Habitat:
         if len(self.channels) > 1 and 1.0 - self.certain < self.level:
             share = self.channels[self.channel]
             most = "most" if share > MOST_OF_ERROR else f"the largest part ({100 * share:.0f} %)"
-            size += f", {most} of what is left"
-        text = ", ".join(s.words for s in self.found[:2])
+            size += f", {most} of the total remaining error"
+        text = "; ".join(s.words for s in self.found[:2])
         later = []
         if self.rhythm is not None and self.rhythm.p_value < self.level and self.rhythm.share > LEAST_POWER:
             later.append(f"it has a period of about {_two_digits(self.rhythm.period_s)} s")

@@ -35,8 +35,8 @@ def many_windows(windows: Sequence[slice], steady: bool) -> bool:
 
 
 def unsteady_of(effects: Sequence[Effect]) -> list[Effect]:
-    """The effects in whose sizes parts of the record contradict each other, the surest first."""
-    return sorted((e for e in effects if e.steady < UNSTEADY), key=lambda e: e.steady)
+    """The effects whose size differs between parts of the record, and not from dive to dive; the surest first."""
+    return sorted((e for e in effects if e.steady < UNSTEADY and not e.by_dive), key=lambda e: e.steady)
 
 
 def verdict_of(
@@ -44,8 +44,8 @@ def verdict_of(
 ) -> Verdict:
     """Where something is left, effects must explain most of the excess error; a refit alone does not do.
 
-    Where parts of the record contradict each other in the size of one of them, constant effects do not explain it,
-    however little they leave: they were fitted together, and what changes has gone into all of their sizes.
+    Where the size of one of them differs between parts of the record, constant effects do not explain it, however
+    little they leave: they were fitted together, so that what changes has gone into all of their sizes.
     """
     if unsteady_of(effects) or (left and (refit_is_all or explained < EXPLAINED)):
         return "unexplained"

@@ -16,11 +16,11 @@ from auv_gym.plant.currents import dive_currents
 from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.closing import closed_loop
+from identification.diagnosis.judge.detectable import detectable_effects
 from identification.diagnosis.judge.findings import (
     as_coefficients,
     coefficient_of,
     coefficient_twins,
-    detectable_effects,
     effects_of,
     twin_effects,
 )
@@ -31,7 +31,8 @@ from identification.diagnosis.judge.verdict import RARE, WORSE, Diagnosis, Stage
 from identification.diagnosis.judge.weighing import Weighed, common_predictions, rounds_told, weigh
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import candidates_of, screen
+from identification.diagnosis.search.candidates import Regression, candidates_of
+from identification.diagnosis.search.constancy import sizes_by_dive
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.explanations import Explanations
 from identification.diagnosis.search.known import Known
@@ -71,8 +72,16 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     if weighed.state is not state:
         state, left = weighed.state, what_is_left(bench, weighed.state, searched.library)
     rounds, survivals = weighed.rounds, weighed.survivals
+    differing = [d for d in (sizes_by_dive(bench, state, p) for p in plant.family.by_dive) if d is not None]
+    dives = next((d for d in differing if d.path in state.paths), None)
+    if dives is not None:
+        left = what_is_left(dives.bench, dives.state, searched.library)
+    elif differing:  # an effect that the search has not found, since its mean does little
+        left = replace(left, changes=left.changes or differing[0].path)
     sizes = bench.intervals(state)
     effects, tied = effects_of(bench, state, weighed.tied, sizes, survivals, count, weighed.found)
+    if dives is not None:
+        effects = [replace(e, by_dive=dives.sizes) if e.path == dives.path else e for e in effects]
     if (unsteady := unsteady_of(effects)) and not left.changes:
         left = replace(left, changes=unsteady[0].path)
     progress(0.84, "scoring free runs")
@@ -97,7 +106,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         weighed, sizes = Weighed(nominal, (), (), Explanations(())), bench.intervals(nominal)
         left = what_is_left(bench, nominal, searched.library) or left
     rest = [] if log.slipped else candidates_of(state.plant, record)
-    screening = tuple(screen(bench.problem, state.point, state.paths, rest, threshold(count)))
+    regression = Regression(bench.problem, state.point, state.paths, threshold(count))
+    screening = tuple(regression.screened(rest))
     found = tuple(
         coefficient_of(plant, p, sizes[p], count, plant.deviation(p, asked.doubt))
         for p in known.coefficients
@@ -125,7 +135,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     elif left:
         progress(0.88, "looking for a term that no effect is")
         discovery = Discovery(state.plant, state.paths, state)
-        if searched.library:  # a family may have no terms to choose from
+        # a family may have no terms to choose from
+        if searched.library and bench.goes_on("looked for a term that no effect is"):
             discovery = extras.attempt(
                 "The search for a term that no effect is",
                 lambda: discover(bench, state, searched.library, rng, settle),
@@ -150,7 +161,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         alike=tuple(alike),
         tied=tuple(tied),
         coefficients=found,
-        detectable=detectable_effects(plant, screening, rounds, {e.path for e in (*effects, *alike)}),
+        detectable=detectable_effects(regression, screening, {e.path for e in (*effects, *alike)}),
         rounds=rounds_told(searched, held, weighed),
         dropped=why,
         state=state,
@@ -174,10 +185,13 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         source=source,
         versions=_versions(),
         common=common,
+        unfinished=tuple(bench.unfinished),
     )
     loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, diagnosis.plants), ())
-    currents = extras.attempt("The current of each dive", lambda: dive_currents(after.plant, record), ())
-    return replace(diagnosis, loops=loops, currents=currents, failures=tuple(extras.failures))
+    final = discovery.state if discovery is not None and discovery.holds else state
+    spread = bench.spread(final) if final.finite else ()
+    currents = extras.attempt("The current of each dive", lambda: dive_currents(after.plant, record, spread), ())
+    return replace(diagnosis, loops=loops, spread=spread, currents=currents, failures=tuple(extras.failures))
 
 
 def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Sequence[Plant]]) -> Stage:

@@ -1,4 +1,4 @@
-"""What a diagnosis says, and in which words."""
+"""The result of a diagnosis, and its summary in words."""
 
 from __future__ import annotations
 
@@ -27,14 +27,15 @@ from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.workbench import State
-from identification.diagnosis.wording import capital, interval, listed, quantity, sized
+from identification.diagnosis.wording import capital, interval, listed, quantity, short, sized
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
 RARE = "most halves of the log do not choose {it}"
-WORSE = "with {it}, free runs follow unseen parts of the log less well than without"
+WORSE = "free runs over unseen parts of the log are worse with {it} than without"
+_FEW_DIVES = 6  # that a sentence lists
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +58,10 @@ class Stage:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The result of comparing a record with a vehicle; `summary` says it in a paragraph.
+    """The result of comparing a record with a vehicle; `summary` puts it into words.
 
-    given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
-    alike: effects that the vehicle after has and that are not named, since they do not explain the record; the
-    difference acts like them.
+    given, before, after: the vehicle as it came, with its coefficients refitted, and with the effects.
+    alike: effects of the vehicle after that are not named, since they do not explain the record.
     tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
     are not named, each with the reason (`RARE`, `WORSE`).  explained: share of the squared error in excess of the
     measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
@@ -69,11 +69,13 @@ class Diagnosis:
     averaged: s, over which readings were averaged, 0 where each was read by itself.
     noise: of a sensor's reading and of the motion, as the filter found it.  left: what its one-step errors hold
     that noise would not.
-    resting: states that nothing measured tells.  left_out: channels that were not compared.
+    resting: states that nothing measures.  left_out: channels that were not compared.
     loops: the closed loop with each of the vehicles.
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
+    spread: the vehicle after, moved by a standard error in each independent direction of what was fitted.
     currents: of the dives between two GPS fixes, by the vehicle after.
-    failures: parts that could not be made.  seconds: that each step took.
+    failures: parts that could not be made.  unfinished: steps that the search left out, having reached its limit, in
+    words.  seconds: that each step took.
     """
 
     verdict: Verdict
@@ -109,8 +111,10 @@ class Diagnosis:
     loops: tuple[ClosedLoop, ...] = ()
     common: tuple[Common, ...] = ()
     planned: bool = False
+    spread: tuple[Plant, ...] = ()
     currents: tuple[DiveCurrent, ...] = ()
     failures: tuple[Failure, ...] = ()
+    unfinished: tuple[str, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -127,7 +131,7 @@ class Diagnosis:
 
     @property
     def added(self) -> tuple[Effect, ...]:
-        """The effects of the vehicle after: those that are named, and those that the difference acts like."""
+        """The effects of the vehicle after, named or not."""
         return (*self.effects, *self.alike)
 
     def noise_of(self, name: str) -> float:
@@ -172,23 +176,25 @@ class Diagnosis:
 
     def summary(self) -> str:
         """The verdict in plain words, with the error before and after."""
-        parts = [
-            _sentence(self),
-            _likelier_sentence(self),
-            _common_sentence(self),
-            _halves_sentence(self),
-            unsteady_sentence(self),
-            dropped_sentence(self),
-            _slight_sentence(self),
-            _rest_sentence(self),
-            _error_sentence(self),
-            noise_sentence(self),
-            averaged_sentence(self),
-            _currents_sentence(self),
-            _limit_sentence(self),
-            _unseen_sentence(self),
-        ]
-        return " ".join(part for part in parts if part)
+        return " ".join(self.paragraphs())
+
+    def paragraphs(self) -> list[str]:
+        """The summary in paragraphs: verdict and errors; ties; doubts about effects; what remains; how it was read."""
+        grouped = (
+            (_sentence(self), unfinished_sentence(self), _error_sentence(self)),
+            (_tied_sentence(self), _likelier_sentence(self), _common_sentence(self)),
+            (
+                _halves_sentence(self),
+                _dives_sentence(self),
+                unsteady_sentence(self),
+                dropped_sentence(self),
+                _slight_sentence(self),
+            ),
+            (_rest_sentence(self), noise_sentence(self), _currents_sentence(self)),
+            (_limit_sentence(self), averaged_sentence(self), _unseen_sentence(self)),
+        )
+        joined = (" ".join(sentence for sentence in group if sentence) for group in grouped)
+        return [paragraph for paragraph in joined if paragraph]
 
 
 def _sentence(d: Diagnosis) -> str:
@@ -210,36 +216,51 @@ def _sentence(d: Diagnosis) -> str:
         )
     if d.verdict == "unexplained":
         kind = "constant" if unsteady_sentence(d) else "known"
-        text = f"The log and the model disagree, and no {kind} effect explains it."
+        text = f"The log and the model disagree, and no {kind} effect explains the difference."
         alike = "; ".join(e.told for e in d.alike)
         return text + (f" Part of the difference acts like {alike}." if alike else "")
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
-    missing = f"The model is missing {count}: {'; '.join(names)}."
-    if d.verdict == "named":
-        return missing
-    titles, odds = d.titles, d.probabilities
-    groups = [" or ".join(titles.get(p, p) + _odds(odds, p) for p in group) for group in d.tied]
-    return f"{missing} This log cannot tell apart: {'; '.join(groups)}."
+    return f"The model is missing {count}: {'; '.join(names)}."
 
 
-def _odds(odds: Mapping[str, float], path: str) -> str:
-    """A probability in brackets, where there is one."""
-    if path not in odds:
+def unfinished_sentence(d: Diagnosis) -> str:
+    """What is said of a search that ended at its limit, or nothing."""
+    if not d.unfinished:
         return ""
-    percent = 100.0 * odds[path]
-    return " (under 1 %)" if percent < 1.0 else " (over 99 %)" if percent > 99.0 else f" ({percent:.0f} %)"
+    return (
+        f"The search ended at its limit of computing time before it had {listed(d.unfinished)}: more effects may be "
+        "missing, and others may explain this log as well. Shorten the log, or thin it by --resample."
+    )
+
+
+def _tied_sentence(d: Diagnosis) -> str:
+    """The causes that the log cannot tell apart, with their probabilities."""
+    if d.verdict != "tied":
+        return ""
+    titles, odds = d.titles, d.probabilities
+    groups = [listed([_with_odds(titles.get(p, p), odds.get(p)) for p in group], "or") for group in d.tied]
+    return f"This log cannot tell apart: {'; '.join(groups)}."
+
+
+def _with_odds(title: str, probability: float | None) -> str:
+    """A title with its probability in brackets, where there is one."""
+    if probability is None:
+        return title
+    percent = 100.0 * probability
+    words = "under 1 %" if percent < 1.0 else "over 99 %" if percent > 99.0 else f"{percent:.0f} %"
+    return f"{short(title)} ({words})"
 
 
 def _likelier_sentence(d: Diagnosis) -> str:
-    """What is said of members of a tie that are likelier than the effect that stands in the fitted vehicle."""
+    """The members of a tie that are more probable than the effect in the fitted vehicle, and why."""
     told = []
     for e in d.effects:
         for m in e.members:
             if e.probability is None or m.probability <= e.probability:
                 continue
-            spared = listed([d.titles.get(p, p) for p in m.spared])
-            why = f"with it, this log needs no {spared}" if spared else "more of the sets that explain this log have it"
-            told.append(f"{capital(m.title)} is likelier than {e.name}: {why}.")
+            spared = listed([short(d.titles.get(p, p)) for p in m.spared])
+            why = f"with it, no {spared} is needed" if spared else "more of the sets that explain this log contain it"
+            told.append(f"{capital(short(m.title))} is more probable than {short(e.name)}: {why}.")
     return " ".join(told)
 
 
@@ -247,30 +268,44 @@ def _common_sentence(d: Diagnosis) -> str:
     """What the members of each tie agree on, and what would tell them apart."""
     told = [common.words(d.titles, d.reach) for common in d.common]
     if told and not d.planned:
-        told.append("With --next-experiment, a diagnosis plans the experiment that tells them apart.")
+        told.append("Use --next-experiment to plan an experiment that tells them apart.")
     return " ".join(told)
 
 
 def _halves_sentence(d: Diagnosis) -> str:
-    """What is said of effects that many halves of the log do not choose."""
+    """Effects that many halves of the log do not choose."""
     rare: dict[str, list[str]] = {}
     for e in d.added:
         if e.frequency < STABLE:
-            rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(e.name)
+            rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(short(e.name))
     return " ".join(f"Only {share} of the halves of the log choose {listed(t)}." for share, t in rare.items())
 
 
+def _dives_sentence(d: Diagnosis) -> str:
+    """The sizes of effects that differ from dive to dive; of many dives, the smallest and the largest."""
+    told = []
+    for e in (e for e in d.added if e.by_dive):
+        sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
+        own = [
+            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or 'the first dive'}"
+            for s in ((sizes[0], sizes[-1]) if many else e.by_dive)
+        ]
+        range_of = f"from {' to '.join(own)}" if many else listed(own)
+        told.append(f"{capital(short(e.name))} differs from dive to dive: {range_of}.")
+    return " ".join(told)
+
+
 def unsteady_sentence(d: Diagnosis) -> str:
-    """Which effects are not of one size throughout."""
-    names = [e.name for e in d.alike if e.steady < UNSTEADY]
+    """Effects whose size differs between parts of the log, and not from dive to dive."""
+    names = [short(e.name) for e in d.alike if e.steady < UNSTEADY and not e.by_dive]
     if not names:
         return ""
-    which = "its size" if len(names) == len(d.alike) == 1 else f"the size of {listed(names)}"
-    return f"Parts of the log contradict each other in {which}: `auv-gym onset` looks for when it begins or ends."
+    which = "Its size" if len(names) == len(d.alike) == 1 else f"The size of {listed(names)}"
+    return f"{which} differs between parts of the log: `auv-gym onset` looks for when the effect begins or ends."
 
 
 def dropped_sentence(d: Diagnosis) -> str:
-    """What is said of effects that the search found and that are not named, or nothing."""
+    """Effects that the search found and that are not named, or nothing."""
     told = []
     for reason in dict.fromkeys(d.dropped.values()):
         titles = d.dropped_for(reason)
@@ -280,7 +315,7 @@ def dropped_sentence(d: Diagnosis) -> str:
 
 
 def _slight_sentence(d: Diagnosis) -> str:
-    """What is said of effects that are plainly there and practically nothing."""
+    """Effects that are certain but too small to matter."""
     told = []
     for e in d.effects:
         most = max(((size / d.noise_of(name), name) for name, size in e.changes.items()), default=(np.inf, ""))
@@ -288,48 +323,48 @@ def _slight_sentence(d: Diagnosis) -> str:
             name = most[1]
             size, noise = quantity(e.changes[name], channel(name).unit), quantity(d.noise_of(name), channel(name).unit)
             told.append(
-                f"{capital(e.name)} is seen, but changes little: free runs {d.reach} by {size} in "
-                f"{channel(name).label}, where the sensor's noise is {noise}, and less than that elsewhere."
+                f"{capital(e.name)} is certain but small: it changes free runs {d.reach} by {size} in "
+                f"{channel(name).label}, where the sensor noise is {noise}, and by even less in other channels."
             )
     return " ".join(told)
 
 
 def _limit_sentence(d: Diagnosis) -> str:
-    """What is said of coefficients that a fit took as far as it may."""
+    """Coefficients that a fit moved to their limit."""
     limited = [c.title for c in d.coefficients if c.limited]
     if not limited:
         return ""
     return (
-        f"The fit moved {listed(limited)} as far from the given value as its uncertainty allows: if it is known less "
-        "well, raise --doubt, or its deviation in the vehicle file."
+        f"The fit moved {listed(limited)} as far from the given value as its uncertainty allows. If the value is less "
+        "certain than that, raise --doubt or its deviation in the vehicle file."
     )
 
 
 def _rest_sentence(d: Diagnosis) -> str:
-    """What is said of the part that nothing explains."""
+    """The part of the error that nothing explains."""
     if d.discovery is None:
         return ""
-    begin = "" if d.verdict == "unexplained" else "Something is left that they do not explain. "
+    begin = "" if d.verdict == "unexplained" else "Part of the error remains unexplained. "
     begin += left_sentence(d)
     if d.discovery.holds:
         terms = listed([t.words for t in d.discovery.terms])
-        begin += f"A term found in the data, which unseen parts of the log confirm, takes part of it: {terms}. "
+        begin += f"A term found in the data and confirmed on unseen parts of the log explains part of it: {terms}. "
     return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
 
 
 def left_sentence(d: Diagnosis) -> str:
-    """What shows that something is left, with a space behind it; nothing where nothing does."""
+    """The evidence that something is left, with a space behind it; empty if there is none."""
     left, shown = d.left, []
     for names, what in ((left.coloured, "are correlated in time"), (left.bursts, "come in bursts")):
         if names:
             shown.append(f"{what} ({', '.join(channel(name).label for name in names)})")
     if left.depends:
         subject, _, of = spec_at(d.state.plant, left.depends).title.removeprefix("discovered ").partition(" from ")
-        shown.append(f"follow {of}, as a {subject} would")
+        shown.append(f"depend on {of}, as if a {subject} were missing")
     text = f"One-step prediction errors {listed(shown)}. " if shown else ""
     if left.changes and left.changes not in {e.path for e in d.alike}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
-        text += f"Parts of the log contradict each other in the {title}: something has changed during the log. "
+        text += f"The {title} differs between parts of the log: something changed during the log. "
     return text
 
 
@@ -342,47 +377,47 @@ def _error_sentence(d: Diagnosis) -> str:
             parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:
             beyond = float(np.sqrt(max(before.rmse**2 - d.noise_of(name) ** 2, 0.0)))
-            told = f" ({quantity(beyond, unit)} beyond the sensor's noise)" if np.isfinite(beyond) else ""
+            told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if np.isfinite(beyond) else ""
             parts.append(f"{label} {quantity(before.rmse, unit)}{told}")
     return f"RMS error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
 
 
 def noise_sentence(d: Diagnosis) -> str:
-    """What pushes the vehicle at random, or nothing."""
+    """The process noise that the fit found, or nothing."""
     if d.noise is None or not d.noise.process:
         return ""
     pushes = []
     for name, (size, time) in d.noise.process.items():
         known = channel(name)
         unit = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}.get(known.unit or "", f"{known.unit}/s")
-        pushes.append(f"{known.label} {quantity(size, unit)} over {quantity(time, 's')}")
+        pushes.append(f"{known.label} {quantity(size, unit)} RMS with a correlation time of {quantity(time, 's')}")
     kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
-    return f"Random {' and '.join(sorted(kinds))} push the vehicle (RMS and correlation time): {'; '.join(pushes)}."
+    return f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {'; '.join(pushes)}."
 
 
 def _currents_sentence(d: Diagnosis) -> str:
-    """The current of each dive, where fixes tell it."""
+    """The current of each dive, where GPS fixes show it."""
     if not d.currents:
         return ""
     dives = "; ".join(current.words for current in d.currents)
-    return f"Depth-averaged current to the north and east, by GPS and dead reckoning: {dives}."
+    return f"Depth-averaged current to the north and east, from GPS and dead reckoning, with 95 % intervals: {dives}."
 
 
 def _unseen_sentence(d: Diagnosis) -> str:
-    """What is said of states that nothing tells."""
+    """States that nothing in the log measures."""
     speeds = [channel(name).label for name in d.resting if name.endswith("_mps")]
     if not speeds:
         return ""
     told = (
-        f"Nothing in the log tells {listed(speeds)}: they are what the vehicle's model makes of the commands, from "
-        "rest where the log begins, and nothing pushes them."
+        f"The log does not measure {listed(speeds)}. The model computes these speeds from the commands, starting from "
+        "rest and without process noise."
     )
     if d.left_out:
         names = listed([channel(name).label for name in d.left_out])
-        told += f" {capital(names)} is left out, since these speeds move it where the vehicle loops."
+        told += f" {capital(names)} is not compared, because it depends on these speeds when the vehicle loops."
     return told
 
 
 def averaged_sentence(d: Diagnosis) -> str:
-    """What is said of readings that were averaged, or nothing."""
+    """The interval over which readings were averaged, or nothing."""
     return f"Readings were averaged over {quantity(d.averaged, 's')}." if d.averaged else ""

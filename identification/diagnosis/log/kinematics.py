@@ -142,7 +142,7 @@ def _mismatch(system: _System, plant: Plant, chosen: list[int], k: int, tied: Se
         f"{value + half:.3g})"
     )
     if others:
-        text += f", or what does the same: {', '.join(spec_at(plant, other).title for other in others)}"
+        text += f", or an equivalent error: {', '.join(spec_at(plant, other).title for other in others)}"
     return Mismatch(path, value, (value - half, value + half), spec.unit, gain, others, between, text)
 
 

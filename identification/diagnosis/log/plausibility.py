@@ -175,9 +175,9 @@ def _foreign(plant: Plant, *matches: Match) -> Doubt:
     signals = ", ".join(channel(n).label for n in names) or "its signals"
     does = "moves" if len(names) == 1 else "move"
     text = (
-        f"this does not look like a log of {plant.name}: {signals} {does} otherwise, whatever its coefficients within "
-        f"a factor of {FACTOR:g} (more where its file says how little is known), and no single slip of sign, unit, "
-        "column or clock mends it"
+        f"this does not look like a log of {plant.name}: {signals} {does} differently for all coefficients within a "
+        f"factor of {FACTOR:g} (or within the wider range that its file states), and no single error of sign, unit, "
+        "column or clock explains it"
     )
     mend = "check that log and vehicle belong together; if they do, check signs, units and columns of all channels"
     return Doubt(text, tuple(names), 1.0, mend)

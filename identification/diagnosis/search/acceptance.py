@@ -17,9 +17,9 @@ EDGE = 1e-6  # of the span between a parameter's bounds
 INSIGNIFICANT = "not significant"
 UNREPEATED = "does not hold from one part of the log to the others"
 DIVERGES = "free runs diverge with it"
-LIMITED = "only helps at the limit of what is physical, or of what is known of it"
+LIMITED = "helps only at the limit of its physical or known range"
 UNSURE = "its size is too uncertain"
-GONE = "does nothing beside the others"
+GONE = "not significant next to the other effects"
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def weighed(
 def effect_size(plant: Plant, path: str, bounds: tuple[float, float] | None = None) -> Size:
     """The size that a plant has at a path: what is sure is named however small it is, see `Effect.changes`.
 
-    bounds: of the fit, where what is known of an effect makes them narrower than what is physical.
+    bounds: of the fit, where what is known of an effect makes them narrower than the physical range.
     """
     spec, value = spec_at(plant, path), value_at(plant, path)
     return Size(abs(value - spec.neutral), at_limit(value, bounds or spec.bounds, spec.neutral))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -142,12 +142,7 @@ def screen(
     has a corner at neutral, a larger size is tried too.
     threshold: the evidence that a finding needs, for the detectable sizes.
     """
-    regression = _Regression(problem, point, fitted, threshold)
-    result = regression.of([c for c in candidates if not c.period])
-    for candidate in candidates:
-        if candidate.period:
-            result.append(_best_period(regression, candidate, point))
-    return sorted(result, key=lambda s: -s.evidence)
+    return Regression(problem, point, fitted, threshold).screened(candidates)
 
 
 def screen_pairs(
@@ -163,7 +158,7 @@ def screen_pairs(
     The `most` promising, best first.  threshold: see `screen`.  Pairs are left out that act alike, or that would have
     an effect that works in one direction do so in the other; periods are not sought.
     """
-    return _Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period], most)
+    return Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period], most)
 
 
 def deviations_shown(threshold: float) -> float:
@@ -171,7 +166,7 @@ def deviations_shown(threshold: float) -> float:
     return float(np.sqrt(threshold)) + _ONE_SIDED
 
 
-def _best_period(regression: _Regression, candidate: Candidate, point: Point) -> Screening:
+def _best_period(regression: Regression, candidate: Candidate, point: Point) -> Screening:
     """The screening of a candidate at the period that promises most evidence."""
     problem = regression.problem
     periods = periods_of(problem.record)
@@ -187,11 +182,11 @@ def _best_period(regression: _Regression, candidate: Candidate, point: Point) ->
     return replace(max(found, key=lambda s: s.evidence), tried=periods.size)
 
 
-_Signed = tuple[Screening, np.ndarray, np.ndarray]  # see `_Regression._signed`
+_Signed = tuple[Screening, np.ndarray, np.ndarray]  # see `Regression._signed`
 
 
-class _Regression:
-    """The errors of a point, what fitted coefficients can imitate, and regressions on signatures."""
+class Regression:
+    """The errors of a point, what fitted coefficients can imitate, and regressions on signatures; see `screen`."""
 
     def __init__(self, problem: PredictionErrors, point: Point, fitted: Sequence[str], threshold: float):
         self.problem, self.point, self.fitted, self.threshold = problem, point, fitted, threshold
@@ -206,6 +201,22 @@ class _Regression:
         self.residual = residual
         self.basis, self.triangle = np.linalg.qr(np.hstack([self.starts, self.tall.T]))
         self.left = residual - self.basis @ (self.basis.T @ residual)
+
+    def screened(self, candidates: Sequence[Candidate]) -> list[Screening]:
+        """See `screen`."""
+        result = self.of([c for c in candidates if not c.period])
+        result += [_best_period(self, c, self.point) for c in candidates if c.period]
+        return sorted(result, key=lambda s: -s.evidence)
+
+    def shown(self, sizes: Mapping[str, float]) -> dict[str, float]:
+        """By how many deviations of the errors effects of these sizes, in probes, change what was measured.
+
+        What coefficients and starts can imitate is left out.  The effects are run at these sizes: no slope is scaled.
+        """
+        changes = self.problem.counted_flat(self.problem.columns_of(self.point, list(sizes.items())))
+        changes = np.hstack([changes, np.zeros((len(changes), len(self.fitted)))])
+        rest = np.linalg.norm(changes - (changes @ self.basis) @ self.basis.T, axis=1)
+        return {path: float(size * one) for (path, size), one in zip(sizes.items(), rest, strict=True)}
 
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:
         """A screening for each candidate, in their order; vector: from where the signatures are taken."""
@@ -317,5 +328,5 @@ class _Regression:
     def _imitation(self, signature: np.ndarray, power: float) -> str:
         overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.tall]
         if max(overlap, default=0.0) > ALIKE:
-            return f"{self.fitted[int(np.argmax(overlap))]} does the same"
-        return "what is fitted already does the same"
+            return f"{self.fitted[int(np.argmax(overlap))]} has the same effect"
+        return "the parameters already fitted have the same effect"

@@ -1,19 +1,23 @@
-"""Whether parameters have one size throughout a record."""
+"""Whether parameters have one size throughout a record, or another in each dive."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
-from auv_gym.param import positions, replace_at, value_at
+from auv_gym.param import positions, replace_at, spec_at, value_at
+from auv_gym.records.record import Record
 from identification.deciding import BLOCKS, MOST_PARTS, UNSTEADY
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change
+from identification.fit.filtering import Point
+from identification.fit.parameters import moves_of
+from identification.fit.prediction_errors import PredictionErrors
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,25 @@ class Steadiness:
     probability: float
 
 
+@dataclass(frozen=True)
+class OfDive:
+    """The size that an effect has in one dive, with its 95 % interval, in the parameter's unit."""
+
+    dive: str
+    value: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class ByDive:
+    """An effect with another size in each dive of a record; bench, state: the fit with all of these sizes."""
+
+    path: str
+    sizes: tuple[OfDive, ...]
+    bench: Workbench
+    state: State
+
+
 def steadiness(bench: Workbench, state: State, paths: Sequence[str], quietly: bool = True) -> Steadiness:
     """The parameter, of those of a state, that is least surely the same in all sixths of the record.
 
@@ -36,22 +59,98 @@ def steadiness(bench: Workbench, state: State, paths: Sequence[str], quietly: bo
     rows, block = bench.problem.rows, bench.block_of_row
     begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(1, MOST_PARTS)]
     courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, 2)}
-    problem = copy(bench.problem)
+    best, evidence, _, _ = _changed(bench, state, paths, courses, UNSTEADY / len(paths), quietly)
+    chance = len(paths) * float(chi2.sf(max(evidence, 0.0), len(courses)))
+    return Steadiness(best, min(chance, 1.0))
+
+
+def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
+    """The size of an effect in each dive, if the dives of the record surely contradict each other in it.
+
+    Each dive costs a parameter, but for the first where the effect is fitted already: evidence must be above the 0.1 %
+    point of chi-square with as many degrees of freedom.
+    """
+    dives = dives_of(bench.record, bench.problem.rows)
+    if len(dives) < 2:
+        return None
+    begins, fitted = [*(begin for _, begin in dives), np.iinfo(np.int64).max], path in state.paths
+    courses = {
+        f"dive{k + 1}": Course((begins[k], begins[k + 1]), (0.0, 1.0, 0.0)) for k in range(int(fitted), len(dives))
+    }
+    _, evidence, by_dive, found = _changed(bench, state, [path], courses, UNSTEADY, True)
+    if found is None or evidence <= chi2.isf(UNSTEADY, len(courses)):
+        return None
+    sizes, limits, common = [], spec_at(found.plant, path).bounds, {path: 1.0} if fitted else {}
+    for k, (dive, _) in enumerate(dives, 1):
+        shares = common | ({change(f"dive{k}", path): 1.0} if f"dive{k}" in courses else {})
+        value, half = sum(value_at(found.plant, p) for p in shares), by_dive.half_width_of(found, shares)
+        value, low, high = np.clip([value, value - half, value + half], *limits).tolist()
+        sizes.append(OfDive(dive, value, (low, high)))
+    return ByDive(path, tuple(sizes), by_dive, found)
+
+
+def dives_of(record: Record, rows: np.ndarray) -> list[tuple[str, int]]:
+    """The dives of a record, which are its segments of one label, each with the first of some rows that lies in it."""
+    found: list[tuple[str, int]] = []
+    for label, segment in zip(record.labels, record.segments, strict=True):
+        own = rows[(rows >= segment.start) & (rows < segment.stop)]
+        if own.size and (not found or found[-1][0] != label):
+            found.append((label, int(own[0])))
+    return found
+
+
+def _changed(
+    bench: Workbench,
+    state: State,
+    paths: Sequence[str],
+    courses: Mapping[str, Course],
+    chance: float,
+    quietly: bool,
+) -> tuple[str, float, Workbench, State | None]:
+    """The path that changes in these courses are likeliest of, the evidence, and bench and fit with them.
+
+    No fit where a regression promises less than what chance has with a probability.
+    """
+    problem, changing = copy(bench.problem), copy(bench)
     problem.plant = plant = ChangingPlant.of(bench.plant, {form: list(paths) for form in courses}, courses)
     problem.index = positions(plant)
+    changing.plant, changing.problem = plant, problem
     here = replace_at(plant, {p: value_at(state.plant, p) for p in state.paths})
     near = replace(state.point, vector=here.vector)
+    _soon(bench, problem, state, near, paths, courses)
     parts = {Candidate(p, tuple(change(form, p) for form in courses)): p for p in paths}
-    bar, count = float(chi2.isf(UNSTEADY / len(paths), len(courses))), len(courses)
+    bar = float(chi2.isf(chance, len(courses)))
     bases = (near, problem.quieted(near)) if quietly and problem.pushed else (near,)
     found = [(screen(problem, base, state.paths, list(parts), bar)[0], base) for base in bases]
     best, base = max(found, key=lambda f: f[0].evidence)
-    evidence = best.evidence
-    if evidence > bar:
-        free = (*state.paths, *best.candidate.paths)
-        vector = problem.moved_vector(base.vector, free, np.r_[best.beside, best.estimate])
-        begun = problem.renewed(problem.point(vector, base.logs, base), state.point.logs, free)
-        fitted = problem.solve(problem.plant_at(begun, free), free, begun, ITERATIONS, gain=TRIAL_GAIN)
-        evidence = 2.0 * (problem.objective(fitted, free) - bench.problem.objective(state.point, state.paths))
-    chance = len(paths) * float(chi2.sf(max(evidence, 0.0), count))
-    return Steadiness(parts[best.candidate], min(chance, 1.0))
+    path = parts[best.candidate]
+    if best.evidence <= bar:
+        return path, best.evidence, changing, None
+    free = (*state.paths, *best.candidate.paths)
+    vector = problem.moved_vector(base.vector, free, np.r_[best.beside, best.estimate])
+    begun = problem.renewed(problem.point(vector, base.logs, base), state.point.logs, free)
+    fitted = problem.solve(problem.plant_at(begun, free), free, begun, ITERATIONS, gain=TRIAL_GAIN)
+    evidence = 2.0 * (problem.objective(fitted, free) - bench.problem.objective(state.point, state.paths))
+    return path, evidence, changing, State(problem.plant_at(fitted, free), free, fitted)
+
+
+def _soon(
+    bench: Workbench,
+    problem: PredictionErrors,
+    state: State,
+    near: Point,
+    paths: Sequence[str],
+    courses: Mapping[str, Course],
+) -> None:
+    """Slopes that are known already, and those by changes of coefficients as far as responses give them."""
+    moves = moves_of(state.paths)
+    problem.keep_columns(near, moves, bench.problem.columns_of(state.point, moves))
+    answered = bench.problem.prepared(state.point, state.paths)
+    for form, course in courses.items():
+        shares = np.array([course.at(int(row)) for row in problem.rows])
+        columns = bench.problem.changing_slopes(answered, paths, shares)
+        if columns is None:
+            return
+        own = [change(form, p) for p in paths]
+        scales = [problem.scale(q) / bench.problem.scale(p) for p, q in zip(paths, own, strict=True)]
+        problem.keep_columns(near, moves_of(own), columns * np.array(scales)[:, None, None])

@@ -75,14 +75,14 @@ class Discovery:
     def summary(self) -> str:
         """The finding in a plain paragraph."""
         if not self.terms:
-            text = "No term of the library explains what remains"
+            text = "No term in the library explains the remaining error"
             tried = [f"{t.words} ({t.objection})" for t in self.rejected]
-            return f"{text}; nearest comes {' and '.join(tried)}." if tried else f"{text}."
-        text = f"What remains looks like {' and '.join(t.words for t in self.terms)}."
+            return f"{text}; the closest is {' and '.join(tried)}." if tried else f"{text}."
+        text = f"The remaining error looks like {' and '.join(t.words for t in self.terms)}."
         for term in self.terms:
             if term.alike:
                 others = ", ".join(spec_at(self.plant, p).title.removeprefix("discovered ") for p in term.alike)
-                text += f" The record cannot tell it from: {others}."
+                text += f" This log cannot tell it from: {others}."
         return text
 
 

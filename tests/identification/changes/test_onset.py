@@ -33,4 +33,4 @@ def test_a_clean_log_has_no_time():
     plant = load_vehicle("slocum")
     found = find_onsets(closed_loop(plant, rng=np.random.default_rng(6), duration=800.0), plant)
     assert found.found == ()
-    assert timeline_summary(found) == ["Nothing is missing that this log could show, at any time."]
+    assert timeline_summary(found) == ["The model explains this log: no known effect is missing at any time."]

@@ -112,7 +112,7 @@ def test_a_fit_stays_within_five_deviations(log):
     (limited,) = (c for c in found.coefficients if c.path == "hull.n_delta")
     assert limited.value == pytest.approx(1.25 * BARE.hull.n_delta)
     assert limited.limited
-    assert "as far from the given value as its uncertainty allows" in found.summary()
+    assert "as far from the given value as its uncertainty allows. If" in found.summary()
 
 
 def test_what_is_known_of_an_effect_holds_it_as_a_coefficient_is_held(log):

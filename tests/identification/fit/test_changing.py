@@ -84,3 +84,14 @@ def test_a_plant_has_its_values_at_a_row_and_stays_within_bounds(glider):
 def test_paths_of_changes_tell_form_and_parameter():
     assert changed(change("after", OFFSET)) == ("after", OFFSET)
     assert changed(OFFSET) == ("", OFFSET)
+
+
+def test_a_vehicle_that_changes_may_change_in_other_forms_too(glider):
+    plant, record = glider
+    row, other = change("after", OFFSET), change("late", BIAS)
+    first = replace_at(changing(plant, [OFFSET], len(record) // 2, (0.0, 1.0)), row, 0.03)
+    both = ChangingPlant.of(first, {"late": [BIAS]}, {"late": Course((len(record) // 4,), (0.0, 1.0))})
+    assert both.changes == [row, other]
+    assert value_at(both, row) == 0.03
+    assert value_at(both.at_row(len(record) - 1), OFFSET) == 0.03
+    assert both.plain == plant

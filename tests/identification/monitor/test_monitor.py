@@ -65,7 +65,7 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
     other = closed_loop(slocum, rng=np.random.default_rng(6), duration=2000.0)
     found = watch(monitor, other)
     assert found.alarms == ()
-    assert watched_summary(found) == ["No alarm in 0.56 h, at 0.01 false alarms per hour."]
+    assert watched_summary(found) == ["No alarm was raised in 0.56 h, at 0.01 false alarms per hour."]
     again = Monitor(monitor.learned, 0.01)
     inputs, outputs = inputs_of(slocum, other), outputs_of(slocum, other)
     again.begin(inputs[0], outputs[0])
@@ -89,7 +89,7 @@ def test_the_page_lists_the_first_alarms_in_words_and_says_how_many_there_are(sl
     text = watched_page(Watched(monitor, 1.0, alarms, np.arange(2.0), np.ones(2)))
     assert "slocum: 30 alarms" in text
     assert "The first 20 of 30 alarms; all are in monitor.json." in text
-    assert text.count("a steady offset") == 20
+    assert text.count("none (steady offset)") == 20
     assert "heading_rad" not in text
 
 

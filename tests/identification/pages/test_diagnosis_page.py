@@ -18,6 +18,7 @@ from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge.verdict import RARE
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.remainder import Left
+from identification.diagnosis.wording import short
 from identification.experiments.heading_control import closed_loop
 from identification.fit.noises import Noise
 from identification.fit.validation import FreeRuns
@@ -77,7 +78,7 @@ def test_the_page_loads_nothing(page, outline):
 
 def test_the_page_says_which_logs_the_vehicle_has_seen(diagnosis, outline):
     assert diagnosis.given.plant.fitted_to in outline.text
-    assert "its numbers were fitted to" in outline.text
+    assert "coefficients fitted to" in outline.text
 
 
 def test_the_sections_stand_in_order_and_can_be_reached(outline):
@@ -161,8 +162,8 @@ def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosi
         diagnosis, before=diagnosis.given, effects=(moved,), tied=((moved.path, "hull.n_delta"),), verdict="tied"
     )
     text = Outline(diagnosis_page(d)).text
-    assert "Before is the vehicle as it was given." in text
-    assert "rudder gain acts exactly as rudder effectiveness" in text
+    assert "Before is the vehicle as given." in text
+    assert "rudder gain has exactly the same effect as rudder effectiveness" in text
     c = next(c for c in d.coefficients if c.path == "hull.n_delta")
     assert f"{amount(c.value, c.unit)} instead of {amount(c.given, c.unit)}" in text
 
@@ -171,7 +172,8 @@ def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figur
     pushed = Noise({"heading_rad": 0.01}, {"r_radps": (0.001, 20.0)})
     text = Outline(diagnosis_page(replace(diagnosis, noise=pushed, left=Left(("heading_rad",), ("heading_rad",))))).text
     assert (
-        "Random accelerations push the vehicle (RMS and correlation time): yaw rate 0.0573 deg/s^2 over 20 s." in text
+        "Random accelerations push the vehicle (process noise): yaw rate 0.0573 deg/s^2 RMS with a correlation time of "
+        "20 s." in text
     )
     assert "One-step prediction errors are correlated in time (heading) and come in bursts (heading)." in text
     still = Outline(diagnosis_page(replace(diagnosis, noise=Noise({"heading_rad": 0.01}, {}), left=Left()))).text
@@ -190,7 +192,7 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said(diagnosis, no_figures
     assert "It was not kept: most halves of the log do not choose it." in text
     assert "chosen, but not kept" in text
     assert "chosen by 55 % of the halves of the log" in text
-    assert f"Only 55 % of the halves of the log choose {rare.title}." in d.summary()
+    assert f"Only 55 % of the halves of the log choose {short(rare.title)}." in d.summary()
     assert f"The search also found {chosen[-1].title}, but most halves of the log do not choose it." in d.summary()
     assert as_json(d)["dropped"] == [{"path": chosen[-1].paths[0], "why": RARE.format(it="it")}]
     assert as_json(d)["effects"][0]["frequency"] == 0.55
@@ -201,11 +203,11 @@ def test_what_the_difference_acts_like_is_shown_and_not_called_named(diagnosis, 
     alike = (replace(first, steady=1e-6), *others)
     text = Outline(diagnosis_page(replace(diagnosis, verdict="unexplained", effects=(), tied=(), alike=alike))).text
     assert "No effect was named." in text
-    assert "Part of the difference acts like what follows." in text
-    assert f"Parts of the log contradict each other in the size of {first.name}" in text
+    assert "Part of the difference acts like the effects below." in text
+    assert f"The size of {short(first.name)} differs between parts of the log" in text
     assert first.title in text
     assert "named effects" not in text
-    assert "acts like what follows" not in Outline(diagnosis_page(diagnosis)).text
+    assert "acts like the effects below" not in Outline(diagnosis_page(diagnosis)).text
 
 
 def test_shades_alternate_by_part(diagnosis):

@@ -292,7 +292,7 @@ def test_a_killed_campaign_goes_on_where_it_was(campaign, tmp_path, whole):
         process.send_signal(blow)
         _, said = process.communicate(timeout=60)
         assert process.returncode == code, said
-    assert "goes on from there" in said
+    assert "the same command resumes it" in said
     left = {row.status for row in read_index(out)}
     assert left == {"done", "pending"}  # the polite end wrote the index
     times = {path: path.stat().st_mtime_ns for path in (out / "runs").glob("*.nc")}

@@ -30,7 +30,7 @@ def test_the_sentence_has_the_spread_in_units_for_people():
     flights = iter([runs_of([0.0, DEGREE, DEGREE]), runs_of([0.0, 0.0, 0.0])])
     found = common_prediction([(A, 0.5, PLANT), (C, 0.5, PLANT)], lambda plant: next(flights))
     assert found.words({A: "rudder offset", C: "yaw moment"}, "over 100 s") == (
-        "Whether it is rudder offset or yaw moment, free runs over 100 s differ by at most 1 deg in heading (RMS)."
+        "Free runs over 100 s with rudder offset or yaw moment differ by at most 1 deg in heading (RMS)."
     )
 
 
@@ -41,5 +41,5 @@ def test_a_member_whose_runs_diverge_is_said():
     assert found.error["heading_rad"] == pytest.approx(0.1)
     assert (
         found.words({}, "over 100 s")
-        == f"Whether it is {A} or {C} matters: free runs over 100 s diverge with one of them."
+        == f"It matters whether the cause is {A} or {C}: free runs over 100 s diverge with one of them."
     )

@@ -1,12 +1,10 @@
-"""What a diagnosis says of noises, of halves of a log, and of sizes that no log could show."""
+"""What a diagnosis says of noises, of halves of a log, and of what it is tied with."""
 
 from dataclasses import replace
 from types import SimpleNamespace
 
-import numpy as np
 import pytest
 
-from identification.diagnosis.judge.findings import detectable_effects
 from identification.diagnosis.judge.found import AsCoefficient, Effect, Member
 from identification.diagnosis.judge.verdict import (
     RARE,
@@ -19,27 +17,27 @@ from identification.diagnosis.judge.verdict import (
     noise_sentence,
     unsteady_sentence,
 )
-from identification.diagnosis.search.candidates import Candidate, Screening
+from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.remainder import Left
 from identification.fit.noises import Noise
-from tests.identification.diagnosis.stand_ins import PLANT, trial_of
+from tests.identification.diagnosis.stand_ins import trial_of
 
-ONSET = "`auv-gym onset` looks for when it begins or ends."
+ONSET = "`auv-gym onset` looks for when the effect begins or ends."
 
 
 @pytest.mark.parametrize(
     "process, words",
     [
         ({}, ""),
-        ({"r_radps": (0.01, 12.0)}, "Random accelerations push the vehicle (RMS and correlation time): yaw rate 0.573"),
-        ({"north_m": (0.02, 30.0)}, "Random drifts push the vehicle (RMS and correlation time): north 0.02 m/s over"),
+        ({"r_radps": (0.01, 12.0)}, "Random accelerations push the vehicle (process noise): yaw rate 0.573"),
+        ({"north_m": (0.02, 30.0)}, "Random drifts push the vehicle (process noise): north 0.02 m/s RMS"),
         ({"r_radps": (0.01, 12.0), "east_m": (0.02, 30.0)}, "Random accelerations and drifts push"),
     ],
 )
 def test_what_pushes_at_random_is_said_in_units_for_people(process, words):
     said = noise_sentence(SimpleNamespace(noise=Noise({"heading_rad": 0.01}, process)))  # type: ignore[arg-type]
     assert said.startswith(words)
-    assert ("deg/s^2 over 12 s" in said) == ("r_radps" in process)
+    assert ("deg/s^2 RMS with a correlation time of 12 s" in said) == ("r_radps" in process)
     assert bool(said) == bool(process)
 
 
@@ -70,34 +68,19 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said_not_to_be_kept(titles
     d.dropped_for = lambda reason: Diagnosis.dropped_for(d, reason)  # type: ignore[arg-type]
     assert dropped_sentence(d) == words  # type: ignore[arg-type]
     d.dropped |= {"effects.drag": WORSE}
-    worse = "effects.drag, but with it, free runs follow unseen parts of the log less well than without."
+    worse = "effects.drag, but free runs over unseen parts of the log are worse with it than without."
     assert dropped_sentence(d).endswith(worse)  # type: ignore[arg-type]
 
 
-def test_which_effects_are_not_of_one_size_is_said():
+def test_which_effects_differ_between_parts_is_said():
     trim = Effect("effects.rudder.offset", "trim", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0, steady=1e-4)
     lag, drag = replace(trim, title="lag", steady=0.002), replace(trim, title="drag")
-    for alike, words in (((lag,), ""), ((trim,), "its size"), ((trim, lag), "the size of trim")):
+    for alike, words in (((lag,), ""), ((trim,), "Its size"), ((trim, lag), "The size of trim")):
         said = unsteady_sentence(SimpleNamespace(alike=alike))  # type: ignore[arg-type]
-        assert said == (words and f"Parts of the log contradict each other in {words}: {ONSET}")
+        assert said == (words and f"{words} differs between parts of the log: {ONSET}")
     both = SimpleNamespace(alike=(trim, lag, drag), left=Left(changes=trim.path), state=None)
-    assert unsteady_sentence(both).startswith(  # type: ignore[arg-type]
-        "Parts of the log contradict each other in the size of trim and drag: "
-    )
+    assert unsteady_sentence(both).startswith("The size of trim and drag differs")  # type: ignore[arg-type]
     assert left_sentence(both) == ""  # type: ignore[arg-type]  # said once
-
-
-def test_a_size_beyond_what_is_possible_is_none_that_the_record_shows():
-    bias = Candidate("compass bias", ("effects.compass.bias",))  # within half a turn
-    screened = [Screening(bias, np.zeros(1), 0.0, 1.0, np.array([size])) for size in (3.1, 11.5, np.inf)]
-    found = detectable_effects(PLANT, screened, (), set())
-    assert [d.size for d in found] == [3.1, np.inf, np.inf]
-    assert [d.reason for d in found] == [
-        "",
-        "changes too little of what was measured",
-        "changes nothing that was measured",
-    ]
-    assert detectable_effects(PLANT, screened, (), {"effects.compass.bias"}) == ()
 
 
 def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be_so_and_why():
@@ -111,7 +94,7 @@ def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be
         return _likelier_sentence(SimpleNamespace(effects=(effect,), titles=titles))  # type: ignore[arg-type]
 
     assert said(spared, 0.48) == (
-        "Rudder backlash is likelier than rudder deadband: with it, this log needs no rudder offset."
+        "Rudder backlash is more probable than rudder deadband: with it, no rudder offset is needed."
     )
-    assert said(play, 0.48).endswith("rudder deadband: more of the sets that explain this log have it.")
+    assert said(play, 0.48).endswith("rudder deadband: more of the sets that explain this log contain it.")
     assert said(spared, 0.8) == said(spared, None) == ""

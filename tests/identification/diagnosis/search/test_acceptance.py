@@ -64,7 +64,7 @@ def sure(**changes) -> Claim:
         ({"train": 1000.0, "held": 19.9}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 20.1}, ""),
         ({"flies": lambda: False}, "free runs diverge with it"),
-        ({"sizes": [Size(5.0, True)]}, "only helps at the limit of what is physical, or of what is known of it"),
+        ({"sizes": [Size(5.0, True)]}, "helps only at the limit of its physical or known range"),
         ({"reach": lambda: [1.96 * 5.0 / 3.01]}, ""),  # three standard errors
         ({"reach": lambda: [1.96 * 5.0 / 2.99]}, "its size is too uncertain"),
     ],
@@ -266,7 +266,7 @@ def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(of
     found = diagnose(offset_log, plant)
     assert (found.verdict, found.effects, found.dropped) == ("unexplained", (), {OFFSET: WORSE})
     assert value_at(found.after.plant, OFFSET) == 0.0
-    assert "less well than without" in found.summary()
+    assert "are worse with it than without" in found.summary()
 
 
 def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):

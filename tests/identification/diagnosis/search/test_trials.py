@@ -101,7 +101,7 @@ def test_one_that_the_record_cannot_show_is_not_fitted(start):
     found = {t.candidate.paths[0]: t for t in trials_of(bench, state, left, len(candidates), quiet)}
     assert found[paths[0]].objection == f"{UNSEEN}: changes nothing that was measured"
     assert found[paths[1]].objection.startswith(UNSEEN)
-    assert found[paths[1]].objection.endswith("does the same")
+    assert found[paths[1]].objection.endswith("has the same effect")
     assert all(t.state is None for t in found.values())
 
 
