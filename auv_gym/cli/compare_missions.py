@@ -28,9 +28,11 @@ class _Sides(TyperCommand):
 
 
 def spread(args: Sequence[str]) -> list[str]:
-    """`--with A B` as `--with A --with B`."""
+    """`--with A B` as `--with A --with B`; raises ValueError where nothing follows --with."""
     found, after = [], False
-    for arg in args:
+    for arg, following in zip(args, [*args[1:], "--"], strict=True):
+        if arg == _WITH and following.startswith("-"):
+            raise ValueError(f"{_WITH} needs at least one later mission, got none: put the logs after it.")
         if arg.startswith("-"):
             after = arg == _WITH
         elif after:
@@ -51,6 +53,10 @@ def compare_missions(
         typer.Option("--series", help="Follow trends over consecutive missions, instead of comparing two groups."),
     ] = False,
     jobs: Annotated[int, whole_number("Worker processes for a series of missions.", 1, 1024)] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(help="Address of a Dask scheduler that takes the missions of a series, such as tcp://host:8786."),
+    ] = None,
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
     resample: logs.Thinning = None,
@@ -64,8 +70,12 @@ def compare_missions(
     """Find what changed in a vehicle between missions, and the smallest change that these logs would show."""
     if series == bool(after):
         raise ValueError(f"Give later missions with {_WITH}, or ask for trends with --series, but not both.")
+    if scheduler is not None and not series:
+        raise ValueError("--scheduler is for a series of missions: add --series, or leave --scheduler out.")
     if twice := sorted(set(before) & set(after or [])):
         raise ValueError(f"A mission is either earlier or later, not both: leave out {', '.join(twice)} on one side.")
+    if twice := sorted({log for side in (before, after or []) for log in side if side.count(log) > 1}):
+        raise ValueError(f"Give each mission once; this one was given twice: {', '.join(twice)}.")
     with progress_bar() as progress:
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, [*before, *(after or [])])
@@ -81,12 +91,16 @@ def compare_missions(
 
         def read(files: str | list[str]) -> Record:
             progress(0.0, "reading the logs")
-            return logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+            try:
+                return logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+            except ValueError as error:
+                raise ValueError(f"{files if isinstance(files, str) else ', '.join(files)}: {error}") from None
 
         options: Any = {"most": most, "doubt": doubt, "trust": trust}
         options["progress"] = lambda f, text: progress(0.05 + 0.9 * f, text)
         if series:
-            trends = follow_series({file: read(file) for file in before}, plant, out, jobs=jobs, **options)
+            options |= {"jobs": jobs, "scheduler": scheduler}
+            trends = follow_series({file: read(file) for file in before}, plant, out, **options)
             lines, written = series_summary(trends), write_series(trends, out)
         else:
             names = before, after or []

@@ -303,12 +303,23 @@ class Plant:
         return y
 
     def _run(
-        self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, c: Correction, y: np.ndarray, after: Any = None
+        self,
+        runs: Runs,
+        vectors: np.ndarray,
+        starts: np.ndarray,
+        c: Correction,
+        y: np.ndarray,
+        after: Any = None,
+        earlier: Sequence[tuple[int, np.ndarray]] = (),
     ) -> None:
+        """The runs into y; earlier: rows up to which actuators have moved by other vectors, and these."""
         after = np.empty((0, runs.rows, starts.shape[2])) if after is None else after
+        until = np.array([row for row, _ in earlier], dtype=np.int64)
+        before = np.stack([own for _, own in earlier]) if earlier else np.empty((0, *vectors.shape))
         windows = (runs.begin, runs.stop, c.carried, c.constant)
         times = (runs.times, runs.inputs, runs.first, runs.references, self.longest_step, runs.stride, runs.shares)
-        self.programs.rollout(vectors, starts, *windows, *times, c.measured, c.gains, c.kicks, c.decays, y, after)
+        corrected = (c.measured, c.gains, c.kicks, c.decays)
+        self.programs.rollout(vectors, starts, *windows, *times, *corrected, before, until, y, after)
 
     def follow_many(
         self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, correction: Correction, keep: bool

@@ -162,18 +162,18 @@ def settle(x, derived):
     physics.settle_sensors(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, records.parameters(derived))
 
 
-def drive(times, inputs, first, shaped, positions, p, work):
-    """Shaped commands and actuator positions at every sample of a record, (n, ACTUATORS) each, from the commands alone.
+def drive(times, inputs, first, begin, stop, x, shaped, positions, p, work):
+    """Shaped commands and actuator positions at some rows of a record, (n, ACTUATORS) each, from the commands alone.
 
     first: (n,) row at which each row's segment starts; there the actuators stand where they are told to.
+    begin, stop: the rows; x: full state, whose actuators are as the row before `begin` has left them.
     """
-    x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
     memory = x[STATES + ACTUATORS : STATES + 2 * ACTUATORS]
     still = True
     for j in range(ACTUATORS):
         dead_time, lag, slowness = physics.actuator_times(j, p)
         still = still and dead_time + p.effects.clock.delay <= 0.0 and lag <= 0.0 and slowness <= 0.0
-    for k in range(times.shape[0]):
+    for k in range(begin, stop):
         fresh = first[k] == k
         if fresh:
             for j in range(ACTUATORS):
@@ -193,7 +193,7 @@ def drive(times, inputs, first, shaped, positions, p, work):
 
 def rollout(
     vectors, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
-    stride, shares, measured, gains, kicks, decays, y, after,
+    stride, shares, measured, gains, kicks, decays, earlier, until, y, after,
 ):  # fmt: skip
     """Outputs of runs over windows of a record, for several parameter vectors, into y; free, or corrected at every row.
 
@@ -209,6 +209,7 @@ def rollout(
     measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
     kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after the interval.
     decays: (rows, D), of the accelerations to the next row.
+    earlier: (E, S, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
     y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.
     """
     n = times.shape[0]
@@ -226,9 +227,14 @@ def rollout(
     charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0
     attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
     for s in range(vectors.shape[0]):
+        driven = 0
+        for e in range(until.shape[0]):
+            physics.derive(earlier[e, s], derived)
+            drive(times, inputs, first, driven, until[e], x, shaped, positions, records.parameters(derived), work)
+            driven = until[e]
         physics.derive(vectors[s], derived)
         p = records.parameters(derived)
-        drive(times, inputs, first, shaped, positions, p, work)
+        drive(times, inputs, first, driven, n, x, shaped, positions, p, work)
         row = 0
         for w in range(begin.shape[0]):
             k = begin[w]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,6 +54,23 @@ def usable_log(record: Record, plant: Plant, asked: Asked, side: str = "") -> Ch
     return log
 
 
+def refuse_overlaps(missions: Mapping[str, Record]) -> None:
+    """Raise ValueError where two missions, or segments of one, were under way at once, as far as logs have dates."""
+    spans = []
+    for name, record in missions.items():
+        begin = float(record.attrs.get("start_epoch_s", np.nan))
+        for label, own in zip(record.labels, record.segments, strict=True):
+            first, last = begin + record.time[own.start], begin + record.time[own.stop - 1]
+            spans += [(first, last, f"{name}, {label}" if label else name)] if np.isfinite(begin) else []
+    spans.sort()
+    for (_, last, name), (first, _, other) in pairwise(spans):
+        if first < last:
+            raise ValueError(
+                f"Missions of one vehicle cannot overlap in time, but {other} begins {last - first:.0f} s before "
+                f"{name} ends: leave one of them out, or correct their clocks."
+            )
+
+
 @dataclass(frozen=True)
 class Changeable:
     """What of a vehicle may change: effects, and the paths of coefficients that are refitted."""
@@ -78,7 +96,7 @@ class Changeable:
 
 
 def kind_of(form: str) -> str:
-    """A form without the number of its time: `from` of `from7`."""
+    """A form without its number: `from` of `from7`."""
     return form.rstrip("0123456789")
 
 

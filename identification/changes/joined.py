@@ -8,7 +8,7 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record, concat
-from identification.changes.forms import usable_log
+from identification.changes.forms import refuse_overlaps, usable_log
 from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part
 
@@ -18,8 +18,9 @@ def joined_sides(sides: Mapping[str, Record], plant: Plant, asked: Asked) -> tup
 
     Each is checked by itself; a part is the same share of both, so that any part can be foretold from the others on
     both sides of a change.  Channels that only one has are left out.
-    Raises ValueError, with the side's name, where one cannot be used or looks mislabelled.
+    Raises ValueError, with the side's name, where one cannot be used or looks mislabelled, and where logs overlap.
     """
+    refuse_overlaps(sides)
     checked = [usable_log(record, plant, asked, name) for name, record in sides.items()]
     common = set.intersection(*(set(log.record.names) for log in checked))
     alone = sorted({n for log in checked for n in log.record.names} - common)

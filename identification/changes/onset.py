@@ -1,9 +1,8 @@
-"""When it began: effects and coefficients that act from a time on, until a time, or more and more along a log."""
+"""When it began: effects and coefficients that act from a time on, until one, between two, or more and more."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from copy import copy
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,33 +12,32 @@ from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, kind_of, sized, tied_names, usable_log
-from identification.deciding import BLOCKS, DOUBT, MISSED, MOST_EFFECTS, MOST_PARTS
+from identification.changes.spans import BETWEEN, OUTSIDE, best_spans, spans_of
+from identification.changes.times import moved_to_best, placed, split_evidence
+from identification.deciding import BLOCKS, DOUBT, MOST_EFFECTS, MOST_PARTS, UNSTEADY
 from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part, block_numbers
 from identification.diagnosis.search.attribution import Round, selected, settled
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Candidate, Screening, screen
+from identification.diagnosis.search.candidates import Candidate, Screening, screen_signatures
 from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.trials import Progress, quieted
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, changed
-from identification.fit.filtering import Point
 from identification.fit.linearised import at_once
-from identification.fit.prediction_errors import PredictionErrors
 
 FROM, UNTIL, GROWING = "from", "until", "growing"
-_SCANNED = 12  # rows of a profile at first, in the time between two that were screened
-_REACH = 1.5  # such times to either side, that a profile covers at first
-_DROP = 0.5 * float(chi2.isf(MISSED, 1))  # of the log-likelihood, at the ends of a time's interval
 
 
 @dataclass(frozen=True)
 class Timed:
     """An effect, or a change of a coefficient, and when it acts.
 
-    form: "" throughout, else "from" or "until" a time, or "growing" from the log's beginning to its end, where `size`
-    is that at the end.  time: s, as the log counts, with its 95 % interval by the profile of the likelihood; None
-    throughout and growing.  evidence: twice the gain in log-likelihood.  tied: what else would explain it as well.
+    form: "" throughout, else "from" or "until" a time, "between" two times or "outside" of them, or "growing" from the
+    log's beginning to its end, where `size` is that at the end.  time, second: s, as the log counts, with their 95 %
+    intervals by the profile of the likelihood; None where the form has none.  evidence: twice the gain in
+    log-likelihood.  tied: what else would explain it as well.  steady: whether both halves of the time in which it acts
+    agree on its size; where they contradict each other, no form is named.
     """
 
     path: str
@@ -49,7 +47,9 @@ class Timed:
     size: Sized
     evidence: float
     time: Sized | None = None
+    second: Sized | None = None
     tied: tuple[str, ...] = ()
+    steady: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,24 +74,70 @@ def find_onsets(
     """Effects that a plant is missing in a record, each in the form in time that explains it best.
 
     A search as that of a diagnosis, in which each effect is a candidate throughout, from and until each of 23 times,
-    and growing, and each coefficient one from these times on, and growing; the bar counts them all.  The time is then
-    sought between the 23, and its interval by profile.  Parts are interleaved, so that each has a share of every time.
+    between and outside of every two of them, and growing, and each coefficient one from these times on, and growing;
+    the bar counts them all.  The times are then sought between the 23, and their intervals by profile.  Parts are
+    interleaved, so that each has a share of every time.
     Raises ValueError of a record that cannot be used or looks mislabelled.
     """
     log = usable_log(record, plant, Asked(most=most, doubt=doubt, trust=trust))
     may = Changeable.of(plant, log.record, doubt)
     parts, edges = _interleaved(log)
-    forms = _courses(edges)
-    own = {name: may.paths if kind_of(name) == UNTIL else [*may.coefficients, *may.paths] for name in forms}
-    changing = ChangingPlant.of(log.plant, own, forms)
+    courses = _courses(edges, len(may.effects))
+    own = {name: _paths_of(name, may) for name in courses}
+    changing = ChangingPlant.of(log.plant, own, courses)
     known = fit_known(replace(log, plant=changing, parts=parts), progress)
-    wanted = [(c, kind) for c in may.effects for kind in (FROM, UNTIL, GROWING)]
-    wanted += [(c, kind) for c in may.refitted(known) for kind in (FROM, GROWING)]
-    groups = [[in_form(c, name) for name in forms if kind_of(name) == kind] for c, kind in wanted]
-    count = len(may.effects) + sum(map(len, groups))
-    bench, state, rounds, times = _searched(known, may.effects, groups, count, most, progress)
+    forms = [_Forms.of(c, courses, k) for k, c in enumerate(may.effects)]
+    forms += [_Forms.of(c, courses) for c in may.refitted(known)]
+    count = sum(f.count for f in forms) + 2 * len(spans_of(edges)) * len(may.effects)
+    bench, state, rounds, times = _searched(known, forms, count, most, progress)
     state, rounds = settled(bench, known.nominal, state, rounds, count)
     return Timeline(tuple(_timed(bench, state, rounds, times)), count, plant, tuple(log.record.notes))
+
+
+@dataclass(frozen=True)
+class _Forms:
+    """An effect, or a coefficient, in the forms in which it may act.
+
+    throughout: not of a coefficient.  groups: from the times on, until them, growing.  spans: between and outside of
+    two times, which are set once they are known to promise something.
+    """
+
+    throughout: Candidate | None
+    groups: tuple[tuple[Candidate, ...], ...]
+    spans: tuple[Candidate, ...] = ()
+
+    @classmethod
+    def of(cls, own: Candidate, courses: Mapping[str, Course], number: int | None = None) -> _Forms:
+        """All forms of an effect with a number, or of a coefficient, which has none."""
+        kinds = (FROM, GROWING) if number is None else (FROM, UNTIL, GROWING)
+        groups = tuple(tuple(in_form(own, name) for name in courses if kind_of(name) == kind) for kind in kinds)
+        if number is None:
+            return cls(None, groups)
+        return cls(own, groups, tuple(in_form(own, f"{kind}{number}") for kind in (BETWEEN, OUTSIDE)))
+
+    @property
+    def count(self) -> int:
+        """How many forms there are, without those of two times."""
+        return (self.throughout is not None) + sum(map(len, self.groups))
+
+    @property
+    def screened(self) -> list[Candidate]:
+        """Those that are screened one by one."""
+        return [*([self.throughout] if self.throughout else []), *(c for group in self.groups for c in group)]
+
+    def without(self, chosen: Candidate) -> _Forms:
+        """The forms that are left once one is chosen; what is known from a time on is needed for spans."""
+        groups = tuple(group for group in self.groups if chosen not in group)
+        whole = len(groups) == len(self.groups) and chosen is not self.throughout and chosen not in self.spans
+        return _Forms(self.throughout if chosen is not self.throughout else None, groups, self.spans if whole else ())
+
+
+def _paths_of(form: str, may: Changeable) -> list[str]:
+    """What may change in a form: in one of two times the one effect whose number it has."""
+    kind = kind_of(form)
+    if kind in (BETWEEN, OUTSIDE):
+        return list(may.effects[int(form.removeprefix(kind))].paths)
+    return may.paths if kind == UNTIL else [*may.coefficients, *may.paths]
 
 
 def _interleaved(log: CheckedLog) -> tuple[tuple[Part, ...], list[int]]:
@@ -107,120 +153,155 @@ def _interleaved(log: CheckedLog) -> tuple[tuple[Part, ...], list[int]]:
     return tuple(tuple(part) for part in parts if part), edges.tolist()
 
 
-def _courses(edges: Sequence[int]) -> dict[str, Course]:
-    """The forms in which something may change at one of some rows, by name; `from7`: from the seventh row on."""
+def _courses(edges: Sequence[int], effects: int) -> dict[str, Course]:
+    """The forms in which something may change, by name; `from7`: from the seventh of the rows on.
+
+    Those of two times have the number of an effect, and these times are not set yet.
+    """
     count = len(edges) + 1
     found = {f"{FROM}{k}": Course((edge,), (0.0, 1.0)) for k, edge in enumerate(edges, 1)}
     found |= {f"{UNTIL}{k}": Course((edge,), (1.0, 0.0)) for k, edge in enumerate(edges, 1)}
+    for k in range(effects):
+        found[f"{BETWEEN}{k}"] = Course((edges[0], edges[-1]), (0.0, 1.0, 0.0))
+        found[f"{OUTSIDE}{k}"] = Course((edges[0], edges[-1]), (1.0, 0.0, 1.0))
     return found | {GROWING: Course(tuple(edges), tuple((np.arange(count) + 0.5) / count))}
 
 
 def _searched(
-    known: Known,
-    effects: Sequence[Candidate],
-    groups: Sequence[Sequence[Candidate]],
-    count: int,
-    most: int,
-    progress: Progress,
-) -> tuple[Workbench, State, list[Round], dict[str, Sized]]:
-    """Forward selection among effects throughout and, of each group, the member that promises most just then.
+    known: Known, forms: Sequence[_Forms], count: int, most: int, progress: Progress
+) -> tuple[Workbench, State, list[Round], dict[str, list[Sized]]]:
+    """Forward selection among effects throughout and, of each form of each, the member that promises most just then.
 
-    The time of what is chosen is sought at once between those of the group: what is a little late or early leaves
-    enough to see for more of the same.  Returned are the bench with these times, state, rounds, and times by form.
+    The times of what is chosen are sought at once between those that were screened: what is a little late or early
+    leaves enough to see for more of the same.  All others in its form are then tried at these times, too, since what
+    was chosen may have been the one whose coarse time happened to be the best.  Returned are the bench with these
+    times, state, rounds, and times by form.
     """
-    bench, state, rounds, times = known.bench, known.nominal, [], dict[str, Sized]()
+    bench, state, rounds, times = known.bench, known.nominal, [], dict[str, list[Sized]]()
     for number in range(most):
         share = 0.1 + 0.75 * number / most
         progress(share, "screening the times")
-        left = [*effects, *_best_members(bench, state, groups, threshold(count))]
+        left, spans = _promising(bench, state, forms, threshold(count))
+        bench, state = placed(bench, state, spans)
         made = selected(bench, state, left, count, (), lambda f, text, s=share: progress(s, text))
         if made.chosen is None or made.chosen.state is None:
             break
+        before, reached = state, _at_best_times(bench, made)
+        rivals, spans = _at_the_same_times(forms, made.chosen.candidate, reached)
+        if rivals:
+            bench, before = placed(reached.bench, before, spans)
+            again = selected(bench, before, rivals, count, ())
+            if again.chosen is not None:
+                other = reached if again.chosen.candidate is made.chosen.candidate else _at_best_times(bench, again)
+                if reached.bench.gain(reached.state, other.state) >= 0.0:
+                    made, reached = again, other
+        assert made.chosen is not None
+        own, bench, state = made.chosen.candidate, reached.bench, reached.state
         rounds.append(made)
-        state, own = made.chosen.state, made.chosen.candidate
-        form = changed(own.paths[0])[0]
-        if kind_of(form) in (FROM, UNTIL):
-            bench, state, times[form] = _moved_to_best(bench, state, form)
-        effects = [c for c in effects if c is not own]
-        groups = [group for group in groups if own not in group]
+        times[changed(own.paths[0])[0]] = reached.times
+        forms = [f.without(own) if own in (*f.screened, *f.spans) else f for f in forms]
     return bench, state, rounds, times
 
 
-def _best_members(bench: Workbench, state: State, groups: Sequence[Sequence[Candidate]], bar: float) -> list[Candidate]:
-    """Of each group, the candidate of most evidence by regression, with the noises as they are or weaker ones."""
-    best, every = dict[Candidate, Screening](), [c for group in groups for c in group]
+@dataclass(frozen=True, eq=False)
+class _Reached:
+    """A state whose newest form has the times that suit it best, these times, and the bench of them."""
+
+    bench: Workbench
+    state: State
+    times: list[Sized]
+
+    def edges(self, form: str) -> tuple[int, ...]:
+        """The rows of a form's times."""
+        plant = self.bench.problem.plant
+        assert isinstance(plant, ChangingPlant)
+        return plant.courses[form].edges
+
+
+def _at_best_times(bench: Workbench, made: Round) -> _Reached:
+    """What a round has chosen, its times sought."""
+    assert made.chosen is not None
+    assert made.chosen.state is not None
+    form, state, found = changed(made.chosen.candidate.paths[0])[0], made.chosen.state, dict[int, Sized]()
+    # of two, the first anew once the second is where it belongs
+    for edge in {FROM: (0,), UNTIL: (0,), BETWEEN: (0, 1, 0), OUTSIDE: (0, 1, 0)}.get(kind_of(form), ()):
+        bench, state, found[edge] = moved_to_best(bench, state, form, edge)
+    return _Reached(bench, state, [found[edge] for edge in sorted(found)])
+
+
+def _at_the_same_times(
+    forms: Sequence[_Forms], chosen: Candidate, reached: _Reached
+) -> tuple[list[Candidate], dict[str, tuple[int, ...]]]:
+    """All in the form of what was chosen, and the rows of its times: each was tried at its own, coarse ones."""
+    form = changed(chosen.paths[0])[0]
+    if kind_of(form) in (BETWEEN, OUTSIDE):
+        spans = [span for f in forms for span in f.spans if kind_of(changed(span.paths[0])[0]) == kind_of(form)]
+        return spans, {changed(span.paths[0])[0]: reached.edges(form) for span in spans}
+    if kind_of(form) in (FROM, UNTIL):
+        return [c for f in forms for group in f.groups for c in group if changed(c.paths[0])[0] == form], {}
+    return [], {}
+
+
+def _promising(
+    bench: Workbench, state: State, forms: Sequence[_Forms], bar: float
+) -> tuple[list[Candidate], dict[str, tuple[int, int]]]:
+    """What is worth a trial, by regression, with the noises as they are or weaker ones, and the rows of two times.
+
+    Effects throughout; of each group the member of most evidence; and what acts between or outside of two times, where
+    that promises more than one time by as much as a name needs.
+    """
+    plant = bench.problem.plant
+    assert isinstance(plant, ChangingPlant)
+    best, gained = dict[Candidate, float](), dict[str, tuple[float, tuple[int, int]]]()
+    each = max((len(f.screened) for f in forms), default=1) * bench.problem.measured.size
     for base in (state, *quieted(bench, state)):
-        for some in at_once(len(every), bench.problem.measured.size):
-            for found in screen(bench.problem, base.point, state.paths, every[some], bar):
-                if found.candidate not in best or found.evidence > best[found.candidate].evidence:
-                    best[found.candidate] = found
-    return [max(group, key=lambda c: best[c].evidence) for group in groups if group]
+        for some in at_once(len(forms), each):
+            every = [c for f in forms[some] for c in f.screened]
+            signed, rest = screen_signatures(bench.problem, base.point, state.paths, every, bar)
+            own: dict[Candidate, list[tuple[Screening, np.ndarray]]] = {c: [] for c in every}
+            for one, signature in signed:
+                own[one.candidate].append((one, signature))
+            evidence = {c: max(one.evidence for one, _ in found) for c, found in own.items()}
+            best |= {c: max(value, best.get(c, value)) for c, value in evidence.items()}
+            for f in forms[some]:
+                if not f.spans or f.throughout is None:
+                    continue
+                signatures = [[signature for _, signature in own[c]] for c in (f.throughout, *f.groups[0])]
+                alone = max(evidence[c] for c in f.screened)
+                for span in f.spans:
+                    form = changed(span.paths[0])[0]
+                    gain, pair = max(
+                        best_spans(np.array(sizes), rest, kind_of(form), f.throughout.kinked)
+                        for sizes in zip(*signatures, strict=True)
+                    )
+                    rows = tuple(plant.courses[changed(f.groups[0][k - 1].paths[0])[0]].edges[0] for k in pair)
+                    if rows[0] < rows[1] and gain - alone >= max(bar, gained.get(form, (bar,))[0]):
+                        gained[form] = gain - alone, (rows[0], rows[1])
+    left = [f.throughout for f in forms if f.throughout]
+    left += [max(group, key=lambda c: best[c]) for f in forms for group in f.groups if group]
+    left += [span for f in forms for span in f.spans if changed(span.paths[0])[0] in gained]
+    return left, {form: rows for form, (_, rows) in gained.items()}
 
 
-def _timed(bench: Workbench, state: State, rounds: Sequence[Round], times: Mapping[str, Sized]) -> list[Timed]:
-    """What was chosen, with sizes and times."""
+def _timed(
+    bench: Workbench, state: State, rounds: Sequence[Round], times: Mapping[str, Sequence[Sized]]
+) -> list[Timed]:
+    """What was chosen, with sizes and times; without a form where the halves of its time contradict each other."""
     chosen = [(r, p) for r in rounds if r.chosen for p in r.chosen.candidate.paths if p in state.paths]
     found = []
     for made, name in chosen:
         assert made.chosen is not None
         form, path = changed(name)
         spec, size = spec_at(state.plant, path), sized(bench, state, {name: 1.0})
-        told = (spec.title or path, spec.unit, kind_of(form), size, made.evidence[0])
-        found.append(Timed(path, *told, times.get(form), tied_names([made])))
+        told = (spec.title or path, spec.unit)
+        steady = split_evidence(bench, state, name, FROM) < threshold_of_halves(len(chosen))
+        when = times.get(form, ()) if steady else ()
+        first, second = (*when, None, None)[:2]
+        kind = kind_of(form) if steady else ""
+        found.append(Timed(path, *told, kind, size, made.evidence[0], first, second, tied_names([made]), steady))
     return found
 
 
-def _moved_to_best(bench: Workbench, state: State, form: str) -> tuple[Workbench, State, Sized]:
-    """The state with a form's edge where it is likeliest, the bench of that, and the time with its interval.
-
-    Sought among rows about it, since commands that change make several likely ones, then by steps that are halved;
-    parameters and starts refitted with the filter's gains held.  The interval ends at
-    the first rows where the log-likelihood has fallen by `_DROP`.
-    """
-    problem, time = bench.problem, bench.record.time
-    plant = problem.plant
-    assert isinstance(plant, ChangingPlant)
-    low, high = int(problem.rows[0]) + 1, int(problem.rows[-1])
-    tried: dict[int, tuple[float, PredictionErrors, Point]] = {}
-
-    def likely(row: int) -> float:
-        if row not in tried:
-            other = copy(problem)
-            course = replace(plant.courses[form], edges=(row,))
-            other.plant = replace(plant, courses={**plant.courses, form: course})
-            near = tried[best][2] if tried else state.point
-            point = other.descended(other.with_gains(near, near.vector), state.paths, exact=True)
-            tried[row] = other.objective(point, state.paths), other, point
-        return tried[row][0]
-
-    best, cell = plant.courses[form].edges[0], len(problem.rows) / BLOCKS
-    step = max(round(cell / _SCANNED), 1)
-    scan = range(max(low, best - round(_REACH * cell)), min(high, best + round(_REACH * cell)) + 1, step)
-    likely(best)
-    best = max(scan, key=likely)
-    while step:
-        row = max((r for r in (best - step, best + step) if low <= r <= high), key=likely, default=best)
-        if likely(row) > likely(best):
-            best = row
-        else:
-            step //= 2
-    within = [r for r in tried if likely(r) > likely(best) - _DROP]
-    ends = [_end(likely, best, side, limit) for side, limit in ((min(within), low), (max(within), high))]
-    _, moved, point = tried[best]
-    other = copy(bench)
-    other.problem, other.plant = moved, moved.plant
-    point = moved.solve(moved.plant_at(point, state.paths), state.paths, point, iterations=4)
-    reached = State(moved.plant_at(point, state.paths), state.paths, point)
-    return other, reached, Sized(float(time[best]), (float(time[ends[0]]), float(time[ends[1]])))
-
-
-def _end(likely: Callable[[int], float], best: int, inner: int, limit: int) -> int:
-    """The first row from an inner one towards a limit where the likelihood has fallen by `_DROP`, or the limit."""
-    side, reach, outer = (1 if limit > best else -1), 1, inner
-    while outer != limit and likely(outer) > likely(best) - _DROP:
-        inner, outer = outer, outer + side * min(reach, abs(limit - outer))
-        reach *= 2
-    while abs(outer - inner) > 1:
-        middle = (inner + outer) // 2
-        inner, outer = (inner, middle) if likely(middle) <= likely(best) - _DROP else (middle, outer)
-    return outer
+def threshold_of_halves(count: int) -> float:
+    """The evidence from which the halves of the time of one of `count` effects contradict each other."""
+    return float(chi2.isf(UNSTEADY / count, 1))

@@ -5,8 +5,10 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,8 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record, concat
 from auv_gym.writing import writable_folder, write_json
-from identification.campaign.running.pool import in_parallel
-from identification.changes.forms import Sized
+from identification.campaign.running.pool import Spread, in_parallel, on_cluster
+from identification.changes.forms import Sized, refuse_overlaps
 from identification.changes.missions import Comparison, compare_missions
 from identification.deciding import DOUBT, MISSED, MOST_EFFECTS, SURPRISE
 from identification.diagnosis.log.checking import Asked, check_log
@@ -75,6 +77,7 @@ def follow_series(
     doubt: float = DOUBT,
     trust: bool = False,
     jobs: int = 1,
+    scheduler: str | None = None,
     progress: Progress = lambda fraction, text: None,
 ) -> Series:
     """The trends of a vehicle's first coefficients, and of the effects that its missions name, one after the other.
@@ -82,33 +85,57 @@ def follow_series(
     The earlier half is compared with the later one (`compare_missions`); what that names as changed or common is
     followed beside the coefficients of a first fit.  Each mission then gives its own sizes of these, all else as in the
     comparison; a file in `folder` keeps them, so that what was stopped goes on, and ends in the same.  jobs: processes.
+    scheduler: address of a Dask scheduler, whose workers take the missions in place of processes here.
     """
     if len(missions) < LEAST:
         raise ValueError(f"A trend needs at least {LEAST} missions, one after the other, got {len(missions)}.")
-    out = writable_folder(Path(folder) / MISSIONS)
+    refuse_overlaps(missions)
+    times = _times(missions)
+    with nullcontext(partial(in_parallel, jobs=jobs)) if scheduler is None else on_cluster(scheduler) as spread:
+        return _followed(missions, times, plant, Path(folder), most, doubt, trust, spread, progress)
+
+
+def _followed(
+    missions: Mapping[str, Record],
+    times: tuple[list[float], str],
+    plant: Plant,
+    folder: Path,
+    most: int,
+    doubt: float,
+    trust: bool,
+    spread: Spread,
+    progress: Progress,
+) -> Series:
+    out = writable_folder(folder / MISSIONS)
+    for part in (*folder.glob(f".{FOLLOWED}.*.part"), *out.glob(".*.part")):  # what a killed process was writing
+        part.unlink(missing_ok=True)
     key = _key(plant, [digest_of(r) for r in missions.values()], most, doubt, trust)
-    followed = _kept(out.parent / FOLLOWED, key)
+    followed = _kept(folder / FOLLOWED, key)
     if followed is None:
         records, half = list(missions.values()), len(missions) // 2
         halves = concat(records[:half]), concat(records[half:])
         found = compare_missions(*halves, plant, most=most, doubt=doubt, trust=trust, progress=progress)
         followed = {"key": key, "paths": followed_paths(found), "values": found.fitted}
-        write_json(out.parent / FOLLOWED, followed)
+        write_json(folder / FOLLOWED, followed)
     paths = followed["paths"]
     held = replace_at(plant, {p: v for p, v in followed["values"].items() if p not in paths})
-    tasks = []
-    for name, record in missions.items():
-        own = _key(held, [digest_of(record)], paths, trust)
-        tasks.append((name, record, out / f"{own}.json", own))
-    left = [task for task in tasks if _kept(task[2], task[3]) is None]
-    work = partial(_write_sizes, plant=held, paths=paths, trust=trust)
-    for done, _ in enumerate(in_parallel(work, left, jobs), 1):
+    files = {name: _key(held, [digest_of(record)], paths, trust) for name, record in missions.items()}
+    told = {name: _kept(out / f"{own}.json", own) for name, own in files.items()}
+    left = [name for name, kept in told.items() if kept is None]
+    work = partial(_sizes_or_why, plant=held, paths=paths, trust=trust)
+    for done, (number, sizes) in enumerate(spread(work, [missions[name] for name in left]), 1):
+        name = left[number]
+        if isinstance(sizes, dict):
+            told[name] = sizes
+            write_json(out / f"{files[name]}.json", {"key": files[name], **sizes})
+        else:  # no file, so that it is tried again
+            told[name] = {"failed": "its process died" if sizes is None else f"{type(sizes).__name__}: {sizes}"}
         progress(0.85 + 0.1 * done / len(left), f"{done} of {len(left)} missions")
-    told = {name: _kept(file, own) or {"failed": "its process died"} for name, _, file, own in tasks}
-    at, per = _times(missions)
-    usable = [(when, told[name]["sizes"]) for name, when in zip(missions, at, strict=True) if "sizes" in told[name]]
+    each = {name: own for name, own in told.items() if own is not None}
+    at, per = times
+    usable = [(when, each[name]["sizes"]) for name, when in zip(missions, at, strict=True) if "sizes" in each[name]]
     trends = [t for path in paths if (t := _trend(plant, path, usable, per)) is not None]
-    failed = {name: own["failed"] for name, own in told.items() if "failed" in own}
+    failed = {name: own["failed"] for name, own in each.items() if "failed" in own}
     return Series(plant, tuple(missions), tuple(trends), failed)
 
 
@@ -118,13 +145,12 @@ def followed_paths(found: Comparison) -> list[str]:
     return list(dict.fromkeys([*first, *(c.path for c in (*found.changed, *found.common))]))
 
 
-def _write_sizes(task: tuple[str, Record, Path, str], plant: Plant, paths: Sequence[str], trust: bool) -> None:
-    _, record, file, key = task
+def _sizes_or_why(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, Any]:
+    """What the file of a mission keeps: its sizes, or why it has none."""
     try:
-        told: dict[str, Any] = {"sizes": sizes_of(record, plant, paths, trust)}
+        return {"sizes": sizes_of(record, plant, paths, trust)}
     except ValueError as error:
-        told = {"failed": str(error)}
-    write_json(file, {"key": key, **told})
+        return {"failed": str(error)}
 
 
 def sizes_of(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, tuple[float, float]]:
@@ -174,11 +200,17 @@ def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float,
 
 
 def _times(missions: Mapping[str, Record]) -> tuple[list[float], str]:
-    """When missions began, in days from the first, where their logs say so; else their numbers."""
+    """When missions began, in days from the first, where their logs say so; else their numbers.
+
+    Raises ValueError where dates are not in order.
+    """
     begins = [float(r.attrs.get("start_epoch_s", np.nan)) + float(r.time[0]) for r in missions.values()]
-    if np.isfinite(begins).all() and np.all(np.diff(begins) > 0.0):
-        return [(b - begins[0]) / _DAY for b in begins], "day"
-    return [float(k) for k in range(len(begins))], "mission"
+    if not np.isfinite(begins).all():
+        return [float(k) for k in range(len(begins))], "mission"
+    for (name, begin), (other, later) in pairwise(zip(missions, begins, strict=True)):
+        if later <= begin:
+            raise ValueError(f"A series needs its missions in order of time, but {other} began before {name}: reorder.")
+    return [(b - begins[0]) / _DAY for b in begins], "day"
 
 
 def _key(plant: Plant, *facts: Any) -> str:

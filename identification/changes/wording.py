@@ -14,6 +14,7 @@ from auv_gym.writing import finite
 from identification.changes.missions import Changed, Common, Comparison, Unchanged
 from identification.changes.onset import FROM, Timed, Timeline
 from identification.changes.series import Series, Trend
+from identification.changes.spans import OUTSIDE
 from identification.diagnosis.wording import capital, interval, quantity, sized
 
 _TOLD = 4  # that did not change, in the summary; the page has all
@@ -65,10 +66,15 @@ def timed_words(t: Timed, plant: Plant) -> str:
     text = sized(t.title, quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
     text = f"{'' if t.path.startswith('effects.') else 'a change of '}{text}"
     text = capital(text)
-    if t.time is not None:
+    if t.second is not None and t.time is not None:
+        first, last = (f"{one.value:.0f} s ({one.ci95[0]:.0f} to {one.ci95[1]:.0f} s)" for one in (t.time, t.second))
+        text += f", {'except ' if t.form == OUTSIDE else ''}between {first} and {last}."
+    elif t.time is not None:
         low, high = t.time.ci95
         when = f"{t.form} {t.time.value:.0f} s{' on' if t.form == FROM else ''}"
         text += f", {when} (95 % interval {low:.0f} to {high:.0f} s)."
+    elif not t.steady:
+        text += ", but parts of the log contradict each other on its size: it is not known when it acts."
     else:
         text += ", which grows from zero to this size over the log." if t.form else ", throughout the log."
     return text + (f" The log cannot tell this from: {tied_words(t.tied, plant)}." if t.tied else "")

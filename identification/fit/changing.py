@@ -34,7 +34,7 @@ class ChangingPlant(Plant):
     """A plant that has one more parameter for each form in which one of its parameters may change.
 
     Their paths are `changes.FORM.PATH`; zero is no change.  courses: of the forms, by name.  What has changed stays
-    within the bounds of the parameter.  Actuators stand where a share changes as if it had held before, too.
+    within the bounds of the parameter.
     """
 
     courses: Mapping[str, Course] = field(default_factory=dict, hash=False)
@@ -83,19 +83,28 @@ class ChangingPlant(Plant):
         return self.at_row(0).derived
 
     def _run(
-        self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, c: Correction, y: np.ndarray, after: Any = None
+        self,
+        runs: Runs,
+        vectors: np.ndarray,
+        starts: np.ndarray,
+        c: Correction,
+        y: np.ndarray,
+        after: Any = None,
+        earlier: Sequence[tuple[int, np.ndarray]] = (),
     ) -> None:
         """The runs in pieces between the edges, each from where the one before has ended."""
         edges = [0, *self._layout.edges(vectors), np.iinfo(np.int64).max]
         if len(edges) == 2:
-            super()._run(runs, self._layout.acting(vectors, 0), starts, c, y, after)
+            super()._run(runs, self._layout.acting(vectors, 0), starts, c, y, after, earlier)
             return
         rows_of = (runs.stop - runs.begin) // runs.stride
         offsets = np.r_[0, np.cumsum(rows_of)[:-1]]
         constant = np.flatnonzero(c.constant)
         size = max(len(self.family.states) + len(self.family.sensors), starts.shape[2])
         reached = np.empty((len(vectors), runs.rows, size)) if after is None or not after.shape[0] else after
+        moved = list(earlier)  # actuators go on from where they were, too
         for first, last in pairwise(edges):
+            acting = self._layout.acting(vectors, first)
             # a row of several samples is whole: what changes within it acts from the next one on
             begin, stop = (
                 runs.begin + runs.stride * np.clip(-((runs.begin - edge) // runs.stride), 0, rows_of)
@@ -103,6 +112,7 @@ class ChangingPlant(Plant):
             )
             own = np.flatnonzero(begin < stop)
             if not own.size:
+                moved.append((last, acting))
                 continue
             at = offsets[own] + (begin - runs.begin)[own] // runs.stride  # of the first row of each piece
             lengths = (stop - begin)[own] // runs.stride
@@ -123,8 +133,9 @@ class ChangingPlant(Plant):
                 carried=carried,
             )
             read, ended = np.empty((len(vectors), rows.size, y.shape[2])), np.empty((len(vectors), rows.size, size))
-            super()._run(piece, self._layout.acting(vectors, first), begun, corrected, read, ended)
+            super()._run(piece, acting, begun, corrected, read, ended, moved)
             y[:, rows], reached[:, rows] = read, ended
+            moved.append((last, acting))
 
 
 @dataclass(frozen=True, eq=False)

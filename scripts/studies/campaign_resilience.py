@@ -53,7 +53,7 @@ PARTS = {
     "kill": "killed halfway with SIGKILL, workers and all, and resumed",
     "dask": "on a Dask scheduler with two worker processes, one killed halfway",
 }
-_PATIENCE = 1800.0  # s, for a campaign
+PATIENCE = 1800.0  # s, for a campaign
 
 
 def attempt(part: str, seed: int, runs: int, duration: float) -> dict[str, Any]:
@@ -74,7 +74,7 @@ def _doubled(file: Path, out: Path, runs: int, hashes: dict[str, str]) -> dict[s
 
 def _killed(file: Path, out: Path, runs: int, hashes: dict[str, str]) -> dict[str, Any]:
     process = subprocess.Popen(_command(file, out, "--jobs", "2"), start_new_session=True)
-    _wait(lambda: _written(out) >= runs // 2 or process.poll() is not None)
+    wait(lambda: _written(out) >= runs // 2 or process.poll() is not None)
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
@@ -88,10 +88,10 @@ def _clustered(file: Path, out: Path, runs: int, hashes: dict[str, str]) -> dict
     with cluster(2) as (address, workers):
         begin = time.perf_counter()
         process = subprocess.Popen(_command(file, out, "--scheduler", address))
-        _wait(lambda: _written(out) >= runs // 2 or process.poll() is not None)
+        wait(lambda: _written(out) >= runs // 2 or process.poll() is not None)
         at = _written(out)
         workers[0].kill()
-        code = process.wait(_PATIENCE)
+        code = process.wait(PATIENCE)
     rows = read_index(out)
     return {
         "killed_after": at,
@@ -113,7 +113,7 @@ def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
         options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(told)]
         started = [subprocess.Popen([*dask, "scheduler", *options], **quiet)]
         try:
-            _wait(lambda: told.is_file() and told.stat().st_size > 0)
+            wait(lambda: told.is_file() and told.stat().st_size > 0)
             address = json.loads(told.read_text(encoding="utf-8"))["address"]
             options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
             started += [subprocess.Popen([*dask, "worker", address, *options], **quiet) for _ in range(workers)]
@@ -133,15 +133,16 @@ def _command(file: Path, out: Path, *options: str) -> list[str]:
 
 def _timed(file: Path, out: Path, *options: str) -> float:
     begin = time.perf_counter()
-    subprocess.run(_command(file, out, *options), check=True, stdout=subprocess.DEVNULL, timeout=_PATIENCE)
+    subprocess.run(_command(file, out, *options), check=True, stdout=subprocess.DEVNULL, timeout=PATIENCE)
     return time.perf_counter() - begin
 
 
-def _wait(ready: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + _PATIENCE
+def wait(ready: Callable[[], bool]) -> None:
+    """Wait until something is ready; raises ValueError where it takes longer than `PATIENCE`."""
+    deadline = time.monotonic() + PATIENCE
     while not ready():
         if time.monotonic() > deadline:
-            raise ValueError(f"Nothing came within {_PATIENCE:g} s: try fewer or shorter runs.")
+            raise ValueError(f"Nothing came within {PATIENCE:g} s: try fewer or shorter runs.")
         time.sleep(0.05)
 
 

@@ -9,7 +9,7 @@ log with them would just show.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from time import perf_counter
 from typing import Any
@@ -22,7 +22,8 @@ from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.changes.missions import Comparison, compare_missions
-from identification.changes.onset import FROM, find_onsets
+from identification.changes.onset import FROM, GROWING, find_onsets
+from identification.changes.spans import BETWEEN, OUTSIDE
 from scripts.blind.cases import FAMILIES, PERIOD_OF, detectable_sizes
 from scripts.blind.kinds import effects_of, kind_of, known, log_of
 from scripts.blind.logs import Conditions
@@ -38,13 +39,21 @@ MISSIONS = {  # whether the effect is there before and after
     "missions: effect new": (False, True),
     "missions: effect gone": (True, False),
 }
-ONSETS: dict[str, Callable[[float, float], float]] = {  # share of the effect at a share of the log
-    "log: nothing": lambda t, begins: 0.0,
-    "log: effect throughout": lambda t, begins: 1.0,
-    "log: effect from a time on": lambda t, begins: float(t >= begins),
-    "log: effect that grows": lambda t, begins: round(min(max(t, 0.0), 1.0), 2),
-    "log: effect on, off, on": lambda t, begins: float(not 0.35 <= t < 0.65),
+ONSETS: dict[str, Callable[[float, Sequence[float]], float]] = {  # share of the effect at a share of the log
+    "log: nothing": lambda t, times: 0.0,
+    "log: effect throughout": lambda t, times: 1.0,
+    "log: effect from a time on": lambda t, times: float(t >= times[0]),
+    "log: effect that grows": lambda t, times: round(min(max(t, 0.0), 1.0), 2),
+    "log: effect off, on, off": lambda t, times: float(times[0] <= t < times[1]),
+    "log: effect on, off, on": lambda t, times: float(not times[0] <= t < times[1]),
 }
+FORMS = {  # in which each is to be named
+    "log: effect from a time on": FROM,
+    "log: effect that grows": GROWING,
+    "log: effect off, on, off": BETWEEN,
+    "log: effect on, off, on": OUTSIDE,
+}
+SPANS = ((0.15, 0.55), (0.45, 0.85))  # of the log: the least first and second time, and the latest ones
 
 
 def attempt(case: str, seed: int, vehicle: str) -> dict[str, Any]:
@@ -62,16 +71,18 @@ def attempt(case: str, seed: int, vehicle: str) -> dict[str, Any]:
 
 
 def _onset(case: str, plant: Plant, conditions: Conditions, rng: np.random.Generator) -> dict[str, Any]:
-    """An effect from a time on, growing, on for a part of the log only, or none."""
-    shape, seed, begins = ONSETS[case], int(rng.integers(2**31)), float(rng.uniform(0.2, 0.8))
+    """An effect from a time on, growing, between or outside of two times, or none."""
+    shape, seed, form = ONSETS[case], int(rng.integers(2**31)), FORMS.get(case, "")
+    times = tuple(rng.uniform(*SPANS)) if form in (BETWEEN, OUTSIDE) else (float(rng.uniform(0.2, 0.8)),)
+    there = 1.0 - times[0] if len(times) == 1 else abs(float(form == OUTSIDE) - (times[1] - times[0]))
     path, value, record, length = "", 0.0, None, kind_length(plant, conditions)
     for _ in range(ATTEMPTS):
         try:
             other = plant
             if case != "log: nothing":
-                path, other = drawn_effect(plant, conditions, seed, rng, 1.0 - begins)
+                path, other = drawn_effect(plant, conditions, seed, rng, there)
                 value = value_at(other, path)
-            record = changing_log(plant, other, path, conditions, seed, lambda t: shape(t / length, begins))
+            record = changing_log(plant, other, path, conditions, seed, lambda t: shape(t / length, times))
             break
         except (ValueError, Diverged, np.linalg.LinAlgError):
             record = None
@@ -79,21 +90,24 @@ def _onset(case: str, plant: Plant, conditions: Conditions, rng: np.random.Gener
         raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
     begin = perf_counter()
     found = find_onsets(record, plant)
-    time = begins * length
+    # an effect acts from the first sample on that is not before it
+    truth = [float(record.time[min(np.searchsorted(record.time, t * length), len(record) - 1)]) for t in times]
     own = [f for f in found.found if path and (f.path == path or any(t.endswith(path) for t in f.tied))]
-    timed = [f for f in own if f.form == FROM and f.time is not None]
+    timed = [[t for t in (f.time, f.second) if t is not None] for f in own if f.form == form]
+    timed = [told for told in timed if told]
     return {
         "path": path,
         "size": value,
-        "time": time,
+        "times": truth,
         "length": length,
-        "found": [[f.form, f.path, f.size.value, *f.size.ci95, list(f.tied)] for f in found.found],
+        "found": [[f.form, f.path, f.size.value, *f.size.ci95, list(f.tied), f.steady] for f in found.found],
         "named": bool(own),
         "forms": [f.form for f in own],
         "changing": [f.path for f in found.found if f.form],
+        "flagged": any(f.form or not f.steady for f in found.found),
         "false": [f.path for f in found.found if f not in own],
-        "near": bool(timed) and min(abs(f.time.value - time) for f in timed if f.time) <= 0.05 * length,
-        "holds": any(f.time.ci95[0] <= time <= f.time.ci95[1] for f in timed if f.time),
+        "near": any(all(abs(t.value - true) <= 0.05 * length for t, true in zip(told, truth)) for told in timed),
+        "holds": any(all(t.ci95[0] <= true <= t.ci95[1] for t, true in zip(told, truth)) for told in timed),
         "timed": bool(timed),
         "seconds": perf_counter() - begin,
     }
@@ -197,9 +211,7 @@ _RIGHT: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
     "missions: effect gone": lambda r: r["right_change"],
     "log: nothing": lambda r: not r["changing"],
     "log: effect throughout": lambda r: r["named"] and not r["changing"],
-    "log: effect from a time on": lambda r: r["named"],
-    "log: effect that grows": lambda r: "growing" in r["forms"],
-    "log: effect on, off, on": lambda r: r["named"] and bool(r["changing"]),
+    **{case: lambda r, form=form: form in r["forms"] for case, form in FORMS.items()},
 }
 
 
@@ -214,8 +226,9 @@ def sheets(found: Found) -> list[Sheet]:
             sized = [r for r in runs if r["sized"]]
             row.append(exact(sum(r["covered"] for r in sized), len(sized)))
         else:
-            timed = [r for r in runs if r["timed"] and case == "log: effect from a time on"]
+            timed = [r for r in runs if r["timed"]]
             row += [exact(sum(r[key] for r in timed), len(timed)) for key in ("near", "holds")]
+            row.insert(2, exact(sum(r["flagged"] for r in runs), len(runs)))
         rows[case.partition(":")[0]].append([*row, f"{np.median([r['seconds'] for r in runs]):.0f}"])
         for seed, r in found.runs[case].items():
             if not _RIGHT[case](r) or r[false]:
@@ -223,10 +236,10 @@ def sheets(found: Found) -> list[Sheet]:
                 misses.append([case, str(seed), r["vehicle"], r["path"], "; ".join(told)])
     heads = ("case", "right>", "something false>")
     wrong = ("case", "seed>", "vehicle", "truth", "found")
-    of_missions, of_logs = ("interval of the change holds>", "s>"), ("time within 5 %>", "its interval holds>", "s>")
+    of_missions, of_logs = ("interval of the change holds>", "s>"), ("times within 5 %>", "their intervals hold>", "s>")
     return [
         Sheet("missions", "Changes between missions", (*heads, *of_missions), rows["missions"]),
-        Sheet("logs", "Changes within a log", (*heads, *of_logs), rows["log"]),
+        Sheet("logs", "Changes within a log", (*heads[:2], "said to change>", heads[2], *of_logs), rows["log"]),
         Sheet("misses", "What came out wrong", wrong, misses),
     ]
 

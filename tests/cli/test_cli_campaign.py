@@ -88,7 +88,7 @@ def test_an_error_in_the_file_ends_before_anything_is_made(tmp_path, capsys):
 
 def test_a_scheduler_that_is_not_there_is_said(tmp_path, capsys, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("identification.campaign.running.workers._ANSWER", 0.5)
+    monkeypatch.setattr("identification.campaign.running.pool._ANSWER", 0.5)
     (tmp_path / "guide.toml").write_text(GUIDE[0])
     assert run(tmp_path / "guide.toml", tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9") == 1
     assert "No Dask scheduler answers at tcp://127.0.0.1:9" in capsys.readouterr().err

@@ -9,6 +9,8 @@ from auv_gym.cli import main
 from auv_gym.cli.compare_missions import spread
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
+from identification.experiments.float_dives import oil_mission
 from identification.experiments.heading_control import closed_loop
 from scripts.blind.changing import ChangingGlider
 
@@ -26,6 +28,61 @@ def test_sides_are_given_once_and_each_mission_on_one(tmp_path, capsys):
     told = " ".join(capsys.readouterr().err.split())
     assert told.count("ask for trends with --series") == 2
     assert "leave out a.csv on one side" in told
+
+
+@pytest.fixture(scope="module")
+def dives(tmp_path_factory):
+    """Two logs of a glider that overlap by a minute, and one of another vehicle."""
+    folder, plant = tmp_path_factory.mktemp("dives"), load_vehicle("slocum")
+    record = closed_loop(plant, rng=np.random.default_rng(0), duration=600.0)
+    for name, begin in (("first", 1.4e9), ("second", 1.4e9 + 540.0), ("third", 1.4e9 + 2e3), ("fourth", 1.4e9 + 1e3)):
+        record.with_notes([], start_epoch_s=begin).save(folder / f"{name}.nc")
+    oil_mission(load_vehicle("mermaid"), (300.0, 500.0), rng=np.random.default_rng(1)).save(folder / "float.nc")
+    return folder
+
+
+def refused(capsys, *given):
+    """What a command says that ends in an error."""
+    code = main([str(one) for one in given])
+    assert code in (1, 2)
+    return " ".join(capsys.readouterr().err.split())
+
+
+def test_what_cannot_be_compared_is_refused_in_words(dives, tmp_path, capsys):
+    first, second, third, fourth, other = (dives / f"{n}.nc" for n in ("first", "second", "third", "fourth", "float"))
+    common = ("--vehicle", "slocum", "--out", tmp_path)
+    told = refused(capsys, "compare-missions", first, "--with", *common)
+    assert "--with needs at least one later mission, got none" in told
+    told = refused(capsys, "compare-missions", first, "--with", second, *common)
+    assert "Missions of one vehicle cannot overlap in time" in told
+    assert "begins 60 s before" in told
+    told = refused(capsys, "compare-missions", first, third, first, "--with", fourth, *common)
+    assert "given twice: " in told
+    told = refused(capsys, "compare-missions", first, "--series", *common)
+    assert "A trend needs at least 4 missions, one after the other, got 1" in told
+    copies = [tmp_path / f"{n}.nc" for n in range(2)]
+    for copy, begin in zip(copies, (1.5e9, 1.6e9), strict=True):
+        Record.load(first).with_notes([], start_epoch_s=begin).save(copy)
+    told = refused(capsys, "compare-missions", first, third, fourth, *copies, "--series", *common)
+    assert "A series needs its missions in order of time" in told
+    assert "fourth.nc began before" in told
+    told = refused(capsys, "compare-missions", first, "--with", third, "--scheduler", "tcp://127.0.0.1:9", *common)
+    assert "--scheduler is for a series of missions: add --series" in told
+    told = refused(capsys, "compare-missions", first, "--with", other, *common)
+    assert "float.nc: The record has no channel 'heading_rad'" in told
+    told = refused(capsys, "compare-missions", other, "--with", first, *common)
+    assert "float.nc: The record has no channel 'heading_rad'" in told
+
+
+def test_onset_and_monitor_refuse_the_log_of_another_vehicle_and_a_rate_that_is_none(dives, tmp_path, capsys):
+    common = ("--vehicle", "slocum", "--out", tmp_path)
+    for command in ("onset", "monitor"):
+        assert "no channel 'heading_rad'" in refused(capsys, command, dives / "float.nc", *common)
+    told = refused(capsys, "monitor", dives / "first.nc", "--clean", dives / "float.nc", *common)
+    assert "no channel 'heading_rad'" in told
+    for rate in ("0", "-1", "nan"):
+        told = refused(capsys, "monitor", dives / "first.nc", "--rate", rate, *common)
+        assert f"from 1e-06 to 10000 is needed, got {rate}" in told
 
 
 @pytest.mark.slow

@@ -1,11 +1,12 @@
-"""Work shared among processes, in which one that dies costs its own task only."""
+"""Work shared among processes, of this machine or of a Dask cluster; one that dies costs its own task only."""
 
 from __future__ import annotations
 
 import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, TypeVar
+from contextlib import contextmanager
+from typing import Any, Protocol, TypeVar
 
 import joblib
 from joblib.externals.loky import get_reusable_executor
@@ -13,6 +14,18 @@ from joblib.externals.loky.process_executor import BrokenProcessPool
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+_ANSWER = 10.0  # s, within which a scheduler answers
+
+
+class Spread(Protocol):
+    """Gives tasks to workers.
+
+    Yields number and result of each task as they come: None where its worker died (with Dask, more often than its
+    setting allowed-failures allows), the error where it ended in one.
+    """
+
+    def __call__(self, work: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Exception | None]]: ...
 
 
 def in_parallel(work: Callable[[T], R], tasks: Sequence[T], jobs: int) -> Iterator[tuple[int, R | None]]:
@@ -67,3 +80,36 @@ def _in_worker(work: Callable[[T], R], number: int, task: T) -> tuple[int, R]:
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent ends the others
     return number, work(task)
+
+
+@contextmanager
+def on_cluster(scheduler: str) -> Iterator[Spread]:
+    """What gives tasks to the workers of a Dask scheduler, as `in_parallel` to processes; errors are results here.
+
+    Workers need this package in the same version, and no access to files here.  scheduler: its address, such as
+    tcp://host:8786.  Raises ValueError where none answers there, ImportError without the extra `distributed`.
+    """
+    try:
+        from distributed import Client, as_completed
+        from distributed.scheduler import KilledWorker
+    except ImportError:
+        raise ImportError("--scheduler needs Dask: pip install 'auv-gym[distributed]'.") from None
+    try:
+        client = Client(scheduler, timeout=_ANSWER)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise ValueError(
+            f"No Dask scheduler answers at {scheduler} ({error}): start one with `dask scheduler`."
+        ) from None
+
+    def spread(work: Callable[[T], R], tasks: Sequence[T]) -> Iterator[tuple[int, R | Exception | None]]:
+        futures = {client.submit(work, task, pure=False): number for number, task in enumerate(tasks)}
+        for future in as_completed(futures):
+            error = future.exception()
+            if error is None:
+                yield futures[future], future.result()
+            else:
+                yield futures[future], None if isinstance(error, KilledWorker) else error
+            future.release()
+
+    with client:
+        yield spread

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
 from identification.campaign.file.plan import PlannedRun
 from identification.campaign.running.perform import Outcome, perform
-from identification.campaign.running.pool import in_parallel
+from identification.campaign.running.pool import in_parallel, on_cluster
 
-_ANSWER = 10.0  # s, within which a scheduler answers
 _LOST = "its worker process died again and again: out of memory, or killed"
 
 
@@ -24,33 +22,14 @@ def local_run_outcomes(runs: Sequence[PlannedRun], folder: Path, jobs: int) -> I
 def dask_run_outcomes(scheduler: str, runs: Sequence[PlannedRun], folder: Path) -> Iterator[Outcome]:
     """The outcomes of runs as they come, performed by the workers of a Dask scheduler; logs are read here.
 
-    Outcomes carry the content of their files, so workers need no access to the campaign's folder, only this package in
-    the same version.  A run whose workers die more often than Dask allows (allowed-failures) is lost.
+    Outcomes carry the content of their files, so workers need no access to the campaign's folder.
     """
-    try:
-        from distributed import Client, as_completed
-        from distributed.scheduler import KilledWorker
-    except ImportError:
-        raise ImportError("--scheduler needs Dask: pip install 'auv-gym[distributed]'.") from None
-    try:
-        client = Client(scheduler, timeout=_ANSWER)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise ValueError(
-            f"No Dask scheduler answers at {scheduler} ({error}): start one with `dask scheduler`."
-        ) from None
-    with client:
-        here = [run for run in runs if run.settings.experiment.kind == "log"]
-        yield from (perform(run, folder) for run in here)
-        futures = {
-            client.submit(perform, run, pure=False, key=f"run-{run.id}-{os.getpid()}"): run.id
-            for run in runs
-            if run not in here
-        }
-        for future in as_completed(futures):
-            error = future.exception()
-            if error is None:
-                yield future.result()
+    far = [run for run in runs if run.settings.experiment.kind != "log"]
+    with on_cluster(scheduler) as spread:
+        yield from (perform(run, folder) for run in runs if run not in far)
+        for number, outcome in spread(perform, far):
+            if isinstance(outcome, Outcome):
+                yield outcome
             else:
-                text = _LOST if isinstance(error, KilledWorker) else f"{type(error).__name__}: {error}"
-                yield Outcome(futures[future], "failed", text)
-            future.release()
+                text = _LOST if outcome is None else f"{type(outcome).__name__}: {outcome}"
+                yield Outcome(far[number].id, "failed", text)

@@ -161,6 +161,17 @@ def screen_pairs(
     return Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period], most)
 
 
+def screen_signatures(
+    problem: PredictionErrors, point: Point, fitted: Sequence[str], candidates: Sequence[Candidate], threshold: float
+) -> tuple[list[tuple[Screening, np.ndarray]], np.ndarray]:
+    """As `screen`, with each signature beside what is fitted, (paths, n), and what is left to explain, (n,).
+
+    Candidates in their order; one with a corner at neutral comes once for each of its sizes.
+    """
+    regression = Regression(problem, point, fitted, threshold)
+    return [(one, rest) for one, rest, _ in regression._signed(candidates)], regression.left
+
+
 def deviations_shown(threshold: float) -> float:
     """How many standard errors an effect needs, so that its evidence is above a threshold with 95 % probability."""
     return float(np.sqrt(threshold)) + _ONE_SIDED

@@ -29,6 +29,33 @@ def test_a_rudder_that_goes_off_is_named_with_the_time():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("form", ["between", "outside"])
+def test_an_effect_of_two_times_is_named_with_both(form):
+    plant = load_vehicle("slocum")
+    bent = replace_at(plant, OFFSET, 0.03)
+    moving = ChangingGlider(plant, lambda t: bent if (252.0 <= t < 520.0) == (form == "between") else plant)
+    found = find_onsets(closed_loop(moving, rng=np.random.default_rng(5), duration=800.0), plant)
+    (only,) = found.found
+    assert (only.path, only.form, only.steady) == (OFFSET, form, True)
+    assert only.time.ci95[0] <= 252.0 <= only.time.ci95[1]
+    assert only.second.ci95[0] <= 520.0 <= only.second.ci95[1]
+    assert only.size.ci95[0] < 0.03 < only.size.ci95[1]
+    told = timeline_summary(found)[0]
+    assert f", {'except ' if form == 'outside' else ''}between 2" in told
+
+
+@pytest.mark.slow
+def test_an_effect_that_has_two_sizes_has_no_form():
+    plant = load_vehicle("slocum")
+    sides = [replace_at(plant, OFFSET, size) for size in (0.07, 0.04)]
+    moving = ChangingGlider(plant, lambda t: sides[int(t >= 500.0)] if t >= 200.0 else plant)
+    found = find_onsets(closed_loop(moving, rng=np.random.default_rng(5), duration=800.0), plant, most=1)
+    (only,) = found.found
+    assert (only.path, only.form, only.time, only.steady) == (OFFSET, "", None, False)
+    assert "parts of the log contradict each other" in timeline_summary(found)[0]
+
+
+@pytest.mark.slow
 def test_a_clean_log_has_no_time():
     plant = load_vehicle("slocum")
     found = find_onsets(closed_loop(plant, rng=np.random.default_rng(6), duration=800.0), plant)

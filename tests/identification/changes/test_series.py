@@ -1,13 +1,19 @@
 """Trends over missions: the line with a scatter of its own, and a series that is stopped and goes on."""
 
+import signal
+import subprocess
+import sys
+import time
+
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.changes.page import write_series
-from identification.changes.series import MISSIONS, follow_series, line
+from identification.changes.series import FOLLOWED, MISSIONS, follow_series, line
 from identification.experiments.heading_control import closed_loop
+from scripts.studies.series_resilience import STUDY, dives, hashes
 
 OFFSET = "effects.rudder.offset"
 
@@ -52,3 +58,84 @@ def test_a_series_finds_what_grows_and_goes_on_where_it_was_stopped(tmp_path):
     again = follow_series(missions, plant, tmp_path, jobs=2)
     assert {name: path.read_bytes() for name, path in write_series(again, tmp_path).items()} == written
     assert files[0].stat().st_mtime_ns == before
+
+
+SLOWLY = """
+import sys, time
+import auv_gym.cli
+import identification.changes.series as series
+real = series.sizes_of
+def sizes_of(*given):
+    time.sleep(0.3)
+    return real(*given)
+series.sizes_of = sizes_of
+sys.exit(auv_gym.cli.main(sys.argv[1:]))
+"""
+
+
+def test_a_killed_series_goes_on_and_leaves_the_same_bytes(tmp_path):
+    logs = dives(tmp_path, 3, 5, 520.0)
+
+    def begin(out, *code):
+        given = ["compare-missions", *logs, "--series", "--vehicle", "slocum", "--most", "1", "--out", str(out)]
+        return subprocess.Popen([sys.executable, *code, *given], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    undisturbed = begin(whole, "-m", "auv_gym.cli")
+    assert undisturbed.wait(300) == 0, undisturbed.stderr.read()
+    process, deadline = begin(out, "-c", SLOWLY), time.monotonic() + 300.0
+    while len(list((out / MISSIONS).glob("*.json"))) < 2 and process.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGKILL)
+    assert process.wait(60) == -signal.SIGKILL, process.stderr.read()
+    (out / MISSIONS / ".half.json.12ab.part").write_text("{")  # what it might have been writing
+    kept = {p: p.stat().st_mtime_ns for p in (out / FOLLOWED, *(out / MISSIONS).glob("*.json"))}
+    assert 2 <= len(kept) - 1 < 5
+    resumed = begin(out, "-m", "auv_gym.cli")
+    assert resumed.wait(300) == 0, resumed.stderr.read()
+    assert hashes(out) == hashes(whole)
+    assert len(hashes(out)) == 5 + 3  # missions, followed.json, series.json, series.html
+    assert all(p.stat().st_mtime_ns == then for p, then in kept.items())
+
+
+@pytest.mark.slow
+def test_forty_dives_survive_a_kill_and_a_cluster_that_loses_a_worker():
+    pytest.importorskip("distributed")
+    found = STUDY.find([0])
+    assert STUDY.good(found)
+    killed, clustered = found.of("kill")[0], found.of("dask")[0]
+    assert killed["exit_code"] == -signal.SIGKILL
+    assert 20 <= killed["kept"] == killed["after"] < 40
+    assert clustered["killed_after"] < 40
+    assert clustered["exit_code"] == 0
+
+
+def test_missions_taken_by_a_cluster_have_the_same_sizes(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    plant, missions = load_vehicle("slocum"), {}
+    for k in range(4):
+        flown = replace_at(plant, OFFSET, 0.01 * k)
+        missions[f"m{k}"] = closed_loop(flown, rng=np.random.default_rng(40 + k), duration=520.0)
+    missions["short"] = missions["m0"].between(0.0, 100.0)
+    folders = tmp_path / "cluster", tmp_path / "here"
+    with distributed.LocalCluster(1, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        found = follow_series(missions, plant, folders[0], most=1, scheduler=cluster.scheduler_address)
+    here = follow_series(missions, plant, folders[1], most=1)
+    assert found.trends == here.trends
+    assert set(found.failed) == {"short"}
+    files = [{p.name: p.read_bytes() for p in (folder / MISSIONS).iterdir()} for folder in folders]
+    assert files[0] == files[1]
+    assert len(files[0]) == 5
+
+
+def test_a_scheduler_is_asked_before_anything_is_fitted(tmp_path, monkeypatch):
+    missions = dict.fromkeys(("a", "b", "c", "d"))
+    given = (missions, load_vehicle("slocum"), tmp_path)
+    with monkeypatch.context() as without:
+        without.setitem(sys.modules, "distributed", None)
+        with pytest.raises(ImportError, match=r"auv-gym\[distributed\]"):
+            follow_series(*given, scheduler="tcp://127.0.0.1:9")
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("identification.campaign.running.pool._ANSWER", 0.5)
+    with pytest.raises(ValueError, match=r"No Dask scheduler answers at tcp://127.0.0.1:9"):
+        follow_series(*given, scheduler="tcp://127.0.0.1:9")

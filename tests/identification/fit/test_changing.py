@@ -95,3 +95,19 @@ def test_a_vehicle_that_changes_may_change_in_other_forms_too(glider):
     assert value_at(both, row) == 0.03
     assert value_at(both.at_row(len(record) - 1), OFFSET) == 0.03
     assert both.plain == plant
+
+
+@pytest.mark.parametrize("path, size", [("effects.rudder.lag", 4.0), ("effects.rudder.backlash", 0.1)])
+def test_actuators_go_on_from_where_a_change_finds_them(glider, path, size):
+    plant, record = glider
+    edge = 1 + int(np.argmax(np.abs(np.diff(record["rudder_rad"]))))  # just after the largest move
+    course = Course((edge, edge + 20), (0.0, 1.0, 0.0))
+    both = replace_at(ChangingPlant.of(plant, {"amid": [path]}, {"amid": course}), change("amid", path), size)
+    inputs = np.stack([record[n] if record.has(n) else np.full(len(record), plant.constants[n]) for n in plant.inputs])
+    x = plant.settled(plant.initial(np.zeros(len(plant.outputs)))[: len(plant.family.states)], inputs[:, 0])
+    first, stepped = x[None, :], []
+    for k in range(len(record)):
+        now = both.at_row(k)
+        stepped.append(now.output(x))
+        x = now.step_over(x, inputs[:, k], plant.dt)
+    np.testing.assert_allclose(both.run(record, record.segments, first), stepped, rtol=0.0, atol=1e-9)

@@ -1,0 +1,120 @@
+"""At which times of a log something changes, by the profile of the likelihood, and whether sizes agree."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from identification.changes.forms import Sized, kind_of
+from identification.deciding import BLOCKS, MISSED
+from identification.diagnosis.search.candidates import Candidate, screen
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.changing import ChangingPlant, change, changed
+from identification.fit.filtering import Point
+from identification.fit.prediction_errors import PredictionErrors
+
+_SCANNED = 12  # rows of a profile at first, in the time between two that were screened
+_REACH = 1.5  # such times to either side, that a profile covers at first
+_DROP = 0.5 * float(chi2.isf(MISSED, 1))  # of the log-likelihood, at the ends of a time's interval
+
+
+def placed(bench: Workbench, state: State, edges: Mapping[str, tuple[int, ...]]) -> tuple[Workbench, State]:
+    """The bench and the state with the edges of some forms, in which nothing has changed yet, at these rows."""
+    plant = bench.problem.plant
+    assert isinstance(plant, ChangingPlant)
+    courses = {form: replace(plant.courses[form], edges=rows) for form, rows in edges.items()}
+    other, problem = copy(bench), copy(bench.problem)
+    problem.plant = replace(plant, courses={**plant.courses, **courses})
+    other.problem, other.plant = problem, problem.plant
+    return other, replace(state, plant=problem.plant_at(state.point, state.paths))
+
+
+def moved_to_best(bench: Workbench, state: State, form: str, number: int = 0) -> tuple[Workbench, State, Sized]:
+    """The state with one of a form's edges where it is likeliest, the bench of that, and the time with its interval.
+
+    number: of the edge.  Sought among rows about it, since commands that change make several likely ones, then by steps
+    that are halved; parameters and starts refitted with the filter's gains held.  The interval ends at the first rows
+    where the log-likelihood has fallen by `_DROP`.
+    """
+    problem, time = bench.problem, bench.record.time
+    plant = problem.plant
+    assert isinstance(plant, ChangingPlant)
+    edges = plant.courses[form].edges
+    limits = int(problem.rows[0]), *edges[:number], *edges[number + 1 :], int(problem.rows[-1]) + 1
+    low, high = limits[number] + 1, limits[number + 1] - 1
+    tried: dict[int, tuple[float, PredictionErrors, Point]] = {}
+
+    def likely(row: int) -> float:
+        if row not in tried:
+            other = copy(problem)
+            course = replace(plant.courses[form], edges=(*edges[:number], row, *edges[number + 1 :]))
+            other.plant = replace(plant, courses={**plant.courses, form: course})
+            near = tried[best][2] if tried else state.point
+            point = other.descended(other.with_gains(near, near.vector), state.paths, exact=True)
+            tried[row] = other.objective(point, state.paths), other, point
+        return tried[row][0]
+
+    best, cell = edges[number], len(problem.rows) / BLOCKS
+    step = max(round(cell / _SCANNED), 1)
+    scan = range(max(low, best - round(_REACH * cell)), min(high, best + round(_REACH * cell)) + 1, step)
+    likely(best)
+    best = max(scan, key=likely)
+    while step:
+        row = max((r for r in (best - step, best + step) if low <= r <= high), key=likely, default=best)
+        if likely(row) > likely(best):
+            best = row
+        else:
+            step //= 2
+    within = [r for r in tried if likely(r) > likely(best) - _DROP]
+    ends = [_end(likely, best, side, limit) for side, limit in ((min(within), low), (max(within), high))]
+    _, moved, point = tried[best]
+    other = copy(bench)
+    other.problem, other.plant = moved, moved.plant
+    point = moved.solve(moved.plant_at(point, state.paths), state.paths, point, iterations=4)
+    reached = State(moved.plant_at(point, state.paths), state.paths, point)
+    return other, reached, Sized(float(time[best]), (float(time[ends[0]]), float(time[ends[1]])))
+
+
+def _end(likely: Callable[[int], float], best: int, inner: int, limit: int) -> int:
+    """The first row from an inner one towards a limit where the likelihood has fallen by `_DROP`, or the limit."""
+    side, reach, outer = (1 if limit > best else -1), 1, inner
+    while outer != limit and likely(outer) > likely(best) - _DROP:
+        inner, outer = outer, outer + side * min(reach, abs(limit - outer))
+        reach *= 2
+    while abs(outer - inner) > 1:
+        middle = (inner + outer) // 2
+        inner, outer = (inner, middle) if likely(middle) <= likely(best) - _DROP else (middle, outer)
+    return outer
+
+
+def split_evidence(bench: Workbench, state: State, name: str, form: str) -> float:
+    """The evidence that a change is not of one size in both halves of the time in which it acts.
+
+    Beside it, the same effect may act from a time on in the middle of its own: one of a form with numbers, such as
+    `from7`, whose times are those that were screened.  What acts outside of two times is split by these.
+    """
+    plant = bench.problem.plant
+    assert isinstance(plant, ChangingPlant)
+    own, path = changed(name)
+    rows = bench.problem.rows
+    shares = np.array([plant.courses[own].at(int(row)) for row in rows]) if own else np.ones(len(rows))
+    there = rows[shares > 0.0]
+    middle = there[len(there) // 2]
+    if own and len(plant.courses[own].edges) == 2 and shares[0] > 0.0:
+        middle = plant.courses[own].edges[1]
+    times = {
+        other: course.edges[0]
+        for other, course in plant.courses.items()
+        if kind_of(other) == form and change(other, path) not in state.paths and there[0] < course.edges[0] < there[-1]
+    }
+    if not times:
+        return 0.0
+    added = change(min(times, key=lambda other: abs(times[other] - middle)), path)
+    found = screen(bench.problem, state.point, state.paths, [Candidate(path, (added,))], 1.0)[0]
+    if found.evidence < _DROP:  # also of one that cannot be told
+        return 0.0
+    return bench.gain(state, bench.fit(state.plant, (*state.paths, added), state))

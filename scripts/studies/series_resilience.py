@@ -1,0 +1,129 @@
+"""What a series of missions survives: a kill halfway, and a worker of a cluster that dies.
+
+    python -m scripts.studies.series_resilience --missions 40
+
+Each series is a command of its own, as a user would give it; all of them have to leave the same bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from identification.changes.series import LEAST, MISSIONS
+from identification.experiments.heading_control import closed_loop
+from scripts.studies.campaign_resilience import PATIENCE, cluster, wait
+from scripts.studies.harness import Found, Option, Sheet, Study
+
+VEHICLE, GROWS, BY = "slocum", "effects.rudder.offset", 0.04  # rad, over the series
+PARTS = {
+    "kill": "killed halfway with SIGKILL, workers and all, and resumed",
+    "dask": "on a Dask scheduler with two worker processes, one killed halfway",
+}
+
+
+def attempt(part: str, seed: int, missions: int, duration: float) -> dict[str, Any]:
+    """What a part found; `same`: its files are those of the series that one process followed undisturbed."""
+    with tempfile.TemporaryDirectory(prefix="auv-gym-") as name:
+        folder = Path(name)
+        logs = dives(folder, seed, missions, duration)
+        _followed(logs, folder / "one")
+        undisturbed = hashes(folder / "one")
+        disturbed = {"kill": _killed, "dask": _clustered}[part](logs, folder / part)
+        return {"files": len(undisturbed), **disturbed, "same": hashes(folder / part) == undisturbed}
+
+
+def dives(folder: Path, seed: int, missions: int, duration: float) -> list[str]:
+    """Logs of a glider whose rudder offset grows from one to the next."""
+    plant, files = load_vehicle(VEHICLE), []
+    for k in range(missions):
+        flown = replace_at(plant, GROWS, BY * k / missions)
+        files.append(str(folder / f"dive{k:03d}.nc"))
+        closed_loop(flown, rng=np.random.default_rng([seed, k]), duration=duration).save(files[-1])
+    return files
+
+
+def command(logs: Sequence[str], out: Path, *options: str) -> list[str]:
+    """The command of a series."""
+    given = ["compare-missions", *logs, "--series", "--vehicle", VEHICLE, "--out", str(out)]
+    return [sys.executable, "-m", "auv_gym.cli", *given, *options]
+
+
+def hashes(out: Path) -> dict[str, str]:
+    """The hash of each file of a series."""
+    files = (path for path in out.rglob("*") if path.is_file())
+    return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
+
+
+def _followed(logs: Sequence[str], out: Path, *options: str) -> None:
+    subprocess.run(command(logs, out, *options), check=True, stdout=subprocess.DEVNULL, timeout=PATIENCE)
+
+
+def _killed(logs: Sequence[str], out: Path) -> dict[str, Any]:
+    process = subprocess.Popen(command(logs, out, "--jobs", "2"), start_new_session=True, stdout=subprocess.DEVNULL)
+    wait(lambda: _written(out) >= len(logs) // 2 or process.poll() is not None)
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+    code = process.wait()
+    before = {path: path.stat().st_mtime_ns for path in (out / MISSIONS).glob("*.json")}
+    _followed(logs, out, "--jobs", "2")
+    kept = sum(path.stat().st_mtime_ns == then for path, then in before.items())
+    return {"exit_code": code, "after": len(before), "kept": kept}
+
+
+def _clustered(logs: Sequence[str], out: Path) -> dict[str, Any]:
+    with cluster(2) as (address, workers):
+        given = command(logs, out, "--scheduler", address)
+        process = subprocess.Popen(given, stdout=subprocess.DEVNULL)
+        wait(lambda: _written(out) >= len(logs) // 2 or process.poll() is not None)
+        at = _written(out)
+        workers[0].kill()
+        return {"killed_after": at, "exit_code": process.wait(PATIENCE)}
+
+
+def _written(out: Path) -> int:
+    return len(list((out / MISSIONS).glob("*.json")))
+
+
+def sheets(found: Found) -> list[Sheet]:
+    """What each part found."""
+    rows = [[PARTS[part], what, str(value)] for part in found.runs for what, value in found.of(part)[0].items()]
+    title = f"A series of {found.options['missions']} missions"
+    return [Sheet("resilience", title, ("series", "what", "value>"), rows)]
+
+
+def good(found: Found) -> bool:
+    """Whether all files are the same, and nothing that was kept was done again."""
+    results = [found.of(part)[0] for part in found.runs]
+    return all(one["same"] and one.get("kept") == one.get("after") for one in results)
+
+
+STUDY = Study(
+    __doc__ or "",
+    attempt,
+    tuple(PARTS),
+    sheets,
+    seeds=None,
+    one_of="part",
+    options={
+        "missions": Option(40, "of the series; halfway has to lie inside", least=LEAST),
+        "duration": Option(520.0, "length of a mission, s", least=400.0),
+    },
+    good=good,
+    doing="series",
+)
+
+if __name__ == "__main__":
+    sys.exit(STUDY.main())
