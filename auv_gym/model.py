@@ -12,7 +12,7 @@ from auv_gym.records.record import Record
 
 @runtime_checkable
 class Model(Protocol):
-    """A system in discrete time; inputs are held over a sample and there is no direct feedthrough.
+    """A discrete-time system without direct feedthrough; inputs are held over each sample.
 
     inputs, states, outputs: channel names.  dt: s.  State vectors are passed in and returned, never kept.
     """
@@ -103,7 +103,7 @@ def model_constant_inputs(model: Model) -> Mapping[str, float]:
 
 
 class Diverged(RuntimeError):
-    """A run left the finite numbers; says when, in which channel, and what the last finite values were."""
+    """A simulation diverged; states when, in which channel, and the last finite values."""
 
     def __init__(self, time: float, channel: str, last: dict[str, float]):
         self.time, self.channel, self.last = time, channel, last
@@ -140,7 +140,7 @@ def outputs_of(model: Model, record: Record) -> np.ndarray:
 
 
 def simulate(model: Model, record: Record) -> Record:
-    """A free run through each segment of the record, from its first measured outputs and its inputs alone.
+    """Simulate each segment of a record as a free run, from its first measured outputs and its inputs alone.
 
     The result is the record with the model's outputs in place of the measured ones. A plant integrates to the record's
     own times; other models raise if their dt is not its sample interval. Raises Diverged if a run leaves the finite
@@ -167,7 +167,7 @@ def run_free(model: Model, record: Record, windows: Sequence[slice], starts: np.
 
 
 def predict(model: Model, record: Record, horizon: int = 1, starts: np.ndarray | None = None) -> Record:
-    """Predictions `horizon` samples ahead: each runs free from the state corrected with all earlier measurements.
+    """Predict `horizon` samples ahead, each time by a free run from the state corrected with all earlier measurements.
 
     The first `horizon` samples of a segment run free from its start: starts, (segments, n_states), by default those of
     `initial`, which corrections may take long to mend. Raises as `simulate` does.

@@ -18,7 +18,7 @@ LAWS = ("pid", "s_plane", "gpc")
 
 
 def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = None, **settings: Any) -> Controller:
-    """The controller of a vehicle for its targets; all that it needs of the vehicle it takes from the plant.
+    """Make a vehicle's controller for its targets, with limits, signs and trim taken from the plant.
 
     kind: "pid", "s_plane" or "gpc".  targets: channels, by default depth, heading and speed of a torpedo, a glider's
     heading, a float's depth, position and heading of a vehicle that hovers; `pitch_rad` in the place of a torpedo's
@@ -35,7 +35,7 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
 
 
 def usual_autopilot(plant: Plant) -> Controller:
-    """The PID autopilot where gains are tuned for the vehicle; else predictive control, which needs none."""
+    """The PID autopilot if gains are tuned for the vehicle; otherwise predictive control, which needs none."""
     try:
         return autopilot(plant)
     except NoGains:

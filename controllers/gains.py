@@ -21,7 +21,7 @@ _FACTOR = 2.0  # between sample times for which one set of gains will do
 
 @dataclass(frozen=True)
 class Gains:
-    """What controllers of a vehicle were tuned to at a sample time, s.
+    """The tuned gains of a vehicle's controllers at a sample time, s.
 
     loops: by kind of controller ("pid", "s_plane") and loop ("heading"), the settings of its law by name.
     bow_share: how far the bow planes move for the stern planes, negative where they act against each other in pitch.
@@ -49,7 +49,7 @@ class NoGains(ValueError):
 
 
 def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) -> Gains:
-    """The gains of a vehicle that were tuned nearest to a sample time, s; raises where none are within a factor of 2.
+    """The gains of a vehicle tuned at the nearest sample time, s; raises if none is within a factor of 2.
 
     path: a file of gains, by default that of the presets.
     """
@@ -70,7 +70,7 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
 
 
 def read_gains(path: str | os.PathLike | None = None) -> tuple[Gains, ...]:
-    """All entries of a file of gains, by default that of the presets; raises with what is wrong in it."""
+    """Read all entries of a gains file, by default that of the presets; raises with what is wrong in it."""
     origin = "of the presets" if path is None else os.fspath(path)
     try:
         content = files("controllers").joinpath("gains.toml").read_text("utf-8") if path is None else _text(path)

@@ -1,4 +1,4 @@
-"""A controller at the wheel of an environment, as an agent beside trained policies."""
+"""A controller that drives an environment, with the same interface as trained policies."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Pilot:
 
 
 def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
-    """The autopilot of an environment's vehicle for the environment's target; raises where there is none.
+    """The autopilot of an environment's vehicle for the environment's target; raises if there is none.
 
     kind: "pid", "s_plane" (or "s-plane"), "gpc".  It knows the vehicle without its effects.  settings: as `autopilot`.
     Where a vehicle cannot follow all parts of the target (pitch, with thrusters that have no arm there), it follows the

@@ -22,7 +22,7 @@ class RelayState(NamedTuple):
 
 @dataclass(frozen=True)
 class Relay:
-    """A controller one of whose commands goes from one side to the other as a channel passes a band.
+    """A controller with a relay: one command switches sides when a channel passes a band.
 
     command: +amplitude about `neutral` until `measured` is `band` above its middle, then -amplitude until it is as
     far below.  amplitude: negative where a positive command lowers the channel.

@@ -3,7 +3,7 @@
 #
 # A REMUS 100 holds and changes its depth with the stern plane. Three controllers are driven through the same episode:
 # none at all, two lines of proportional control, and the PID that comes with the vehicle. Then the vehicle is made
-# lighter by 2 N than anybody thinks.
+# 2 N lighter than its controllers assume.
 
 # %%
 import gymnasium
@@ -51,7 +51,7 @@ def idle(observation, info):
 
 
 def proportional(observation, info):
-    """Bow down where the vehicle is too high; the plane, from where it stands in cruise, against pitch and its rate."""
+    """Pitch down if the vehicle is too shallow; the plane, relative to cruise, acts against pitch and its rate."""
     error, pitch, pitch_rate = observation[:3]
     wanted = np.clip(-2.0 * error, -0.2, 0.2)
     return [np.clip(CRUISE + 3.0 * (pitch - wanted) + 2.0 * pitch_rate, -1.0, 1.0)]

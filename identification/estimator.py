@@ -222,7 +222,7 @@ def make_estimator(
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> Estimator:
-    """The estimator of a method by its name; raises ValueError with the allowed keys and what came.
+    """Make the estimator of a method from its name and settings; raises ValueError if a setting is not known.
 
     settings: values by name; text is read as the setting's type has it.  plant: what `grey_box` frees parameters of, by
     default those that a first fit of such a vehicle frees.  inputs, outputs: channels, of methods that are told theirs.
@@ -270,7 +270,7 @@ def parse_settings(texts: Iterable[str]) -> dict[str, Any]:
 
 
 def summary(fit: Fit) -> str:
-    """The model's channels, the parameters with their 95 % intervals, and notes of the fit, one a line."""
+    """A fit in text: the model's channels, its parameters with 95 % intervals, and notes, one per line."""
     model = fit.model
     lines = [f"{', '.join(model.inputs)} -> {', '.join(model.outputs)}, dt {model.dt:g} s"]
     width = max((len(e.path) for e in fit.estimates), default=0)

@@ -25,7 +25,7 @@ HELD_SHARE = 1.0 / 3.0
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """A fit, and how its model does on data that took no part in it.
+    """A fit, and the errors of its model on held-out data.
 
     held: the held-out data as one record.  told: words for which data that is.  open_loop, tests: free runs and
     residual tests over it, None where `problem` says why there are none; for tests see `residual_tests`.  search:
@@ -55,7 +55,7 @@ def identify(
     search: OrderSearch | None = None,
     progress: Callable[[float, str], Any] = lambda fraction, text: None,
 ) -> Identified:
-    """A fit to the records, judged on the records in `validate`, or without any on the last third of the data.
+    """Fit a model to records and test it on the records in `validate`, or else on the last third of the data.
 
     The model is then that of the first two thirds: the one that was judged.  window, settle: see `compare_open`.
     search: where the estimator's orders are from, to go with the result; see `identification.order_search`.

@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 0
     if results:
         text = "\n".join(
-            [*(sheet.markdown() for sheet in sheets(results)), "**Left out, mended or assumed**\n", *left_out(results)]
+            [*(sheet.markdown() for sheet in sheets(results)), "**Left out, cut or assumed**\n", *left_out(results)]
         )
         write_text(args.page, with_marked(args.page.read_text(encoding="utf-8"), "tables of real logs", text))
         pictures = write_pictures({PICTURE: lambda: figure(results)}, args.page.parent / "images")

@@ -36,7 +36,7 @@ class CasadiModel:
 
 
 def casadi_model(plant: Plant) -> CasadiModel:
-    """The vehicle's right-hand side over its states and inputs, with its effects, in continuous time.
+    """A vehicle's continuous-time equations of motion, with its effects, as a CasADi function of states and inputs.
 
     Commands are limited as the vehicle limits them. Sensors have no part in it. Raises ValueError on what has no
     right-hand side of such a form: dead times, backlash, a rate limit without a lag, masses that move in the vehicle.

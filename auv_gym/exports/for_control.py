@@ -23,7 +23,7 @@ def control_system(
     continuous: bool = False,
     **settings: Any,
 ) -> Any:
-    """A `control.StateSpace` of a vehicle about steady motion, with named states, inputs and outputs.
+    """A vehicle linearised at steady motion, as a `control.StateSpace` with named states, inputs and outputs.
 
     All of them are changes from the trim.  continuous: the system in continuous time whose response to held inputs is
     that of the sampled one.  inputs, outputs, settings: see `auv_gym.models.linear.linearise`.

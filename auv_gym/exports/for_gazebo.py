@@ -36,7 +36,7 @@ _IN_THE_HULL += ("effects.load.y_g", "effects.load.z_g", "effects.water.density"
 
 @dataclass(frozen=True)
 class GazeboWorld:
-    """An SDF world, and what of the vehicle it does not hold, a sentence each."""
+    """An SDF world, and the properties of the vehicle that it cannot represent, one sentence each."""
 
     xml: str
     left_out: tuple[str, ...]
@@ -47,7 +47,7 @@ class GazeboWorld:
 
 
 def gazebo_world(plant: Plant) -> GazeboWorld:
-    """The vehicle in a world of water.  Raises ValueError on a vehicle that is no hull with parts, or a learned one."""
+    """A Gazebo world with a vehicle in water.  Raises ValueError if it has no hull and parts, or a learned hull."""
     if plant.family.body is None or plant.learned is not None:
         what = "a learned hull" if plant.learned is not None else f"one of family {plant.family.name!r}"
         raise ValueError(f"SDF needs a hull with coefficients and parts, got {what}: choose another vehicle.")
@@ -65,15 +65,15 @@ def gazebo_world(plant: Plant) -> GazeboWorld:
     for part in plant.family.body.parts:
         make = _PARTS.get(part.kind)
         own = getattr(plant.parts, part.name)
-        lost = make(model, part, own, hull, water) if make else [f"all of it: Gazebo has no plugin for {part.kind}"]
+        lost = make(model, part, own, hull, water) if make else [f"left out: Gazebo has no plugin for {part.kind}"]
         if lost:
             lost_by_parts.setdefault(", ".join(lost), []).append(part.name)
-    left_out += [f"Of {', '.join(names)}: {lost}." for lost, names in lost_by_parts.items()]
+    left_out += [f"{', '.join(names)}: {lost}." for lost, names in lost_by_parts.items()]
     active = [path for path in list_paths(plant) if path.startswith("effects.") and not path.startswith(_IN_THE_HULL)]
     active = [path for path in active if value_at(plant, path) != spec_at(plant, path).neutral]
     if active:
-        left_out.append(f"Effects that are not in the file: {', '.join(active)}.")
-    heading = f"{plant.title or plant.name}. Not held by this file:"
+        left_out.append(f"Effects without a counterpart in SDF: {', '.join(active)}.")
+    heading = f"{plant.title or plant.name}. This file cannot represent:"
     sdf.insert(0, ElementTree.Comment("\n".join(["", heading, *left_out, ""]).replace("--", "-")))
     ElementTree.indent(sdf)
     return GazeboWorld(ElementTree.tostring(sdf, encoding="unicode") + "\n", tuple(left_out))

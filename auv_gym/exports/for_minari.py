@@ -19,7 +19,7 @@ with needs("A Minari data set needs minari", "minari"):
 
 
 def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plant: Plant, **about: Any) -> Any:
-    """A Minari data set of logs, one episode a segment.
+    """A Minari data set made from logs, with one episode per segment.
 
     Observations are the vehicle's outputs that every record has at all samples. Actions are the vehicle's inputs at
     these samples; an input that no log needs to have is constant where one lacks it. A log has no rewards, so they are
@@ -66,7 +66,7 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
 
 
 def dataset_of_rollouts(dataset_id: str, env: gymnasium.Env, agent: Agent, seeds: Sequence[int], **about: Any) -> Any:
-    """A Minari data set of one whole episode of each seed, with the agent at the wheel of the environment."""
+    """A Minari data set of one whole episode per seed, in which an agent drives the environment."""
     recorder = _Recorder(env)
     evaluate(agent, recorder, seeds)
     about = {"algorithm_name": type(agent).__name__} | about

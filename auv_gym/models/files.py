@@ -81,7 +81,7 @@ def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] |
 
 
 def load_model(path: str | os.PathLike, dt: float | None = None) -> Model:
-    """The model of a model file (.npz), a vehicle file (.toml) or a preset's name; raises with what is wrong in it.
+    """Load a model from a model file (.npz), a vehicle file (.toml) or by a preset's name; raises if it is invalid.
 
     dt: s, of a vehicle; a model in discrete time has its own.
     """
@@ -136,7 +136,7 @@ class LearnedVehicle:
 
 
 def model_header(path: str | os.PathLike) -> dict[str, Any]:
-    """What a model file says of its model: form, dt_s, inputs and outputs with units, written_by, attrs, ..."""
+    """The header of a model file: form, dt_s, inputs and outputs with units, written_by, attrs, ..."""
     return _read(Path(path))[0]
 
 

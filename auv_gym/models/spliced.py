@@ -30,7 +30,7 @@ sense: Any = None
 
 
 def splice(plant: Plant, model: Model) -> Spliced:
-    """The plant with the model in charge of the channels that it has among its outputs; raises where they do not fit.
+    """A plant in which a model computes the channels that are its outputs; raises if the two do not fit together.
 
     The model's outputs are body velocities, rates or poses of the plant: true values, which the plant's sensors still
     read. Its inputs are inputs of the plant or what the plant computes: its states, and for other names its readings.

@@ -80,7 +80,8 @@ def dive_currents(plant: Plant, record: Record, spread: Sequence[Plant] = ()) ->
         squares = 2.0 * _FIX**2 + (_DRIFT * leg.afloat) ** 2 + turned**2
         squares += sum((other[k].water - leg.water) ** 2 for other in moved)
         errors = np.sqrt(squares) / (leg.stop - leg.start)
-        found.append(DiveCurrent(leg.dive, *current.tolist(), leg.start, leg.stop, *errors.tolist()))
+        (north, east), (north_error, east_error) = current.tolist(), errors.tolist()
+        found.append(DiveCurrent(leg.dive, north, east, leg.start, leg.stop, north_error, east_error))
     return tuple(found)
 
 
@@ -98,9 +99,9 @@ def _legs(plant: Plant, record: Record) -> list[_Leg]:
         rows = np.flatnonzero((record.time >= before[0]) & (record.time <= after[0]))
         own = (middles >= before[0]) & (middles <= after[0])
         if own.any():
-            times = float(before[0]), float(after[0])
-            way, afloat = _way(record, rows, middles[own], velocities[own], times)
-            found.append(_Leg(str(labels[rows[0]]), *times, _apart(before, after), way, afloat))
+            start, stop = float(before[0]), float(after[0])
+            way, afloat = _way(record, rows, middles[own], velocities[own], (start, stop))
+            found.append(_Leg(str(labels[rows[0]]), start, stop, _apart(before, after), way, afloat))
     return found
 
 

@@ -269,7 +269,7 @@ def _by_itself(group: Group, column: str) -> Source:
         unit = None
     bare = column.partition("[")[0].partition("(")[0] if column.endswith(("]", ")")) else column
     plain = "_".join(bare.lower().split())
-    known = [name for name in (column, plain) if _known(name, unit)]
+    known = [name for name in (column, plain) if is_known(name, unit)]
     name = next((name for name in known if conversion(name, unit).channel.name in CHANNELS), (known or [column])[0])
     conversion(name, unit)
     return Source(group, column, Target(name), unit)
@@ -278,7 +278,7 @@ def _by_itself(group: Group, column: str) -> Source:
 def _why(group: Group, column: str) -> str:
     """Why a column does not say by itself which channel it is."""
     unit = group.units.get(column)
-    if unit and _known(column, None):
+    if unit and is_known(column, None):
         return f"its unit by the file, {unit!r}, does not fit its name"
     if unit:
         return f"its unit {unit!r} is not known"
@@ -290,10 +290,11 @@ def _why(group: Group, column: str) -> str:
 
 def _is_ours(name: str) -> bool:
     """Whether a column is called just as one of our channels."""
-    return _known(name, None) and conversion(name).channel.name in CHANNELS
+    return is_known(name, None) and conversion(name).channel.name in CHANNELS
 
 
-def _known(name: str, unit: str | None) -> bool:
+def is_known(name: str, unit: str | None) -> bool:
+    """Whether a column of this name, in this unit, is a signal whose unit is known and suits it."""
     try:
         conversion(name, unit)
     except ValueError:

@@ -24,6 +24,7 @@ from auv_gym.records.mapping import (
     Names,
     Source,
     fitting_mappings,
+    is_known,
     list_of,
     load_mapping,
     sources,
@@ -85,7 +86,7 @@ def read_record(
     beside: str | Path | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> Record:
-    """The record in a file of any known format, in several of them, or in a log that dbdreader ships (slocum:ammonite).
+    """Read a record from a file of any supported format, from several files, or from an example log (slocum:ammonite).
 
     mapping: their column to our channel or to '' (left out), as a dict or the path of a flat TOML file; '*' stands for
     all columns not named.  A target's suffix is the column's unit: {"Hdg": "heading_deg"} gives heading_rad.  A minus
@@ -292,8 +293,10 @@ def _runs(segment: np.ndarray | None, size: int) -> list[slice]:
 
 def _missing(missing: Sequence[str], known: Understood) -> ValueError:
     """The error for channels that a vehicle requires and the log does not have, with what looks like them."""
-    columns = [name for group in known.log.groups for name in group.columns]
-    hints = "".join(looks_like(name, columns) for name in missing)
+    columns = [(own, group.units.get(own)) for group in known.log.groups for own in group.columns]
+    hints = ""
+    for name in missing:  # a column in metres is no pitch, whatever it is called
+        hints += looks_like(name, [own for own, unit in columns if unit is None or is_known(name, unit)])
     have = list_of(sorted({name for stream in known.streams for name in stream.values}))
     needed = " and ".join(missing) if len(missing) < 3 else ", ".join(missing)
     example = f'"their column" = "{missing[0]}"'

@@ -372,7 +372,7 @@ def gap_limit(intervals: np.ndarray) -> float:
 
 
 def concat(records: Sequence[Record]) -> Record:
-    """One record of several with the same channels, their segments one after the other; each keeps its own time."""
+    """Concatenate records with the same channels into one record; each segment keeps its own time."""
     if not records:
         raise ValueError("concat needs at least one record, got none.")
     names = set(records[0].names)

@@ -48,7 +48,7 @@ class Checkpoint:
             found = cls(folder, **state)
         except (OSError, TypeError, ValueError) as error:
             raise ValueError(
-                f"{path} is damaged ({error}): delete the folder {folder.parent}, and train anew."
+                f"{path} is damaged ({error}): delete the folder {folder.parent}, and train again."
             ) from None
         found.resumed += 1
         return found

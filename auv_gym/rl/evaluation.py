@@ -17,7 +17,7 @@ Acting = Callable[[np.ndarray, Mapping[str, Any]], np.ndarray]
 
 
 class Agent(Protocol):
-    """What can be at the wheel of an environment: a policy, or a controller in `controllers.piloting`."""
+    """An agent that drives an environment: a policy, or a controller in `controllers.piloting`."""
 
     def begin(self, env: Any) -> Acting:
         """What gives an action for each observation and info of one new episode."""
@@ -89,7 +89,7 @@ def fresh_seeds(seed: int, count: int, purpose: int = FRESH) -> list[int]:
 def evaluate(
     agent: Agent, env: gymnasium.Env, seeds: Sequence[int], progress: Callable[[float], Any] | None = None
 ) -> Evaluation:
-    """One whole episode of each seed with the agent at the wheel; progress: called with the share that is done."""
+    """One whole episode of each seed, driven by the agent; progress: called with the share that is done."""
     sums, lengths, reasons = [], [], []
     for done, seed in enumerate(seeds):
         observation, info = env.reset(seed=int(seed))

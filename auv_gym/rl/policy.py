@@ -70,7 +70,7 @@ class Policy:
         Raises for a policy that remembers earlier observations: such a one acts through an episode, see `begin`.
         """
         if self.frames > 1 or self.cell:
-            raise ValueError("This policy remembers earlier observations: take what begin() gives for each episode.")
+            raise ValueError("This policy remembers earlier observations: use what begin() returns for each episode.")
         return self._answer(self._seen(observation))
 
     def begin(self, env: Any = None) -> Callable[..., np.ndarray]:
@@ -206,7 +206,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ValueError(f"{path} is damaged ({error}): train again.") from None
     if not isinstance(settings, dict) or settings.get("format") != FORMAT:
-        raise ValueError(f"{path} says nothing of a policy: give a folder that `auv-gym train` wrote.")
+        raise ValueError(f"{path} contains no policy: give a folder that `auv-gym train` wrote.")
     if not isinstance(settings.get("version"), int) or settings["version"] > VERSION:
         raise ValueError(
             f"{path} has version {settings.get('version')!r} of its format, and this is auv-gym {__version__}, which "

@@ -35,7 +35,7 @@ class EnvelopeState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Envelope:
-    """A controller that hands over to a guard while a reading is about to leave its limits.
+    """A controller that switches to a guard while a reading is about to leave its limits.
 
     limits: (low, high) by channel, of readings and of what they will be after a sample and `lookahead`, s.
     release: the share of half the range that all must be back inside of, for `calm`, s, until the controller acts.

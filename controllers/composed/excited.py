@@ -23,7 +23,7 @@ class ExcitedState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """A controller with signals added to what it commands or to what it is told to reach, and reported.
+    """A controller with excitation signals added to its commands or targets.
 
     signals: a sample every dt by channel, zero after the last: an actuator's is added to the command, a set point's
     (`depth_m`) to the target, one at the wrench of thrusters (`heave_N`) to the wrench that is wanted of them.

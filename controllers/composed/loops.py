@@ -50,7 +50,7 @@ class Cascade:
 
 @dataclass(frozen=True)
 class Joint:
-    """Several controllers at once, each with commands of its own; one whose targets are not given does not act."""
+    """Several controllers in parallel, each with its own commands; one whose targets are not given does not act."""
 
     controllers: tuple[Controller, ...]
 

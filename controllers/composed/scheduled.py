@@ -23,7 +23,7 @@ class ScheduledState(NamedTuple):
 
 @dataclass(frozen=True)
 class Scheduled:
-    """The fins of a controller that takes the vehicle to go at `speed`, m/s, turned as much further as it goes slower.
+    """A controller designed for `speed`, m/s, with fin angles scaled by the square of `speed` over the present speed.
 
     limits: rad, by fin, either side.  The controller reads what its fins' angles would have been at `speed`.  Without
     a reading of `u_mps` the last one counts.

@@ -50,7 +50,7 @@ def usable_log(record: Record, plant: Plant, asked: Asked, side: str = "") -> Ch
         raise ValueError(f"{named}: {error}" if side else str(error)) from None
     if log.slipped:
         told = "; ".join(d.text for d in log.doubts if d.slip is not None)
-        raise ValueError(f"{named} looks mislabelled: {told}. Mend the log, or go on all the same with --trust.")
+        raise ValueError(f"{named} looks mislabelled: {told}. Correct the log, or use --trust to continue anyway.")
     return log
 
 

@@ -118,7 +118,7 @@ class ClosedLoop:
 def compare_open(
     models: Mapping[str, Model], record: Record, *, window: float | None = None, settle: float | None = None
 ) -> OpenLoop:
-    """Free runs of all models over the same windows, each from a start fitted to the window's first seconds.
+    """Compare models by free runs over the same windows, each from a start fitted to the window's first seconds.
 
     All are treated alike: least squares over the first `settle` seconds finds the start, and these are scored for none.
     window: s; default: the window of a vehicle among the models, else whole segments.  settle: s; default: the longest
@@ -231,7 +231,7 @@ def fitted_starts(model: Model, record: Record, heads: Sequence[slice]) -> np.nd
 def horizon_sweep(
     model: Model, record: Record, horizons: Sequence[int], settle: float = 0.0
 ) -> dict[str, dict[int, float]]:
-    """Root mean square error of predictions so many samples ahead, by channel and horizon.
+    """RMS prediction error by channel and horizon in samples.
 
     Each prediction runs free from the state corrected with all measurements of its segment up to its origin, first a
     state that suits its first `settle` seconds; origins are spread evenly, at most 200, past those.  Raises Diverged.
@@ -293,7 +293,7 @@ def compare_closed(
     targets: Steps | None = None,
     start: Mapping[str, float] | None = None,
 ) -> ClosedLoop:
-    """The vehicle in its environment, and each model in the vehicle's place, under the same controller.
+    """Compare the vehicle in its environment with each model in the vehicle's place, under the same controller.
 
     make_env: the environment with a model in the vehicle's place, or of the vehicle itself for None.  A model that
     lacks outputs of the vehicle is spliced into it, and drives those that it has.  seed, targets, start: see `drive`.

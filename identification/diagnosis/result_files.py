@@ -151,6 +151,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "averaged_over_s": d.averaged,
         "currents": [current._asdict() for current in d.currents],
         "closed_loop": [finite(asdict(loop)) for loop in d.loops],
+        "unfinished": list(d.unfinished),
         "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,
         "vehicle": {

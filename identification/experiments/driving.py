@@ -1,4 +1,4 @@
-"""One episode of an environment with a controller at the wheel, as a record of what was measured and what was true."""
+"""One episode of an environment driven by a controller, as a record of what was measured and what was true."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def drive(
     targets: Steps | None = None,
     start: Mapping[str, float] | None = None,
 ) -> Run:
-    """The run of one episode; a row has the reading at its time and the command held from there to the next row.
+    """Run one episode and record it; a row has the reading at its time and the command held until the next row.
 
     Commands are those that the vehicle got, clipped; those of fins that the environment holds itself count too.  The
     last row of an episode that ran to its end repeats the last command; what a cut episode left behind stays out.

@@ -110,7 +110,7 @@ def chirp(
     band_Hz: Sequence[float],
     law: str = "linear",
 ) -> np.ndarray:
-    """A sine of this amplitude whose frequency goes from band_Hz[0] to band_Hz[1] over the signal, shape (n,).
+    """A chirp: a sine whose frequency goes from band_Hz[0] to band_Hz[1] over the signal, shape (n,).
 
     law: "linear" spends the same time on each Hz, "log" on each octave.  The band may run downwards.  Draws nothing.
     Source: Pintelon and Schoukens 2012, System Identification, sec. 5.3.
@@ -136,7 +136,7 @@ def doublet(
     widths: Sequence[float] = (1, 1),
     repeat_s: float | None = None,
 ) -> np.ndarray:
-    """Pulses of +amplitude and -amplitude by turns, then zero, shape (n,).  Draws nothing.
+    """Alternating pulses of +amplitude and -amplitude, then zero, shape (n,).  Draws no random numbers.
 
     width_s: of a pulse of width 1, whole samples.  widths: of the pulses; (3, 2, 1, 1) is the 3-2-1-1 input, of a
     wider band.  repeat_s: from one start to the next, default once.

@@ -65,7 +65,7 @@ def depth_control(
     temperature_profile: Profile | None = None,
     under_way: Callable[..., Any] | None = None,
 ) -> Record:
-    """A record of a float with a piston that holds one target depth after the other, each for `hold` s.
+    """Simulate a float with a piston that holds one target depth after the other, each for `hold` s.
 
     The controller (default `float_depth_pid`) acts on the noisy depth; piston_m is its command, clipped to the piston's
     range, before any effect. The float starts at rest at the depth `start`, its piston where it is told to first.
@@ -123,7 +123,7 @@ def oil_mission(
     temperature_profile: Profile = summer_sea,
     under_way: Callable[..., Any] | None = None,
 ) -> Record:
-    """A record of a float with an oil bladder: one segment for each depth that it dives to, parks at and leaves.
+    """Simulate a float with an oil bladder; the record has one segment for each depth that it dives to and parks at.
 
     A dive begins under the surface with a volume of its own that nothing records, and ends there. Going down the float
     lets in 20 to 25 mL at drawn depths and where it gets slow; it parks by as much oil as balances its drag, and pumps

@@ -37,7 +37,7 @@ def closed_loop(
     bit_time: float | None = None,
     run_in: float = 30.0,
 ) -> Record:
-    """A record of a glider that follows steps of its commanded heading, with a PRBS added at the rudder.
+    """Simulate a glider that follows steps of its commanded heading, with a PRBS added to the rudder.
 
     rudder_rad is the command, clipped to the rudder stop, before any effect; the controller (default `heading_pid`)
     acts on the noisy compass. Speed varies slowly by 30 % of nominal (speed: constant, m/s), roll by 0.09 rad; pitch

@@ -42,7 +42,7 @@ def steer(
     depth_noise: float = 0.02,
     excitation: float = 0.15,
 ) -> Record:
-    """A record of a torpedo whose heading, depth and speed follow drawn steps, with a PRBS added at rudder and plane.
+    """Simulate a torpedo that follows random steps of heading, depth and speed, with a PRBS added to rudder and plane.
 
     The controller (default `usual_autopilot`) acts on noisy readings. All is drawn before the run, so that
     one seed gives one experiment whatever the plant's effects; it starts in cruise.  excitation: amplitude over the

@@ -14,7 +14,7 @@ from identification.experiments.kinds import KINDS, Mission
 
 
 def run_mission(plant: Plant, rng: np.random.Generator, **settings: Any) -> Record:
-    """The record of the standard experiment with a vehicle; raises as `check_mission` does, or Diverged."""
+    """Simulate the standard experiment of a vehicle; raises as `check_mission` does, or Diverged."""
     check_mission(plant, settings)
     return mission_of(plant).make(plant, rng, **settings)
 

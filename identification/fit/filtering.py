@@ -11,6 +11,7 @@ import numpy as np
 from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.driven import driven_slopes
 from identification.fit.kalman import Pass, System, run_filter, scores_of, slopes_of, start_slopes
+from identification.fit.kept import KeptSlopes
 from identification.fit.linearised import NEAR_PATH, Linearised, at_once
 from identification.fit.parameters import moves_of
 from identification.fit.responses import Responses
@@ -276,6 +277,7 @@ class Filter(Linearised):
             every[:, :, self.columns] = gains
             gains = every
         starts = starts if starts.ndim == 3 else starts[None]
+        self.work.add(len(vectors) * self.runs.rows * self.stride)
         y, after = self.plant.follow_many(self.runs, vectors, starts, self._free(gains, decays, False), keep)
         return y if whole else y[:, :, self.columns], after
 
@@ -341,8 +343,25 @@ class Filter(Linearised):
         """
         if not moves:
             return np.zeros((0, *self.measured.shape))
-        vectors, steps = self._moved(point.vector if vector is None else vector, moves)
-        return self._changes(point, vectors, point.starts, steps)
+
+        def make(which: Sequence[int]) -> np.ndarray:
+            vectors, steps = self._moved(point.vector if vector is None else vector, [moves[k] for k in which])
+            return self._changes(point, vectors, point.starts, steps)
+
+        if vector is not None:
+            return make(range(len(moves)))
+        return self._kept.of(point, self._keys(moves), make)
+
+    def keep_columns(self, point: Point, moves: Sequence[tuple[str, float]], columns: np.ndarray) -> None:
+        """Let slopes of a point that are known from elsewhere, (P, rows, C), be those that `columns_of` gives."""
+        self._kept.keep(point, dict(zip(self._keys(moves), columns, strict=True)))
+
+    def _keys(self, moves: Sequence[tuple[str, float]]) -> list[tuple[int, str, float, float]]:
+        return [(id(self.plant), path, step, self.scale(path)) for path, step in moves]
+
+    @cached_property
+    def _kept(self) -> KeptSlopes:
+        return KeptSlopes()
 
     def _changes(self, point: Point, vectors: np.ndarray, starts: np.ndarray, steps: np.ndarray) -> np.ndarray:
         """By how much predictions change, per step and over the errors' deviations, (S, rows, C)."""
@@ -475,7 +494,7 @@ class Filter(Linearised):
         responses = self._responses(point.vector, path, many)
         return replace(point, system=replace(point.system, responses=responses))
 
-    def _slopes_for_steps(self, point: Point, paths: Sequence[str]) -> np.ndarray:
+    def soon_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:
         """Slopes by the paths of the errors that count, by responses where a point has any; (P, rows * C)."""
         known = None if point.system is None else point.system.responses
         many = [] if known is None else [p for p in paths if p in known.paths]
@@ -488,6 +507,19 @@ class Filter(Linearised):
         rest = [p for p in paths if p not in known.paths]
         found[[p in rest for p in paths]] = self.columns_of(point, moves_of(rest))
         return self.counted_flat(found)
+
+    def changing_slopes(self, point: Point, paths: Sequence[str], shares: np.ndarray) -> np.ndarray | None:
+        """Slopes by coefficients that change by shares in each row, (rows,), by responses; None where none are known.
+
+        The same as those of the vehicle itself to what responses are off by, at hardly any cost.
+        """
+        known = None if point.system is None else point.system.responses
+        if known is None or point.system is None or not set(paths) <= set(known.paths):
+            return None
+        later, numbers = known.of(paths), self._numbers(point.logs)[2]
+        shares = shares[:, None, None]
+        later = replace(later, onward=later.onward * shares, seen=later.seen * shares)
+        return driven_slopes(point.system, point.gains[:, self._moving], point.whiten, numbers, later)
 
     def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:
         """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt.
@@ -504,7 +536,7 @@ class Filter(Linearised):
                 owned = np.array([not self._held_first[stretches].all() for stretches, _ in owners], dtype=bool)
                 moving = np.flatnonzero(told & owned)
                 starts, owners, taken = starts[moving], [owners[k] for k in moving], here.vector
-                slopes = self.counted_slopes(here, paths) if exact else self._slopes_for_steps(here, paths)
+                slopes = self.counted_slopes(here, paths) if exact else self.soon_slopes(here, paths)
                 every = np.vstack([slopes, starts])
             if not len(every):
                 break

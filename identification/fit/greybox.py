@@ -52,11 +52,13 @@ class GreyBoxFit:
 
 @dataclass(frozen=True)
 class GreyBox:
-    """Prediction-error fit with noise of sensors and of motion; see `identification.fit.prediction_errors`.
+    """Grey-box prediction-error fit with sensor and process noise; see `identification.fit.prediction_errors`.
 
     free: parameter paths of the plant.  process: whether random accelerations may push the vehicle, their strength and
     correlation times estimated; without, this is output error over windows, each begun from states of its own.
     window: s, the length of a window, by default the vehicle's; with process noise, windows are joined.
+    doubt: relative standard deviation of the coefficients that state none, which holds them to their values; by default
+    nothing does.
     Effects start one probe off neutral, where their derivative is defined.
     """
 
@@ -65,6 +67,7 @@ class GreyBox:
     window: float | None = None
     max_iterations: int = 60
     process: bool = True
+    doubt: float = np.inf
 
     def __post_init__(self):
         if not self.free:
@@ -75,6 +78,10 @@ class GreyBox:
             spec_at(self.plant, path)
         if self.window is not None and not self.window > 0.0:
             raise ValueError(f"GreyBox needs window > 0 s, got {self.window}.")
+        if not self.doubt >= 0.0:
+            raise ValueError(
+                f"GreyBox needs doubt >= 0 (relative standard deviation of coefficients), got {self.doubt}."
+            )
 
     def fit(self, *records: Record) -> GreyBoxFit:
         """Fit over all windows of all records; raises if they are too short or the run leaves the finite numbers."""
@@ -92,7 +99,7 @@ class GreyBox:
             )
         paths = tuple(self.free)
         stride = stride_for(self.plant, record, windows, self.free, process=self.process)
-        given = PredictionErrors(self.plant, record, windows, process=self.process, stride=stride)
+        given = PredictionErrors(self.plant, record, windows, doubt=self.doubt, process=self.process, stride=stride)
         unknowns = len(paths) + len(given.stretches) * len(given.live) + len(given.shared_values)
         if given.count < SAMPLES_PER_UNKNOWN * unknowns:
             raise ValueError(

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from auv_gym.param import replace_at
 from identification.estimate import half_width
 from identification.fit.filtering import Point
 from identification.fit.parameters import kinked
@@ -16,10 +15,13 @@ from identification.fit.prediction_errors import PredictionErrors
 
 _LEFT = 1e-6  # of the square of slopes, below which what starts leave of them is rounding
 _PROFILED = 6  # values at either side at which a profile is sought
+_DESCENTS = 12  # steps of all else at each of them
 _NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are taken
 _LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
 _LEAST_FREEDOM = 2.0  # of Student's t, which has no variance below
 _MOST_GROWTH = 1.0  # of the logarithm of a variance, as far as the first order holds
+
+Slopes = Callable[[Point, Sequence[str]], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +59,22 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
         long_run += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
     robust = inverse @ (long_run + known) @ inverse
     wider = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(inverse), 1e-300), 1.0))
-    growth, freedom = _by_noise(problem, point, paths, told, known)
+    growth, freedom = _by_noise(problem, point, paths, known)
     wider *= np.exp(0.5 * growth)
     freedom = np.minimum(freedom, max(problem.count - len(paths) - point.logs.size, 3))
     reach = np.array([half_width(f) for f in freedom]) * wider
     return Information(inverse * np.outer(wider, wider), alone, freedom, reach)
 
 
-def _told(problem: PredictionErrors, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def _told(
+    problem: PredictionErrors, point: Point, paths: Sequence[str], slopes_of: Slopes | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Slopes of the paths that starts cannot imitate, (P, rows * C), and their normal matrix, (P, P).
 
     The matrix is without what the starts leave of a change that they can all but imitate: what is left there is the
     rounding of slopes, and would look like a change by parameters that are told.
     """
-    slopes = problem.counted_slopes(point, paths)
+    slopes = (slopes_of or problem.counted_slopes)(point, paths)
     flat = problem.without_starts(point, slopes)
     size = np.maximum(np.linalg.norm(slopes, axis=1), 1e-150)
     values, vectors = np.linalg.eigh(flat @ flat.T / np.outer(size, size))
@@ -89,35 +93,46 @@ def _size(normal: np.ndarray) -> float:
 
 
 def _by_noise(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], told: np.ndarray, known: np.ndarray
+    problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """By how much logarithms of variances grow since accelerations are estimated, and degrees of freedom, (P,) each.
 
     A log of a few correlation times does not tell the noise well.  That parameters take up a part of it makes it too
-    weak by what restricted likelihood corrects (Patterson and Thompson 1971); the variance of a logarithm of a
-    variance, s^2, makes intervals those of Student's t with 2 / s^2 degrees of freedom (Satterthwaite 1946; Kenward
-    and Roger 1997), all to first order in the logarithms of the noises.
+    weak by what restricted likelihood corrects (Patterson and Thompson 1971); that estimates move with the noise adds
+    the variance of what they move by (Kackar and Harville 1984); the variance of a logarithm of a variance, s^2, makes
+    intervals those of Student's t with 2 / s^2 degrees of freedom (Satterthwaite 1946; Kenward and Roger 1997), all to
+    first order in the logarithms of the noises.  Differences between noises need no slopes by the vehicle itself where
+    it is known how it answers the coefficients.
     """
     pushing, count = problem.pushing(point), len(paths)
     if not pushing or not count:
         return np.zeros(count), np.full(count, np.inf)
-    size = len(pushing)
+    size, point = len(pushing), problem.prepared(point, paths)
     curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)
+    flat, told = _told(problem, point, paths, problem.soon_slopes)
     first, whole = np.log(np.maximum(np.diag(_inverse(told + known)), 1e-300)), _size(told + known)
+    pulled, rates = problem.pulls(point.vector, paths)
+    ways = np.zeros((size, count))  # by which the likeliest parameters move with the noises
+    way = _inverse(told + known) @ (flat @ problem.counted_errors(point).ravel() - rates * pulled)
     slope = problem.noise_slopes(point, point.logs)[1][pushing]
     for j, i in enumerate(pushing):
         more = point.logs.copy()
         more[i] += _NOISE_STEP
         curvature[j] = (slope - problem.noise_slopes(point, more)[1][pushing]) / _NOISE_STEP
         there = problem.with_noise(point, more)
-        normal = _told(problem, there, paths)[1] + known
-        slopes[j] = (np.log(np.maximum(np.diag(_inverse(normal)), 1e-300)) - first) / _NOISE_STEP
-        fall[j] = -0.5 * (_size(normal) - whole) / _NOISE_STEP
+        others, normal = _told(problem, there, paths, problem.soon_slopes)
+        inverse = _inverse(normal + known)
+        slopes[j] = (np.log(np.maximum(np.diag(inverse), 1e-300)) - first) / _NOISE_STEP
+        pull = others @ problem.counted_errors(there).ravel() - rates * pulled
+        ways[j] = (inverse @ pull - way) / _NOISE_STEP
+        fall[j] = -0.5 * (_size(normal + known) - whole) / _NOISE_STEP
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     spread = (vectors / np.maximum(values, _LEAST_TOLD)) @ vectors.T
     variance = np.einsum("jp,jk,kp->p", slopes, spread, slopes)
     freedom = np.maximum(2.0 / np.maximum(variance, 1e-12), _LEAST_FREEDOM)
-    return np.clip(slopes.T @ spread @ fall, 0.0, _MOST_GROWTH), freedom
+    moving = np.einsum("jp,jk,kp->p", ways, spread, ways)
+    growth = np.exp(np.clip(slopes.T @ spread @ fall, 0.0, _MOST_GROWTH))
+    return np.log(growth + moving / np.exp(first)), freedom
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,11 +219,13 @@ def profile_interval(
     """Where the log-likelihood, all else refitted, falls by half of `reach` squared; for corners and bounds.
 
     error: standard error of the path, in its unit, by which the search begins.  A side on which it never falls so far
-    ends at the bound.
+    ends at the bound.  The filter's gains are held, as they are where parameters are fitted: gains made anew would
+    count what the colour of errors tells of the parameters, too, which estimates and their covariance leave out.
     """
     bar = 0.5 * reach**2
     others = [p for p in paths if p != path]
-    best, value = problem.objective(point, paths), float(point.vector[problem.index[path]])
+    i, value = problem.index[path], float(point.vector[problem.index[path]])
+    best = problem.objective(problem.descended(point, paths, _DESCENTS), paths)
     limits = problem.bounds(path)
     found = []
     for side, limit in zip((-1.0, 1.0), limits, strict=True):
@@ -216,9 +233,10 @@ def profile_interval(
         edge = limit
         for _ in range(_PROFILED):
             tried = float(np.clip(inner + side * step, *limits))
-            plant = replace_at(problem.plant_at(near, paths), path, tried)
-            there = problem.solve(plant, others, near, iterations=4, noise=False)
-            drop = best - problem.objective(there, others)
+            vector = near.vector.copy()
+            vector[i] = tried
+            there = problem.descended(problem.with_gains(near, vector), others, _DESCENTS)
+            drop = best - problem.objective(there, paths)
             if drop >= bar:
                 share = (np.sqrt(bar) - np.sqrt(max(drop_inner, 0.0))) / max(
                     np.sqrt(drop) - np.sqrt(max(drop_inner, 0.0)), 1e-12

@@ -9,6 +9,7 @@ Shephard 1992, Biometrika 79, whose result for all rows this gives for any weigh
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from weakref import ref
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from auv_gym.compiled import compiled, outlined
 from identification.fit.responses import Responses
 
 LEAST_VARIANCE = 1e-300
+_HELD = 3  # systems without some of their accelerations
 NOTHING = 1e-100  # of a root, below which it is zero: its square would be too small for a number
 
 
@@ -87,11 +89,10 @@ def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, ti
     An acceleration without deviation is left out, at no loss: nothing is in its rows of the pass.
     """
     kept = deviations > 0.0
-    s, own = system.with_pushes(kept), _own(system, kept)
+    (s, onward), own = _latest(system, kept), _own(system, kept)
     (rows, count, _), size = system.c.shape, int(own.sum())
     gains, roots, means = np.zeros((rows, size, count)), np.zeros((rows, size, size)), np.zeros((rows, size))
     whiten, innovations, scores = np.zeros((rows, count, count)), np.zeros((rows, count)), np.zeros(rows)
-    onward = np.ascontiguousarray(s.a.transpose(0, 2, 1))
     numbers = (onward, s.c, s.forcing, s.error, s.finite, s.counts, s.begin, s.constant, s.durations, s.start, s.origin)
     made = (gains, whiten, innovations, scores, roots, means)
     _forward(*numbers, variances, deviations[kept], times[kept], *made)
@@ -109,6 +110,25 @@ def scores_of(system: System, gains: np.ndarray, whiten: np.ndarray, times: np.n
     _redone(*numbers, np.ascontiguousarray(gains), whiten, innovations)
     spread = np.where(s.finite, np.einsum("rcc->rc", whiten) / np.sqrt(2.0 * np.pi), 1.0)
     return (np.log(spread) - 0.5 * innovations**2).sum(axis=1)
+
+
+_Prepared = tuple[System, np.ndarray]
+_prepared: tuple[tuple[ref[System], bytes, _Prepared], ...] = ()
+
+
+def _latest(system: System, kept: np.ndarray) -> _Prepared:
+    """A system without some of its accelerations, kept: (D,) bool, and its `a` transposed, (rows, N, N - D).
+
+    A search of noises asks for the same again and again, so that the last few are held as long as their systems live.
+    """
+    global _prepared
+    for held, own, found in _prepared:
+        if held() is system and own == kept.tobytes():
+            return found
+    s = system.with_pushes(kept)
+    made = s, np.ascontiguousarray(s.a.transpose(0, 2, 1))
+    _prepared = ((ref(system), kept.tobytes(), made), *[p for p in _prepared if p[0]() is not None][:_HELD])
+    return made
 
 
 def _own(system: System, kept: np.ndarray) -> np.ndarray:
@@ -145,7 +165,7 @@ def slopes_of(
 ) -> Slopes:
     """The gradient of the weighted sum of the scores of a pass, by its adjoint; by what it left out, zero."""
     kept = deviations > 0.0
-    s, own, count, size = system.with_pushes(kept), _own(system, kept), variances.size, found.means.shape[1]
+    s, own, count, size = _latest(system, kept)[0], _own(system, kept), variances.size, found.means.shape[1]
     slopes = np.zeros(count + 2 * int(kept.sum()))
     means, covariances = np.zeros((len(s.origin), size)), np.zeros((len(s.origin), size, size))
     numbers = (s.a, s.c, s.finite, s.counts, s.begin, s.constant, s.durations)

@@ -112,6 +112,7 @@ class Linearised(Stretches):
         seen = np.empty((len(self.rows), len(self.columns), len(steps)))
         for some in at_once(len(steps), self.every.size, beside=1):
             own = np.concatenate([vector[None], vectors[some]])
+            self.work.add(len(own) * len(self.rows) * self.stride)
             y, after = self.plant.follow_many(self._by_row, own, path[None], correction, True)
             with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
                 for j, step in enumerate(steps[some], start=1):

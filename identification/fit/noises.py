@@ -11,6 +11,7 @@ import numpy as np
 from identification.deciding import LEAST_PROCESS
 from identification.fit.filtering import Filter, Point
 from identification.fit.kalman import Pass, System, run_filter, slopes_of
+from identification.fit.work import FILTERED
 
 # of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are
 # sought among the first guesses if they would be likelier stronger
@@ -175,6 +176,7 @@ class Noises(Filter):
     def _noise_pass(self, point: Point, logs: np.ndarray, every: bool = False) -> tuple[float, Pass]:
         """Log-likelihood of noises with their prior, and its pass; every: see `_numbers`."""
         assert point.system is not None
+        self.work.add(2 * FILTERED * len(self.rows))  # and its slopes
         made = run_filter(point.system, *self._numbers(logs, every))
         value = float(self.counted @ made.scores) + self._prior(logs)[0]
         return value if np.isfinite(value) else -np.inf, made

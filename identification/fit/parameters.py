@@ -11,6 +11,7 @@ import numpy as np
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import REACH
+from identification.fit.work import Work
 
 # scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to a
 # thousandth, since what they are off by moves those estimates far that act nearly alike
@@ -37,6 +38,7 @@ class Parameters:
     def __init__(self, plant: Plant, doubt: float, scales: Mapping[str, float]):
         self.plant, self.doubt, self.scales = plant, doubt, dict(scales)
         self.index = positions(plant)
+        self.work = Work()  # one for all copies
         self._bounds: dict[str, tuple[float, float]] = {}
         self._deviations: dict[str, float] = {}
 

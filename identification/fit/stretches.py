@@ -276,6 +276,7 @@ class Stretches(Parameters):
         none = np.empty((0, path.shape[1], len(self.plant.outputs)))
         decays = np.ones((len(self.rows), len(self.kicks)))
         vectors = np.repeat(vector[None], len(starts), axis=0)
+        self.work.add(len(vectors) * len(self.rows) * self.stride)
         y, after = self.plant.follow_many(self._by_row, vectors, starts, self._free(none, decays, True), True)
         with np.errstate(over="ignore", invalid="ignore"):  # of one that runs away
             a = ((after[1:] - after[0])[:, :, live] / probes[:, None, None]).transpose(1, 2, 0)

@@ -16,10 +16,13 @@ MOST_LOST = 0.25  # of any parameter's variance: standard errors grow by an eigh
 # the same for an effect whose probe, the least change that is worth finding, is so many standard errors: evidence of
 # a hundred, five times the bar of a hundred candidates
 _MOST_OF_PLAIN, _PLAIN = 1.0, 10.0
-LEAST_ROWS = 1500  # of a record, however dense: colour is judged by them, and shorter ones are fitted soon enough
+# of a record, however dense: colour is judged by them; of vehicles with few states, whose fits are soon done, and with
+# many, where a filter takes ten times as long for a row
+LEAST_ROWS, _LEAST_OF_MANY, _MANY_STATES = 1500, 500, 8
+MOST_ROWS = 3000  # of a record, whatever longer ones lose: a filter takes as long as it has rows
 _LEAST_OF_WINDOW = 8  # rows
 _STRIDES, _REFERENCE = (20, 15, 10, 7, 5, 4, 3), 2
-_JUDGED, _PIECES = 3000, 6  # samples by which strides are judged, and the pieces of a longer record that they are in
+_JUDGED, _PIECES = 1500, 6  # samples by which strides are judged, and the pieces of a longer record that they are in
 _ABOUT_CORNERS = 1.0  # scales over which slopes are taken where an effect has a corner: a smaller one does nothing
 _SEEN = 1e-4  # share of a parameter's slopes that must remain beside the others' for it to count
 _NOTHING = 1e-12  # of squared slopes, below which they are rounding
@@ -37,7 +40,8 @@ def stride_for(
 ) -> int:
     """The most samples to a row at which no parameter's variance grows by more than `MOST_LOST`.
 
-    By more only where a record is so long that it shows an effect all the same.
+    By more only where a record is so long that it shows an effect all the same, or of more rows than `MOST_ROWS`, which
+    no fit would come to the end of.
 
     fitted: paths that are fitted together.  others: each beside these.
     Judged by filters with the noises of a fit's first guess: where these take accelerations for stronger than they are,
@@ -47,16 +51,23 @@ def stride_for(
     """
     samples = sum(w.stop - w.start for w in windows)
     shortest = min(w.stop - w.start for w in windows)
-    most = min(samples // LEAST_ROWS, shortest // _LEAST_OF_WINDOW)
+    rows = LEAST_ROWS if len(plant.family.states) < _MANY_STATES else _LEAST_OF_MANY
+    most = min(samples // rows, shortest // _LEAST_OF_WINDOW)
     tried = [s for s in _STRIDES if s <= most]
     if not tried or not (fitted or others) or Chart.along(plant.family, record).on:  # a chart is of each sample
         return 1
+    least = 1
+    if samples > MOST_ROWS * _REFERENCE:
+        least = min((s for s in tried if s * MOST_ROWS >= samples), default=tried[0])
+    tried = [s for s in tried if s > least]
+    if not tried:
+        return least
     pieces = _spread_out(windows, samples)
     judged = sum(w.stop - w.start for w in pieces)
     short = PredictionErrors(plant, record, pieces, doubt=doubt, process=process, stride=_REFERENCE)
     point = short.first_point()
     if not np.isfinite(point.scores).all():
-        return 1
+        return least
     told = _variances(short, point, fitted, others)
     for stride in tried:
         problem = PredictionErrors(plant, record, pieces, doubt=doubt, process=process, stride=stride)
@@ -68,7 +79,7 @@ def stride_for(
         plain[: len(fitted)] = False
         if np.all(lost <= np.where(plain, _MOST_OF_PLAIN, MOST_LOST) * told):
             return stride
-    return 1
+    return least
 
 
 def _spread_out(windows: Sequence[slice], samples: int) -> list[slice]:

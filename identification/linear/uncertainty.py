@@ -249,7 +249,7 @@ def simulated_band(
     draws: int = 0,
     rng: np.random.Generator | None = None,
 ) -> SimulatedBand:
-    """Free runs of a fit over windows of a record, with the band in which 95 % of such fits would run.
+    """Free runs of a fit over windows of a record, with their 95 % band from the parameter uncertainty.
 
     windows: default whole segments.  settle: s, of each, to which the start of every model is fitted; default that of
     `compare_open`.  starts: states at the windows' first rows for all models instead, (n_windows, n_states).

@@ -37,7 +37,7 @@ _BEHIND, _AFTER = 6.0, 3.0  # of a vehicle's windows, what is diagnosed before a
 
 @dataclass(frozen=True)
 class Alarm:
-    """When the innovations of a channel stopped being white noise.
+    """An alarm of a monitor: the time and channel at which innovations stopped being white noise.
 
     time: s.  channel: "" where several together tell.  signal: what they go with: a command or a state, CONSTANT for
     a steady offset, SCATTER for more noise.  memory: s, over which the test that raised it looks back.
@@ -73,7 +73,7 @@ class Learned:
 
 
 class Monitor:
-    """Watches a vehicle, sample by sample; `learn` makes one from a clean log.
+    """A monitor that watches a vehicle, sample by sample; `learn` makes one from a clean log.
 
     The innovations of its Kalman filter are tested as `identification.monitor.bank` says.  After an alarm the tests
     begin anew, and the filter goes on.  It takes constant time and memory for a sample; the last samples are kept for

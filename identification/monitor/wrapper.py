@@ -10,7 +10,7 @@ from identification.monitor.monitor import Monitor
 
 
 class Monitored(gymnasium.Wrapper):
-    """An environment whose `info["alarm"]` is that of a monitor at each step, an `Alarm` or None.
+    """An environment with a monitor: `info["alarm"]` is an `Alarm` or None at each step.
 
     The monitor sees what the controller could: `info["command"]` and `info["reading"]`.
     """

@@ -120,7 +120,7 @@ _ONE, _ALL = programs("corrected_ivls", _advance)
 
 @dataclass(frozen=True)
 class CorrectedIvls:
-    """Instrumental-variable least squares on equation (8) with what `Ivls` lacks.
+    """Instrumental-variable least squares on equation (8), corrected where `Ivls` is biased.
 
     theta_1 is 1. Rows are integrated once, with a leak of `memory` s: the second difference of depth noise becomes a
     first one. The instrument is the rate of an auxiliary model with a time constant between `fastest` and `slowest` s,

@@ -53,7 +53,11 @@ def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
         currents.append(
             {
                 "dive": f"{log.name.partition(',')[0]}, {dive_of(file)}",
-                **{n: [c[1:3] for c in dive_currents(p, whole)] for n, p in found.plants.items() if n != "before"},
+                "given": [(c.north, c.east) for c in dive_currents(found.given.plant, whole)],
+                "after": [
+                    (c.north, c.east, c.north_error, c.east_error)
+                    for c in dive_currents(found.after.plant, whole, found.spread)
+                ],
                 "operators": [
                     stated[f"current_{way}_mps"] for way in ("north", "east") if f"current_{way}_mps" in stated
                 ],

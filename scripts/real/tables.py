@@ -49,7 +49,7 @@ def sheets(results: Results) -> list[Sheet]:
     found.append(Sheet("sources", "Where logs come from", heads, rows))
     dives = [dive for _, said in results for dive in said.get("currents", ())]
     if dives:
-        heads = ("dive", "as stated, m/s north and east>", "with effects>", "operators>")
+        heads = ("dive", "as stated, m/s north and east>", "with effects, 95 % intervals>", "operators>")
         rows = [[d["dive"], *(_current(d[k]) for k in ("given", "after", "operators"))] for d in dives]
         found.append(Sheet("currents", "Depth-averaged currents of dives that no fit has seen", heads, sorted(rows)))
     return found
@@ -135,6 +135,11 @@ def named(said: Said) -> list[str]:
 
 
 def _current(found: Sequence[Any]) -> str:
-    """A current, or each of several, in m/s north and east."""
-    pairs = [found] if found and not isinstance(found[0], list | tuple) else found
-    return "; ".join(f"{north:.3f}, {east:.3f}" for north, east in pairs) or "-"
+    """A current, or each of several, in m/s north and east, with 95 % intervals where standard errors follow."""
+    several = [found] if found and not isinstance(found[0], list | tuple) else found
+    return "; ".join(_both_ways(*one) for one in several) or "-"
+
+
+def _both_ways(north: float, east: float, *errors: float) -> str:
+    reach = [f" ± {1.96 * error:.3f}" for error in errors] or ["", ""]
+    return f"{north:.3f}{reach[0]}, {east:.3f}{reach[1]}"

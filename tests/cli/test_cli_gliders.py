@@ -122,5 +122,8 @@ def test_dives_of_a_seaglider_are_one_record_of_the_glider_that_they_state(tmp_p
     assert result["verdict"] in ("named", "tied")
     assert load_vehicle(out / "vehicle.toml").hull.mass == 54.5
     # it surfaces where it dived, so that the water took it back
-    assert "Depth-averaged current to the north and east, by GPS and dead reckoning: dive 1: " in result["summary"]
+    assert (
+        "Depth-averaged current to the north and east, by GPS and dead reckoning, with 95 % intervals: dive 1: "
+        in result["summary"]
+    )
     assert [0.1 < np.hypot(c["north"], c["east"]) < 0.4 for c in result["currents"]] == [True] * 3

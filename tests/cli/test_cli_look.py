@@ -85,4 +85,4 @@ def test_a_log_of_very_many_samples_is_to_be_thinned(tmp_path, capsys):
     assert main(["look", str(path), "--vehicle", "slocum"]) == 0
     text = said(capsys)
     assert f"auv-gym diagnose {path} --vehicle slocum --resample 0.2 --out diagnosis" in text
-    assert text.endswith("(--resample thins its 10,000 samples, or it takes long)")
+    assert text.endswith("(without --resample its 10,000 samples take long)")

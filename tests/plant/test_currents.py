@@ -55,6 +55,26 @@ def test_the_current_of_each_dive_is_found(glider):
     assert (deep[0].north, deep[0].east) == pytest.approx(CURRENT, abs=0.001)
 
 
+def test_standard_errors_are_of_fixes_surface_compass_and_flight(glider):
+    record = described(glider, dive(glider, 0.0, 0.0))
+    (found,) = dive_currents(glider, record)
+    lasted = found.stop - found.start
+    through = 0.25 * lasted  # m, to the north: some 0.25 m/s
+    fixes, drift = 5.0 * 2.0**0.5 / lasted, 0.15 * 2.0 * DRIFT / lasted
+    assert found.north_error == pytest.approx(np.hypot(fixes, drift), rel=0.05)  # the climb from 0.5 m is drift, too
+    assert found.east_error == pytest.approx(
+        np.sqrt(fixes**2 + drift**2 + (np.deg2rad(2.0) * through / lasted) ** 2), rel=0.1
+    )
+    slower = replace_at(glider, "hull.drag_0", 1.3 * glider.hull.drag_0)
+    (moved,), (wide,) = dive_currents(slower, record), dive_currents(glider, record, [slower])
+    assert (wide.north, wide.east) == (found.north, found.east)
+    assert wide.north_error == pytest.approx(np.hypot(found.north_error, moved.north - found.north), rel=1e-9)
+    assert (
+        wide.words
+        == f"{wide.north:.3f} ± {1.96 * wide.north_error:.3f} and {wide.east:.3f} ± {1.96 * wide.east_error:.3f} m/s"
+    )
+
+
 def test_nothing_is_said_without_fixes_or_a_heading(glider):
     record = described(glider, dive(glider, 0.0, 0.7))
     assert dive_currents(glider, record)

@@ -23,7 +23,7 @@ SAID = {
     "log_notes": ["50 % of the log is left out.", "x: left out, since its unit is not known."],
 }
 FITS = SAID | {"fits": {"2": {"p_radps": [30.0, 50.0, None, 99]}}}
-DIVE = {"dive": "one, 3", "given": [[0.1, 0.2]], "after": [[0.0, -0.2]], "operators": [0.1, 0.1]}
+DIVE = {"dive": "one, 3", "given": [[0.1, 0.2]], "after": [[0.0, -0.2, 0.01, 0.02]], "operators": [0.1, 0.1]}
 DIVES = SAID | {"errors": [{"signal": "vertical velocity", "unit": "cm/s", "stages": [1.5, 1.4, 0.5], "others": 2.0}]}
 LOGS = (
     Log("one, two", "slocum", ("slocum:one",), "a source", "nothing"),
@@ -54,7 +54,7 @@ def test_tables_have_the_errors_of_each_log_beside_those_of_others():
     assert table.rows[1][1:6] == ["roll rate, %", "70", "50", "-", "60"]  # 100 less the fit percent
     assert table.rows[2][1:6] == ["vertical velocity, cm/s", "1.5", "1.4", "0.5", "2"]
     assert sources.rows[0] == ["one, two; three", "a source", "nothing", "no other tool known"]
-    assert currents.rows == [["one, 3", "0.100, 0.200", "0.000, -0.200", "0.100, 0.100"]]
+    assert currents.rows == [["one, 3", "0.100, 0.200", "0.000 ± 0.020, -0.200 ± 0.039", "0.100, 0.100"]]
     assert summary(RESULTS)[-1] == "| dives | vertical velocity, cm/s | 1.5 | 1.4 | 0.5 | 2 | tied, something left |"
     assert left_out(RESULTS)[0] == "- one, two: 50 % of the log is left out."
 

@@ -127,7 +127,8 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     elif left:
         progress(0.88, "looking for a term that no effect is")
         discovery = Discovery(state.plant, state.paths, state)
-        if searched.library:  # a family may have no terms to choose from
+        # a family may have no terms to choose from
+        if searched.library and bench.goes_on("looked for a term that no effect is"):
             discovery = extras.attempt(
                 "The search for a term that no effect is",
                 lambda: discover(bench, state, searched.library, rng, settle),
@@ -175,6 +176,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         source=source,
         versions=_versions(),
         common=common,
+        unfinished=tuple(bench.unfinished),
     )
     loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, diagnosis.plants), ())
     final = discovery.state if discovery is not None and discovery.holds else state

@@ -73,7 +73,8 @@ class Diagnosis:
     common: what the members of each tie agree on.  planned: whether the experiment that tells them apart is planned.
     spread: the vehicle after, moved by a standard error in each independent direction of what was fitted.
     currents: of the dives between two GPS fixes, by the vehicle after.
-    failures: parts that could not be made.  seconds: that each step took.
+    failures: parts that could not be made.  unfinished: steps that the search left out, having reached its limit, in
+    words.  seconds: that each step took.
     """
 
     verdict: Verdict
@@ -111,6 +112,7 @@ class Diagnosis:
     spread: tuple[Plant, ...] = ()
     currents: tuple[DiveCurrent, ...] = ()
     failures: tuple[Failure, ...] = ()
+    unfinished: tuple[str, ...] = ()
     source: str = ""
     versions: dict[str, str] = field(default_factory=dict)
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -172,7 +174,7 @@ class Diagnosis:
     def paragraphs(self) -> list[str]:
         """The summary in paragraphs: verdict and errors; ties; doubts about effects; what remains; how it was read."""
         grouped = (
-            (_sentence(self), _error_sentence(self)),
+            (_sentence(self), unfinished_sentence(self), _error_sentence(self)),
             (_tied_sentence(self), _likelier_sentence(self), _common_sentence(self)),
             (
                 _halves_sentence(self),
@@ -210,6 +212,16 @@ def _sentence(d: Diagnosis) -> str:
         return text + (f" Part of the difference looks like {'; '.join(names)}." if names else "")
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
     return f"The model is missing {count}: {'; '.join(names)}."
+
+
+def unfinished_sentence(d: Diagnosis) -> str:
+    """What is said of a search that ended at its limit, or nothing."""
+    if not d.unfinished:
+        return ""
+    return (
+        f"The search ended at its limit of computing time before it had {listed(d.unfinished)}: more effects may be "
+        "missing, and others may explain this log as well. Shorten the log, or thin it by --resample."
+    )
 
 
 def _tied_sentence(d: Diagnosis) -> str:

@@ -42,7 +42,7 @@ class Weighed:
     @property
     def tied(self) -> tuple[Round, ...]:
         """The rounds, each with the ties that all explanations leave."""
-        return tied_rounds(self.found, self.rounds, self.survivals)
+        return tied_rounds(self.found, self.rounds, self.survivals) if self.found.sets else self.rounds
 
 
 def weigh(
@@ -53,8 +53,8 @@ def weigh(
     state, rounds, survivals: what the search has chosen, and what halves of the record say of it.
     """
     bench, nominal, count = known.bench, searched.nominal, len(searched.candidates)
-    if not rounds:
-        return Weighed(state, (), (), Explanations(()))
+    if not rounds or not bench.goes_on("weighed all sets of effects"):
+        return Weighed(state, tuple(rounds), tuple(survivals), Explanations(()))
 
     def told(made: Round) -> Survival:
         return survival(bench, made, made.before or nominal, count)

@@ -54,6 +54,8 @@ def attribute(
     """
     state, rounds, left, count = start, [], list(candidates), len(candidates)
     for number in range(most + 1 if left else 0):
+        if number and not bench.goes_on("looked for a further effect"):
+            break
         done, share = number / (most + 1), 1.0 / (most + 1)
         made = selected(
             bench,
@@ -97,6 +99,8 @@ def selected(
         chosen = best
         others = [t for t in trials if t.candidate is not chosen.candidate]
         alike = likenesses(bench, chosen, others)
+        if not bench.goes_on("fitted effects like those it names again"):
+            break
         others = side_by_side(partial(_beside, bench, state, chosen, alike, count), others)
         best = cheaper_rival(bench, chosen, [t for t in others if not t.objection and t not in accepted])
         trials = [chosen, *others]

@@ -15,6 +15,9 @@ from identification.deciding import BLOCKS, MOST_PARTS, UNSTEADY
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change
+from identification.fit.filtering import Point
+from identification.fit.parameters import moves_of
+from identification.fit.prediction_errors import PredictionErrors
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,7 @@ def _changed(
     changing.plant, changing.problem = plant, problem
     here = replace_at(plant, {p: value_at(state.plant, p) for p in state.paths})
     near = replace(state.point, vector=here.vector)
+    _soon(bench, problem, state, near, paths, courses)
     parts = {Candidate(p, tuple(change(form, p) for form in courses)): p for p in paths}
     bar = float(chi2.isf(chance, len(courses)))
     bases = (near, problem.quieted(near)) if quietly and problem.pushed else (near,)
@@ -128,3 +132,25 @@ def _changed(
     fitted = problem.solve(problem.plant_at(begun, free), free, begun, ITERATIONS, gain=TRIAL_GAIN)
     evidence = 2.0 * (problem.objective(fitted, free) - bench.problem.objective(state.point, state.paths))
     return path, evidence, changing, State(problem.plant_at(fitted, free), free, fitted)
+
+
+def _soon(
+    bench: Workbench,
+    problem: PredictionErrors,
+    state: State,
+    near: Point,
+    paths: Sequence[str],
+    courses: Mapping[str, Course],
+) -> None:
+    """Slopes that are known already, and those by changes of coefficients as far as responses give them."""
+    moves = moves_of(state.paths)
+    problem.keep_columns(near, moves, bench.problem.columns_of(state.point, moves))
+    answered = bench.problem.prepared(state.point, state.paths)
+    for form, course in courses.items():
+        shares = np.array([course.at(int(row)) for row in problem.rows])
+        columns = bench.problem.changing_slopes(answered, paths, shares)
+        if columns is None:
+            return
+        own = [change(form, p) for p in paths]
+        scales = [problem.scale(q) / bench.problem.scale(p) for p, q in zip(paths, own, strict=True)]
+        problem.keep_columns(near, moves_of(own), columns * np.array(scales)[:, None, None])

@@ -13,7 +13,7 @@ from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.linearised import at_once
+from identification.fit.parameters import moves_of
 from identification.fit.validation import whiteness
 
 
@@ -54,10 +54,13 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
     if library:
         terms = [Candidate(path, (path,)) for path in library]
         unit, moves = problem.scaled(dict.fromkeys(library, 1.0)), [(p, 1e-6) for p in library]
-        columns = (unit.columns_of(point, moves[some]) for some in at_once(len(moves), problem.measured.size))
-        size = np.sqrt(np.concatenate([(own**2).sum(axis=(1, 2)) for own in columns]))
+        columns = unit.columns_of(point, moves)
+        size = np.sqrt((columns**2).sum(axis=(1, 2)))
         scales = {p: 1.0 / max(float(s), 1e-9) for p, s in zip(library, size, strict=True)}
-        best = screen(problem.scaled(scales), point, state.paths, terms, threshold(len(library)))
+        # terms are neutral at zero, where forces go with them: these slopes, in the scales by which they are screened
+        own = problem.scaled(scales)
+        own.keep_columns(point, moves_of(library), columns * np.array([scales[p] for p in library])[:, None, None])
+        best = screen(own, point, state.paths, terms, threshold(len(library)))
         if best and best[0].evidence > threshold(len(library)):
             depends = best[0].candidate.paths[0]
     own, changes = [p for p in state.paths if p in state.plant.doubted], ""

@@ -47,10 +47,11 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     left = what_is_left(bench, state, library)
     second = Reconsidering(bench, candidates, most, kinematics.mismatches)
     again = state
-    if rounds and (left or bench.problem.is_pushed(state.point)):
+    if rounds and (left or bench.problem.is_pushed(state.point)) and bench.goes_on("tried pairs of effects"):
         progress(0.8, "trying pairs of effects")
         again, rounds = second.paired(state, rounds)
-    if rounds and left and bench.followed <= FEW_STATES:  # elsewhere it takes minutes
+    few = bench.followed <= FEW_STATES  # elsewhere it takes minutes
+    if rounds and left and few and bench.goes_on("tried other effects in each one's place"):
         progress(0.85, "trying other effects in each one's place")
         again, rounds = second.swapped(again, rounds)
     if again is not state:

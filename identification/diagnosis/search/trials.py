@@ -24,6 +24,8 @@ NO_TRACE = "leaves no trace in the residual"
 FAR_LESS = "explains far less than the others"
 IDLE_PART = "its part of the vehicle shows no missing effect"
 UNSTABLE = "no stable run with it"
+NO_TIME = "was not fitted to the end, for want of time"
+_FITTING = "fitted all effects that look promising to the end"
 UNSEEN = "not detectable in this log"
 
 Progress = Callable[[float, str], None]
@@ -82,18 +84,22 @@ def trials_of(
     progress(0.6, "fitting what is left of it")
 
     finalists = _finalists(begun, plain)
-    trials = side_by_side(lambda finalist: _finished(bench, state, finalist, count), finalists)
+    trials = _all_finished(bench, state, finalists, count)
     # with too little process noise all promise too much: what finalists keep of it tells by how much
-    both = [(t.train, b.promise) for b, t in zip(finalists, trials, strict=True) if b.state.quiet and b.promise > 0.0]
+    promised = {b.screening.candidate: b.promise for b in finalists if b.state.quiet and b.promise > 0.0}
+    both = [(t.train, promised[t.candidate]) for t in trials if t.candidate in promised]
     kept = float(np.clip(max((train / promise for train, promise in both), default=1.0), 0.0, 1.0))
     gain = {b.screening.candidate: b.promise * (kept if b.state.quiet else 1.0) for b in begun}
     late = _overtaken(begun, trials, gain, threshold(count))
-    trials += side_by_side(lambda finalist: _finished(bench, state, finalist, count), late)
-    done = {t.candidate for t in trials}
+    if late and bench.goes_on(_FITTING):
+        trials += _all_finished(bench, state, late, count)
+    done, wanted = {t.candidate for t in trials}, {b.screening.candidate for b in (*finalists, *late)}
     for screening in screened:
         if screening.candidate not in done:
             reached = gain.get(screening.candidate, screening.evidence)
             reason = NO_TRACE if reached < LEAST_TRACE * threshold(count) else FAR_LESS
+            if screening.candidate in wanted:
+                reason = NO_TIME
             if screening.chance >= PART_LEVEL:
                 reason = IDLE_PART
             if screening.seen < SEEN:
@@ -241,6 +247,17 @@ def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial
     if near.quiet:
         near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
     return judged(bench, state, begun.screening.candidate, begun.screening, near, count)
+
+
+def _all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
+    """The trials of candidates that were begun, the first one whatever it takes."""
+
+    def finish(one: Begun) -> Trial | None:
+        if one is not begun[0] and not bench.goes_on(_FITTING):
+            return None
+        return _finished(bench, state, one, count)
+
+    return [trial for trial in side_by_side(finish, begun) if trial is not None]
 
 
 def _finalists(begun: Sequence[Begun], plain: Collection[str]) -> list[Begun]:

@@ -12,7 +12,7 @@ from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.deciding import BLOCKS, FAR_FROM_GIVEN
+from identification.deciding import BLOCKS, FAR_FROM_GIVEN, MOST_WORK
 from identification.diagnosis.log.parts import block_numbers
 from identification.diagnosis.search.candidates import candidates_of
 from identification.estimate import half_width
@@ -71,8 +71,17 @@ class Workbench:
         self.problem = brisk(PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride))
         self.plant = self.problem.plant
         self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)[:: self.problem.stride]
+        self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
+
+    def goes_on(self, step: str) -> bool:
+        """Whether there is time left for a step of the search, in words; `unfinished` lists what there was none for."""
+        if self.problem.work.done < self._most:
+            return True
+        if step not in self.unfinished:
+            self.unfinished.append(step)
+        return False
 
     @property
     def followed(self) -> int:

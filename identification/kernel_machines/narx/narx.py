@@ -43,7 +43,7 @@ class NarxFit:
 
 @dataclass(frozen=True)
 class NarxLsSvm:
-    """Nonlinear difference equations of lags: a linear part by least squares, Gaussian bells for what that leaves.
+    """Nonlinear difference equations in lags: a linear part by least squares, and Gaussian bells for its residual.
 
     n_a, n_b: lags of each output and input, the inputs' from `delay` on.  integrating: outputs whose increments are
     modelled, and whose level is no regressor; default heading, north and east.  trend: whether there is a linear part.

@@ -175,7 +175,7 @@ def search_orders(
     progress: Callable[[float, str], Any] = lambda fraction, text: None,
     **settings: Any,
 ) -> OrderSearch:
-    """Every order of the grid fitted to the records, each output by itself; raises ValueError for a wrong question.
+    """Fit every order of the grid to the records, each output separately; raises ValueError for invalid settings.
 
     method: arx, els, armax, output_error.  n_b, delay: alike for all inputs, or by input name each its own.  n_c: where
     the method has it, default 0 to 3.  validate: records for `held_out`, which should not be those that judge the model

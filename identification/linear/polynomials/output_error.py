@@ -25,7 +25,7 @@ _INSIDE = 0.999  # size of the largest root of A with which signals are filtered
 
 @dataclass(frozen=True)
 class OutputError:
-    """An output-error model, y = (B(q) / A(q)) u + e: what is minimised are the errors of free runs.
+    """An output-error model, y = (B(q) / A(q)) u + e, fitted by minimising the errors of free runs.
 
     Settings as in Arx.  Each segment's initial state is estimated.  Right where the noise is on the measurement alone;
     under feedback only if e is white.  An integrating plant can be fitted, an unstable one cannot: use Armax.

@@ -30,7 +30,7 @@ WEIGHTS = ("cva", "n4sid", "moesp")
 
 @dataclass(frozen=True)
 class N4sid:
-    """State space from the part of the future that the past tells and the future inputs do not.
+    """State space by the projection of future outputs onto the past, orthogonal to future inputs.
 
     horizon: samples of the past and of the future, by default twice the lags that AIC chooses, or what the record
     allows.  weight: of the future, "cva" (canonical variates), "n4sid" or "moesp".  order, integrators, offset, stable,

@@ -76,6 +76,9 @@ class Table:
     def costs(self, state: State) -> np.ndarray:
         return -np.array(self._likely(state))
 
+    def goes_on(self, step: str) -> bool:
+        return True
+
     def flies(self, plant: Plant, settle: float | None = None) -> bool:
         return self.stable
 

@@ -9,6 +9,7 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
+from identification.diagnosis.search import workbench
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
 
@@ -58,6 +59,19 @@ def test_coefficients_that_were_wrong_are_a_finding_of_their_own():
         assert abs(c.value - truth[c.path]) < 3.0 * error
     assert "coefficients were wrong" in found.summary()
     assert set(as_json(found)["coefficients_wrong"]) == wrong
+
+
+def test_a_search_that_reaches_its_limit_ends_with_what_it_has_and_says_so(monkeypatch):
+    true = replace_at(QUICK, "effects.rudder.offset", 0.05)
+    record = run_mission(true, np.random.default_rng(4), duration=900.0)
+    assert not diagnose(record, QUICK).unfinished
+    monkeypatch.setattr(workbench, "MOST_WORK", 0.0)
+    found = diagnose(record, QUICK)
+    assert "effects.rudder.offset" in names(found)
+    assert "looked for a further effect" in found.unfinished
+    assert "The search ended at its limit of computing time before it had" in found.summary()
+    assert "looked for a further effect" in found.summary()
+    assert as_json(found)["unfinished"] == list(found.unfinished)
 
 
 def test_a_mirrored_rudder_is_said_plainly_and_nothing_is_named():

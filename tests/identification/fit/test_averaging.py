@@ -179,6 +179,7 @@ def test_a_lag_shorter_than_a_row_is_still_found():
 def test_rows_are_as_long_as_the_slowest_loss_allows(monkeypatch):
     record = dense_log(7, 9000)
     monkeypatch.setattr(strides, "LEAST_ROWS", 300)
+    monkeypatch.setattr(strides, "MOST_ROWS", 9000)
     slow = stride_for(GLIDER, record, whole(record), COEFFICIENTS)
     assert slow > 1
     quick = stride_for(GLIDER, record, whole(record), (*COEFFICIENTS, "effects.rudder.dead_time"))
@@ -215,3 +216,16 @@ def test_short_records_and_short_windows_are_read_sample_by_sample():
     assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 1
     pieces = [slice(k, k + 20) for k in range(0, 3000, 20)]
     assert stride_for(GLIDER, record, pieces * 3, COEFFICIENTS) == 1
+
+
+def test_no_record_has_more_rows_than_a_fit_could_get_through(monkeypatch):
+    """Whatever longer rows lose; among those that are long enough, the loss decides."""
+    record = dense_log(7, 6000)
+    monkeypatch.setattr(strides, "LEAST_ROWS", 300)
+    monkeypatch.setattr(strides, "MOST_LOST", 1e-9)
+    monkeypatch.setattr(strides, "MOST_ROWS", 1000)
+    assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 7  # the first that is at least 6
+    monkeypatch.setattr(strides, "MOST_ROWS", 3000)
+    assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 1
+    monkeypatch.setattr(strides, "MOST_LOST", 1e9)
+    assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 20

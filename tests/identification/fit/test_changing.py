@@ -86,6 +86,17 @@ def test_paths_of_changes_tell_form_and_parameter():
     assert changed(OFFSET) == ("", OFFSET)
 
 
+def test_a_vehicle_that_changes_may_change_in_other_forms_too(glider):
+    plant, record = glider
+    row, other = change("after", OFFSET), change("late", BIAS)
+    first = replace_at(changing(plant, [OFFSET], len(record) // 2, (0.0, 1.0)), row, 0.03)
+    both = ChangingPlant.of(first, {"late": [BIAS]}, {"late": Course((len(record) // 4,), (0.0, 1.0))})
+    assert both.changes == [row, other]
+    assert value_at(both, row) == 0.03
+    assert value_at(both.at_row(len(record) - 1), OFFSET) == 0.03
+    assert both.plain == plant
+
+
 @pytest.mark.parametrize("path, size", [("effects.rudder.lag", 4.0), ("effects.rudder.backlash", 0.1)])
 def test_actuators_go_on_from_where_a_change_finds_them(glider, path, size):
     plant, record = glider

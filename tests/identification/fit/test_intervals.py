@@ -193,11 +193,11 @@ def test_parameters_without_a_part_of_a_log_are_those_of_a_fit_without_it(fitted
 class Mean:
     """A stand-in: the mean of random pushes of known strength and correlation time, whose information is their inverse.
 
-    curvature: of the log-likelihood by the logarithms of both.
+    curvature: of the log-likelihood by the logarithms of both.  error: over its deviation, of the one reading.
     """
 
-    def __init__(self, curvature, pushing=(1, 2)):
-        self.curvature, self._pushing = np.array(curvature), list(pushing)
+    def __init__(self, curvature, pushing=(1, 2), error=0.0):
+        self.curvature, self._pushing, self.error = np.array(curvature), list(pushing), error
 
     def pushing(self, point):
         return self._pushing
@@ -214,28 +214,49 @@ class Mean:
     def without_starts(self, point, slopes):
         return slopes
 
+    def counted_errors(self, point):
+        return np.array([self.error])
+
+    def pulls(self, vector, paths):
+        return np.zeros(1), np.zeros(1)
+
 
 @dataclass(frozen=True)
 class Logs:
     logs: np.ndarray
+    vector: np.ndarray = field(default_factory=lambda: np.zeros(1))
+
+
+def by_noise(problem) -> tuple[np.ndarray, np.ndarray]:
+    """Growth and freedom of a mean that is told to 1."""
+    return _by_noise(problem, Logs(np.zeros(3)), ["mean"], np.eye(1), np.eye(1), np.zeros((1, 1)))  # type: ignore[arg-type]
 
 
 def test_a_noise_of_which_little_is_known_widens_intervals_as_student_did():
     """The variance goes with the square of the strength and with the time: slopes of 2 and 1, of which all follows."""
     told, slopes = np.array([[20.0, -4.0], [-4.0, 6.0]]), np.array([2.0, 1.0])
     variance = slopes @ np.linalg.solve(told, slopes)
-    growth, freedom = _by_noise(Mean(told), Logs(np.zeros(3)), ["mean"], np.eye(1), np.zeros((1, 1)))  # type: ignore[arg-type]
+    growth, freedom = by_noise(Mean(told))
     assert freedom == pytest.approx([2.0 / variance], rel=1e-6)
     assert growth == pytest.approx([0.5 * variance], rel=1e-6)
 
 
 def test_what_is_not_known_of_a_noise_at_all_has_a_limit_and_without_any_nothing_is_wider():
-    growth, freedom = _by_noise(Mean(1e-3 * np.eye(2)), Logs(np.zeros(3)), ["mean"], np.eye(1), np.zeros((1, 1)))  # type: ignore[arg-type]
+    growth, freedom = by_noise(Mean(1e-3 * np.eye(2)))
     assert growth == [1.0]
     assert freedom == [2.0]
-    growth, freedom = _by_noise(Mean(np.eye(2), ()), Logs(np.zeros(3)), ["mean"], np.eye(1), np.zeros((1, 1)))  # type: ignore[arg-type]
+    growth, freedom = by_noise(Mean(np.eye(2), ()))
     assert growth == [0.0]
     assert freedom == [np.inf]
+
+
+def test_an_estimate_that_moves_with_the_noise_is_less_sure_by_what_it_moves_by():
+    """An error of 0.5 over a deviation that goes with the strength and the root of the time, over steps of 0.2."""
+    told, slopes = np.array([[20.0, -4.0], [-4.0, 6.0]]), np.array([2.0, 1.0])
+    moves = 0.5 * np.expm1([0.2, 0.1]) / 0.2
+    expected = np.exp(0.5 * slopes @ np.linalg.solve(told, slopes)) + moves @ np.linalg.solve(told, moves)
+    growth, _ = by_noise(Mean(told, error=0.5))
+    assert growth == pytest.approx([np.log(expected)], rel=1e-6)
 
 
 def test_slow_pushes_leave_less_freedom_than_fast_ones():

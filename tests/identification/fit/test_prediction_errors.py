@@ -397,6 +397,18 @@ def test_a_profile_of_a_smooth_parameter_is_its_interval_and_ends_at_a_bound(pus
     assert 0.0 < high < 2.0
 
 
+def test_a_profile_does_not_count_what_the_colour_of_errors_tells_of_coefficients():
+    """As neither estimates nor their covariance do: a dead time that coefficients all but imitate is no surer by it."""
+    time = "effects.rudder.dead_time"
+    log = glider_log(3, **{time: 0.3})
+    problem, paths = PredictionErrors(GLIDER, log, whole(log)), (*COEFFICIENTS, time)
+    point = problem.solve(replace_at(GLIDER, time, 0.3), paths)
+    told = information_of(problem, point, paths)
+    error = float(np.linalg.inv(told.alone)[2, 2] ** 0.5) * problem.scale(time)
+    low, high = profile_interval(problem, point, paths, time, error)
+    assert high - low == pytest.approx(2.0 * 1.96 * error, rel=0.15)  # a dead time is not quite linear
+
+
 def clean_log(vehicle: str, seed: int) -> Record:
     """A log of a vehicle that lacks nothing: a glider that is pushed, a float and a torpedo that are not."""
     if vehicle == "ganeshblue":

@@ -31,7 +31,7 @@ def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride
     point = problem.solve(GLIDER, ())
     assert problem._there(point.logs).any()
     point = problem.prepared(point, COEFFICIENTS)
-    found = problem._slopes_for_steps(point, COEFFICIENTS)
+    found = problem.soon_slopes(point, COEFFICIENTS)
     exact = problem.counted_slopes(point, COEFFICIENTS)
     for one, other in zip(found, exact, strict=True):
         assert np.linalg.norm(one - other) < 2e-3 * np.linalg.norm(other)

@@ -264,7 +264,7 @@ def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(of
     found = diagnose(offset_log, plant)
     assert (found.verdict, found.effects, found.dropped) == ("unexplained", (), {OFFSET: WORSE})
     assert value_at(found.after.plant, OFFSET) == 0.0
-    assert "less well than without" in found.summary()
+    assert "are worse with it than without" in found.summary()
 
 
 def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):

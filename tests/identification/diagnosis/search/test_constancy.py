@@ -1,18 +1,22 @@
-"""Whether an effect has one size: a rudder offset throughout, and one that begins half-way."""
+"""Whether an effect has one size: a rudder offset throughout and from half-way on, trapped air in dives."""
 
 import numpy as np
+import pytest
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
+from auv_gym.records.record import concat
 from identification.deciding import UNSTEADY
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.search.constancy import steadiness
+from identification.diagnosis.search.constancy import dives_of, sizes_by_dive, steadiness
 from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.workbench import Workbench
+from identification.experiments.glider_dives import yo_mission
 from identification.experiments.heading_control import closed_loop
+from identification.fit import filtering
 from scripts.blind.changing import ChangingGlider
 
-OFFSET = "effects.rudder.offset"
+OFFSET, AIR = "effects.rudder.offset", "effects.volume.air"
 
 
 def fitted(begins, path=OFFSET, size=0.03, also=(OFFSET,)):
@@ -36,3 +40,52 @@ def test_a_coefficient_that_changes_half_way_is_left():
     given = value_at(load_vehicle("slocum"), "hull.n_delta")
     assert what_is_left(*fitted(300.0, "hull.n_delta", 1.5 * given, ()), ()).changes == "hull.n_delta"
     assert what_is_left(*fitted(300.0, "hull.n_delta", given, ()), ()) == Left()
+
+
+def dived(airs, also=(AIR,)):
+    """The bench and the state of dives with so much trapped air each, m^3, in which one size is fitted to all."""
+    plant, rng, logs, begun = load_vehicle("seaglider"), np.random.default_rng(2), [], 0.0
+    for number, air in enumerate(airs, 1):
+        one = yo_mission(plant, (180.0,), rng=rng, dt=20.0, truth=lambda p, air=air: replace_at(p, AIR, air))
+        one = one.with_channels({"elapsed_s": one["elapsed_s"] + begun}).with_labels([f"dive {number}"])
+        logs, begun = [*logs, one], float(one["elapsed_s"][-1]) + 600.0
+    log = check_log(concat(logs), plant, Asked(trust=True))
+    bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
+    return bench, bench.fit(bench.plant, (*plant.coefficients, *also))
+
+
+def test_dives_with_another_trapped_air_each_get_their_own_and_dives_alike_do_not():
+    airs = (2e-5, 9e-5, 5e-5)
+    bench, state = dived(airs)
+    assert [dive for dive, _ in dives_of(bench.record, bench.problem.rows)] == ["dive 1", "dive 2", "dive 3"]
+    assert len(bench.record.segments) > 3  # what is left out cuts dives
+    found = sizes_by_dive(bench, state, AIR)
+    assert found is not None
+    for size, true in zip(found.sizes, airs, strict=True):
+        assert size.value == pytest.approx(true, abs=3e-6)  # a probe is 1e-5
+        assert size.ci95[0] < size.value < size.ci95[1]
+    assert not what_is_left(found.bench, found.state, ())
+    assert sizes_by_dive(*dived((5e-5, 5e-5, 5e-5)), AIR) is None
+
+
+def test_air_in_one_dive_alone_shows_where_no_air_was_fitted():
+    bench, state = dived((0.0, 1.2e-4, 0.0), ())
+    found = sizes_by_dive(bench, state, AIR)
+    assert found is not None
+    assert [size.value for size in found.sizes] == pytest.approx([0.0, 1.2e-4, 0.0], abs=3e-6)
+
+
+def test_changes_of_coefficients_are_seen_as_well_by_responses(monkeypatch):
+    """In the linearised filter, at less cost, where there are enough of them to hold how the vehicle answers."""
+    given = value_at(load_vehicle("slocum"), "hull.n_delta")
+    bench, state = fitted(300.0, "hull.n_delta", given, ())
+    own, work = [p for p in state.paths if p in state.plant.doubted], bench.problem.work
+    began = work.done
+    itself = steadiness(bench, state, own, quietly=False)
+    between = work.done
+    monkeypatch.setattr(filtering, "_MANY", 2)
+    soon = steadiness(bench, state, own, quietly=False)
+    assert itself.probability > UNSTEADY
+    assert soon.path == itself.path
+    assert soon.probability == pytest.approx(itself.probability, rel=0.05)
+    assert 0 < work.done - between < between - began
