@@ -133,7 +133,7 @@ def diagnose(
     output.print(_error_table(diagnosis))
     for loop in diagnosis.loops:
         output.print(loop.words, markup=False)
-    if diagnosis.effects:
+    if diagnosis.added:
         output.print(_effect_table(diagnosis))
     if planned is not None and next_experiment:
         tell(planned)
@@ -177,10 +177,10 @@ def _effect_table(diagnosis: Diagnosis) -> Table:
     from auv_gym.param import spec_at
     from identification.diagnosis.wording import interval, quantity
 
-    weighed = any(effect.members for effect in diagnosis.effects)
+    weighed = any(effect.members for effect in diagnosis.added)
     heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else []), "alternatives"]
-    shown = table("Effects", *heads)
-    for effect in diagnosis.effects:
+    shown = table("Effects" if diagnosis.effects else "What the difference acts like", *heads)
+    for effect in diagnosis.added:
         told = effect.coefficient or effect  # an effect that does nothing but change a coefficient is told as that
         size, limits = quantity(told.value, told.unit), interval(told.ci95, told.unit)
         others = [path for path in effect.tied_with if path != told.path]

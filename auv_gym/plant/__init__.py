@@ -1,7 +1,7 @@
 """A vehicle that runs: parameters and effects, integrated in time, as a `Model`; and the files it is read from."""
 
 from auv_gym.plant.charts import Chart
-from auv_gym.plant.plant import Correction, Plant, Runs, check_coefficient_deviation, without_effects
+from auv_gym.plant.plant import Correction, Plant, Runs, check_deviation, without_effects
 from auv_gym.plant.vehicle_files import list_vehicles, load_vehicle, save_vehicle, vehicle_of_text, vehicle_text
 
 __all__ = [
@@ -9,7 +9,7 @@ __all__ = [
     "Correction",
     "Plant",
     "Runs",
-    "check_coefficient_deviation",
+    "check_deviation",
     "list_vehicles",
     "load_vehicle",
     "save_vehicle",

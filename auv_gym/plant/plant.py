@@ -21,6 +21,7 @@ from auv_gym.records.record import Record
 from auv_gym.vehicles import Family
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 
+_EFFECTS = "effects."
 SHARED_ROWS = 5000  # of all runs together, from which on threads share them
 
 
@@ -30,9 +31,9 @@ class Plant:
 
     dt: s, the sample over which `step` holds its inputs.  longest_step: s, the largest RK4 step inside a sample.
     window: s, over which free runs of such a vehicle are judged.  settle: s, their first part, which fits their starts.
-    notes: where each number comes from, by path.  deviations: standard deviation of what is known of a coefficient, in
-    its unit, by path.  fitted_to: the logs that its numbers have seen.  learned: in place of the hull's forces, see
-    `LearnedHull`.
+    notes: where each number comes from, by path.  deviations: standard deviation of what is known of a coefficient or
+    an effect, in its unit, by path.  fitted_to: the logs that its numbers have seen.  learned: in place of the hull's
+    forces, see `LearnedHull`.
     """
 
     name: str
@@ -51,7 +52,7 @@ class Plant:
 
     def __post_init__(self):
         for path, deviation in self.deviations.items():
-            check_coefficient_deviation(self.parameters, path, deviation)
+            check_deviation(self.parameters, path, deviation)
         if self.learned is not None and not self.family.learns:
             raise ValueError(
                 f"A learned hull belongs to a vehicle in six degrees of freedom, got {self.name!r} of family "
@@ -114,9 +115,15 @@ class Plant:
 
     @property
     def coefficients(self) -> tuple[str, ...]:
-        """The paths that a first fit frees: those of the family, and those with a standard deviation of their own."""
+        """The paths that a first fit frees: those of the family, and those with a standard deviation of their own.
+
+        Effects that the vehicle states as neutral are not among them: a diagnosis seeks them.
+        """
         own = self.family.coefficients
-        return (*own, *(path for path in self.deviations if path not in own))
+        return (*own, *(path for path in self.deviations if path not in own and not self._neutral(path)))
+
+    def _neutral(self, path: str) -> bool:
+        return path.startswith(_EFFECTS) and value_at(self, path) == spec_at(self, path).neutral
 
     @cached_property
     def doubted(self) -> tuple[str, ...]:
@@ -133,10 +140,13 @@ class Plant:
     def deviation(self, path: str, doubt: float) -> float:
         """The standard deviation of what is known of a parameter, in its unit; infinite where nothing is.
 
-        doubt: relative, of coefficients that have none of their own; 0 holds all of them, infinite frees all of them.
+        doubt: relative, of coefficients that have none of their own; 0 holds all of them, infinite frees all of them,
+        and effects of which the vehicle states one.
         """
-        if np.isinf(doubt) or path not in self.doubted:
+        if np.isinf(doubt):
             return np.inf
+        if path not in self.doubted:
+            return self.deviations.get(path, np.inf)
         if doubt == 0.0:
             return 0.0
         return self.deviations.get(path, doubt * abs(value_at(self, path)) or np.inf)
@@ -414,11 +424,11 @@ class Runs:
         return cls(begin, stop, times, inputs, first, rows, references, stride, shares)
 
 
-def check_coefficient_deviation(parameters: Any, path: str, deviation: Any) -> None:
-    """Raises unless a standard deviation can be that of a coefficient at a path."""
+def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
+    """Raises unless a standard deviation can be that of a coefficient or an effect at a path."""
     unit = spec_at(parameters, path).unit
-    if not path.startswith(("hull.", "parts.")):
-        raise ValueError(f"{path} cannot have a deviation: only coefficients of the hull and of parts do.")
+    if not path.startswith(("hull.", "parts.", _EFFECTS)):
+        raise ValueError(f"{path} cannot have a deviation: only numbers of the hull and of parts, and effects, do.")
     number = isinstance(deviation, int | float | np.floating) and not isinstance(deviation, bool)
     if not number or not 0.0 <= deviation < np.inf:
         raise ValueError(

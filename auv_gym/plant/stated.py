@@ -52,8 +52,8 @@ def as_stated(plant: Plant, path: str | os.PathLike) -> tuple[Plant, tuple[str, 
         raise ValueError(f"{file.name} states constants that cannot be of {plant.name}: {problem}.")
     notes = {**plant.notes, **dict.fromkeys(values, f"stated by {file.name}")}
     # what is known of a coefficient is known in proportion
-    scales = {name: abs(value_at(changed, name) / value_at(plant, name)) for name in plant.deviations}
-    deviations = {name: scale * plant.deviations[name] for name, scale in scales.items()}
+    scales = {name: abs(value_at(changed, name) / value_at(plant, name)) for name in values if name in plant.deviations}
+    deviations = {name: scales.get(name, 1.0) * own for name, own in plant.deviations.items()}
     name = str(attrs.get("platform_id", plant.name)).lower()
     title = f"{plant.title}, {name.upper()}" if name != plant.name else plant.title
     return replace(changed, name=name, title=title, notes=notes, deviations=deviations), tuple(values)

@@ -15,7 +15,7 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.param import check_value, did_you_mean, list_paths, replace_at, spec_at, value_at
-from auv_gym.plant.plant import Plant, check_coefficient_deviation
+from auv_gym.plant.plant import Plant, check_deviation
 from auv_gym.presets import find_vehicle, list_preset_headings
 from auv_gym.vehicles import FAMILIES, FAMILY_NAMES
 from auv_gym.vehicles.body.files import parse_part_tables, parts_text
@@ -71,13 +71,14 @@ def vehicle_text(plant: Plant, notes: Mapping[str, str] | None = None) -> str:
     said = parts_text(plant.family.body)
     for parameter in list_paths(plant):
         spec, value = spec_at(plant, parameter), value_at(plant, parameter)
-        if parameter.startswith("effects.") and value == spec.neutral:
+        stated = parameter in plant.deviations
+        if parameter.startswith("effects.") and value == spec.neutral and not stated:
             continue
         head, _, key = parameter.rpartition(".")
         if head != table:
             table = head
             lines += ["", f"[{table}]", *said.pop(table, ())]
-        more = f", deviation = {float(plant.deviations[parameter])!r}" if parameter in plant.deviations else ""
+        more = f", deviation = {float(plant.deviations[parameter])!r}" if stated else ""
         more += f", source = {_quoted(notes[parameter])}" if parameter in notes else ""
         lines.append(f'{key} = {{ value = {value!r}, unit = "{spec.unit}"{more} }}')
     return "\n".join(lines) + "\n"
@@ -143,7 +144,7 @@ def _parse(text: str, origin: str) -> Plant:
         try:
             values[path] = check_value(path, value, spec._replace(bounds=_ANY) if path in primes else spec)
             if "deviation" in entry:
-                check_coefficient_deviation(parameters, path, entry["deviation"])
+                check_deviation(parameters, path, entry["deviation"])
                 deviations[path] = float(entry["deviation"])
         except ValueError as error:
             raise ValueError(f"Vehicle file {origin}: {error}") from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Collection
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from auv_gym.writing import finite, writable_folder, write_text
 from identification.deciding import SIMILAR
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
+from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.verdict import Diagnosis, Stage
 from identification.diagnosis.search.trials import Progress
 
@@ -38,7 +40,8 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     out = writable_folder(folder)
     paths = {name: out / name for name in ("diagnosis.json", "vehicle.toml", "report.html")}
     write_text(paths["diagnosis.json"], _json_text(diagnosis, extras))
-    notes = {e.path: f"named by a diagnosis of {diagnosis.source or 'a record'}" for e in diagnosis.effects}
+    told = ((diagnosis.effects, "named by"), (diagnosis.alike, "acts like the difference, but is not named, in"))
+    notes = {e.path: f"{words} a diagnosis of {diagnosis.source or 'a record'}" for own, words in told for e in own}
     notes |= {c.path: f"refitted by a diagnosis of {diagnosis.source or 'a record'}" for c in diagnosis.coefficients}
     seen = (diagnosis.after.plant.fitted_to, diagnosis.source or "a record")
     fitted = replace(diagnosis.after.plant, fitted_to="; ".join(dict.fromkeys(filter(None, seen))))
@@ -73,26 +76,8 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
     return {
         "verdict": d.verdict,
         "summary": d.summary(),
-        "effects": [
-            {
-                "path": e.path,
-                "title": e.title,
-                "value": e.value,
-                "neutral": e.neutral,
-                "unit": e.unit,
-                "ci95": list(e.ci95),
-                "evidence": {"all_rows": e.evidence_train, "cross_validated": e.evidence_held},
-                "frequency": e.frequency if e.path in searched else None,
-                "steady": e.steady,
-                "by_dive": [{"dive": d.dive, "value": d.value, "ci95": list(d.ci95)} for d in e.by_dive],
-                "changes": {name: finite(size) for name, size in e.changes.items()},
-                "tied_with": list(e.tied_with),
-                "probability": e.probability,
-                "members": [finite(asdict(m)) for m in e.members],
-                "coefficient": finite(asdict(e.coefficient)) if e.coefficient else None,
-            }
-            for e in d.effects
-        ],
+        "effects": [_effect(e, searched) for e in d.effects],
+        "acts_like": [_effect(e, searched) for e in d.alike],
         "tied": [list(group) for group in d.tied],
         "common_prediction": [finite(asdict(c)) for c in d.common],
         "dropped": [{"path": path, "why": why.format(it="it")} for path, why in d.dropped.items()],
@@ -173,6 +158,27 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "log_notes": d.record.notes,
         "seed": d.seed,
         "versions": d.versions,
+    }
+
+
+def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
+    """An effect as plain data; searched: paths that halves of the record could choose."""
+    return {
+        "path": e.path,
+        "title": e.title,
+        "value": e.value,
+        "neutral": e.neutral,
+        "unit": e.unit,
+        "ci95": list(e.ci95),
+        "evidence": {"all_rows": e.evidence_train, "cross_validated": e.evidence_held},
+        "frequency": e.frequency if e.path in searched else None,
+        "steady": e.steady,
+        "by_dive": [{"dive": d.dive, "value": d.value, "ci95": list(d.ci95)} for d in e.by_dive],
+        "changes": {name: finite(size) for name, size in e.changes.items()},
+        "tied_with": list(e.tied_with),
+        "probability": e.probability,
+        "members": [finite(asdict(m)) for m in e.members],
+        "coefficient": finite(asdict(e.coefficient)) if e.coefficient else None,
     }
 
 

@@ -14,7 +14,13 @@ from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
-from identification.diagnosis.judge.verdict import Diagnosis, dropped_sentence, left_sentence, noise_sentence
+from identification.diagnosis.judge.verdict import (
+    Diagnosis,
+    dropped_sentence,
+    left_sentence,
+    noise_sentence,
+    unsteady_sentence,
+)
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
@@ -34,7 +40,7 @@ MEANINGS = {
     "coefficients": "The refitted model agrees with this log, but some coefficients differ from their given values.",
     "named": "Adding these effects explains most of the disagreement, also on held-out data.",
     "tied": "An effect is missing, but several causes would explain this log equally well.",
-    "unexplained": "Log and model disagree, and no candidate effect accounts for most of the difference.",
+    "unexplained": "Log and model disagree, and no candidate effect of constant size explains the difference.",
 }
 # Key in the template, function, words for who cannot see it, words below it.
 PICTURES: tuple[tuple[str, Callable[[Diagnosis], Figure], str, str], ...] = (
@@ -165,6 +171,8 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "parts": _parts(d),
         "windows": sum(len(part) for part in d.windows),
         "effects": [_effect(d, e, titles) for e in d.effects],
+        "alike": [_effect(d, e, titles) for e in d.alike],
+        "unsteady": unsteady_sentence(d),
         "ties": _ties(d, titles),
         "coefficients": [_coefficient(c) for c in d.coefficients],
         "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],
@@ -182,7 +190,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
 
 def _titles(d: Diagnosis) -> dict[str, str]:
     paths = [p for r in d.rounds for t in r.trials for p in t.candidate.paths]
-    paths += [*d.given.plant.coefficients, *(x.path for x in d.detectable), *(e.path for e in d.effects)]
+    paths += [*d.given.plant.coefficients, *(x.path for x in d.detectable), *(e.path for e in d.added)]
     return {p: spec_at(d.given.plant, p).title or p for p in paths}
 
 
@@ -262,7 +270,7 @@ def _facts(d: Diagnosis) -> list[tuple[str, str, str]]:
         ),
         (str(sum(len(part) for part in d.windows)), "windows", f"free runs, in {_parts(d)} of the log"),
     ]
-    if d.effects:
+    if d.added:
         share = max(d.explained, 0.0)
         facts.append((f"{100.0 * share:.0f} %", "explained", "of the squared error above the noise"))
     return facts
@@ -445,7 +453,7 @@ def _alternative(d: Diagnosis, path: str, titles: dict[str, str]) -> dict[str, s
     if moved is not None:
         value = f"{amount(moved.value, moved.unit)} instead of {amount(moved.given, moved.unit)}"
         return {"title": titles.get(path, path), "path": path, "value": value}
-    member = next((m for e in d.effects for m in e.members if m.path == path), None)
+    member = next((m for e in d.added for m in e.members if m.path == path), None)
     if member is None:
         return {"title": titles.get(path, path), "path": path, "value": ""}
     size = amount(member.value, member.unit, sign=member.neutral == 0.0)
@@ -457,7 +465,7 @@ def _by_coefficient(d: Diagnosis, titles: dict[str, str]) -> list[tuple[str, str
     """Effects that no round chose but a coefficient's change revealed, each with that coefficient, in words."""
     chosen = {p for r in d.rounds if r.chosen for p in r.chosen.candidate.paths}
     moved = {c.path for c in d.coefficients}
-    pairs = ((e, next((p for p in e.tied_with if p in moved), "")) for e in d.effects if e.path not in chosen)
+    pairs = ((e, next((p for p in e.tied_with if p in moved), "")) for e in d.added if e.path not in chosen)
     return [(e.title, titles[path]) for e, path in pairs if path]
 
 

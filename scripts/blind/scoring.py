@@ -26,6 +26,7 @@ def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None
 
     right: by the kind of the case.  false: names of effects that are not there and no tie with one that is, or with a
     coefficient that is wrong.  confident: a name for a cause outside the library, and nothing called unexplained.
+    alike: what the difference is said to act like, and is not named.
     covered: by named path, whether its interval holds the value.  ratio: error in unseen parts over the true model's.
     """
     verdict = said["verdict"]
@@ -62,6 +63,7 @@ def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None
         "tied": [sorted(group) for group in groups],
         "right": bool(right),
         "false": sorted(false),
+        "alike": sorted(e["path"] for e in said.get("acts_like", ())),
         "confident": bool(kind == "outside" and (slipped or (verdict in CONFIDENT and not flagged and not helped))),
         "coefficients_found": sorted(set(coefficients) & set(wrong)),
         "coefficients_false": sorted(set(coefficients) - set(wrong)),

@@ -119,17 +119,18 @@ def _verdict(said: Said) -> str:
 
 
 def named(said: Said) -> list[str]:
-    """The effects of a result with size, interval and frequency, and what each is tied with."""
+    """The effects of a result, named or not, with size, interval and frequency, and what each is tied with."""
     groups = {path: [p for p in group if p != path] for group in said["tied"] for path in group}
     names = []
-    for e in said["effects"]:
+    for e in (*said["effects"], *said.get("acts_like", ())):
         told = e.get("coefficient") or e
         low, high = (np.nan if limit is None else limit for limit in told["ci95"])
         size = f"{quantity(told['value'], told['unit'])} ({interval((low, high), told['unit'])})"
         share = "" if e["frequency"] is None else f", {100.0 * e['frequency']:.0f} %"
         names.append(
-            f"`{told['path']}` {size}{share}"
-            + "".join(f", or `{p}`" for p in groups.get(e["path"], ()) if p != told["path"])
+            ("" if e in said["effects"] else "acts like ")
+            + f"`{told['path']}` {size}{share}"
+            + "".join(f", or `{p}`" for p in groups.get(e["path"], e.get("tied_with", ())) if p != told["path"])
         )
     return names
 

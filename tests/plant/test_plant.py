@@ -237,6 +237,25 @@ def test_constants_follow_the_hull():
     assert "rudder_rad" not in plant.constants
 
 
+def test_what_is_known_of_an_effect(tmp_path):
+    """At neutral it is sought, held by what is known; elsewhere it is refitted as a coefficient is."""
+    file = tmp_path / "v.toml"
+    file.write_text(
+        'family = "glider"\n[effects.rudder]\noffset = { value = 0.0, deviation = 0.01, source = "the makers" }\n'
+        "lag = { value = 0.5, deviation = 0.1 }\n"
+    )
+    plant = load_vehicle(file)
+    assert plant.coefficients == (*plant.family.coefficients, "effects.rudder.lag")
+    for doubt in (0.0, 0.1):  # of coefficients
+        assert plant.deviation("effects.rudder.offset", doubt) == 0.01
+    assert plant.deviation("effects.rudder.offset", math.inf) == math.inf
+    assert plant.deviation("effects.rudder.gain", 0.1) == math.inf
+    assert [plant.deviation("effects.rudder.lag", doubt) for doubt in (0.0, 0.1)] == [0.0, 0.1]
+    save_vehicle(plant, tmp_path / "again.toml")
+    assert load_vehicle(tmp_path / "again.toml") == plant
+    assert load_vehicle("mermaid").deviation("effects.oil.pump_gain", 0.1) == 0.02
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_a_preset_cites_every_number_it_sets(name):
     plant = load_vehicle(name)
@@ -364,9 +383,9 @@ BAD_FILES = {
         "v.toml: hull.mass needs a deviation of at least 0 kg (one standard deviation; 0 holds the value), got -1.0",
     ),
     "text for a deviation": (HEAD + '[hull]\nmass = { value = 50.0, deviation = "5 kg" }', "got '5 kg'"),
-    "deviation of an effect": (
-        HEAD + "[effects.rudder]\noffset = { value = 0.1, deviation = 0.1 }",
-        "effects.rudder.offset cannot have a deviation: only coefficients of the hull and of parts do",
+    "deviation of what a pilot sets": (
+        'family = "glide_steered"\n[steering]\nlag = { value = 0.1, deviation = 0.1 }',
+        "steering.lag cannot have a deviation: only numbers of the hull and of parts, and effects, do",
     ),
     "no value": (HEAD + '[hull]\nmass = { unit = "kg" }', "hull.mass needs a number in kg, got None"),
     "text for a value": (HEAD + '[hull]\nmass = "50"', "hull.mass needs a number in kg, got '50'"),

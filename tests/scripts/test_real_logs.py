@@ -46,6 +46,8 @@ def test_effects_come_with_interval_share_of_the_halves_and_ties():
     first, second = named(SAID)
     assert first == "`effects.rudder.offset` 5.73 deg (5.16 to 6.3 deg), 70 %, or `effects.yaw.moment`"
     assert second == "`effects.rudder.gain` 0.8 (0.7 to 0.9)"
+    unnamed = [e | {"tied_with": ["effects.yaw.moment"]} for e in SAID["effects"][:1]]
+    assert named(SAID | {"effects": [], "tied": [], "acts_like": unnamed}) == [f"acts like {first}"]
 
 
 def test_tables_have_the_errors_of_each_log_beside_those_of_others():

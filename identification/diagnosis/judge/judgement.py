@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from identification.deciding import EXPLAINED, MANY_WINDOWS
+from identification.deciding import EXPLAINED, MANY_WINDOWS, UNSTEADY
+from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.verdict import Stage, Verdict
 from identification.fit.residual import noise_floors
 
@@ -33,9 +34,20 @@ def many_windows(windows: Sequence[slice], steady: bool) -> bool:
     return len(windows) >= MANY_WINDOWS and steady
 
 
-def verdict_of(effects, tied, explained: float, left: bool, refit_is_all: bool, wrong: bool) -> Verdict:
-    """Where something is left, effects must explain most of the excess error; a refit alone does not do."""
-    if left and (refit_is_all or explained < EXPLAINED):
+def unsteady_of(effects: Sequence[Effect]) -> list[Effect]:
+    """The effects whose size differs between parts of the record, and not from dive to dive; the surest first."""
+    return sorted((e for e in effects if e.steady < UNSTEADY and not e.by_dive), key=lambda e: e.steady)
+
+
+def verdict_of(
+    effects: Sequence[Effect], tied, explained: float, left: bool, refit_is_all: bool, wrong: bool
+) -> Verdict:
+    """Where something is left, effects must explain most of the excess error; a refit alone does not do.
+
+    Where the size of one of them differs between parts of the record, constant effects do not explain it, however
+    little they leave: they were fitted together, so that what changes has gone into all of their sizes.
+    """
+    if unsteady_of(effects) or (left and (refit_is_all or explained < EXPLAINED)):
         return "unexplained"
     if effects:
         return "tied" if tied else "named"

@@ -24,8 +24,9 @@ from identification.diagnosis.judge.findings import (
     effects_of,
     twin_effects,
 )
+from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.habitat import residual_habitat
-from identification.diagnosis.judge.judgement import explained_share, many_windows, verdict_of
+from identification.diagnosis.judge.judgement import explained_share, many_windows, unsteady_of, verdict_of
 from identification.diagnosis.judge.verdict import RARE, WORSE, Diagnosis, Stage
 from identification.diagnosis.judge.weighing import Weighed, common_predictions, rounds_told, weigh
 from identification.diagnosis.log.checking import CheckedLog
@@ -77,6 +78,12 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         left = what_is_left(dives.bench, dives.state, searched.library)
     elif differing:  # an effect that the search has not found, since its mean does little
         left = replace(left, changes=left.changes or differing[0].path)
+    sizes = bench.intervals(state)
+    effects, tied = effects_of(bench, state, weighed.tied, sizes, survivals, count, weighed.found)
+    if dives is not None:
+        effects = [replace(e, by_dive=dives.sizes) if e.path == dives.path else e for e in effects]
+    if (unsteady := unsteady_of(effects)) and not left.changes:
+        left = replace(left, changes=unsteady[0].path)
     progress(0.84, "scoring free runs")
     parts = range(len(log.parts))
 
@@ -95,21 +102,18 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     many = many_windows(log.every_window, log.steady)
     if rounds and left and explained_share(before, after, many) < 0.0:
         why |= {r.chosen.candidate.paths[0]: WORSE for r in rounds if r.chosen is not None}
-        state, after, held, rounds, survivals, dives = nominal, before, [], (), (), None
-        weighed, left = Weighed(nominal, (), (), Explanations(())), what_is_left(bench, nominal, searched.library)
+        state, after, held, rounds, effects, tied = nominal, before, [], (), [], []
+        weighed, sizes = Weighed(nominal, (), (), Explanations(())), bench.intervals(nominal)
+        left = what_is_left(bench, nominal, searched.library) or left
     rest = [] if log.slipped else candidates_of(state.plant, record)
     regression = Regression(bench.problem, state.point, state.paths, threshold(count))
     screening = tuple(regression.screened(rest))
-    sizes = bench.intervals(state)
     found = tuple(
         coefficient_of(plant, p, sizes[p], count, plant.deviation(p, asked.doubt))
         for p in known.coefficients
         if p in sizes
     )
-    effects, tied = effects_of(bench, state, weighed.tied, sizes, survivals, count, weighed.found)
     effects = [replace(e, changes=_changes(e.path, e.neutral, after, record, log)) for e in effects]
-    if dives is not None:
-        effects = [replace(e, by_dive=dives.sizes) if e.path == dives.path else e for e in effects]
     common = common_predictions(effects, tied, weighed.found, state, lambda plant: _every(plant, record, log))
     explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
     wrong = any(c.wrong for c in found)
@@ -121,6 +125,10 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         effects += twin_effects(groups, effects, found, bench, state, count)
         tied += [group for group in groups if not any(group[0] in other for other in tied)]
     verdict = verdict_of(effects, tied, explained, bool(left), refit_is_all, wrong)
+    effects = as_coefficients(known.given.plant, effects)
+    alike: list[Effect] = []
+    if verdict == "unexplained":
+        alike, effects, tied, common = effects, [], [], ()
     discovery, habitat, rng, extras = None, None, np.random.default_rng(asked.seed), Extras()
     if log.slipped or (log.doubts and verdict == "unexplained"):
         verdict = "doubted"
@@ -149,10 +157,11 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         given=as_given,
         before=before,
         after=after,
-        effects=tuple(as_coefficients(known.given.plant, effects)),
+        effects=tuple(effects),
+        alike=tuple(alike),
         tied=tuple(tied),
         coefficients=found,
-        detectable=detectable_effects(regression, screening, {e.path for e in effects}),
+        detectable=detectable_effects(regression, screening, {e.path for e in (*effects, *alike)}),
         rounds=rounds_told(searched, held, weighed),
         dropped=why,
         state=state,

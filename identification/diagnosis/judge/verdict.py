@@ -60,7 +60,8 @@ class Stage:
 class Diagnosis:
     """The result of comparing a record with a vehicle; `summary` puts it into words.
 
-    given, before, after: the vehicle as it came, with its coefficients refitted, and with the named effects.
+    given, before, after: the vehicle as it came, with its coefficients refitted, and with the effects.
+    alike: effects of the vehicle after that are not named, since they do not explain the record.
     tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
     are not named, each with the reason (`RARE`, `WORSE`).  explained: share of the squared error in excess of the
     measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
@@ -95,6 +96,7 @@ class Diagnosis:
     window: float
     settle: float
     seed: int
+    alike: tuple[Effect, ...] = ()
     asked: Asked = field(default_factory=Asked)
     dropped: Mapping[str, str] = field(default_factory=dict)
     doubts: tuple[Doubt, ...] = ()
@@ -124,8 +126,13 @@ class Diagnosis:
 
     @property
     def changed(self) -> bool:
-        """Whether anything was added to the vehicle: named effects, or a term found in the data."""
-        return bool(self.effects) or (self.discovery is not None and self.discovery.holds)
+        """Whether anything was added to the vehicle: effects, or a term found in the data."""
+        return bool(self.added) or (self.discovery is not None and self.discovery.holds)
+
+    @property
+    def added(self) -> tuple[Effect, ...]:
+        """The effects of the vehicle after, named or not."""
+        return (*self.effects, *self.alike)
 
     def noise_of(self, name: str) -> float:
         """The standard deviation of a sensor's noise as the filter found it; infinite where it is not known."""
@@ -139,15 +146,15 @@ class Diagnosis:
     @property
     def titles(self) -> dict[str, str]:
         """What effects and coefficients are called, by path."""
-        named = {x.path: x.title for e in self.effects for x in (*e.members, e)}
+        named = {x.path: x.title for e in self.added for x in (*e.members, e)}
         others = {x.path: x.title for x in self.detectable} | {c.path: c.title for c in self.coefficients}
         return others | named
 
     @property
     def probabilities(self) -> dict[str, float]:
         """The probability of each named effect and of what it is tied with, by path."""
-        members = {m.path: m.probability for e in self.effects for m in e.members}
-        return members | {e.path: e.probability for e in self.effects if e.probability is not None}
+        members = {m.path: m.probability for e in self.added for m in e.members}
+        return members | {e.path: e.probability for e in self.added if e.probability is not None}
 
     def dropped_for(self, reason: str) -> list[str]:
         """The titles of effects that were found and are not named for a reason."""
@@ -179,7 +186,7 @@ class Diagnosis:
             (
                 _halves_sentence(self),
                 _dives_sentence(self),
-                _unsteady_sentence(self),
+                unsteady_sentence(self),
                 dropped_sentence(self),
                 _slight_sentence(self),
             ),
@@ -208,8 +215,10 @@ def _sentence(d: Diagnosis) -> str:
             f"Corrected: {'; '.join(wrong)}."
         )
     if d.verdict == "unexplained":
-        text = "The log and the model disagree, and no known effect explains the difference."
-        return text + (f" Part of the difference looks like {'; '.join(names)}." if names else "")
+        kind = "constant" if unsteady_sentence(d) else "known"
+        text = f"The log and the model disagree, and no {kind} effect explains the difference."
+        alike = "; ".join(e.told for e in d.alike)
+        return text + (f" Part of the difference acts like {alike}." if alike else "")
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
     return f"The model is missing {count}: {'; '.join(names)}."
 
@@ -266,7 +275,7 @@ def _common_sentence(d: Diagnosis) -> str:
 def _halves_sentence(d: Diagnosis) -> str:
     """Effects that many halves of the log do not choose."""
     rare: dict[str, list[str]] = {}
-    for e in d.effects:
+    for e in d.added:
         if e.frequency < STABLE:
             rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(short(e.name))
     return " ".join(f"Only {share} of the halves of the log choose {listed(t)}." for share, t in rare.items())
@@ -275,7 +284,7 @@ def _halves_sentence(d: Diagnosis) -> str:
 def _dives_sentence(d: Diagnosis) -> str:
     """The sizes of effects that differ from dive to dive; of many dives, the smallest and the largest."""
     told = []
-    for e in (e for e in d.effects if e.by_dive):
+    for e in (e for e in d.added if e.by_dive):
         sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
         own = [
             f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or 'the first dive'}"
@@ -286,12 +295,12 @@ def _dives_sentence(d: Diagnosis) -> str:
     return " ".join(told)
 
 
-def _unsteady_sentence(d: Diagnosis) -> str:
+def unsteady_sentence(d: Diagnosis) -> str:
     """Effects whose size differs between parts of the log, and not from dive to dive."""
-    names = [short(e.name) for e in d.effects if e.steady < UNSTEADY and not e.by_dive]
+    names = [short(e.name) for e in d.alike if e.steady < UNSTEADY and not e.by_dive]
     if not names:
         return ""
-    which = "Its size" if len(names) == len(d.effects) == 1 else f"The size of {listed(names)}"
+    which = "Its size" if len(names) == len(d.alike) == 1 else f"The size of {listed(names)}"
     return f"{which} differs between parts of the log: `auv-gym onset` looks for when the effect begins or ends."
 
 
@@ -353,7 +362,7 @@ def left_sentence(d: Diagnosis) -> str:
         subject, _, of = spec_at(d.state.plant, left.depends).title.removeprefix("discovered ").partition(" from ")
         shown.append(f"depend on {of}, as if a {subject} were missing")
     text = f"One-step prediction errors {listed(shown)}. " if shown else ""
-    if left.changes:
+    if left.changes and left.changes not in {e.path for e in d.alike}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         text += f"The {title} differs between parts of the log: something changed during the log. "
     return text

@@ -17,7 +17,7 @@ EDGE = 1e-6  # of the span between a parameter's bounds
 INSIGNIFICANT = "not significant"
 UNREPEATED = "does not hold from one part of the log to the others"
 DIVERGES = "free runs diverge with it"
-LIMITED = "helps only at the limit of the physical range"
+LIMITED = "helps only at the limit of its physical or known range"
 UNSURE = "its size is too uncertain"
 GONE = "not significant next to the other effects"
 
@@ -106,10 +106,13 @@ def weighed(
     return Weighed(train, held, objection(claim))
 
 
-def effect_size(plant: Plant, path: str) -> Size:
-    """The size that a plant has at a path: what is sure is named however small it is, see `Effect.changes`."""
+def effect_size(plant: Plant, path: str, bounds: tuple[float, float] | None = None) -> Size:
+    """The size that a plant has at a path: what is sure is named however small it is, see `Effect.changes`.
+
+    bounds: of the fit, where what is known of an effect makes them narrower than the physical range.
+    """
     spec, value = spec_at(plant, path), value_at(plant, path)
-    return Size(abs(value - spec.neutral), at_limit(value, spec.bounds, spec.neutral))
+    return Size(abs(value - spec.neutral), at_limit(value, bounds or spec.bounds, spec.neutral))
 
 
 def at_limit(value: float, bounds: tuple[float, float], neutral: float) -> bool:

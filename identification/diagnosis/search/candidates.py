@@ -87,13 +87,17 @@ def part_of(path: str) -> str:
 
 
 def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]:
-    """Every effect that the plant has at its neutral value, that may be probed and that the record does not measure."""
+    """Every effect that the plant has at its neutral value, that may be probed and that the record does not measure.
+
+    Without those that are known exactly.
+    """
     free = [
         path
         for path in list_paths(plant)
         if path.startswith("effects.")
         and spec_at(plant, path).probe > 0.0
         and value_at(plant, path) == spec_at(plant, path).neutral
+        and plant.deviations.get(path) != 0.0
         and not (record is not None and record.has(plant.family.measured.get(path, "time_s")))
         and not (path == COMMON_DELAY and record is not None and _moved(plant, record) < 2)
     ]

@@ -22,8 +22,8 @@ class Left:
     """What the filter's errors still hold, which noise would not.
 
     coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
-    others.  depends: the term of the library on which they depend most, or "".  changes: a coefficient in which parts
-    of the record contradict each other, or "".
+    others.  depends: the term of the library on which they depend most, or "".  changes: a coefficient or an effect in
+    which parts of the record contradict each other, or "".
     """
 
     coloured: tuple[str, ...] = ()

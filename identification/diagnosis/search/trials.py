@@ -306,7 +306,7 @@ def gate(
         intervals = bench.intervals(after)
         return [intervals[path][2] for path in paths]
 
-    sizes = [effect_size(after.plant, path) for path in paths]
+    sizes = [effect_size(after.plant, path, bench.problem.bounds(path)) for path in paths]
     return weighed(bench, before, after, sizes, reach, threshold(count + tried, len(free)))
 
 

@@ -5,8 +5,8 @@
 LOG is one that the shipped mapping of the VT 690 reads.  A fit with process noise has the coefficients, held to the
 given ones by 10 %, the fins' offsets, the stern plane's gain, the pitch sensor's error and a steady current.  It rests
 on a model of the vehicle over the whole log.  Beside it is a regression that rests on next to none: of pitch on pitch
-and the stern plane's angle in the rows before, which gives the change of pitch within a second after a step, over that of
-the given vehicle.  Pitch of the last seconds tells of waves as far as these can be foretold, and a controller cannot
+and the stern plane's angle in the rows before, which gives the change of pitch within a second after a step, over that
+of the given vehicle.  Pitch of the last seconds tells of waves as far as these can be foretold, and a controller cannot
 steer against the rest before it has come; but where pitch is logged later than the plane, the plane has seen it.
 """
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -54,14 +55,23 @@ class Table:
     """A workbench in which the evidence for a model depends only on which effects it has.
 
     likely: twice the log-likelihood, and that of parts foretold by the others, by the effects.
-    stable: whether free runs stay finite.  error: standard error of each size, in probes.
-    asked: states fitted so far.
+    stable: whether free runs stay finite.  error: standard error of each size, in probes.  known: probes from neutral
+    that a fit may move an effect by.  asked: states fitted so far.
     """
 
     likely: Mapping[frozenset[str], tuple[float, float]]
     stable: bool = True
     error: float = 0.1
+    known: float = np.inf
     asked: list[State] = field(default_factory=list)
+
+    @property
+    def problem(self) -> SimpleNamespace:
+        return SimpleNamespace(bounds=self._bounds)
+
+    def _bounds(self, path: str) -> tuple[float, float]:
+        spec = spec_at(PLANT, path)
+        return max(spec.bounds[0], spec.neutral - self.known * spec.probe), spec.neutral + self.known * spec.probe
 
     def _likely(self, state: State) -> tuple[float, float]:
         return self.likely[frozenset(p for p in state.paths if p.startswith("effects."))]

@@ -12,6 +12,7 @@ from auv_gym.plant import load_vehicle
 from identification.deciding import REACH
 from identification.diagnosis import again, diagnose, write_diagnosis
 from identification.diagnosis.search import known
+from identification.diagnosis.search.candidates import candidates_of
 from identification.experiments.heading_control import closed_loop
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.blind.kinds import log_of
@@ -112,6 +113,20 @@ def test_a_fit_stays_within_five_deviations(log):
     assert limited.value == pytest.approx(1.25 * BARE.hull.n_delta)
     assert limited.limited
     assert "as far from the given value as its uncertainty allows. If" in found.summary()
+
+
+def test_what_is_known_of_an_effect_holds_it_as_a_coefficient_is_held(log):
+    """A rudder that does 35 % more than believed, its effectiveness exact: a gain, unless that is known, too."""
+    exact, gain = {"hull.n_delta": 0.0}, "effects.rudder.gain"
+    free, known_well, exactly = (replace(BARE, deviations=exact | own) for own in ({}, {gain: 0.02}, {gain: 0.0}))
+    point = replace_at(BARE, gain, 1.04).vector
+    pulls, rates = PredictionErrors(known_well, log, log.windows(120.0), doubt=0.1).pulls(point, [gain])
+    assert pulls == pytest.approx([2.0])
+    assert rates > 0.0
+    assert PredictionErrors(known_well, log, log.windows(120.0), doubt=0.1).bounds(gain) == pytest.approx((0.9, 1.1))
+    assert [e.path for e in diagnose(log, free).added][:1] == [gain]
+    assert gain not in {e.path for e in diagnose(log, known_well).added}
+    assert gain not in {p for c in candidates_of(exactly, log) for p in c.paths}
 
 
 def test_the_files_keep_what_was_known_and_say_which_logs_were_seen(log, tmp_path):

@@ -198,6 +198,18 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said(diagnosis, no_figures
     assert as_json(d)["effects"][0]["frequency"] == 0.55
 
 
+def test_what_the_difference_acts_like_is_shown_and_not_called_named(diagnosis, no_figures):
+    first, *others = diagnosis.effects
+    alike = (replace(first, steady=1e-6), *others)
+    text = Outline(diagnosis_page(replace(diagnosis, verdict="unexplained", effects=(), tied=(), alike=alike))).text
+    assert "No effect was named." in text
+    assert "Part of the difference acts like the effects below." in text
+    assert f"The size of {short(first.name)} differs between parts of the log" in text
+    assert first.title in text
+    assert "named effects" not in text
+    assert "acts like the effects below" not in Outline(diagnosis_page(diagnosis)).text
+
+
 def test_shades_alternate_by_part(diagnosis):
     figure = figures.log_figure(diagnosis)
     words = [text.get_text() for text in figure.legends[0].get_texts()]

@@ -1,11 +1,14 @@
 """The verdict that follows from what was found and from what is left."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
+from identification.deciding import UNSTEADY
+from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.judgement import (
     explained_share,
     many_windows,
@@ -20,7 +23,9 @@ from identification.fit.validation import FreeRuns, whiteness
 from tests.identification.diagnosis.stand_ins import point_of
 from tests.identification.gliders import QUICK
 
-NAMED, TIED, WRONG = ["an effect"], [("an effect", "another")], True
+OFFSET = Effect("effects.rudder.offset", "rudder offset", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0)
+CHANGES = replace(OFFSET, path="effects.yaw.moment", steady=0.5 * UNSTEADY)
+NAMED, TIED, WRONG = [OFFSET], [("an effect", "another")], True
 
 
 @pytest.mark.parametrize(
@@ -31,6 +36,7 @@ NAMED, TIED, WRONG = ["an effect"], [("an effect", "another")], True
         (NAMED, [], 0.51, True, False, WRONG, "named"),
         (NAMED, [], 0.49, True, False, False, "unexplained"),
         (NAMED, TIED, 0.49, False, False, False, "tied"),
+        ([OFFSET, CHANGES], TIED, 0.99, False, False, False, "unexplained"),  # nothing constant explains what changes
         ([], [], 0.0, False, True, False, "none"),
         ([], [], 0.9, False, True, WRONG, "coefficients"),
         ([], [], 0.9, True, True, WRONG, "unexplained"),

@@ -13,11 +13,16 @@ from identification.diagnosis.judge.verdict import (
     _halves_sentence,
     _likelier_sentence,
     dropped_sentence,
+    left_sentence,
     noise_sentence,
+    unsteady_sentence,
 )
 from identification.diagnosis.search.candidates import Candidate
+from identification.diagnosis.search.remainder import Left
 from identification.fit.noises import Noise
 from tests.identification.diagnosis.stand_ins import trial_of
+
+ONSET = "`auv-gym onset` looks for when the effect begins or ends."
 
 
 @pytest.mark.parametrize(
@@ -40,13 +45,13 @@ def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
     sure = Effect("effects.rudder.offset", "rudder offset", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0)
     gain = AsCoefficient("hull.n_delta", "rudder effectiveness", "1", 1.0, 0.8, (0.7, 0.9))
     rare = [replace(sure, title=title, frequency=f) for title, f in (("trim", 0.55), ("drift", 0.55), ("lag", 0.799))]
-    said = _halves_sentence(SimpleNamespace(effects=(sure, *rare)))  # type: ignore[arg-type]
+    said = _halves_sentence(SimpleNamespace(added=(sure, *rare)))  # type: ignore[arg-type]
     assert said == (
         "Only 55 % of the halves of the log choose trim and drift. Only 80 % of the halves of the log choose lag."
     )
-    turned = SimpleNamespace(effects=(replace(sure, frequency=0.6, coefficient=gain),))
+    turned = SimpleNamespace(added=(replace(sure, frequency=0.6, coefficient=gain),))
     assert "choose another rudder effectiveness" in _halves_sentence(turned)  # type: ignore[arg-type]
-    assert _halves_sentence(SimpleNamespace(effects=(sure,))) == ""  # type: ignore[arg-type]
+    assert _halves_sentence(SimpleNamespace(added=(sure,))) == ""  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -65,6 +70,17 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said_not_to_be_kept(titles
     d.dropped |= {"effects.drag": WORSE}
     worse = "effects.drag, but free runs over unseen parts of the log are worse with it than without."
     assert dropped_sentence(d).endswith(worse)  # type: ignore[arg-type]
+
+
+def test_which_effects_differ_between_parts_is_said():
+    trim = Effect("effects.rudder.offset", "trim", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0, steady=1e-4)
+    lag, drag = replace(trim, title="lag", steady=0.002), replace(trim, title="drag")
+    for alike, words in (((lag,), ""), ((trim,), "Its size"), ((trim, lag), "The size of trim")):
+        said = unsteady_sentence(SimpleNamespace(alike=alike))  # type: ignore[arg-type]
+        assert said == (words and f"{words} differs between parts of the log: {ONSET}")
+    both = SimpleNamespace(alike=(trim, lag, drag), left=Left(changes=trim.path), state=None)
+    assert unsteady_sentence(both).startswith("The size of trim and drag differs")  # type: ignore[arg-type]
+    assert left_sentence(both) == ""  # type: ignore[arg-type]  # said once
 
 
 def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be_so_and_why():

@@ -64,7 +64,7 @@ def sure(**changes) -> Claim:
         ({"train": 1000.0, "held": 19.9}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 20.1}, ""),
         ({"flies": lambda: False}, "free runs diverge with it"),
-        ({"sizes": [Size(5.0, True)]}, "helps only at the limit of the physical range"),
+        ({"sizes": [Size(5.0, True)]}, "helps only at the limit of its physical or known range"),
         ({"reach": lambda: [1.96 * 5.0 / 3.01]}, ""),  # three standard errors
         ({"reach": lambda: [1.96 * 5.0 / 2.99]}, "its size is too uncertain"),
     ],
@@ -137,6 +137,8 @@ def test_the_gate_counts_free_components_and_tried_periods_and_asks_the_sizes_of
     assert asked(threshold(COUNT, 2) + 0.1, replace(screening, tried=50)) == acceptance.INSIGNIFICANT
     assert asked(threshold(COUNT + 49, 2) + 0.1, replace(screening, tried=50)) == ""
     assert asked(100.0, error=2.0) == acceptance.UNSURE
+    assert asked(100.0, known=5.0) == acceptance.LIMITED  # as far from neutral as what is known of it allows
+    assert asked(100.0, known=5.1) == ""
     assert asked(100.0, stable=False) == acceptance.DIVERGES
     after = with_probes(dict.fromkeys(both.paths, 0.5))  # however small
     assert asked(100.0) == ""

@@ -7,8 +7,11 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import concat
 from identification.deciding import UNSTEADY
+from identification.diagnosis import as_json, diagnose
+from identification.diagnosis.judge import findings, judging
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.search.constancy import dives_of, sizes_by_dive, steadiness
+from identification.diagnosis.search.constancy import Steadiness, dives_of, sizes_by_dive, steadiness
+from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.glider_dives import yo_mission
@@ -19,12 +22,17 @@ from scripts.blind.changing import ChangingGlider
 OFFSET, AIR = "effects.rudder.offset", "effects.volume.air"
 
 
-def fitted(begins, path=OFFSET, size=0.03, also=(OFFSET,)):
-    """The bench and the state of a log in which a parameter has another size from a time on, s."""
+def log_of(begins, path=OFFSET, size=0.03):
+    """A log in which a parameter has another size from a time on, s."""
     plant = load_vehicle("slocum")
     bent = replace_at(plant, path, size)
     moving = ChangingGlider(plant, lambda t: bent if t >= begins else plant)
-    record = closed_loop(moving, rng=np.random.default_rng(700), duration=600.0)
+    return closed_loop(moving, rng=np.random.default_rng(700), duration=600.0)
+
+
+def fitted(begins, path=OFFSET, size=0.03, also=(OFFSET,)):
+    """The bench and the state of such a log."""
+    plant, record = load_vehicle("slocum"), log_of(begins, path, size)
     log = check_log(record, plant, Asked(trust=True))
     bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
     return bench, bench.fit(bench.plant, (*plant.coefficients, *also))
@@ -33,6 +41,28 @@ def fitted(begins, path=OFFSET, size=0.03, also=(OFFSET,)):
 def test_parts_contradict_each_other_where_an_effect_begins_half_way_and_only_there():
     assert steadiness(*fitted(-100.0), [OFFSET]).probability > 0.01
     assert steadiness(*fitted(300.0), [OFFSET]).probability < UNSTEADY
+
+
+def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch):
+    """Although the effect is certain, leaves nothing, and makes unseen parts of the log more likely."""
+    record, plant = log_of(-100.0), load_vehicle("slocum")
+    constant = diagnose(record, plant)
+    assert [e.path for e in constant.effects] == [OFFSET]
+    assert constant.alike == ()
+    monkeypatch.setattr(findings, "steadiness", lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY))
+    monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
+    found = diagnose(record, plant)
+    assert (found.verdict, found.effects, found.tied, found.common) == ("unexplained", (), (), ())
+    (alike,) = found.alike
+    assert (alike.path, found.left) == (OFFSET, Left(changes=OFFSET))
+    assert value_at(found.after.plant, OFFSET) == alike.value == constant.effects[0].value  # the fitted vehicle has it
+    said = found.summary()
+    assert f"no constant effect explains the difference. Part of the difference acts like {alike.told}." in said
+    assert said.count("differs between parts of the log") == 1
+    assert "Its size differs between parts of the log: `auv-gym onset`" in said
+    told = as_json(found)
+    assert told["effects"] == told["tied"] == []
+    assert [e["path"] for e in told["acts_like"]] == [OFFSET]
 
 
 def test_a_coefficient_that_changes_half_way_is_left():
