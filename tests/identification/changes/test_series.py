@@ -10,6 +10,7 @@ import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
 from identification.changes.page import write_series
 from identification.changes.series import FOLLOWED, MISSIONS, follow_series, line
 from identification.experiments.heading_control import closed_loop
@@ -129,7 +130,8 @@ def test_missions_taken_by_a_cluster_have_the_same_sizes(tmp_path):
 
 
 def test_a_scheduler_is_asked_before_anything_is_fitted(tmp_path, monkeypatch):
-    missions = dict.fromkeys(("a", "b", "c", "d"))
+    record = Record.from_arrays(4.0 * np.arange(5), {"heading_rad": np.zeros(5)})  # too short for any fit
+    missions = dict.fromkeys(("a", "b", "c", "d"), record)
     given = (missions, load_vehicle("slocum"), tmp_path)
     with monkeypatch.context() as without:
         without.setitem(sys.modules, "distributed", None)
