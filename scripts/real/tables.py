@@ -130,7 +130,7 @@ def named(said: Said) -> list[str]:
         names.append(
             ("" if e in said["effects"] else "acts like ")
             + f"`{told['path']}` {size}{share}"
-            + "".join(f", or `{p}`" for p in groups.get(e["path"], e.get("tied_with", ())) if p != told["path"])
+            + "".join(f", or `{p}`" for p in groups.get(e["path"]) or e.get("tied_with") or () if p != told["path"])
         )
     return names
 
