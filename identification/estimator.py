@@ -115,7 +115,7 @@ _BUILT_IN = (
         "grey_box",
         "Frees parameters of a vehicle: prediction errors with noise of the sensors and of the motion.",
         "identification.fit.greybox:GreyBox",
-        listed="free*, window, max_iterations, process",
+        listed="free*, window, max_iterations, process, doubt",
     ),
     Method(
         "arx",

@@ -109,7 +109,7 @@ def _reached(bench: Bench, gains: Gains) -> list[tuple[str, ...]]:
 
 
 def _reached_table(rows: Sequence[tuple[str, ...]]) -> Table:
-    shown = table("", "vehicle!", "dt, s>", "kind!", "channel!", "step>", "settled, s>", "overshoot>", "oscillation>")
+    shown = table("", "vehicle!", "dt, s>", "kind!", "channel!", "step>", "settled, s>", "over>", "swing>")
     for row in rows:
         shown.add_row(*row)
     return shown

@@ -16,6 +16,9 @@ from auv_gym.records.record import Record
 from identification.diagnosis.result_files import digest_of
 from identification.experiments.heading_control import closed_loop
 
+# with heading and rudder alone, what the deadband does differs with the speed, and no constant effect is named
+ATTITUDE = ("u_mps", "pitch_rad", "roll_rad")
+
 
 @pytest.fixture(scope="module")
 def log() -> Record:
@@ -43,6 +46,7 @@ def test_a_csv_log_in_degrees_gives_the_three_files(log, tmp_path, capsys):
     columns = columns_of(log)
     degrees = {"time_s": columns["time_s"], "heading_deg": np.rad2deg(columns["heading_rad"]) % 360.0}
     degrees["rudder_deg"] = np.rad2deg(columns["rudder_rad"])
+    degrees |= {name: log[name] for name in ATTITUDE}
     out = tmp_path / "out"
     assert run(write_csv(tmp_path / "mission.csv", degrees), out, "--seed", "5", "--timings") == 0
     said = " ".join(capsys.readouterr().out.split())
@@ -108,7 +112,9 @@ def test_bad_logs_are_refused_in_words(case, log, tmp_path, capsys):
 def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):
     heading = np.r_[log["heading_rad"]]
     heading[70:80] = np.nan
-    path = write_csv(tmp_path / "gap.csv", columns_of(log, heading_rad=heading))
+    path = write_csv(
+        tmp_path / "gap.csv", columns_of(log, heading_rad=heading, **{name: log[name] for name in ATTITUDE})
+    )
     out = tmp_path / "out"
     assert run(path, out, "--refuse-gaps") == 1
     assert "or no --refuse-gaps" in " ".join(capsys.readouterr().err.split())

@@ -113,7 +113,7 @@ def test_ctrl_c_stops_and_the_same_command_goes_on(tmp_path, hyperparameters, ca
     with monkeypatch.context() as patch:
         patch.setattr(training._Watch, "tick", interrupted)
         assert train(tmp_path / "policy", hyperparameters) == 130
-    assert "the same command goes on" in capsys.readouterr().err
+    assert "the same command resumes it" in capsys.readouterr().err
     assert main(["evaluate", str(tmp_path / "policy")]) == 1
     assert "was stopped" in capsys.readouterr().err
     assert train(tmp_path / "policy", hyperparameters) == 0
@@ -154,7 +154,7 @@ def test_a_folder_without_a_policy_is_refused(tmp_path, folder, capsys):
     assert "auv-gym train" in capsys.readouterr().err
     for text, words in (
         ("{", "damaged"),
-        ("{}", "nothing of a policy"),
+        ("{}", "contains no policy"),
         ('{"format": "auv-gym policy", "version": 9}', "update"),
     ):
         (tmp_path / "settings.json").write_text(text)

@@ -123,7 +123,7 @@ def test_the_file_is_enough_to_repeat_a_diagnosis(tmp_path):
     assert told.pop("versions") == repeated.pop("versions")
     assert told == repeated
     shifted = Record.from_arrays(record.time, {n: record[n] + 0.01 for n in record.names})
-    with pytest.raises(ValueError, match="of another record"):
+    with pytest.raises(ValueError, match="from another record"):
         again(file, shifted)
     file.write_text("{}")
     with pytest.raises(ValueError, match=r"no diagnosis\.json of this version"):

@@ -173,7 +173,10 @@ def test_a_log_tells_no_more_at_a_higher_rate(pushed):
     (count, plant, told), (other_count, other, other_told) = found
     assert count == other_count
     errors = np.sqrt(np.diag(told.covariance))
-    assert np.sqrt(np.diag(other_told.covariance)) == pytest.approx(errors, rel=0.1)
+    alone, other_alone = (np.sqrt(np.diag(np.linalg.inv(one.alone))) for one in (told, other_told))
+    assert other_alone == pytest.approx(alone, rel=0.1)
+    # what estimates move by when the noise does is of second order in the noise, which is estimated anew
+    assert np.sqrt(np.diag(other_told.covariance)) == pytest.approx(errors, rel=0.15)
     for path, error in zip(PATHS, errors * [problem.scale(p) for p in PATHS], strict=True):
         assert value_at(other, path) == pytest.approx(value_at(plant, path), abs=0.3 * error)
 

@@ -86,7 +86,7 @@ def test_a_clean_log_has_no_term(seed):
     assert not found.terms
     assert not found.rejected
     assert found.paths == plant.family.coefficients
-    assert found.summary() == "No term of the library explains what remains."
+    assert found.summary() == "No term in the library explains the remaining error."
 
 
 def test_a_search_repeats_to_the_last_digit():

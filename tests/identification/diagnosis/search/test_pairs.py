@@ -131,7 +131,6 @@ def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(9
     """A table of two effects whose pair is all that the screening finds, and the state with both."""
     likely = {frozenset(): (0.0, 0.0), frozenset({OFFSET}): first, frozenset({LAG}): second}
     bench = Table(likely | {frozenset({OFFSET, LAG}): together})
-    object.__setattr__(bench, "problem", None)
     both = with_probes({OFFSET: 5.0, LAG: 5.0}, *COEFFICIENTS)
     whole = Screening(Candidate("both", (OFFSET, LAG)), np.ones(2), 50.0, 1.0, np.ones(2))
     parts = tuple(replace(whole, candidate=c) for c in (A, B))
