@@ -321,6 +321,13 @@ class Plant:
         corrected = (c.measured, c.gains, c.kicks, c.decays)
         self.programs.rollout(vectors, starts, *windows, *times, *corrected, before, until, y, after)
 
+    def pieces(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows from which on it is another vehicle, (E,), and the parameters before, between and after, (E + 1, n).
+
+        vector: (n,), its parameters, which do not change along a record here.
+        """
+        return np.empty(0, dtype=np.int64), np.ascontiguousarray(vector[None], dtype=np.float64)
+
     def follow_many(
         self, runs: Runs, vectors: np.ndarray, starts: np.ndarray, correction: Correction, keep: bool
     ) -> tuple[np.ndarray, np.ndarray]:

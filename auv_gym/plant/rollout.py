@@ -191,6 +191,111 @@ def drive(times, inputs, first, begin, stop, x, shaped, positions, p, work):
             interval(x, inputs[k], shaped, times, first[k], k, times[k], times[k + 1], 0.0, p, work)
 
 
+def along(
+    derived, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
+    stride, shares, shaped, positions, measured, gains, kicks, decays, y, after,
+):  # fmt: skip
+    """Outputs of a vehicle over windows of a record into y, (rows, OUTPUTS); its actuators are where `drive` has them.
+
+    derived: its parameters, with what follows from them.  shaped, positions: (n, ACTUATORS) each, see `drive`.
+    starts: (W, F) or (W, STATES).  after: (rows, F), or none of it.  All else: see `rollout`.
+    """
+    n, p = times.shape[0], records.parameters(derived)
+    pushed = kicks.shape[0]
+    size = STATES + SENSORS
+    work = np.empty(WORK)
+    x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
+    sensors = x[STATES + 2 * ACTUATORS :]
+    push = np.empty(pushed)
+    error, out = np.empty(OUTPUTS), np.empty(OUTPUTS)
+    corrected, single = gains.shape[0] > 0, stride == 1
+    charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0
+    attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
+    row = 0
+    for w in range(begin.shape[0]):
+        k = begin[w]
+        start = starts[w]
+        for i in range(STATES):
+            if not (carried[w] and constant[i]):
+                x[i] = start[i]
+        if charted:
+            out_of_chart(references[k], attitude)
+        for j in range(ACTUATORS):
+            x[STATES + j] = positions[k, j]
+            x[STATES + ACTUATORS + j] = 0.0
+        if starts.shape[1] == STATES:
+            for i in range(SENSORS):
+                sensors[i] = 0.0
+            physics.settle_sensors(x[:STATES], positions[k], sensors, p)
+        else:
+            for i in range(SENSORS):
+                sensors[i] = start[STATES + i]
+        for j in range(pushed):
+            push[j] = start[size + j]
+        while k < stop[w]:
+            last, chart = k + stride, k
+            # a free run ends with its last row
+            goes_on = last < n and first[last] != last and (last < stop[w] or after.shape[0] > 0)
+            duration = times[last] - times[k] if goes_on else 0.0
+            for m in range(k, last if single else last + 1):
+                if m == k and not single:
+                    duration = duration if goes_on else stride * (times[k + 1] - times[k])
+                    for c in range(OUTPUTS):
+                        y[row, c] = 0.0
+                    for j in range(pushed):
+                        x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
+                if single:
+                    physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[row])
+                    if charted:
+                        into_chart(references[k], y[row, SENSED : SENSED + 3])
+                        into_chart(references[k], attitude)
+                elif m < last:
+                    physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, out)
+                    for c in range(OUTPUTS):
+                        y[row, c] += shares[m, c] * out[c]
+                else:
+                    for j in range(pushed):
+                        x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                        push[j] *= decays[row, j]
+                if corrected and (single or m == last):
+                    for c in range(OUTPUTS):
+                        reading = measured[row, c]
+                        error[c] = reading - y[row, c] if np.isfinite(reading) else 0.0
+                    for c in range(OUTPUTS):
+                        if error[c] != 0.0:
+                            for i in range(STATES):
+                                x[i] += gains[row, i, c] * error[c]
+                            for i in range(SENSORS):
+                                sensors[i] += gains[row, STATES + i, c] * error[c]
+                            for j in range(pushed):
+                                push[j] += gains[row, size + j, c] * error[c]
+                if m + 1 < last or (m < last and goes_on):
+                    if single:
+                        for j in range(pushed):
+                            x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
+                        if charted:
+                            out_of_chart(references[k], attitude)
+                    interval(x, inputs[m], shaped, times, first[m], m, times[m], times[m + 1], longest_step, p, work)
+                    if single:
+                        if charted:
+                            chart = last
+                            into_chart(references[chart], attitude)
+                        for j in range(pushed):
+                            x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                            push[j] *= decays[row, j]
+            if after.shape[0] > 0:
+                for i in range(STATES):
+                    after[row, i] = x[i]
+                for i in range(SENSORS):
+                    after[row, STATES + i] = sensors[i]
+                for j in range(pushed):
+                    after[row, size + j] = push[j]
+            if charted:
+                out_of_chart(references[chart], attitude)
+            row += 1
+            k = last
+
+
 def rollout(
     vectors, starts, begin, stop, carried, constant, times, inputs, first, references, longest_step,
     stride, shares, measured, gains, kicks, decays, earlier, until, y, after,
@@ -213,113 +318,30 @@ def rollout(
     y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.
     """
     n = times.shape[0]
-    pushed = kicks.shape[0]
-    size = STATES + SENSORS
-    work = np.empty(WORK)
     derived = np.empty(DERIVED + vectors.shape[1] - PARAMETERS)
-    shaped = np.empty((n, ACTUATORS))
-    positions = np.empty((n, ACTUATORS))
-    x = np.empty(STATES + 2 * ACTUATORS + SENSORS)
-    sensors = x[STATES + 2 * ACTUATORS :]
-    push = np.empty(pushed)
-    error, out = np.empty(OUTPUTS), np.empty(OUTPUTS)
-    corrected, single = gains.shape[0] > 0, stride == 1
-    charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0
-    attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
+    shaped, positions, none = np.empty((n, ACTUATORS)), np.empty((n, ACTUATORS)), np.empty((0, after.shape[2]))
     for s in range(vectors.shape[0]):
-        driven = 0
-        for e in range(until.shape[0]):
-            physics.derive(earlier[e, s], derived)
-            drive(times, inputs, first, driven, until[e], x, shaped, positions, records.parameters(derived), work)
-            driven = until[e]
-        physics.derive(vectors[s], derived)
-        p = records.parameters(derived)
-        drive(times, inputs, first, driven, n, x, shaped, positions, p, work)
-        row = 0
-        for w in range(begin.shape[0]):
-            k = begin[w]
-            start = starts[min(s, starts.shape[0] - 1), w]
-            for i in range(STATES):
-                if not (carried[w] and constant[i]):
-                    x[i] = start[i]
-            if charted:
-                out_of_chart(references[k], attitude)
-            for j in range(ACTUATORS):
-                x[STATES + j] = positions[k, j]
-                x[STATES + ACTUATORS + j] = 0.0
-            if starts.shape[2] == STATES:
-                for i in range(SENSORS):
-                    sensors[i] = 0.0
-                physics.settle_sensors(x[:STATES], positions[k], sensors, p)
-            else:
-                for i in range(SENSORS):
-                    sensors[i] = start[STATES + i]
-            for j in range(pushed):
-                push[j] = start[size + j]
-            while k < stop[w]:
-                last, chart = k + stride, k
-                # a free run ends with its last row
-                goes_on = last < n and first[last] != last and (last < stop[w] or after.shape[0] > 0)
-                duration = times[last] - times[k] if goes_on else 0.0
-                for m in range(k, last if single else last + 1):
-                    if m == k and not single:
-                        duration = duration if goes_on else stride * (times[k + 1] - times[k])
-                        for c in range(OUTPUTS):
-                            y[s, row, c] = 0.0
-                        for j in range(pushed):
-                            x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
-                    if single:
-                        physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[s, row])
-                        if charted:
-                            into_chart(references[k], y[s, row, SENSED : SENSED + 3])
-                            into_chart(references[k], attitude)
-                    elif m < last:
-                        physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, out)
-                        for c in range(OUTPUTS):
-                            y[s, row, c] += shares[m, c] * out[c]
-                    else:
-                        for j in range(pushed):
-                            x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
-                            push[j] *= decays[row, j]
-                    if corrected and (single or m == last):
-                        for c in range(OUTPUTS):
-                            reading = measured[row, c]
-                            error[c] = reading - y[s, row, c] if np.isfinite(reading) else 0.0
-                        for c in range(OUTPUTS):
-                            if error[c] != 0.0:
-                                for i in range(STATES):
-                                    x[i] += gains[row, i, c] * error[c]
-                                for i in range(SENSORS):
-                                    sensors[i] += gains[row, STATES + i, c] * error[c]
-                                for j in range(pushed):
-                                    push[j] += gains[row, size + j, c] * error[c]
-                    if m + 1 < last or (m < last and goes_on):
-                        if single:
-                            for j in range(pushed):
-                                x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
-                            if charted:
-                                out_of_chart(references[k], attitude)
-                        interval(
-                            x, inputs[m], shaped, times, first[m], m, times[m], times[m + 1], longest_step, p, work
-                        )
-                        if single:
-                            if charted:
-                                chart = last
-                                into_chart(references[chart], attitude)
-                            for j in range(pushed):
-                                x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
-                                push[j] *= decays[row, j]
-                if after.shape[0] > 0:
-                    for i in range(STATES):
-                        after[s, row, i] = x[i]
-                    for i in range(SENSORS):
-                        after[s, row, STATES + i] = sensors[i]
-                    for j in range(pushed):
-                        after[s, row, size + j] = push[j]
-                if charted:
-                    out_of_chart(references[chart], attitude)
-                row += 1
-                k = last
+        move_actuators(earlier[:, s], vectors[s], until, times, inputs, first, derived, shaped, positions)
+        along(
+            derived, starts[min(s, starts.shape[0] - 1)], begin, stop, carried, constant, times, inputs, first,
+            references, longest_step, stride, shares, shaped, positions, measured, gains, kicks, decays,
+            y[s], after[s] if after.shape[0] > 0 else none,
+        )  # fmt: skip
+
+
+def move_actuators(earlier, vector, until, times, inputs, first, derived, shaped, positions):
+    """Shaped commands and actuator positions at all rows of a record, (n, ACTUATORS) each, see `drive`.
+
+    By parameters `earlier`, (E, n_parameters), up to the rows `until`, (E,), and then by `vector`, which is derived.
+    """
+    x, work, driven = np.empty(STATES + 2 * ACTUATORS + SENSORS), np.empty(WORK), 0
+    for e in range(until.shape[0]):
+        physics.derive(earlier[e], derived)
+        last = min(until[e], times.shape[0])  # a change may lie beyond the record
+        drive(times, inputs, first, driven, last, x, shaped, positions, records.parameters(derived), work)
+        driven = last
+    physics.derive(vector, derived)
+    drive(times, inputs, first, driven, times.shape[0], x, shaped, positions, records.parameters(derived), work)
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,6 +352,8 @@ class Programs:
     read: Any
     settle: Any
     rollout: Any
+    along: Any
+    move_actuators: Any
     derivative: Any
     derive: Any
 
@@ -382,11 +406,15 @@ def bind_family(family: Family) -> Programs:
     known: dict[str, Any] = {**sizes, "physics": namespace(family.hooks), "records": namespace(views)}
     for template in (rk4, interval, drive):  # each after those that it calls
         known[template.__name__] = bind(template, program, **known)
+    for template in (move_actuators, along):
+        known[template.__name__] = bind(template, program, inline=False, **known)
     _BOUND[program] = Programs(
         step=ready(bind(step, program, inline=False, **known)),
         read=ready(bind(read, program, **known)),
         settle=ready(bind(settle, program, **known)),
         rollout=ready(bind(rollout, program, **known)),
+        along=known["along"],
+        move_actuators=known["move_actuators"],
         derivative=ready(family.hooks.derivative),
         derive=ready(family.hooks.derive),
     )

@@ -82,6 +82,11 @@ class ChangingPlant(Plant):
         """What follows from the parameters at the first row."""
         return self.at_row(0).derived
 
+    def pieces(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        edges = self._layout.edges(vector[None])
+        acting = [self._layout.acting(vector[None], row)[0] for row in (0, *edges)]
+        return np.array(edges, dtype=np.int64), np.array(acting)
+
     def _run(
         self,
         runs: Runs,

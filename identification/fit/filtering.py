@@ -10,16 +10,13 @@ import numpy as np
 
 from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.driven import driven_slopes
-from identification.fit.kalman import Pass, System, run_filter, scores_of, slopes_of, start_slopes
+from identification.fit.kalman import Pass, System, run_filter, slopes_of, start_slopes
 from identification.fit.kept import KeptSlopes
-from identification.fit.linearised import NEAR_PATH, Linearised, at_once
+from identification.fit.linearised import Linearised, at_once
 from identification.fit.parameters import moves_of
-from identification.fit.responses import Responses
 
-_SAME = 0.05  # of the log-likelihood: a linearisation about a better path that changes less is the last
-_AS_LINEAR = 0.01  # of the log-likelihood by the linearised filter: a run of the vehicle so near it needs no other one
-_LINEARISATIONS, _FIRST_LINEARISATIONS = 8, 12  # from near by, and from what readings say
-_SHORTER = 0.3  # of a step to another linearisation that is worse
+_SAME = 0.05  # of the log-likelihood: starts that bring less leave the path as it is
+_PASSES = 4  # of the filter, each from starts that the one before has fitted
 _NO_START = 1e-9  # of the slopes by starts, below which one does nothing
 _LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
 _LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
@@ -53,6 +50,11 @@ class Point:
     starts: np.ndarray
     roots: np.ndarray
     system: System | None
+
+
+def _other_precision(near: Point, logs: np.ndarray) -> bool:
+    """Whether noises are so far from a point's that they tell of a start with another precision."""
+    return bool(np.abs(logs - near.logs).max(initial=0.0) > _OTHER_NOISE)
 
 
 class Filter(Linearised):
@@ -133,92 +135,66 @@ class Filter(Linearised):
         return np.exp(2.0 * logs[:count]), deviations, np.exp(logs[count + pushed :])
 
     def point(self, vector: np.ndarray, logs: np.ndarray, near: Point | None = None) -> Point:
-        """The filter with parameters and noises, linearised about its own path, sought from that of a point near by."""
-        path, starts, roots = (
-            (self.first_path, self.starts, self._widest) if near is None else (near.path, near.starts, near.roots)
-        )
-        first, renewed = near is None, near is None or bool(np.abs(logs - near.logs).max(initial=0.0) > _OTHER_NOISE)
+        """The filter with parameters and noises, linearised along its own path.
+
+        near: a point from whose starts it begins.
+        """
+        if near is None:
+            first = self._system(vector, self.first_path, self.starts, self._widest)
+            found, _ = self._filtered(vector, logs, first, self.starts, self._widest, anew=True, renewed=True)
+            starts, roots = (found.starts, found.roots) if found.system else (self.starts, _LOOSE * self._widest)
+        else:
+            starts, roots = near.starts, near.roots
+        renewed = near is None or _other_precision(near, logs)
         responses = near.system.responses if near is not None and near.system is not None else None
-        best, highest, came, share = None, -np.inf, (path, starts), 1.0
-        for _ in range(_FIRST_LINEARISATIONS if first else _LINEARISATIONS):
-            anew = first and best is None
-            known = near if best is None and self._serves(near, vector, path) else None
-            found, linear = self._about(vector, logs, path, starts, roots, anew, renewed, known, responses)
-            renewed = first
+        best, highest = None, -np.inf
+        for _ in range(_PASSES):
+            system = self._followed_system(vector, self._numbers(logs), starts, roots)
+            system = replace(system, responses=responses)
+            found, gained = self._filtered(vector, logs, system, starts, roots, anew=False, renewed=renewed)
             total = self.total(found)
-            if total > highest:
-                gained, best, highest = total - highest, found, total
-                came, share = (path, starts), 1.0
-                path, starts, roots = found.path, found.starts, found.roots
-                if abs(total - linear) < _AS_LINEAR or (gained < _SAME and known is None):
-                    break
-            elif best is None or highest - total < _SAME:
+            best, highest = (found, total) if total > highest else (best, highest)
+            if gained < _SAME:  # the path is that of the starts
                 break
-            else:  # a step too far: from the linearisation of the best one, less far
-                share *= _SHORTER
-                path = came[0] + share * (best.path - came[0])
-                starts = came[1] + share * (best.starts - came[1])
+            starts, roots, renewed = found.starts, found.roots, False
         return best or self._nowhere(vector, logs)
 
-    def _serves(self, near: Point | None, vector: np.ndarray, path: np.ndarray) -> bool:
-        """Whether the slopes that a point has are those of a vehicle and a path near by."""
-        if near is None or near.system is None or near.system.path is None:
-            return False
-        live, off = self.live, np.abs(path - near.system.path).max(axis=0)
-        return self._near_by(near.system.vector, vector) and bool(np.all(off[live] <= NEAR_PATH * self.spread[live]))
-
-    def _about(
+    def _filtered(
         self,
         vector: np.ndarray,
         logs: np.ndarray,
-        path: np.ndarray,
+        system: System,
         starts: np.ndarray,
         roots: np.ndarray,
+        *,
         anew: bool,
         renewed: bool,
-        known: Point | None,
-        responses: Responses | None,
     ) -> tuple[Point, float]:
-        """The filter linearised about a path, from the likeliest starts, and its log-likelihood if all were linear.
+        """The filter of a linearised vehicle, and the vehicle run with its gains from the likeliest starts.
+
+        And by how much these are likelier than those that the run began with.
 
         anew: whether the starts may be far from likely.  renewed: whether how well they are known may have changed.
-        known: a point near by, whose slopes will do.  responses: of a system that may be farther away.
         """
-        if known is None or known.system is None:
-            system = replace(self._system(vector, path, starts, roots), responses=responses)
-        else:
-            system = self._moved_on(known.system, vector, path, starts, roots)
         if not (np.isfinite(system.a).all() and np.isfinite(system.error).all()):
-            return self._nowhere(vector, logs), -np.inf
-        renewed = renewed or bool(self._held_first.any())
-        if known is not None and not renewed and np.array_equal(logs, known.logs):
-            found = replace(known, system=system)  # the same slopes and noises make the same gains
-            if not np.array_equal(vector, known.vector):
-                found = self.with_gains(found, vector)
-            return self._settled(found, path, found.gains[:, self._moving])
+            return self._nowhere(vector, logs), 0.0
         made = run_filter(system, *self._numbers(logs))
         if not np.isfinite(made.scores).all():
-            return self._nowhere(vector, logs), -np.inf
-        if renewed:
+            return self._nowhere(vector, logs), 0.0
+        if renewed or self._held_first.any():
+            assert system.path is not None
             better, roots = self._better_starts(system, made, logs, starts)
             starts = better if anew else np.where(self._held_first[:, None], better, starts)
-            system = replace(system, start=roots, origin=self._origin(path, starts))
+            system = replace(system, start=roots, origin=self._origin(system.path, starts))
             made = run_filter(system, *self._numbers(logs))
         found = self._followed(vector, logs, starts, self._whole(made.gains), made.whiten, system)
         if not (np.isfinite(found.path).all() and np.isfinite(found.scores).all()):
-            return self._nowhere(vector, logs), -np.inf
-        return self._settled(found, path, made.gains)
-
-    def _settled(self, found: Point, path: np.ndarray, gains: np.ndarray) -> tuple[Point, float]:
-        """A point with its starts fitted, and its log-likelihood if all were linear about a path.
-
-        gains: (rows, N, C), of the filter.
-        """
+            return self._nowhere(vector, logs), 0.0
         there = self.descended(found, ())
         assert there.system is not None
-        system = replace(there.system, origin=self._origin(path, there.starts))
-        linear = scores_of(system, gains, there.whiten, self._numbers(there.logs)[2])
-        return replace(there, system=system), float(self.counted @ linear)
+        assert system.path is not None
+        system = replace(there.system, origin=self._origin(system.path, there.starts))
+        return replace(there, system=system), self.total(there) - self.total(found)
 
     def _nowhere(self, vector: np.ndarray, logs: np.ndarray) -> Point:
         """What is left of a filter that runs away: as unlikely as can be."""
@@ -246,7 +222,7 @@ class Filter(Linearised):
         for w in np.flatnonzero(self.carried):
             first[w, : len(self._shared)][self._shared] = before[self.offsets[w], : len(self._shared)][self._shared]
         before[self.offsets] = first
-        path = before + np.einsum("rfc,rc->rf", gains, innovations)
+        path = before if self.stride > 1 else before + np.einsum("rfc,rc->rf", gains, innovations)
         with np.errstate(over="ignore", invalid="ignore"):
             errors, scores = self._scored(whiten, innovations)
         return Point(vector, logs, errors, scores, path, gains, whiten, innovations, starts, system.start, system)
@@ -488,10 +464,7 @@ class Filter(Linearised):
         known = point.system.responses
         if known is not None and known.paths == tuple(many):
             return point
-        path = point.path
-        if self.stride > 1:  # means are known when their row ends: it was run from where no reading had corrected it
-            path = path - np.einsum("rfc,rc->rf", point.gains, point.innovations)
-        responses = self._responses(point.vector, path, many)
+        responses = self._responses(point.vector, point.path, many)
         return replace(point, system=replace(point.system, responses=responses))
 
     def soon_slopes(self, point: Point, paths: Sequence[str]) -> np.ndarray:

@@ -99,19 +99,6 @@ def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, ti
     return Pass(_among(gains, own, 1), whiten, innovations, scores, roots, means)
 
 
-def scores_of(system: System, gains: np.ndarray, whiten: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """The log-likelihood of each row, (rows,), by the gains of a filter whose stretches began with other means.
-
-    gains: (rows, N, C) and whiten: (rows, C, C), as of a pass.  times: (D,), correlation times of accelerations, s.
-    """
-    s, innovations = system, np.zeros(system.error.shape)
-    decays = np.exp(-s.durations[:, None] / times)
-    numbers = (s.a, s.c, s.forcing, s.error, s.finite, s.begin, s.constant, decays, s.origin)
-    _redone(*numbers, np.ascontiguousarray(gains), whiten, innovations)
-    spread = np.where(s.finite, np.einsum("rcc->rc", whiten) / np.sqrt(2.0 * np.pi), 1.0)
-    return (np.log(spread) - 0.5 * innovations**2).sum(axis=1)
-
-
 _Prepared = tuple[System, np.ndarray]
 _prepared: tuple[tuple[ref[System], bytes, _Prepared], ...] = ()
 
@@ -533,40 +520,6 @@ def _started(onward, c, begin, constant, decays, gains, whiten, slopes):
                 moved[j, i] = after[i]
             for d in range(size - solid):
                 moved[j, solid + d] *= decays[k, d]
-
-
-@outlined
-def _redone(a, c, forcing, error, finite, begin, constant, decays, origin, gains, whiten, innovations):
-    """See `scores_of`.  decays: (rows, D)."""
-    rows, count, size = c.shape
-    solid = a.shape[1]
-    mean, moved, ahead = np.zeros(size), np.zeros(size), np.zeros(count)
-    stretch = -1
-    for k in range(rows):
-        if begin[k] > 0:
-            stretch += 1
-            for i in range(size):
-                if begin[k] == 1 or not constant[i]:
-                    mean[i] = origin[stretch, i]
-        for m in range(count):
-            ahead[m] = 0.0
-            if finite[k, m]:
-                ahead[m] = error[k, m]
-                for i in range(size):
-                    ahead[m] -= c[k, m, i] * mean[i]
-        for m in range(count):
-            for n in range(m + 1):
-                innovations[k, m] += whiten[k, m, n] * ahead[n]
-        for i in range(size):
-            moved[i] = mean[i]
-            for m in range(count):
-                moved[i] += gains[k, i, m] * ahead[m]
-        for i in range(solid):
-            mean[i] = -forcing[k, i]
-            for n in range(size):
-                mean[i] += a[k, i, n] * moved[n]
-        for d in range(size - solid):
-            mean[solid + d] = decays[k, d] * moved[solid + d]
 
 
 @outlined

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
+from identification.fit.extended import program_of
 from identification.fit.kalman import System
 from identification.fit.parameters import moves_of
 from identification.fit.responses import Responses
 from identification.fit.stretches import Stretches
 
 _NEAR = 0.1  # of a scale, a hundredth of a coefficient: slopes serve while no parameter is farther from where they were
-NEAR_PATH = 0.01  # of the states' spread: as near, of a path
 _AT_ONCE = 2**22  # numbers of the outputs of runs that are made at once, 32 MiB
 
 
@@ -28,8 +27,49 @@ class Linearised(Stretches):
 
     def _system(self, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray) -> System:
         """The plant linearised along a path of states, with what is assumed of the stretches' starts."""
+        return self._with_slopes(vector, path, starts, roots, *self._slopes(vector, path, self.live))
+
+    def _followed_system(
+        self, vector: np.ndarray, logs: tuple[np.ndarray, np.ndarray, np.ndarray], starts: np.ndarray, roots: np.ndarray
+    ) -> System:
+        """The plant linearised along the path of its own extended Kalman filter, see `extended.filtered`.
+
+        logs: variances of the channels, deviations and correlation times of accelerations, as `run_filter` takes them.
+        """
+        variances, deviations, times = logs
+        plant, runs, live, there = self.plant, self.runs, self.live, deviations > 0.0
+        rows, states = len(self.rows), self._size
+        own = np.r_[np.arange(states), states + np.flatnonzero(there)]
+        path, after = np.zeros((rows, states + len(there))), np.empty((rows, own.size))
+        found, seen = np.empty((rows, own.size)), np.empty(self.measured.shape)
+        a, c = np.empty((rows, live.size, live.size)), np.empty((rows, self.measured.shape[1], live.size))
+        until, vectors = plant.pieces(vector)
+        self.work.add((1 + len(live)) * rows * self.stride)
+        with np.errstate(all="ignore"):  # of one that runs away
+            program_of(plant)(
+                vectors, until, runs.begin, runs.stop, self.carried, self._shared, runs.times, runs.inputs, runs.first,
+                runs.references, plant.longest_step, runs.stride, runs.shares, np.ascontiguousarray(starts[:, own]),
+                roots, self.measured, self.finite, self.counts, self.columns, live, self._probes(live),
+                np.searchsorted(live, self._pushed[there]), np.ascontiguousarray(self.kicks[there]), self.durations,
+                np.exp(-self.durations[:, None] / times[there]), variances, deviations[there], times[there],
+                found, a, c, seen, after,
+            )  # fmt: skip
+        path[:, own] = found
+        return self._with_slopes(vector, path, starts, roots, a, c, seen, after)
+
+    def _with_slopes(
+        self,
+        vector: np.ndarray,
+        path: np.ndarray,
+        starts: np.ndarray,
+        roots: np.ndarray,
+        a: np.ndarray,
+        c: np.ndarray,
+        y: np.ndarray,
+        after: np.ndarray,
+    ) -> System:
+        """The system of slopes along a path, and of the outputs and next states from there, see `_slopes`."""
         live, solid, pushed = self.live, len(self.live), len(self.pushed)
-        a, c, y, after = self._slopes(vector, path, live)
         rows = len(self.rows)
         kicked = np.zeros((rows, solid, pushed))
         for d, i in enumerate(self._pushed):
@@ -57,15 +97,6 @@ class Linearised(Stretches):
             np.ascontiguousarray(np.concatenate([c, felt], axis=2)), forcing, error, self.finite, self.counts,
             begin, constant, self.durations, roots, self._origin(path, starts), moves, vector, path,
         )  # fmt: skip
-
-    def _moved_on(
-        self, system: System, vector: np.ndarray, path: np.ndarray, starts: np.ndarray, roots: np.ndarray
-    ) -> System:
-        """A system about another path near by, with the slopes that it has: one run from row to row, and no more."""
-        y, after = self._slopes(vector, path, np.empty(0, dtype=np.int64))[2:]
-        solid = len(self.live)
-        error, forcing = self._residual(y, after, path, system.c[:, :, solid:], system.a[:, :, solid:])
-        return replace(system, error=error, forcing=forcing, start=roots, origin=self._origin(path, starts))
 
     def _residual(
         self, y: np.ndarray, after: np.ndarray, path: np.ndarray, felt: np.ndarray, kicked: np.ndarray

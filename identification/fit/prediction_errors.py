@@ -10,6 +10,7 @@ The parts: what a record tells (`stretches.py`), the filter (`filtering.py`), no
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from identification.fit.online import FilterPlan
 
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
 _BEYOND = 1.0  # of the log-likelihood, for each row, that a better path will not bring
-_HALVINGS = 6
+_HALVINGS, _SHORTER = 6, 0.4  # of a step that is not confirmed, and by how much
 _DOUBLINGS = 5
 _SLOW = 0.3  # of what the turn before has brought: Gauss and Newton's steps bring far less each time
 _FIRST_NOISE_STEPS = 40  # to better noises, at first
@@ -43,11 +44,12 @@ class PredictionErrors(Noises):
     ) -> Point:
         """The point of greatest likelihood over the paths and, with `noise`, the noises, from the plant's values.
 
+        near: a point with noises and starts to begin with, which is not left if it is of these values and as likely.
         In turns: parameters with the filter's gains held, gains made anew, noises.  It ends where a turn raises the
         log-likelihood by less than `gain`.  Where turns bring hardly less than those before, they go along a narrow
         valley by short steps, and the next one is made longer as long as that helps.
         """
-        here, known = self.point(plant.vector, self.first_noise() if near is None else near.logs, near), None
+        here, known = self._begun(plant.vector, near), None
         if noise:
             here, known = self._renewed(here, paths, _FIRST_NOISE_STEPS if near is None else NOISE_STEPS)
         here = self.prepared(here, paths)
@@ -57,13 +59,7 @@ class PredictionErrors(Noises):
         for _ in range(iterations):
             before = self.objective(here, paths)
             there = self.descended(here, paths, exact=exact)
-            for _ in range(_HALVINGS):
-                fresh = here if there is here else self.point(there.vector, there.logs, there)
-                if self.objective(fresh, paths) > before - gain or not paths:
-                    break
-                there = self.with_gains(here, here.vector + 0.4 * (there.vector - here.vector))
-            else:
-                fresh = here
+            fresh = self._confirmed(here, there, paths, before - gain)
             if self.objective(fresh, paths) - before > _SLOW * last:
                 fresh = self._further(here, fresh, paths, gain)
             # noises suit the parameters already where these stay as they are
@@ -80,6 +76,31 @@ class PredictionErrors(Noises):
             if not self.objective(there, paths) > self.objective(here, paths) + gain:
                 break
             here, known, exact = there, None, False
+        return here
+
+    def _begun(self, vector: np.ndarray, near: Point | None) -> Point:
+        """Where a fit begins: a point near by if it is of these values, however its gains were made, or the filter."""
+        if near is not None and np.array_equal(vector, near.vector):
+            return self.with_gains(near, vector)
+        return self.point(vector, self.first_noise() if near is None else near.logs, near)
+
+    def _confirmed(self, here: Point, there: Point, paths: Sequence[str], least: float) -> Point:
+        """The filter at the end of a step that was taken with the gains held, or of a shorter one if it is less likely.
+
+        None is left where tries fall behind in proportion to their lengths, twice in a row, and not to the squares of
+        these: the gains, which the step has held, then lose by any such step more than it brings.
+        """
+        lost: list[float] = []
+        for _ in range(_HALVINGS):
+            fresh = here if there is here else self.point(there.vector, there.logs, there)
+            reached = self.objective(fresh, paths)
+            if reached > least or not paths:
+                return fresh
+            lost.append(least - reached)
+            shares = [after / loss for loss, after in pairwise(lost[-3:])]
+            if len(shares) == 2 and all(_SHORTER**1.5 < share < _SHORTER**0.5 for share in shares):
+                break
+            there = self.with_gains(here, here.vector + _SHORTER * (there.vector - here.vector))
         return here
 
     def _weaker(self, here: Point, paths: Sequence[str]) -> Point:

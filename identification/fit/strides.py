@@ -47,7 +47,8 @@ def stride_for(
     Judged by filters with the noises of a fit's first guess: where these take accelerations for stronger than they are,
     more of what a record tells is quick, and rows are shorter.  Variances are compared with those of rows of two
     samples, since filters along single readings are poor ones before a fit.  What these lose themselves is added: as
-    much for each sample as longer rows lose, which is more than a smooth signature does.
+    much for each sample as longer rows lose, which is more than a smooth signature does.  Rows are also so short that
+    the filter of the vehicle as it is, which may be far from its record, keeps to its linearisation within them.
     """
     samples = sum(w.stop - w.start for w in windows)
     shortest = min(w.stop - w.start for w in windows)
@@ -72,7 +73,7 @@ def stride_for(
     for stride in tried:
         problem = PredictionErrors(plant, record, pieces, doubt=doubt, process=process, stride=stride)
         there = problem.first_point(point.logs) if problem.pushed == short.pushed else None
-        if there is None or not np.isfinite(there.scores).all():
+        if there is None or not np.isfinite(there.scores).all() or not problem.follows(plant.vector, point.logs):
             continue
         lost = (_variances(problem, there, fitted, others) - told) * (stride - 1) / (stride - _REFERENCE)
         plain = (told + lost) * judged / samples < (1.0 / _PLAIN) ** 2

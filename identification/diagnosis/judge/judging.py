@@ -14,6 +14,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import Plant
 from auv_gym.plant.currents import dive_currents
 from auv_gym.records.record import Record
+from identification.deciding import UNSTEADY
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.closing import closed_loop
 from identification.diagnosis.judge.detectable import detectable_effects
@@ -27,20 +28,20 @@ from identification.diagnosis.judge.findings import (
 from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.habitat import residual_habitat
 from identification.diagnosis.judge.judgement import explained_share, many_windows, unsteady_of, verdict_of
-from identification.diagnosis.judge.verdict import RARE, WORSE, Diagnosis, Stage
+from identification.diagnosis.judge.verdict import RARE, VARIES, WORSE, Diagnosis, Stage
 from identification.diagnosis.judge.weighing import Weighed, common_predictions, rounds_told, weigh
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Regression, candidates_of
-from identification.diagnosis.search.constancy import sizes_by_dive
+from identification.diagnosis.search.constancy import sizes_by_dive, steadiness
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.explanations import Explanations
 from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.remainder import what_is_left
 from identification.diagnosis.search.searching import Searched
 from identification.diagnosis.search.survival import chosen_without, survival
-from identification.diagnosis.search.trials import Progress
-from identification.diagnosis.search.workbench import State
+from identification.diagnosis.search.trials import Progress, Trial
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.residual import residual_summary
 from identification.fit.validation import FreeRuns, fitted_runs, free_runs, joined_runs, whiteness
 
@@ -52,16 +53,18 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     """
     bench, record, asked, settle, plant = known.bench, log.record, log.asked, log.settle, known.plant
     nominal, state, left, count = searched.nominal, searched.state, searched.left, len(searched.candidates)
-    rounds, survivals, dropped = [], [], []
+    rounds, survivals, dropped = [], [], dict[Trial, str]()
     for made in searched.rounds:
         if made.chosen is None:
             continue
         found = survival(bench, made, made.before or nominal, count)
-        if found.holds:
+        if not found.holds:
+            dropped[made.chosen] = RARE
+        elif rounds and _varies(bench, state, made.chosen):
+            dropped[made.chosen] = VARIES  # beside a stronger effect; without that, nothing constant is named
+        else:
             rounds.append(made)
             survivals.append(found)
-        else:
-            dropped.append(made.chosen)
     held = rounds
     if dropped:
         state = bench.without(state, [p for t in dropped for p in t.candidate.free if p in state.paths])
@@ -82,8 +85,9 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     effects, tied = effects_of(bench, state, weighed.tied, sizes, survivals, count, weighed.found)
     if dives is not None:
         effects = [replace(e, by_dive=dives.sizes) if e.path == dives.path else e for e in effects]
-    if (unsteady := unsteady_of(effects)) and not left.changes:
-        left = replace(left, changes=unsteady[0].path)
+    varying = [e.path for e in unsteady_of(effects)] + [t.candidate.paths[0] for t, w in dropped.items() if w == VARIES]
+    if varying and not left.changes:
+        left = replace(left, changes=varying[0])
     progress(0.84, "scoring free runs")
     parts = range(len(log.parts))
 
@@ -98,7 +102,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     after = stage(state, [chosen_without(bench, nominal, state, rounds, count, k) for k in parts])
     as_given = stage(known.given, [known.given for _ in parts])
     before = after if state is nominal else stage(nominal, [nominal for _ in parts])
-    why = {t.candidate.paths[0]: RARE for t in dropped}
+    why = {t.candidate.paths[0]: reason for t, reason in dropped.items()}
     many = many_windows(log.every_window, log.steady)
     if rounds and left and explained_share(before, after, many) < 0.0:
         why |= {r.chosen.candidate.paths[0]: WORSE for r in rounds if r.chosen is not None}
@@ -192,6 +196,12 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     spread = bench.spread(final) if final.finite else ()
     currents = extras.attempt("The current of each dive", lambda: dive_currents(after.plant, record, spread), ())
     return replace(diagnosis, loops=loops, spread=spread, currents=currents, failures=tuple(extras.failures))
+
+
+def _varies(bench: Workbench, state: State, trial: Trial) -> bool:
+    """Whether parts of the record contradict each other in the size of an effect, but not as dives may."""
+    own = [p for p in trial.candidate.free if p in state.paths and p not in bench.plant.family.by_dive]
+    return bool(own) and steadiness(bench, state, own).probability < UNSTEADY
 
 
 def _stage(plant: Plant, record: Record, log: CheckedLog, unseen: Sequence[Sequence[Plant]]) -> Stage:

@@ -34,6 +34,7 @@ from identification.fit.validation import FreeRuns, Score, Whiteness
 
 Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubted"]
 RARE = "most halves of the log do not choose {it}"
+VARIES = "parts of the log contradict each other in the size of {it}"
 WORSE = "free runs over unseen parts of the log are worse with {it} than without"
 _FEW_DIVES = 6  # that a sentence lists
 
@@ -63,7 +64,7 @@ class Diagnosis:
     given, before, after: the vehicle as it came, with its coefficients refitted, and with the effects.
     alike: effects of the vehicle after that are not named, since they do not explain the record.
     tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
-    are not named, each with the reason (`RARE`, `WORSE`).  explained: share of the squared error in excess of the
+    are not named, each with the reason (`RARE`, `VARIES`, `WORSE`).  explained: share of the squared error above the
     measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     averaged: s, over which readings were averaged, 0 where each was read by itself.
@@ -362,7 +363,7 @@ def left_sentence(d: Diagnosis) -> str:
         subject, _, of = spec_at(d.state.plant, left.depends).title.removeprefix("discovered ").partition(" from ")
         shown.append(f"depend on {of}, as if a {subject} were missing")
     text = f"One-step prediction errors {listed(shown)}. " if shown else ""
-    if left.changes and left.changes not in {e.path for e in d.alike}:
+    if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         text += f"The {title} differs between parts of the log: something changed during the log. "
     return text

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from statsmodels.tsa.statespace.mlemodel import MLEModel
 
-from identification.fit.kalman import System, run_filter, scores_of, slopes_of, start_slopes
+from identification.fit.kalman import System, run_filter, slopes_of, start_slopes
 
 SOLID, PUSHED, CHANNELS, ROWS = 3, 2, 3, 40
 SIZE = SOLID + PUSHED
@@ -189,11 +189,3 @@ def test_an_acceleration_without_deviation_is_left_out_at_no_loss(left_out):
     assert own.covariances[:, :SOLID, :SOLID] == pytest.approx(
         theirs.covariances[:, :SOLID, :SOLID], rel=1e-12, abs=1e-10
     )
-
-
-def test_gains_give_the_likelihood_from_other_means_too():
-    s, (variances, deviations, times) = system(8, begins=(0, 15), carried=(28,)), numbers(LOGS)
-    made = run_filter(s, variances, deviations, times)
-    other = replace(s, origin=s.origin + 0.5)
-    found = scores_of(other, made.gains, made.whiten, times)
-    assert found == pytest.approx(run_filter(other, variances, deviations, times).scores, abs=1e-12)

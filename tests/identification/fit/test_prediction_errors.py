@@ -480,22 +480,3 @@ def test_a_fit_is_tried_with_weak_accelerations_where_strong_ones_took_the_part_
     plant = replace_at(problem.plant_at(without, COEFFICIENTS), path, 0.1)
     found = problem.plant_at(problem.solve(plant, (*COEFFICIENTS, path), without), (path,))
     assert value_at(found, path) == pytest.approx(4.0, abs=0.2)
-
-
-def test_slopes_of_a_filter_near_by_serve_while_parameters_stay_where_they_were_taken(pushed, monkeypatch):
-    """The likelihood is that of slopes taken anew, and a parameter that goes far has its own."""
-    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
-    near = problem.point(GLIDER.vector, problem.first_noise())
-    near = problem.point(GLIDER.vector, near.logs, near)  # whose path has settled
-    taken: list[int] = []
-    slopes = PredictionErrors._slopes
-    monkeypatch.setattr(PredictionErrors, "_slopes", lambda *a: taken.append(len(a[3])) or slopes(*a))
-    path, scale = COEFFICIENTS[0], problem.scale(COEFFICIENTS[0])
-    for share, most in ((0.05, 0), (3.0, len(problem.live))):
-        vector = problem.moved_vector(near.vector, [path], np.array([share]))
-        assert abs(vector[problem.index[path]] - near.vector[problem.index[path]]) == pytest.approx(share * scale)
-        taken.clear()
-        found = problem.point(vector, near.logs, near)
-        assert taken[0] == most
-        anew = problem.point(vector, near.logs, replace(near, system=None))
-        assert problem.total(found) == pytest.approx(problem.total(anew), abs=0.05)

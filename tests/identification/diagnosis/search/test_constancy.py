@@ -9,6 +9,7 @@ from auv_gym.records.record import concat
 from identification.deciding import UNSTEADY
 from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge import findings, judging
+from identification.diagnosis.judge.verdict import VARIES
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search.constancy import Steadiness, dives_of, sizes_by_dive, steadiness
 from identification.diagnosis.search.discovery import Discovery
@@ -19,7 +20,7 @@ from identification.experiments.heading_control import closed_loop
 from identification.fit import filtering
 from scripts.blind.changing import ChangingGlider
 
-OFFSET, AIR = "effects.rudder.offset", "effects.volume.air"
+OFFSET, DEADBAND, AIR = "effects.rudder.offset", "effects.rudder.deadband", "effects.volume.air"
 
 
 def log_of(begins, path=OFFSET, size=0.03):
@@ -63,6 +64,22 @@ def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch
     told = as_json(found)
     assert told["effects"] == told["tied"] == []
     assert [e["path"] for e in told["acts_like"]] == [OFFSET]
+
+
+def test_a_weaker_effect_of_which_parts_contradict_each_other_is_not_named_and_takes_no_other_name_away(monkeypatch):
+    plant = load_vehicle("slocum")
+    truth = replace_at(plant, {OFFSET: 0.06, DEADBAND: 0.05})
+    record = closed_loop(truth, rng=np.random.default_rng(701), duration=900.0)
+    both = diagnose(record, plant)
+    assert [e.path for e in both.effects] == [DEADBAND, OFFSET]
+    unlike = lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY)  # noqa: E731
+    monkeypatch.setattr(judging, "steadiness", unlike)
+    found = diagnose(record, plant)
+    assert found.verdict in ("named", "tied")
+    assert [e.path for e in found.effects] == [DEADBAND]
+    assert found.dropped == {OFFSET: VARIES}
+    assert found.left  # the log is not explained
+    assert "but parts of the log contradict each other in the size of it" in " ".join(found.summary().split())
 
 
 def test_a_coefficient_that_changes_half_way_is_left():

@@ -131,7 +131,7 @@ def test_a_term_that_parts_do_not_foretell_is_rejected_with_the_reason(monkeypat
 
 
 def test_the_seed_resamples_windows():
-    record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(psi), 1)
+    record = turned_by(lambda psi, r, u, roll: 0.008 * np.sin(psi), 1)
     often = [searched(QUICK, record, seed=seed, without=(f"{YAW}sin_heading",)).frequencies for seed in (0, 0, 1)]
     assert often[0] == often[1] != often[2]
 

@@ -1,0 +1,165 @@
+"""The extended Kalman filter of a vehicle: linearised row by row where the filter is.
+
+The gains of a row depend on the path up to it, the path beyond on these gains; so the vehicle is linearised as the
+filter goes on, in one compiled call.  Source: Jazwinski 1970, sec. 8.3.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from auv_gym.compiled import OPEN, bind, ready
+from auv_gym.param import list_paths
+from auv_gym.plant import Plant
+from identification.fit.kalman import read_row, to_next_row
+
+# Open in the template: the family's programs, and how many numbers it has of each kind.
+along: Any = OPEN
+move_actuators: Any = OPEN
+derive: Any = OPEN
+STATES = SENSORS = ACTUATORS = OUTPUTS = DERIVED = 0  # DERIVED: of what follows from parameters, these not counted
+
+
+def filtered(
+    vectors, until, begin, stop, carried, constant, times, inputs, first, references, longest_step, stride, shares,
+    starts, roots, measured, finite, counts, columns, live, probes, pushed, kicks, durations, decays,
+    variances, deviations, correlation, path, a, c, y, after,
+):  # fmt: skip
+    """The filter of a vehicle through the stretches of a record, of which are kept its path and the slopes along it.
+
+    vectors: (E + 1, n_parameters), of which each acts up to one of the rows `until`, (E,).
+    begin to shares, starts: see `auv_gym.plant.rollout.rollout`; starts (W, F), F = STATES + SENSORS + D.
+    roots: (W, n, n), transposed, of the covariances of the live states (n,) with which stretches begin.
+    measured: (rows, C), finite, counts: see `identification.fit.kalman.System`; columns: (C,), among the outputs.
+    probes: (n,), by which live states are moved.  pushed: (D,), the live states that accelerations push, see `kicks`.
+    decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
+    path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples those before a
+    row's readings, which are known when it ends.  a: (rows, n, n) and c: (rows, C, n), slopes of the next row's live
+    states and of the row's outputs; y: (rows, C) and after: (rows, F), from the path itself.
+    """
+    n, size, count, pushes = times.shape[0], live.shape[0], columns.shape[0], kicks.shape[0]
+    total, whole = size + pushes, STATES + SENSORS + pushes
+    derived = np.empty(DERIVED + vectors.shape[1])
+    shaped, positions = np.empty((n, ACTUATORS)), np.empty((n, ACTUATORS))
+    last = vectors.shape[0] - 1
+    move_actuators(vectors[:last], vectors[last], until, times, inputs, first, derived, shaped, positions)
+    piece, row = 0, 0
+    derive(vectors[0], derived)
+    state, tried, moved_on = np.zeros(whole), np.empty((size + 1, whole)), np.empty((size + 1, whole))
+    seen, none, unread = np.empty((size + 1, OUTPUTS)), np.empty((0, whole)), np.empty((0, OUTPUTS))
+    free, held = np.empty((0, whole, OUTPUTS)), np.ones((size + 1, pushes))
+    one, other, anew = np.empty(size + 1, np.int64), np.empty(size + 1, np.int64), np.zeros(size + 1, np.bool_)
+    root, wide, mean = np.zeros((total, total)), np.zeros((total + pushes, total)), np.zeros(total)
+    error, column, gain, moved = np.zeros(count), np.zeros(total), np.zeros(total), np.zeros(total)
+    reflector, share_of, forcing = np.zeros(total + pushes), np.zeros(total), np.zeros(size)
+    gains, whiten, innovations = np.zeros((total, count)), np.zeros((count, count)), np.zeros(count)
+    slopes, onward = np.zeros((count, total)), np.zeros((total, size))
+    for w in range(begin.shape[0]):
+        for i in range(whole):
+            if not (carried[w] and i < STATES and constant[i]):
+                state[i] = starts[w, i]
+        for i in range(total):
+            power = 0.0
+            for j in range(total):
+                power += root[j, i] * root[j, i]
+                root[j, i] = roots[w, j, i] if i < size and j < size else 0.0
+            if i >= size:
+                root[i, i] = deviations[i - size]
+            elif carried[w] and live[i] < STATES and constant[live[i]]:
+                root[i, i] = np.sqrt(power)
+        for k in range(begin[w], stop[w], stride):
+            while piece < until.shape[0] and k >= until[piece]:
+                piece += 1
+                derive(vectors[piece], derived)
+            one[:] = k
+            other[:] = k + stride
+            for j in range(size + 1):
+                for i in range(whole):
+                    tried[j, i] = state[i]
+                if j > 0:
+                    tried[j, live[j - 1]] += probes[j - 1]
+            along(
+                derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
+                shares, shaped, positions, unread, free, kicks, held, seen, none if stride == 1 else moved_on,
+            )  # fmt: skip
+            for m in range(count):
+                error[m] = measured[row, m] - seen[0, columns[m]] if finite[row, m] else 0.0
+                for j in range(size):
+                    slopes[m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
+                for d in range(pushes):
+                    within = kicks[d, 1] * durations[row] if stride > 1 else 0.0
+                    slopes[m, size + d] = within * slopes[m, pushed[d]]
+            mean[:] = 0.0
+            gains[:, :] = 0.0
+            whiten[:, :] = 0.0
+            innovations[:] = 0.0
+            numbers = (slopes, error, finite[row], counts[row], variances)
+            read_row(root, mean, *numbers, column, gain, gains, whiten, innovations)
+            if stride == 1:
+                for i in range(size):
+                    state[live[i]] += mean[i]
+                for d in range(pushes):
+                    state[STATES + SENSORS + d] += mean[size + d]
+                for j in range(size + 1):
+                    for i in range(whole):
+                        tried[j, i] = state[i]
+                    if j > 0:
+                        tried[j, live[j - 1]] += probes[j - 1]
+                along(
+                    derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
+                    shares, shaped, positions, unread, free, kicks, held, seen, moved_on,
+                )  # fmt: skip
+                mean[:] = 0.0
+            for i in range(whole):
+                path[row, i] = state[i]
+                after[row, i] = moved_on[0, i]
+            for m in range(count):
+                y[row, m] = seen[0, columns[m]]
+                for j in range(size):
+                    c[row, m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
+            for j in range(size):
+                for i in range(size):
+                    a[row, i, j] = (moved_on[j + 1, live[i]] - moved_on[0, live[i]]) / probes[j]
+                    onward[j, i] = a[row, i, j]
+            for d in range(pushes):
+                for i in range(size):
+                    onward[size + d, i] = durations[row] * kicks[d, 1] * onward[pushed[d], i]
+                onward[size + d, pushed[d]] += durations[row] * kicks[d, 2]
+            for i in range(STATES + SENSORS):
+                state[i] = moved_on[0, i]
+            for j in range(total):
+                for i in range(size):
+                    state[live[i]] += mean[j] * onward[j, i]
+            for d in range(pushes):
+                state[STATES + SENSORS + d] = decays[row, d] * (state[STATES + SENSORS + d] + mean[size + d])
+            for j in range(size):  # a sensor without a lag has no state that lasts
+                if live[j] >= STATES and abs(onward[j, j] - 1.0) < 1e-9:
+                    for i in range(size):
+                        onward[j, i] = 0.0
+                        onward[i, j] = 0.0
+            mean[:] = 0.0
+            held_for = (durations[row], deviations, correlation)
+            to_next_row(root, mean, onward, forcing, *held_for, wide, moved, reflector, share_of)
+            row += 1
+
+
+_BOUND: dict[str, Any] = {}
+
+
+def program_of(plant: Plant) -> Any:
+    """The filter of a family, see `filtered`; compiled when first called."""
+    family, programs = plant.family, plant.programs
+    name = family.program or family.kind
+    if name not in _BOUND:
+        sizes = {
+            "STATES": len(family.states),
+            "SENSORS": len(family.sensors),
+            "ACTUATORS": len(family.actuators),
+            "OUTPUTS": len(family.outputs),
+            "DERIVED": family.derived - len(list_paths(family.parameters())),
+        }
+        own = {"along": programs.along, "move_actuators": programs.move_actuators, "derive": programs.derive}
+        _BOUND[name] = ready(bind(filtered, name, inline=False, **sizes, **own))
+    return _BOUND[name]

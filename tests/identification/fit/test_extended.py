@@ -1,0 +1,132 @@
+"""The extended Kalman filter of a vehicle: as an independent one, true to its linearisation, the same from anywhere."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.model import inputs_of
+from auv_gym.param import replace_at
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.records.record import Record
+from identification.fit.changing import ChangingPlant, Course, change
+from identification.fit.kalman import run_filter
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.strides import stride_for
+
+SENSORS = {"heading_rad": 0.01, "r_radps": 0.003, "u_mps": 0.01, "roll_rad": 0.01, "pitch_rad": 0.01, "depth_m": 0.03}
+DRAG, NONE = "hull.surge.u_u", -50.0  # the logarithm of an acceleration that is none
+
+
+def torpedo_log(rows: int, seed: int = 0, dt: float = 0.1) -> Record:
+    """A torpedo under fins and a propeller that jump."""
+    plant, rng = replace(load_vehicle("remus100"), dt=dt), np.random.default_rng(seed)
+    inputs = np.zeros((rows, len(plant.inputs)))
+    for j, name in enumerate(plant.inputs):
+        scale = plant.constants.get(name, 0.0)
+        held = np.repeat(rng.uniform(-1.0, 1.0, rows // 20 + 1), 20)[:rows]
+        inputs[:, j] = scale * (1.0 + 0.3 * held) if scale else 0.15 * held
+    start, readings = np.full(len(plant.outputs), np.nan), []
+    start[plant.outputs.index("u_mps")] = 1.5
+    x = plant.initial(start)
+    for u in inputs:
+        readings.append(plant.output(x))
+        x = plant.step(x, u)
+    y = np.array(readings)
+    channels = {n: y[:, plant.outputs.index(n)] + s * rng.standard_normal(rows) for n, s in SENSORS.items()}
+    channels |= {n: inputs[:, j] for j, n in enumerate(plant.inputs)}
+    return Record.from_arrays(dt * np.arange(rows), channels)
+
+
+def problem_of(plant: Plant, log: Record, stride: int = 1) -> tuple[PredictionErrors, np.ndarray]:
+    """The filter of a log and noises: of its channels as they are, and nothing that pushes the vehicle."""
+    rows = len(log) // stride * stride
+    problem = PredictionErrors(plant, log, [slice(0, rows)], stride=stride)
+    logs = problem.first_noise()
+    logs[len(problem.channels) : len(problem.channels) + len(problem.pushed)] = NONE
+    return problem, logs
+
+
+def by_covariances(plant: Plant, log: Record, problem: PredictionErrors, logs: np.ndarray) -> np.ndarray:
+    """Scores by a filter of a few lines: covariances and not their roots, all readings of a row at once, no pushes."""
+    live, count = problem.live, len(problem.channels)
+    assert (live < len(plant.family.states)).all()
+    noise, probes, columns = np.diag(np.exp(2.0 * logs[:count])), problem._probes(live), problem.columns
+    covariance = problem._widest[0].T @ problem._widest[0]
+    inputs, scores = inputs_of(plant, log), []
+    x = plant.settled(problem.starts[0, : len(plant.family.states)], inputs[0])
+    for k, u in enumerate(inputs):
+        nudged = x + np.eye(x.size)[live] * probes[:, None]
+        c = np.array([plant.output(z) - plant.output(x) for z in nudged]).T[columns] / probes
+        spread = c @ covariance @ c.T + noise
+        error = problem.measured[k] - plant.output(x)[columns]
+        scores.append(-0.5 * (error @ np.linalg.solve(spread, error) + np.linalg.slogdet(2.0 * np.pi * spread)[1]))
+        gain = covariance @ c.T @ np.linalg.inv(spread)
+        x = x.copy()
+        x[live] += gain @ error
+        covariance = covariance - gain @ c @ covariance
+        nudged, onward = x + np.eye(x.size)[live] * probes[:, None], plant.step(x, u)
+        a = np.array([plant.step(z, u) - onward for z in nudged]).T[live] / probes
+        x, covariance = onward, a @ covariance @ a.T
+    return np.array(scores)
+
+
+def filtered(problem: PredictionErrors, vector: np.ndarray, logs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scores of the rows by the filter linearised along its path, and by the vehicle run with its gains."""
+    numbers = problem._numbers(logs)
+    system = problem._followed_system(vector, numbers, problem.starts, problem._widest)
+    made = run_filter(system, *numbers)
+    run = problem._followed(vector, logs, problem.starts, problem._whole(made.gains), made.whiten, system)
+    return made.scores, run.scores
+
+
+def test_it_is_an_extended_kalman_filter():
+    plant, log = replace(replace_at(load_vehicle("remus100"), DRAG, -2.5), dt=0.1), torpedo_log(80)
+    problem, logs = problem_of(plant, log)
+    assert filtered(problem, plant.vector, logs)[0] == pytest.approx(
+        by_covariances(plant, log, problem, logs), abs=1e-5
+    )
+
+
+@pytest.mark.parametrize("stride", [1, 3])
+def test_a_filter_far_from_its_record_is_as_likely_as_its_linearisation(stride):
+    """Whose path is the filter's own: with rows of several samples that of before their readings."""
+    plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
+    problem, logs = problem_of(plant, log, stride)
+    near, (linear, run) = (filtered(problem, replace_at(plant, DRAG, d).vector, logs) for d in (-1.62, -2.5))
+    assert run.sum() < near[1].sum() - 300.0  # it is far
+    assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
+
+
+def test_it_is_the_same_from_anywhere():
+    plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
+    problem, _ = problem_of(plant, log, 3)
+    here, logs = problem.point(plant.vector, problem.first_noise()), problem.first_noise()
+    far = [problem.point(replace_at(plant, DRAG, value).vector, logs, here) for value in (-1.2, -2.5)]
+    totals = [problem.total(problem.point(plant.vector, logs, point)) for point in far]
+    assert totals == pytest.approx([problem.total(here)] * 2, abs=0.3)
+
+
+def test_a_change_along_the_record_is_followed():
+    """Before it the vehicle is as it was, and one that changes at the first row is another one."""
+    plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
+    other, size = replace_at(plant, DRAG, -2.5), -2.5 - plant.parameters.hull.surge.u_u
+    problem, logs = problem_of(plant, log)
+    before, after = (filtered(problem, p.vector, logs)[1] for p in (plant, other))
+    for edge in (0, 150):
+        changing = ChangingPlant.of(plant, {"later": [DRAG]}, {"later": Course((edge,), (0.0, 1.0))})
+        own = problem_of(changing, log)[0]
+        linear, run = filtered(own, replace_at(changing, change("later", DRAG), size).vector, logs)
+        assert run[:edge] == pytest.approx(before[:edge], abs=1e-6)
+        assert (edge > 0) != (run == pytest.approx(after, abs=1e-6))
+        assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
+
+
+def test_rows_are_so_short_that_the_filter_of_a_vehicle_far_from_its_record_keeps_to_its_linearisation(monkeypatch):
+    plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(1600)
+    windows, paths = [slice(0, len(log))], [DRAG]
+    assert stride_for(plant, log, windows, paths) == 3
+    asked = []
+    monkeypatch.setattr(PredictionErrors, "follows", lambda self, vector, logs: asked.append(self.stride))
+    assert stride_for(plant, log, windows, paths) == 1
+    assert asked
