@@ -62,6 +62,9 @@ def check_ranges(plant: Plant, record: Record) -> None:
             where = f"at {record.time[row]:.0f} s" + (f" of {label}" if label else "")
             share = f"{int(beyond.sum())} of {values.size} samples"
             mended = {"; its sign looks turned": -values}
+            neutral = value_at(plant, path) if (path := plant.family.constants.get(name)) else 0.0
+            if neutral != 0.0:
+                mended[f"; it looks mirrored about its neutral {neutral:.4g}"] = 2.0 * neutral - values
             if channel(name).unit == "m3":
                 mended["; it looks like cm3 (a name that ends in _cm3)"] = 1e-6 * values
             looks = next((w for w, v in mended.items() if lowest <= v.min() and v.max() <= highest), "")

@@ -79,3 +79,15 @@ def test_a_vehicle_with_a_polar_gives_the_speed_with_its_angle_of_attack(tmp_pat
     assert record["u_mps"] == pytest.approx(0.5, abs=1e-6)
     assert "less the angle of attack" in record.attrs["derived"]
     assert not read_record(tmp_path / "log.csv", required=["heading_rad"]).has("u_mps")
+
+
+def test_a_volume_that_is_upside_down_about_its_neutral_is_refused_as_such():
+    """A Seaglider's volume counts from its largest: with the sign of its column turned, it goes below its smallest."""
+    glider = load_vehicle("seaglider")
+    low, neutral, high = (getattr(glider.hull, f"engine_{name}") for name in ("low", "neutral", "high"))
+    upright = _record(buoyancy_volume_m3=np.where(np.sin(TIME / 60.0) > 0.0, low, high))
+    check_ranges(glider, upright)
+    assert abs(2.0 * neutral - low - high) > 0.1 * (high - low)  # it is not in the middle
+    turned = upright.with_channels({"buoyancy_volume_m3": 2.0 * neutral - upright["buoyancy_volume_m3"]})
+    with pytest.raises(ValueError, match=rf"looks mirrored about its neutral {neutral:.4g}\.$"):
+        check_ranges(glider, turned)

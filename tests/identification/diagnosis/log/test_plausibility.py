@@ -26,7 +26,9 @@ def slip_called(record, plant, text) -> Slip:
 
 @pytest.fixture(scope="module")
 def logs():
-    plants = {name: load_vehicle(name) for name in ("ganeshblue", "slocum", "qiandao_float", "mermaid", "vt690")}
+    plants = {
+        name: load_vehicle(name) for name in ("ganeshblue", "slocum", "qiandao_float", "mermaid", "vt690", "seaglider")
+    }
     return {name: (plant, log_of(plant)) for name, plant in plants.items()}
 
 
@@ -49,6 +51,7 @@ def test_clean_logs_raise_no_doubt(logs):
         ("qiandao_float", "the piston moves the wrong way"),
         ("qiandao_float", "depth_m looks mirrored"),
         ("mermaid", "oil_volume_m3 looks mirrored"),
+        ("seaglider", "the volume of the buoyancy engine moves the wrong way"),
     ],
 )
 def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
