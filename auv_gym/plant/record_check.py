@@ -43,7 +43,8 @@ def needs_of(plant: Plant) -> Needs:
             drag_0, drag_2, lift_1, lift_0 = polar
             attack = partial(glide_attack, drag_0=drag_0, drag_2=drag_2, lift_1=lift_1, lift_0=lift_0)
     wanted = tuple(dict.fromkeys((*plant.inputs, *plant.outputs)))
-    return Needs(tuple(dict.fromkeys((family.leading, *family.required))), wanted, attack)
+    # a body that needs no single input still needs what moves it, or any log would be one of it
+    return Needs(tuple(dict.fromkeys((family.leading, *(family.required or family.actuators)))), wanted, attack)
 
 
 def check_ranges(plant: Plant, record: Record) -> None:

@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -47,7 +45,7 @@ def test_a_dive_without_buoyancy_actions_is_refused():
 
 
 def test_a_vehicle_that_needs_no_input_is_excited_by_those_that_were_logged():
-    glider = load_vehicle(Path(__file__).parents[2] / "examples" / "vehicles" / "seawing.toml")
+    glider = load_vehicle("seawing")
     assert glider.family.required == ()
     time = np.arange(600.0)
     slides = Record.from_arrays(time, {"depth_m": time, "battery_m": 0.03 * np.sign(np.sin(time / 60.0))})
@@ -66,7 +64,7 @@ def test_a_vehicle_says_what_it_takes_from_a_log():
 
 
 def test_a_vehicle_with_a_polar_gives_the_speed_with_its_angle_of_attack(tmp_path):
-    glider = load_vehicle(Path(__file__).parents[2] / "examples" / "vehicles" / "seawing.toml")
+    glider = load_vehicle("seawing")
     needs, wings = needs_of(glider), glider.parts.wings
     assert needs.attack is not None
     time, pitch = np.arange(0.0, 600.0, 4.0), -0.4

@@ -12,7 +12,7 @@ from auv_gym.rendering.vehicle import draw_vehicle
 FILES = Path(__file__).parents[2] / "examples" / "vehicles"
 
 
-@pytest.mark.parametrize("name", ["npsauv", FILES / "tethys.toml", FILES / "seawing.toml"])
+@pytest.mark.parametrize("name", ["npsauv", FILES / "tethys.toml", "seawing"])
 def test_every_part_is_drawn_where_its_file_puts_it_or_named_as_not_drawn(name):
     plant = load_vehicle(name)
     above, side = draw_vehicle(plant).axes
