@@ -47,7 +47,17 @@ class GazeboWorld:
 
 
 def gazebo_world(plant: Plant) -> GazeboWorld:
-    """A Gazebo world with a vehicle in water.  Raises ValueError if it has no hull and parts, or a learned hull."""
+    """A Gazebo world with a vehicle in water.  Raises ValueError if it has no hull and parts, or a learned hull.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from auv_gym.exports import gazebo_world
+        >>> world = gazebo_world(load_vehicle("remus100"))
+        >>> world.save("remus100.sdf")
+        >>> world.left_out[0]
+        "rudder, stern_plane: its actuator's lag, its actuator's rate limit."
+    """
     if plant.family.body is None or plant.learned is not None:
         what = "a learned hull" if plant.learned is not None else f"one of family {plant.family.name!r}"
         raise ValueError(f"SDF needs a hull with coefficients and parts, got {what}: choose another vehicle.")
