@@ -155,7 +155,7 @@ def record_type(tree_type: type) -> np.dtype:
 
 def did_you_mean(word: str, known: Any) -> str:
     """`Did you mean 'slocum'? ` or nothing, to put into an error text."""
-    close = difflib.get_close_matches(word, list(known), n=3, cutoff=0.5)
+    close = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
     return f"Did you mean {' or '.join(repr(c) for c in close)}? " if close else ""
 
 

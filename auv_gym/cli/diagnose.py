@@ -130,6 +130,9 @@ def diagnose(
     for paragraph in diagnosis.paragraphs():
         output.print(paragraph, markup=False)
         output.print()
+    if diagnosis.verdict == "doubted":
+        output.print(f"Next: auv-gym look {log[0]} --vehicle {vehicle} lists signals that look wrong.", markup=False)
+        output.print()
     output.print(_error_table(diagnosis))
     for loop in diagnosis.loops:
         output.print(loop.words, markup=False)

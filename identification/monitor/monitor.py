@@ -130,7 +130,7 @@ class Monitor:
         """
         errors: dict[str, float] = {}
         if noise is None:
-            log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "that is clean")
+            log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "of the healthy vehicle")
             known = fit_known(log, progress)
             bench, state, record = known.bench, known.nominal, log.record
             noise, plant = bench.problem.noise_at(state.point), state.plant

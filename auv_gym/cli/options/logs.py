@@ -38,9 +38,7 @@ ColumnNames = Annotated[
 ]
 CutGaps = Annotated[
     bool,
-    typer.Option(
-        "--cut-gaps/--refuse-gaps", help="Cut the log where values are missing, or refuse such a log. Default: cut."
-    ),
+    typer.Option("--cut-gaps/--refuse-gaps", help="Cut the log where values are missing, or refuse such a log."),
 ]
 CacheFolder = Annotated[
     Path | None, typer.Option(help="Folder with a Slocum glider's cache files (.cac), if they are not next to the log.")
