@@ -66,7 +66,7 @@ def look(
         progress(1.0, "done")
     _print_head(found)
     _print_signals(found, every)
-    _print_list("Left out, repaired or cut", found.notes, every)
+    _print_list("Left out, repaired or cut", found.notes if every else logs.grouped(found.notes), every)
     _print_list("Looks wrong", [*found.doubts, *_wrong_for(vehicle, found)], True)
     _print_vehicles(found, needs)
     for path in (mapping_out, picture):

@@ -32,6 +32,7 @@ from identification.pages.page import Table, amount, drawn, page, span, typeset
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_NAMED = 8  # missions whose names have room below a picture
 _ROW = 0.42  # inches of a picture for a parameter
 
 
@@ -65,12 +66,15 @@ def series_page(found: Series) -> str:
     """The trends over missions as the text of one HTML page, with one picture."""
     rows = [(t.title, tuple(text.replace("-", "−") for text in rate_of(t)), t.per, scatter_of(t)) for t in found.trends]
     texts = [f"Mission {name} gives no estimates: {why}" for name, why in found.failed.items()]
-    picture = drawn(
-        lambda: series_figure(found),
-        "series",
-        "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
-        "The estimate from each mission with its 95 % interval, and the line through the missions.",
-    )
+    pictures = [
+        drawn(
+            lambda: series_figure(found),
+            "series",
+            "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
+            "The estimate from each mission with its 95 % interval, and the line through the missions.",
+        )
+        for _ in found.trends[:1]
+    ]
     section = Section(
         "Trends",
         [
@@ -79,7 +83,7 @@ def series_page(found: Series) -> str:
             *texts,
         ],
         [Table(("what", "trend", "per", "scatter"), rows)],
-        [picture] if found.trends else (),
+        pictures,
     )
     content: dict[str, Any] = {
         "title": f"{found.plant.name}: {len(found.missions)} missions",
@@ -103,9 +107,9 @@ def series_figure(found: Series) -> Figure:
         ends = np.array([at.min(), at.max()])
         axes.plot(ends, t.level + t.rate.value * (ends - at.mean()), color=AFTER)
         axes.set_title(f"{named(t)}{'' if t.unit == '1' else f', {typeset(t.unit)}'}", loc="left")
-    axes.set_xlabel(t.per)
-    if t.per == "mission":
-        axes.set_xticks(range(len(found.missions)), found.missions)
+        axes.set_xlabel(t.per if t is found.trends[-1] else "")
+        if t.per == "mission" and len(found.missions) <= _NAMED:
+            axes.set_xticks(range(len(found.missions)), found.missions)
     return figure
 
 

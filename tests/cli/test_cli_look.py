@@ -100,6 +100,17 @@ def glider_log(path, heading=np.radians, rudder=0.3):
     return path
 
 
+def test_columns_without_a_unit_are_told_in_one_line(tmp_path, capsys):
+    t = np.arange(0.0, 400.0, 4.0)
+    more = dict.fromkeys(("alpha", "beta", "gamma", "delta", "epsilon"), t)
+    log = write(tmp_path / "log.csv", {"time_s": t, "heading_deg": t % 360, "rudder_deg": 0.02 * t, **more})
+    line = "5 columns left out, since their units are not known: alpha, beta, gamma, delta, ..."
+    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+    assert line in said(capsys)
+    assert main(["look", str(log), "--vehicle", "slocum", "--all"]) == 0
+    assert "epsilon: left out, since its unit is not known." in said(capsys)
+
+
 def test_vehicles_that_fit_equally_well_are_left_to_the_reader(tmp_path, capsys):
     assert main(["look", str(glider_log(tmp_path / "log.csv"))]) == 0
     text = said(capsys)
