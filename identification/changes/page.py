@@ -64,7 +64,11 @@ def write_series(found: Series, folder: str | os.PathLike) -> dict[str, Path]:
 
 def series_page(found: Series) -> str:
     """The trends over missions as the text of one HTML page, with one picture."""
-    rows = [(t.title, tuple(text.replace("-", "−") for text in rate_of(t)), t.per, scatter_of(t)) for t in found.trends]
+    rows = [
+        (t.title, (rate.replace("-", "−"), limits.replace("-", "−")), t.per, scatter_of(t))
+        for t in found.trends
+        for rate, limits in [rate_of(t)]
+    ]
     texts = [f"Mission {name} gives no estimates: {why}" for name, why in found.failed.items()]
     pictures = [
         drawn(
