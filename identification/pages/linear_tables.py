@@ -129,7 +129,7 @@ def order_table(search: OrderSearch) -> Table:
             row += [_order(getattr(cell, key)) for key in keys]
             row += [str(cell.parameters), amount(sqrt(cell.loss), channel(output).unit)]
             rows.append(row + [percent(cell.held_out)] * judged)
-    heads = ("output", "criterion", *keys, "n", "error, rms", *["held-out"] * judged)
+    heads = ("output", "criterion", *keys, "n", "RMS error", *["held-out"] * judged)
     return Table(heads, rows, words=2, caption=" ".join([_ORDERS, *remarks(search)]))
 
 

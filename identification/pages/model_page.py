@@ -107,7 +107,7 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
         tie = f"{driver} ({number(size, 2)})" if driver else "–"
         rms, first = amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2)
         rows.append((name, tie, rms, first, chance(test["p_value"]), "yes" if is_white(test) else "no"))
-    return Table(("output", "strongest input", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
+    return Table(("output", "strongest input", "RMS", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
 
 
 def identified_page(title: str, done: Identified, words: str) -> str:
