@@ -91,6 +91,11 @@ def _impossible(known: Understood) -> list[str]:
             looks = f"it looks like {unit[1]}" if unit else "check its unit"
             stem = name.rpartition("_")[0]
             mend = f': map it to "{stem}_{unit[2]}"' if unit and unit[2] else ""
+            mend += (
+                ", unless it is counted over several turns"
+                if name == "heading_rad" and most - least < 20.0 * pi
+                else ""
+            )
             found.append(f"{source.column}: {of.label} goes from {least:.4g} to {most:.4g} {of.unit}; {looks}{mend}.")
         elif of.unit == "rad" and of.angle and name.startswith("heading"):
             raw = source.group.columns[source.column]

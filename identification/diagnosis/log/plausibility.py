@@ -173,13 +173,12 @@ def _doubt(found: Sequence[_Mended]) -> Doubt:
 def _foreign(plant: Plant, *matches: Match) -> Doubt:
     names = [n for n in matches[0].errors if all(m.errors.get(n, 0.0) > BAD for m in matches)]
     signals = ", ".join(channel(n).label for n in names) or "its signals"
-    does = "moves" if len(names) == 1 else "move"
     text = (
-        f"this does not look like a log of {plant.name}: {signals} {does} differently for all coefficients within a "
-        f"factor of {FACTOR:g} (or within the wider range that its file states), and no single error of sign, unit, "
-        "column or clock explains it"
+        f"this does not look like a log of {plant.name}: no coefficients within a factor of {FACTOR:g} of its own (or "
+        f"within the wider range that its file states) reproduce {signals}, and no single error of sign, unit, column "
+        "or clock explains the difference"
     )
-    mend = "check that log and vehicle belong together; if they do, check signs, units and columns of all channels"
+    mend = "check that the log is of this vehicle; if it is, check signs, units and columns of all channels"
     return Doubt(text, tuple(names), 1.0, mend)
 
 
