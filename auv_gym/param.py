@@ -55,12 +55,27 @@ def part(group: type, subject: str = "") -> Any:
 
 
 def list_paths(tree: Any) -> list[str]:
-    """All parameter paths of a tree (or of the object that keeps it), in the order of the packed vector."""
+    """All parameter paths of a tree (or of the object that keeps it), in the order of the packed vector.
+
+    Example:
+
+        >>> from auv_gym import list_paths, load_vehicle
+        >>> list_paths(load_vehicle("slocum"))[:3]
+        ['hull.density', 'hull.length', 'hull.mass']
+    """
     return [path for path, _ in _specs(type(_tree(tree)))]
 
 
 def spec_at(tree: Any, path: str) -> Spec:
-    """Unit, title, neutral value, bounds and probe of the parameter at a path; raises on an unknown path."""
+    """Unit, title, neutral value, bounds and probe of the parameter at a path; raises on an unknown path.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle, spec_at
+        >>> spec = spec_at(load_vehicle("slocum"), "effects.rudder.offset")
+        >>> spec.unit, spec.neutral
+        ('rad', 0.0)
+    """
     specs = _by_path(type(_tree(tree)))
     if path not in specs:
         raise _unknown_path(path, specs)
@@ -68,7 +83,14 @@ def spec_at(tree: Any, path: str) -> Spec:
 
 
 def value_at(tree: Any, path: str) -> float:
-    """The value at a path; raises on an unknown path."""
+    """The value at a path; raises on an unknown path.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle, value_at
+        >>> value_at(load_vehicle("slocum"), "effects.rudder.gain")
+        1.0
+    """
     spec_at(tree, path)
     node = _tree(tree)
     for name in path.split("."):
@@ -77,7 +99,15 @@ def value_at(tree: Any, path: str) -> float:
 
 
 def replace_at(tree: T, path: str | Mapping[str, float], value: float | None = None) -> T:
-    """A copy with one value replaced, or several, given as a mapping; raises on an unknown path or a bad value."""
+    """A copy with one value replaced, or several, given as a mapping; raises on an unknown path or a bad value.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle, replace_at
+        >>> bent = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.03)
+        >>> bent.effects.rudder.offset
+        0.03
+    """
     changes = path if isinstance(path, Mapping) else {path: value}
     for name, new in changes.items():
         spec = spec_at(tree, name)
@@ -125,7 +155,7 @@ def record_type(tree_type: type) -> np.dtype:
 
 def did_you_mean(word: str, known: Any) -> str:
     """`Did you mean 'slocum'? ` or nothing, to put into an error text."""
-    close = difflib.get_close_matches(word, list(known), n=3, cutoff=0.5)
+    close = difflib.get_close_matches(word, list(known), n=3, cutoff=0.6)
     return f"Did you mean {' or '.join(repr(c) for c in close)}? " if close else ""
 
 

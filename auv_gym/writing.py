@@ -66,6 +66,7 @@ def writable_folder(folder: str | os.PathLike) -> Path:
             pass
     except OSError as error:
         raise ValueError(
-            f"Cannot write into {out}: {error.strerror or error}. Give another folder with --out."
+            f"Cannot write into {out}: {'it is a file' if out.is_file() else error.strerror or error}. Give another "
+            "folder with --out."
         ) from None
     return out

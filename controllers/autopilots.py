@@ -24,6 +24,14 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
     heading, a float's depth, position and heading of a vehicle that hovers; `pitch_rad` in the place of a torpedo's
     depth.  settings: of `pid_autopilot`, `s_plane_autopilot` or `gpc_autopilot`.  A channel without a target is left
     alone.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from controllers import autopilot
+        >>> pilot = autopilot(load_vehicle("remus100"), targets=["heading_rad", "depth_m"])
+        >>> pilot.commands
+        ('rudder_rad', 'stern_plane_rad')
     """
     if kind == "pid":
         return pid_autopilot(plant, targets, **settings)
@@ -35,7 +43,15 @@ def autopilot(plant: Plant, kind: str = "pid", targets: Sequence[str] | None = N
 
 
 def usual_autopilot(plant: Plant) -> Controller:
-    """The PID autopilot if gains are tuned for the vehicle; otherwise predictive control, which needs none."""
+    """The PID autopilot if gains are tuned for the vehicle; otherwise predictive control, which needs none.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from controllers import usual_autopilot
+        >>> usual_autopilot(load_vehicle("slocum")).command
+        'rudder_rad'
+    """
     try:
         return autopilot(plant)
     except NoGains:

@@ -52,6 +52,12 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
     """The gains of a vehicle tuned at the nearest sample time, s; raises if none is within a factor of 2.
 
     path: a file of gains, by default that of the presets.
+
+    Example:
+
+        >>> from controllers import gains_for
+        >>> gains_for("remus100", 0.1).loops["pid"]["heading"]
+        {'proportional': -1.323, 'integral': -0.07212, 'derivative': -2.228, 'integral_range': 0.2}
     """
     entries = read_gains(path)
     of_vehicle = [entry for entry in entries if entry.vehicle == vehicle]
@@ -70,7 +76,14 @@ def gains_for(vehicle: str, dt: float, path: str | os.PathLike | None = None) ->
 
 
 def read_gains(path: str | os.PathLike | None = None) -> tuple[Gains, ...]:
-    """Read all entries of a gains file, by default that of the presets; raises with what is wrong in it."""
+    """Read all entries of a gains file, by default that of the presets; raises with what is wrong in it.
+
+    Example:
+
+        >>> from controllers import read_gains
+        >>> [entry.dt for entry in read_gains() if entry.vehicle == "remus100"]
+        [0.1]
+    """
     origin = "of the presets" if path is None else os.fspath(path)
     try:
         content = files("controllers").joinpath("gains.toml").read_text("utf-8") if path is None else _text(path)
@@ -84,7 +97,15 @@ def read_gains(path: str | os.PathLike | None = None) -> tuple[Gains, ...]:
 
 
 def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
-    """Write entries in the order of vehicle and sample time; aside first, then renamed."""
+    """Write entries in the order of vehicle and sample time; aside first, then renamed.
+
+    Example:
+
+        >>> from controllers import gains_for, read_gains, write_gains
+        >>> write_gains([gains_for("remus100", 0.1)], "gains.toml")
+        >>> [entry.vehicle for entry in read_gains("gains.toml")]
+        ['remus100']
+    """
     lines = [
         "# Gains of controllers, by vehicle and sample time, as `write_gains` makes them; see docs/controllers.md.",
         "",

@@ -38,6 +38,14 @@ class Pid:
     integral_range: error beyond which nothing is integrated, so that a large step of the target does not overshoot.
     Against windup the integral also rests while the error pushes the command further beyond a limit (clamping).
     Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 3.3 and 3.5.
+
+    Example:
+
+        >>> from controllers import Pid
+        >>> pid = Pid(proportional=0.8, integral=0.1, limit=0.3)
+        >>> command, memory = pid.act(pid.start(), {"heading_rad": 0.0, "dt_s": 1.0}, {"heading_rad": 0.2})
+        >>> round(command["rudder_rad"], 3)
+        0.16
     """
 
     proportional: float
@@ -107,6 +115,14 @@ def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: floa
     -1/settling and one to a fifth of that. Where the lag T is too short to be worth it, the derivative gain is zero
     and only the two slower poles are placed.  settling: s, default the larger of T and 3 samples.
     Raises for other vehicles, or if the rudder does not turn this one.  Source: Astrom and Murray 2021, sec. 8.2.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from controllers import heading_pid
+        >>> pid = heading_pid(load_vehicle("slocum"))
+        >>> round(pid.proportional, 2), round(pid.limit, 2)
+        (1.5, 0.6)
     """
     if not isinstance(plant.hull, GliderHull):
         raise ValueError(
@@ -147,6 +163,14 @@ def float_depth_pid(plant: Plant, *, settling: float | None = None, rate_limit: 
     to an end of its range.  rate_limit: m/s, default the piston's.
     Raises for vehicles without a piston.  Source: Astrom and Murray 2021, sec. 8.2; the form is equation (5) of Zhong
     et al. 2024, linearised.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from controllers import float_depth_pid
+        >>> pid = float_depth_pid(load_vehicle("qiandao_float"))
+        >>> round(pid.proportional, 4), pid.command
+        (-0.015, 'piston_m')
     """
     if "piston_m" not in plant.family.required:
         raise ValueError(

@@ -47,6 +47,16 @@ def pilot_for(env: Any, kind: str, **settings: Any) -> Pilot:
     kind: "pid", "s_plane" (or "s-plane"), "gpc".  It knows the vehicle without its effects.  settings: as `autopilot`.
     Where a vehicle cannot follow all parts of the target (pitch, with thrusters that have no arm there), it follows the
     others.
+
+    Example:
+
+        >>> import gymnasium
+        >>> from controllers import pilot_for
+        >>> env = gymnasium.make("auv_gym/GliderHeading-v0")
+        >>> act = pilot_for(env, "pid").begin(env)
+        >>> action = act(*env.reset(seed=0))
+        >>> action.shape
+        (1,)
     """
     kind = kind.replace("-", "_")
     inner: Any = env.unwrapped

@@ -29,6 +29,14 @@ class Relay:
     follow: whether the middle is the target of the channel; else it is its first reading.
     Without a finite reading nothing changes.
     Source: IMO resolution MSC.137(76), annex, 4.2.2 (zigzag); Astrom and Hagglund 2006, sec. 8.4 (relay).
+
+    Example:
+
+        >>> from controllers import Pid, Relay
+        >>> relay = Relay(Pid(1.0), "rudder_rad", "heading_rad", amplitude=0.2, band=0.1)
+        >>> command, memory = relay.act(relay.start(), {"heading_rad": 0.0, "dt_s": 1.0}, {"heading_rad": 0.0})
+        >>> command["rudder_rad"]
+        0.2
     """
 
     controller: Controller
@@ -91,6 +99,15 @@ def zigzag(controller: Controller, angle: float, *, to_starboard: int = 1, headi
 
     to_starboard: the sign of a rudder that turns the bow to starboard.  heading: change of heading at which the rudder
     is put over, rad, default `angle`.  The controller keeps the rest, such as depth and speed.
+
+    Example:
+
+        >>> from math import radians
+        >>> from controllers import Pid, zigzag
+        >>> test = zigzag(Pid(1.0), radians(10))
+        >>> command, memory = test.act(test.start(), {"heading_rad": 0.0, "dt_s": 1.0}, {"heading_rad": 0.0})
+        >>> round(command["rudder_rad"], 3)
+        0.175
     """
     if to_starboard not in (1, -1) or not angle > 0.0:
         raise ValueError(f"zigzag needs an angle > 0 rad and to_starboard 1 or -1, got {angle!r} and {to_starboard!r}.")

@@ -28,6 +28,14 @@ class SPlane:
     that rests while it would push the command further beyond a limit.  span: of the command, negative where it acts the
     other way.  The rest is as in `Pid`.  Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, equation (21); the
     paper says that inputs and output are normalised and not by what, so the scales are ours.
+
+    Example:
+
+        >>> from controllers import SPlane
+        >>> law = SPlane(k1=3.0, k2=2.0, k3=0.0, error_scale=1.0, rate_scale=0.2, span=0.35)
+        >>> command, memory = law.act(law.start(), {"heading_rad": 0.0, "dt_s": 1.0}, {"heading_rad": 0.5})
+        >>> round(command["rudder_rad"], 3)
+        0.222
     """
 
     k1: float

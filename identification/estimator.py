@@ -202,6 +202,12 @@ def list_methods() -> dict[str, Method]:
     """All methods by name: ours, and those of the entry point group `auv_gym.methods`, each a `Method`.
 
     One that cannot be loaded is there with its problem.
+
+    Example:
+
+        >>> from identification import list_methods
+        >>> list(list_methods())[:4]
+        ['grey_box', 'arx', 'els', 'armax']
     """
     found = {method.name: method for method in _BUILT_IN}
     for entry in entry_points(group=GROUP):
@@ -226,6 +232,13 @@ def make_estimator(
 
     settings: values by name; text is read as the setting's type has it.  plant: what `grey_box` frees parameters of, by
     default those that a first fit of such a vehicle frees.  inputs, outputs: channels, of methods that are told theirs.
+
+    Example:
+
+        >>> from identification import make_estimator
+        >>> arx = make_estimator("arx", {"n_a": 3}, inputs=["rudder_rad"], outputs=["heading_rad"])
+        >>> arx.n_a, arx.n_b
+        (3, 2)
     """
     known = list_methods()
     name = name.strip().replace("-", "_")
@@ -270,7 +283,22 @@ def parse_settings(texts: Iterable[str]) -> dict[str, Any]:
 
 
 def summary(fit: Fit) -> str:
-    """A fit in text: the model's channels, its parameters with 95 % intervals, and notes, one per line."""
+    """A fit in text: the model's channels, its parameters with 95 % intervals, and notes, one per line.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Arx, closed_loop, summary
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> print(summary(Arx(["rudder_rad"], ["heading_rad"]).fit(log)))
+        rudder_rad -> heading_rad, dt 4 s
+        a1[heading_rad]              -1.64997  [-1.73568, -1.56425]
+        a2[heading_rad]              0.647045  [0.560224, 0.733867]
+        b1[heading_rad, rudder_rad]  0.0281101  [0.0131621, 0.043058]
+        b2[heading_rad, rudder_rad]  0.0290262  [0.0116492, 0.0464033]
+        intercept[heading_rad]       -0.00122159 rad  [-0.00460077, 0.00215759]
+    """
     model = fit.model
     lines = [f"{', '.join(model.inputs)} -> {', '.join(model.outputs)}, dt {model.dt:g} s"]
     width = max((len(e.path) for e in fit.estimates), default=0)

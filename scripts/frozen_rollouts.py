@@ -36,7 +36,9 @@ from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.writing import replacing, write_text
 from controllers.autopilots import autopilot
 from controllers.composed.loops import targets_of
+from controllers.controller import Controller
 from controllers.trials.trial import at_rest
+from identification.experiments.hovering import Unsteered
 
 FOLDER = Path(__file__).parents[1] / "tests" / "frozen"
 TOLERANCE = 1e-10  # of a channel's range
@@ -156,9 +158,9 @@ def roll_out(plant: Plant) -> Rollout:
     n += -(n - 1) % SAMPLES  # so that the samples kept are evenly apart
     k = np.arange(n)
     time, middle = plant.dt * k, (3 * k >= n) & (3 * k < 2 * n)
-    controller = autopilot(plant)
+    controller = _controller(plant)
     wanted = {name: np.where(middle, *reversed(_step(name))) for name in targets_of(controller)}
-    x, base = at_rest(plant, {name: float(values[0]) for name, values in wanted.items()})
+    x, base = at_rest(plant, {"depth_m": STEPS["depth_m"][0], **{name: float(v[0]) for name, v in wanted.items()}})
     added = np.array([_wave(name, i, time) for i, name in enumerate(plant.inputs)]).T
     column = {name: i for i, name in enumerate(plant.inputs)}
     states, outputs = np.empty((n, x.size)), np.empty((n, len(plant.outputs)))
@@ -178,10 +180,16 @@ def roll_out(plant: Plant) -> Rollout:
         ("state", plant.states, states),
         ("output", plant.outputs, outputs),
         ("input", plant.inputs, inputs),
-        ("set point", wanted, np.array(list(wanted.values())).T),
+        ("set point", wanted, np.array([*wanted.values()]).reshape(len(wanted), n).T),
     ]
     names = tuple(f"{part} {name}" for part, those, _ in parts for name in those)
     return Rollout(plant.name, names, np.hstack([values for _, _, values in parts]))
+
+
+def _controller(plant: Plant) -> Controller:
+    """The vehicle's autopilot; for one that no autopilot moves, what leaves all commands at rest."""
+    body = plant.family.body
+    return autopilot(plant) if body is None or body.piloted else Unsteered({})
 
 
 def write(rollouts: Sequence[Rollout], folder: Path) -> None:

@@ -35,6 +35,12 @@ BESIDES = {"npsauv": (4.0,)}  # s, sample times besides a preset's own; paper 1 
 PUBLISHED = {("heu_torpedo", 0.1): ("pid", "s_plane")}  # the vehicle that table 4 of Xu et al. 2013 is for
 
 
+def _piloted() -> list[str]:
+    """The presets that autopilots know how to move."""
+    bodies = {name: load_vehicle(name).family.body for name in list_vehicles()}
+    return [name for name, body in bodies.items() if body is None or body.piloted]
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Tune the gains of presets, write them into a file, print what they reach."""
     parser = argparse.ArgumentParser(description="Tune the gains of PID and S-plane loops by simulation.")
@@ -48,7 +54,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         plants = [
             load_vehicle(name, dt=dt)
-            for name in given.vehicle or list_vehicles()
+            for name in given.vehicle or _piloted()
             for dt in ([given.dt] if given.dt or given.vehicle else [None, *BESIDES.get(name, ())])
         ]
         kept = read_gains(given.out) if given.out.exists() else ()

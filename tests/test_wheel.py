@@ -93,7 +93,7 @@ def test_the_command_lists_what_there_is(installed):
 
 
 def test_it_exports(installed):
-    assert "Written: remus100.sdf" in run(installed, "auv-gym", "export", "remus100", "--to", "sdf")
+    assert "Written to remus100.sdf" in run(installed, "auv-gym", "export", "remus100", "--to", "sdf")
 
 
 def test_the_citation_is_of_this_version():

@@ -12,6 +12,8 @@ from auv_gym.cli.options.console import output
 app = typer.Typer(
     name="auv-gym",
     help="Simulate, identify and diagnose underwater vehicles.",
+    epilog="With a log: `auv-gym look LOG`, then `auv-gym diagnose LOG --vehicle NAME --out FOLDER`. Without one: "
+    "`auv-gym simulate slocum --effect effects.rudder.offset=0.05 --duration 3600 --out log.nc` makes one.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @app.command()
 def compare(
     models: Annotated[
-        list[str], typer.Argument(metavar="MODEL...", help="Model files (.npz), vehicle files (.toml) or presets.")
+        list[str], typer.Argument(metavar="MODEL", help="Model files (.npz), vehicle files (.toml) or presets.")
     ],
     record: Annotated[list[str], typer.Option(metavar="RECORD", help="A record to compare over; may be repeated.")],
     out: Annotated[

@@ -68,8 +68,10 @@ def compare_missions(
     cache_dir: logs.CacheFolder = None,
 ) -> None:
     """Find what changed in a vehicle between missions, and the smallest change that these logs would show."""
-    if series == bool(after):
-        raise ValueError(f"Give later missions with {_WITH}, or ask for trends with --series, but not both.")
+    if series and after:
+        raise ValueError(f"--series takes all missions in order: leave {_WITH} out.")
+    if not series and not after:
+        raise ValueError(f"Give the later missions after {_WITH}, or add --series to follow trends over all of them.")
     if scheduler is not None and not series:
         raise ValueError("--scheduler is for a series of missions: add --series, or leave --scheduler out.")
     if twice := sorted(set(before) & set(after or [])):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
@@ -144,6 +145,9 @@ def diagnose(
         errors.print(f"[bold yellow]Note:[/] {escape(failure.text)}", soft_wrap=True)
     for path in (*written.values(), *(plan.file for plan in planned or [])):
         output.print(str(path), markup=False, soft_wrap=True)
+    if diagnosis.verdict == "doubted":
+        look = f"auv-gym look {quote(log[0])} --vehicle {quote(vehicle)}"
+        output.print(f"Next: {look} (it lists the signals that look wrong)", markup=False, soft_wrap=True)
 
 
 def _source(log: Sequence[str]) -> str:

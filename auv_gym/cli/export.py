@@ -60,7 +60,7 @@ def export(
     file = Path(out or f"{plant.name}{_ENDINGS[to]}")
     for line in _WRITERS[to](plant, file, continuous):
         output.print(line, soft_wrap=True, markup=False)
-    output.print(f"Written: {file}", soft_wrap=True, markup=False)
+    output.print(f"Written to {file}", soft_wrap=True, markup=False)
 
 
 def _to_sdf(plant: Plant, file: Path, continuous: bool) -> list[str]:
@@ -76,7 +76,7 @@ def _to_casadi(plant: Plant, file: Path, continuous: bool) -> list[str]:
 
     model = casadi_model(plant)
     model.save(file)
-    return [f"x: {', '.join(model.states)}", f"u: {', '.join(model.inputs)}"]
+    return [f"states x: {', '.join(model.states)}", f"inputs u: {', '.join(model.inputs)}"]
 
 
 def _to_control(plant: Plant, file: Path, continuous: bool) -> list[str]:
@@ -98,7 +98,7 @@ def _to_minari(plant: Plant, dataset: str, names: list[str], mapping: Path | Non
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="minari")  # on an author, a link and an environment that a log lacks
         made = dataset_of_records(dataset, record, plant)
-    steps = f"{made.total_episodes} episodes, {made.total_steps} steps"
+    steps = f"{made.total_episodes} episode{'s' * (made.total_episodes != 1)}, {made.total_steps} steps"
     output.print(f"{steps}: minari.load_dataset({dataset!r})", soft_wrap=True, markup=False)
 
 

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 
 @app.command()
 def identify(
-    records: Annotated[list[str], typer.Argument(metavar="RECORD...", help="Records (.nc, .csv, .mat, Slocum files).")],
+    records: Annotated[
+        list[str], typer.Argument(metavar="RECORD", help="Logs of any format that `auv-gym look` reads.")
+    ],
     method: Annotated[str, typer.Option(help="A method, see `auv-gym list methods`.")],
     out: Annotated[Path, typer.Option(help="Model file to write: .npz, or .toml for a vehicle.")],
     vehicle: Annotated[

@@ -66,12 +66,12 @@ def look(
         progress(1.0, "done")
     _print_head(found)
     _print_signals(found, every)
-    _print_list("Left out, repaired or cut", found.notes, every)
+    _print_list("Left out, repaired or cut", found.notes if every else logs.grouped(found.notes), every)
     _print_list("Looks wrong", [*found.doubts, *_wrong_for(vehicle, found)], True)
     _print_vehicles(found, needs)
     for path in (mapping_out, picture):
         if path is not None:
-            output.print(f"Written: {path}", markup=False, soft_wrap=True)
+            output.print(f"Written to {path}", markup=False, soft_wrap=True)
     output.print()
     output.print(f"Next: {_next_command(found, needs, log, mapping, mapping_out)}", markup=False, soft_wrap=True)
 
@@ -101,7 +101,7 @@ def _print_head(found: FirstLook) -> None:
         record = found.record
         parts = len(record.segments)
         output.print(
-            f"As a record: {len(record):,} samples every {record.sample_interval:.3g} s in {parts} "
+            f"As a record: {len(record):,} samples every {_short(record.sample_interval)} s in {parts} "
             f"segment{'s' * (parts != 1)}, {_duration(record.duration_s)} without gaps."
         )
         if record.attrs.get("derived"):
@@ -136,7 +136,7 @@ def _cells(signal: SignalLook, by: str) -> Sequence[str]:
     ends, unit = np.array([signal.low, signal.high]), signal.unit
     if signal.channel:
         ends, unit = shown_values(signal.channel, ends), unit_label(signal.channel)
-    every = f"{signal.interval:.3g} s" if np.isfinite(signal.interval) else ""
+    every = f"{_short(signal.interval)} s" if np.isfinite(signal.interval) else ""
     extent = f"{ends[0]:.4g} to {ends[1]:.4g} {unit}" if np.isfinite(ends).all() else unit
     gaps = str(signal.gaps) if signal.gaps else ""
     taken = "same name" if signal.channel == signal.column else signal.channel
@@ -161,7 +161,8 @@ def _print_vehicles(found: FirstLook, needs: Mapping[str, Needs]) -> None:
     shown = table("Vehicles, best match first", "vehicle!", "missing channels", "uses>")
     for rank, name in enumerate(_ranked(found, needs)):
         missing = found.missing(needs[name])
-        hints = "".join(looks_like(one, columns) for one in missing).strip() if rank < _HINTED else ""
+        others = {one: [column for column in columns if column != one] for one in missing}  # left out: told above
+        hints = "".join(looks_like(one, others[one]) for one in missing).strip() if rank < _HINTED else ""
         words = f"{', '.join(missing)}{'. ' * bool(hints)}{hints}" if missing else "none"
         shown.add_row(
             escape(name), escape(words), f"{(count := _used(found, needs[name]))} channel{'s' * (count != 1)}"
@@ -179,18 +180,32 @@ def _ranked(found: FirstLook, needs: Mapping[str, Needs]) -> list[str]:
 
     In order: fewest missing channels, most columns that look like these, that of the log's source, most channels used.
     """
+    return sorted(needs, key=_places(found, needs).__getitem__)
+
+
+def _as_good(found: FirstLook, needs: Mapping[str, Needs]) -> list[str]:
+    """The vehicles that match as well as the best one."""
+    places = _places(found, needs)
+    return [name for name, place in places.items() if place == min(places.values())]
+
+
+def _places(found: FirstLook, needs: Mapping[str, Needs]) -> dict[str, tuple[int, int, bool, int]]:
+    """What the vehicles are ranked by, the least first."""
     from auv_gym.records.mapping import fitting_mappings
     from auv_gym.records.naming import candidates
 
     own = {fitting.vehicle for fitting in fitting_mappings(found.log)}
     columns = [signal.column for signal in found.signals if not signal.channel]
-
-    def place(name: str) -> tuple[int, int, bool, int]:
-        missing = found.missing(needs[name])
-        unlike = sum(not candidates(one, columns) for one in missing)
-        return len(missing), unlike, name not in own, -_used(found, needs[name])
-
-    return sorted(needs, key=place)
+    missing = {name: found.missing(need) for name, need in needs.items()}
+    return {
+        name: (
+            len(missing[name]),
+            sum(not candidates(one, columns) for one in missing[name]),
+            name not in own,
+            -_used(found, need),
+        )
+        for name, need in needs.items()
+    }
 
 
 def _next_command(
@@ -199,13 +214,19 @@ def _next_command(
     """What to type next: a diagnosis if some vehicle has all its channels, otherwise a mapping to edit."""
     from auv_gym.records.naming import candidates
 
-    used, nearest = written or mapping, _ranked(found, needs)[0]
+    used, nearest, first = written or mapping, _ranked(found, needs)[0], ""
+    if used is None and any("map it to" in doubt and "unless" not in doubt for doubt in found.doubts):
+        used = Path("names.toml")
+        first = f"auv-gym look {quote(log)} --mapping-out {used}, correct in it what looks wrong, then "
     options = f" --mapping {quote(str(used))}" if used else ""
     if found.record is not None and not found.missing(needs[nearest]):
         thinned = _thinned(len(found.record), found.record.duration_s)
         options += f" --resample {thinned:g}" if thinned else ""
         why = f" (without --resample its {len(found.record):,} samples take long)" if thinned else ""
-        return f"auv-gym diagnose {quote(log)} --vehicle {quote(nearest)}{options} --out diagnosis{why}"
+        alike = _as_good(found, needs)
+        named = quote(nearest) if len(alike) == 1 else "NAME"
+        why += f", where NAME is your vehicle: {' or '.join(alike)}" if len(alike) > 1 else ""
+        return f"{first}auv-gym diagnose {quote(log)} --vehicle {named}{options} --out diagnosis{why}"
     columns = [signal.column for signal in found.signals if not signal.channel]
     if not any(candidates(name, columns) for name in found.missing(needs[nearest])) and found.record is not None:
         return (
@@ -217,7 +238,13 @@ def _next_command(
             f"edit {quote(str(written))}, then auv-gym look {quote(log)} --vehicle {quote(nearest)} --mapping "
             f"{quote(str(written))}"
         )
+    options = f" --mapping {quote(str(mapping))}" if mapping else ""
     return f"auv-gym look {quote(log)} --vehicle {quote(nearest)}{options} --mapping-out names.toml"
+
+
+def _short(seconds: float) -> str:
+    """Seconds to three digits, without an exponent."""
+    return f"{seconds:.0f}" if seconds >= 1000.0 else f"{seconds:.3g}"
 
 
 def _thinned(samples: int, seconds: float) -> float | None:

@@ -19,7 +19,12 @@ if TYPE_CHECKING:
     from auv_gym.records.record import Record
 
 
-@app.command()
+@app.command(
+    help="Simulate a vehicle under control and record its sensor readings.\n\n"  # a docstring keeps its line ends
+    "A glider follows a changing heading, with excitation added to its rudder. A torpedo changes heading, depth and "
+    "speed, with excitation added to its fins. A float with a piston moves between depths. A float with an oil bladder "
+    "dives with its pump and valve. A vehicle with thrusters alone holds its place while its axes are excited."
+)
 def simulate(
     vehicle: logs.VehicleArgument,
     out: Annotated[Path | None, typer.Option(help="Write the record: .nc or .csv.")] = None,
@@ -49,12 +54,7 @@ def simulate(
     ] = None,
     seed: Annotated[int, whole_number("Random seed.", *SEED)] = 0,
 ) -> None:
-    """Simulate a vehicle under control and record its sensor readings.
-
-    A glider follows a changing heading, with excitation added to its rudder. A torpedo changes heading, depth and
-    speed, with excitation added to its fins. A float with a piston moves between depths. A float with an oil bladder
-    dives with its pump and valve.
-    """
+    """Simulate a vehicle under control and record its sensor readings."""
     if out is not None:
         _check_file_writable(out)
     from auv_gym.presets import find_vehicle

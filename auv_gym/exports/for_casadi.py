@@ -40,6 +40,14 @@ def casadi_model(plant: Plant) -> CasadiModel:
 
     Commands are limited as the vehicle limits them. Sensors have no part in it. Raises ValueError on what has no
     right-hand side of such a form: dead times, backlash, a rate limit without a lag, masses that move in the vehicle.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from auv_gym.exports import casadi_model
+        >>> model = casadi_model(load_vehicle("slocum"))
+        >>> model.states, model.rhs.size1_out(0)
+        (('heading_rad', 'r_radps', 'north_m', 'east_m'), 4)
     """
     _check(plant)
     family, hooks = plant.family, plant.family.hooks

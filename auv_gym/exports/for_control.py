@@ -27,6 +27,14 @@ def control_system(
 
     All of them are changes from the trim.  continuous: the system in continuous time whose response to held inputs is
     that of the sampled one.  inputs, outputs, settings: see `auv_gym.models.linear.linearise`.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from auv_gym.exports import control_system
+        >>> system = control_system(load_vehicle("slocum"))
+        >>> system.input_labels, system.nstates
+        (['rudder_rad'], 2)
     """
     with needs("A python-control system needs control", "control"):
         import_module("control")

@@ -47,10 +47,22 @@ class GazeboWorld:
 
 
 def gazebo_world(plant: Plant) -> GazeboWorld:
-    """A Gazebo world with a vehicle in water.  Raises ValueError if it has no hull and parts, or a learned hull."""
+    """A Gazebo world with a vehicle in water.  Raises ValueError if it has no hull and parts, or a learned hull.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> from auv_gym.exports import gazebo_world
+        >>> world = gazebo_world(load_vehicle("remus100"))
+        >>> world.save("remus100.sdf")
+        >>> world.left_out[0]
+        'rudder, stern_plane: actuator lag, actuator rate limit.'
+    """
     if plant.family.body is None or plant.learned is not None:
         what = "a learned hull" if plant.learned is not None else f"one of family {plant.family.name!r}"
-        raise ValueError(f"SDF needs a hull with coefficients and parts, got {what}: choose another vehicle.")
+        raise ValueError(
+            f"SDF needs a vehicle with a hull and parts, such as remus100, got {what}: choose another vehicle."
+        )
     hull, p = plant.hull, plant.family.view(plant.derived)
     water = float(hull.density * p.computed.density)
     sdf = ElementTree.Element("sdf", version="1.11")
@@ -323,7 +335,7 @@ def _engine(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[st
 
 def _slow(own: Any) -> list[str]:
     """What no plugin has of an actuator."""
-    return [f"its actuator's {word}" for word, value in (("lag", own.lag), ("rate limit", own.slowness)) if value]
+    return [f"actuator {word}" for word, value in (("lag", own.lag), ("rate limit", own.slowness)) if value]
 
 
 _PARTS = {"surface": _surface, "fin": _fin, "propeller": _propeller, "thruster": _thruster, "buoyancy_engine": _engine}

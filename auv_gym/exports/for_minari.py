@@ -25,6 +25,18 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
     these samples; an input that no log needs to have is constant where one lacks it. A log has no rewards, so they are
     0. The infos hold `time_s`.  dataset_id: such as "slocum/dives-v0".  about: what else Minari takes, such as author.
     Raises ValueError where an input is missing.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from auv_gym.exports import dataset_of_records
+        >>> from identification import closed_loop
+        >>> glider = load_vehicle("slocum")
+        >>> log = closed_loop(glider, rng=np.random.default_rng(0), duration=300)
+        >>> data = dataset_of_records("slocum/heading-v0", log, glider)
+        >>> data.total_episodes, data.total_steps
+        (1, 75)
     """
     records = [records] if isinstance(records, Record) else list(records)
     seen = [name for name in plant.outputs if all(r.has(name) and np.isfinite(r[name]).all() for r in records)]
@@ -66,7 +78,18 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
 
 
 def dataset_of_rollouts(dataset_id: str, env: gymnasium.Env, agent: Agent, seeds: Sequence[int], **about: Any) -> Any:
-    """A Minari data set of one whole episode per seed, in which an agent drives the environment."""
+    """A Minari data set of one whole episode per seed, in which an agent drives the environment.
+
+    Example:
+
+        >>> import gymnasium
+        >>> from auv_gym.exports import dataset_of_rollouts
+        >>> from controllers import pilot_for
+        >>> env = gymnasium.make("auv_gym/GliderHeading-v0", duration=60.0)
+        >>> data = dataset_of_rollouts("glider/pid-v0", env, pilot_for(env, "pid"), seeds=[3, 4])
+        >>> data.total_episodes
+        2
+    """
     recorder = _Recorder(env)
     evaluate(agent, recorder, seeds)
     about = {"algorithm_name": type(agent).__name__} | about

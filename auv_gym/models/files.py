@@ -35,6 +35,14 @@ def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] |
     A plant goes to .toml, one with a learned hull and all other models to .npz.
 
     attrs: what is known of it besides (method, records, ...), as JSON has it.  Raises on a model of no known form.
+
+    Example:
+
+        >>> from auv_gym import StateSpace, load_model, save_model
+        >>> turning = StateSpace([[0.9]], [[0.02]], [[1.0]], ("rudder_rad",), ("r_radps",), dt=1.0)
+        >>> save_model(turning, "turning.npz")
+        >>> load_model("turning.npz").poles()
+        array([0.9])
     """
     suffix = Path(path).suffix.lower()
     wanted = ".toml" if isinstance(model, Plant) and model.learned is None else ".npz"
@@ -84,6 +92,12 @@ def load_model(path: str | os.PathLike, dt: float | None = None) -> Model:
     """Load a model from a model file (.npz), a vehicle file (.toml) or by a preset's name; raises if it is invalid.
 
     dt: s, of a vehicle; a model in discrete time has its own.
+
+    Example:
+
+        >>> from auv_gym import load_model
+        >>> load_model("slocum").outputs
+        ('heading_rad', 'r_radps', 'north_m', 'east_m')
     """
     if Path(path).suffix.lower() != ".npz":
         return load_vehicle(path, dt=dt)
@@ -136,7 +150,16 @@ class LearnedVehicle:
 
 
 def model_header(path: str | os.PathLike) -> dict[str, Any]:
-    """The header of a model file: form, dt_s, inputs and outputs with units, written_by, attrs, ..."""
+    """The header of a model file: form, dt_s, inputs and outputs with units, written_by, attrs, ...
+
+    Example:
+
+        >>> from auv_gym import StateSpace, model_header, save_model
+        >>> turning = StateSpace([[0.9]], [[0.02]], [[1.0]], ("rudder_rad",), ("r_radps",), dt=1.0)
+        >>> save_model(turning, "turning.npz")
+        >>> model_header("turning.npz")["form"]
+        'state_space'
+    """
     return _read(Path(path))[0]
 
 

@@ -34,6 +34,13 @@ def splice(plant: Plant, model: Model) -> Spliced:
 
     The model's outputs are body velocities, rates or poses of the plant: true values, which the plant's sensors still
     read. Its inputs are inputs of the plant or what the plant computes: its states, and for other names its readings.
+
+    Example:
+
+        >>> from auv_gym import StateSpace, load_vehicle, splice
+        >>> turning = StateSpace([[0.9]], [[0.02]], [[1.0]], ("rudder_rad",), ("r_radps",), dt=0.5)
+        >>> splice(load_vehicle("remus100", dt=0.5), turning).inputs
+        ('rudder_rad', 'stern_plane_rad', 'propeller_rpm')
     """
     return Spliced(plant, model)
 

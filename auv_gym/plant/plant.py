@@ -34,6 +34,15 @@ class Plant:
     notes: where each number comes from, by path.  deviations: standard deviation of what is known of a coefficient or
     an effect, in its unit, by path.  fitted_to: the logs that its numbers have seen.  learned: in place of the hull's
     forces, see `LearnedHull`.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> glider = load_vehicle("slocum")
+        >>> glider.outputs
+        ('heading_rad', 'r_radps', 'north_m', 'east_m')
+        >>> glider.inputs[0], glider.dt, glider.effects.rudder.gain
+        ('rudder_rad', 4.0, 1.0)
     """
 
     name: str
@@ -445,6 +454,14 @@ def check_deviation(parameters: Any, path: str, deviation: Any) -> None:
 
 
 def without_effects(plant: Plant) -> Plant:
-    """The plant with every effect neutral."""
+    """The plant with every effect neutral.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle, replace_at, without_effects
+        >>> bent = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.03)
+        >>> without_effects(bent).effects.rudder.offset
+        0.0
+    """
     effects = [path for path in list_paths(plant) if path.startswith("effects.")]
     return replace_at(plant, {path: spec_at(plant, path).neutral for path in effects})

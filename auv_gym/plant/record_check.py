@@ -43,7 +43,8 @@ def needs_of(plant: Plant) -> Needs:
             drag_0, drag_2, lift_1, lift_0 = polar
             attack = partial(glide_attack, drag_0=drag_0, drag_2=drag_2, lift_1=lift_1, lift_0=lift_0)
     wanted = tuple(dict.fromkeys((*plant.inputs, *plant.outputs)))
-    return Needs(tuple(dict.fromkeys((family.leading, *family.required))), wanted, attack)
+    # a body that needs no single input still needs what moves it, or any log would be one of it
+    return Needs(tuple(dict.fromkeys((family.leading, *(family.required or family.actuators)))), wanted, attack)
 
 
 def check_ranges(plant: Plant, record: Record) -> None:
@@ -62,6 +63,9 @@ def check_ranges(plant: Plant, record: Record) -> None:
             where = f"at {record.time[row]:.0f} s" + (f" of {label}" if label else "")
             share = f"{int(beyond.sum())} of {values.size} samples"
             mended = {"; its sign looks turned": -values}
+            neutral = value_at(plant, path) if (path := plant.family.constants.get(name)) else 0.0
+            if neutral != 0.0:
+                mended[f"; it looks mirrored about its neutral {neutral:.4g}"] = 2.0 * neutral - values
             if channel(name).unit == "m3":
                 mended["; it looks like cm3 (a name that ends in _cm3)"] = 1e-6 * values
             looks = next((w for w, v in mended.items() if lowest <= v.min() and v.max() <= highest), "")

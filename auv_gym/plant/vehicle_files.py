@@ -32,12 +32,26 @@ _ANY = (-np.inf, np.inf)
 
 
 def list_vehicles() -> dict[str, str]:
-    """Names and titles of the presets."""
+    """Names and titles of the presets.
+
+    Example:
+
+        >>> from auv_gym import list_vehicles
+        >>> list_vehicles()["remus100"]
+        'REMUS 100, torpedo of 1.33 m'
+    """
     return {name: heading.title for name, heading in list_preset_headings().items()}
 
 
 def load_vehicle(name: str | os.PathLike, dt: float | None = None) -> Plant:
-    """The plant of a preset name or a vehicle file (TOML); raises with what is wrong in it, by key."""
+    """The plant of a preset name or a vehicle file (TOML); raises with what is wrong in it, by key.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle
+        >>> load_vehicle("slocum").title
+        'Slocum glider, first-order yaw'
+    """
     plant = _parse(*find_vehicle(name))
     return plant if dt is None else replace(plant, dt=dt)
 
@@ -46,6 +60,13 @@ def save_vehicle(plant: Plant, path: str | os.PathLike, notes: Mapping[str, str]
     """Write a vehicle file that `load_vehicle` reads back bit for bit; written aside, then renamed.
 
     Raises on a learned hull, which `save_model` writes.
+
+    Example:
+
+        >>> from auv_gym import load_vehicle, replace_at, save_vehicle
+        >>> save_vehicle(replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.03), "bent.toml")
+        >>> load_vehicle("bent.toml").effects.rudder.offset
+        0.03
     """
     if plant.learned is not None:
         raise ValueError(f"A vehicle file has no room for the learned hull of {plant.name}: use save_model, to .npz.")

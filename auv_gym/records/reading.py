@@ -99,6 +99,15 @@ def read_record(
     Columns segment, dive_id and run divide the file, and so does each of several files.  Times beyond 1e8 s, and dates,
     become s since the first; the attribute `start_epoch_s` keeps that.
     Raises ValueError on anything that cannot be read or does not fit.
+
+    Example:
+
+        >>> from pathlib import Path
+        >>> from auv_gym import read_record
+        >>> size = Path("log.csv").write_text("t,Hdg,fin\\n0,10,1\\n1,11,1\\n2,13,-1\\n")
+        >>> log = read_record("log.csv", {"t": "time_s", "Hdg": "heading_deg", "fin": "-rudder_deg"})
+        >>> log["heading_rad"].round(3)
+        array([0.175, 0.192, 0.227])
     """
     needs = required if isinstance(required, Needs) else Needs(tuple(required))
     paths = [path] if isinstance(path, (str, Path)) else list(path)
@@ -167,7 +176,14 @@ def understood(log: Log, names: Names, needs: Needs | None = None) -> Understood
 
 
 def find_log(name: str | Path) -> Path:
-    """The file of a log, or of one that dbdreader ships (`slocum:ammonite`); raises ValueError if none can be read."""
+    """The file of a log, or of one that dbdreader ships (`slocum:ammonite`); raises ValueError if none can be read.
+
+    Example:
+
+        >>> from auv_gym import find_log
+        >>> find_log("slocum:ammonite").name
+        'ammonite-2008-028-01-000.mbd'
+    """
     text = str(name)
     path = bundled_slocum_log(text.removeprefix("slocum:")) if text.startswith("slocum:") else Path(text)
     check_file(path)

@@ -37,6 +37,15 @@ class Record:
     value per sample, that changes where a segment begins (absent: one segment).  Time may be uneven and may restart
     with a segment.  Raises if time does not rise within a segment, if a segment has fewer than 2 samples, or if a
     motion or input channel is not finite; other channels may hold NaN.  `from_arrays` repairs what can be repaired.
+
+    Example:
+
+        >>> from auv_gym import Record
+        >>> log = Record.from_arrays([0, 1, 2, 3], {"depth_m": [0.0, 0.4, 1.1, 1.9]})
+        >>> log
+        Record(4 samples, 1 segment, 3 s: depth_m)
+        >>> log["depth_m"]
+        array([0. , 0.4, 1.1, 1.9])
     """
 
     dataset: xr.Dataset
@@ -372,7 +381,15 @@ def gap_limit(intervals: np.ndarray) -> float:
 
 
 def concat(records: Sequence[Record]) -> Record:
-    """Concatenate records with the same channels into one record; each segment keeps its own time."""
+    """Concatenate records with the same channels into one record; each segment keeps its own time.
+
+    Example:
+
+        >>> from auv_gym import Record, concat
+        >>> dive = Record.from_arrays([0, 1, 2], {"depth_m": [0.0, 0.5, 1.0]})
+        >>> concat([dive, dive])
+        Record(6 samples, 2 segments, 4 s: depth_m)
+    """
     if not records:
         raise ValueError("concat needs at least one record, got none.")
     names = set(records[0].names)

@@ -49,6 +49,10 @@ _FACTORS: Final = (  # slope of the change of an angle over the integral of its 
     (2.0, "time runs at half the rate it should, or {rate} at half its size"),
     (0.5, "time runs at twice the rate it should, or {rate} at twice its size"),
 )
+_FROM_AN_END: Final = (  # a mapping that turns such a volume would move its neutral, too
+    "buoyancy_volume_m3 is larger where depth grows, and more volume lifts: either the depth or the column that this "
+    "volume is computed from has the opposite sign. Change that sign in the file."
+)
 _CLOSE = 0.15  # relative distance from one of these factors
 _BLOCK = 1.0  # s, at least, over which rates are integrated
 _LEAST = 30  # blocks
@@ -87,6 +91,11 @@ def _impossible(known: Understood) -> list[str]:
             looks = f"it looks like {unit[1]}" if unit else "check its unit"
             stem = name.rpartition("_")[0]
             mend = f': map it to "{stem}_{unit[2]}"' if unit and unit[2] else ""
+            mend += (
+                ", unless it is counted over several turns"
+                if name == "heading_rad" and most - least < 20.0 * pi
+                else ""
+            )
             found.append(f"{source.column}: {of.label} goes from {least:.4g} to {most:.4g} {of.unit}; {looks}{mend}.")
         elif of.unit == "rad" and of.angle and name.startswith("heading"):
             raw = source.group.columns[source.column]
@@ -191,7 +200,8 @@ def _against_depth(record: Record) -> list[str]:
             sunk, signal = _increments(record, record["depth_m"], record[name], block=10.0)
             moves = sunk.size >= _LEAST and sunk.std() > 0.5 and signal.std() > 0.0
             if moves and float(np.corrcoef(sunk, signal)[0, 1]) > _STEEP:
-                found.append(said)
+                end = name == "buoyancy_volume_m3" and (record[name].min() > 0.0 or record[name].max() < 0.0)
+                found.append(_FROM_AN_END if end else said)
     return found
 
 

@@ -19,7 +19,8 @@ def draw_vehicle(plant: Any) -> Figure:
     body = plant.family.body
     if body is None:
         raise ValueError(
-            f"Only a vehicle of family 'body' has parts to draw, got {plant.name!r} of family {plant.family.name!r}."
+            f"A drawing needs a vehicle with a hull and parts, such as remus100; {plant.name} has none (its family is "
+            f"{plant.family.name!r})."
         )
     hull = plant.hull
     ends = [np.abs(np.array(s.points)[:, 1:]).max() for p in body.parts for s in p.found.sketch(_own(plant, p))]

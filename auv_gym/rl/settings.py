@@ -93,7 +93,7 @@ def full_env_id(env: str) -> str:
         if name in known:
             return name
     ours = [name for name in known if name.startswith("auv_gym/")]
-    raise ValueError(f"No environment {env!r}. {did_you_mean(env, known)}Ours are {', '.join(ours)}.")
+    raise ValueError(f"No environment {env!r}. {did_you_mean(env, ours)}Ours are {', '.join(ours)}.")
 
 
 def make_env(env: str, on: str | os.PathLike | Model = TRUE, render_mode: str | None = None, **options: Any) -> Any:

@@ -44,6 +44,16 @@ class Envelope:
     Both are told the same all the time, so that two of one law keep one memory and hand over without a bump; a guard
     with an integral beside a controller without one would wind up.
     Reports `envelope_flag`, 1 while the guard acts, and `envelope_<channel>_flag`, 1 for what it acts on.
+
+    Example:
+
+        >>> from controllers import Envelope, Pid
+        >>> gentle = Pid(0.2, limit=0.1)
+        >>> safe = Envelope(Pid(2.0, limit=0.4), guard=gentle, limits={"roll_rad": (-0.3, 0.3)})
+        >>> reading = {"heading_rad": 0.0, "roll_rad": 0.35, "dt_s": 1.0}
+        >>> command, memory = safe.act(safe.start(), reading, {"heading_rad": 1.0})
+        >>> command["rudder_rad"], command["envelope_flag"]
+        (0.1, 1.0)
     """
 
     controller: Controller

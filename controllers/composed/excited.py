@@ -30,6 +30,14 @@ class Excited:
     at_rest: commands of actuators that the controller leaves alone, around which a signal moves them.
     Limits are the vehicle's: an environment clips the sum.
     Reports `excitation_<channel>`, what was added.
+
+    Example:
+
+        >>> from controllers import Excited, Pid
+        >>> loop = Excited(Pid(1.0), {"rudder_rad": [0.1, -0.1]}, dt=1.0)
+        >>> command, memory = loop.act(loop.start(), {"heading_rad": 0.0, "dt_s": 1.0}, {"heading_rad": 0.2})
+        >>> round(command["rudder_rad"], 3)
+        0.3
     """
 
     controller: Controller

@@ -23,6 +23,16 @@ class Cascade:
 
     What the outer one wants is reported as a set point (`pitch_cmd_rad`). An outer integral does not see that an inner
     command is at its limit: give it an `integral_range`.
+
+    Example:
+
+        >>> from controllers import Cascade, Pid
+        >>> depth = Pid(-0.1, measured="depth_m", command="pitch_rad", limit=0.3)
+        >>> loop = Cascade(depth, Pid(-1.0, measured="pitch_rad", command="stern_plane_rad"))
+        >>> reading = {"depth_m": 10.0, "pitch_rad": 0.0, "dt_s": 0.1}
+        >>> command, memory = loop.act(loop.start(), reading, {"depth_m": 12.0})
+        >>> {name: round(value, 3) for name, value in command.items()}
+        {'pitch_cmd_rad': -0.2, 'stern_plane_rad': 0.2}
     """
 
     outer: Controller
@@ -50,7 +60,15 @@ class Cascade:
 
 @dataclass(frozen=True)
 class Joint:
-    """Several controllers in parallel, each with its own commands; one whose targets are not given does not act."""
+    """Several controllers in parallel, each with its own commands; one whose targets are not given does not act.
+
+    Example:
+
+        >>> from controllers import Joint, Pid
+        >>> both = Joint((Pid(1.0), Pid(-0.1, measured="depth_m", command="stern_plane_rad")))
+        >>> both.commands
+        ('rudder_rad', 'stern_plane_rad')
+    """
 
     controllers: tuple[Controller, ...]
 
@@ -94,6 +112,14 @@ class Mirrored:
     """A controller one of whose commands moves a second actuator as well, `share` times as far.
 
     share: negative where the two act against each other, as bow and stern planes do in pitch.
+
+    Example:
+
+        >>> from controllers import Mirrored, Pid
+        >>> planes = Mirrored(Pid(-0.1, measured="depth_m", command="stern_plane_rad"), share=-0.5)
+        >>> command, memory = planes.act(planes.start(), {"depth_m": 10.0, "dt_s": 0.1}, {"depth_m": 11.0})
+        >>> {name: round(value, 3) for name, value in command.items()}
+        {'stern_plane_rad': -0.1, 'bow_plane_rad': 0.05}
     """
 
     controller: Controller

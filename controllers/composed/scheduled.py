@@ -27,6 +27,15 @@ class Scheduled:
 
     limits: rad, by fin, either side.  The controller reads what its fins' angles would have been at `speed`.  Without
     a reading of `u_mps` the last one counts.
+
+    Example:
+
+        >>> from controllers import Pid, Scheduled
+        >>> loop = Scheduled(Pid(0.5), speed=1.0, limits={"rudder_rad": 0.4})
+        >>> reading = {"heading_rad": 0.0, "u_mps": 2.0, "dt_s": 1.0}
+        >>> command, memory = loop.act(loop.start(), reading, {"heading_rad": 0.4})
+        >>> round(command["rudder_rad"], 3)
+        0.089
     """
 
     controller: Controller

@@ -54,6 +54,16 @@ class Gpc:
     filter; noise: standard deviations of its outputs, drift: of a sample's change of each input's or output's
     disturbance, multiplied by drift_factor: with a larger one the filter believes its readings more than the model.
     A Polynomial is taken as CARIMA, see `polynomial_increments` for observer.
+
+    Example:
+
+        >>> from auv_gym import linearise, load_vehicle
+        >>> from controllers import Gpc
+        >>> model = linearise(load_vehicle("slocum"), outputs=["heading_rad"])
+        >>> loop = Gpc(model, weights={"heading_rad": 10.0}, input_limits={"rudder_rad": (-0.35, 0.35)})
+        >>> command, memory = loop.act(loop.start(), {"heading_rad": 0.0}, {"heading_rad": 0.02})
+        >>> round(command["rudder_rad"], 3)
+        0.047
     """
 
     model: StateSpace | Polynomial

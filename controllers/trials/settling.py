@@ -23,6 +23,15 @@ def step_response(time: np.ndarray, values: np.ndarray, target: float, band: flo
     """The quantities of a response that starts at the first sample; band: either side of the target, in its unit.
 
     Angles must be continuous.  Raises where target and first value are the same.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from controllers import step_response
+        >>> time = np.arange(0.0, 30.0, 0.1)
+        >>> step = step_response(time, 1 - np.exp(-time / 2), target=1.0, band=0.05)
+        >>> round(float(step.rise_time), 1), round(float(step.settling_time), 1)
+        (4.4, 6.0)
     """
     start = float(values[0])
     if target == start:

@@ -85,6 +85,8 @@ def run_trial(
                 u[column[name]] = value
             else:
                 reports.setdefault(name, np.full(n, np.nan))[k] = value
+        if "elapsed_s" in column:
+            u[column["elapsed_s"]] = time[k]
         inputs[k] = u
         x = plant.step(x, u)
     check_finite(plant.outputs, time, outputs)

@@ -45,6 +45,8 @@ def read_uncertain(plant: Plant, file: str | os.PathLike) -> tuple[Plant, dict[s
             low, high = map(float, entry.get("ci95") or (nan, nan))
             if isfinite(low) and isfinite(high):
                 intervals[path] = (min(low, values[path]), max(high, values[path]))
+    except FileNotFoundError:
+        raise ValueError(f"There is no file {file}: give the diagnosis.json of `auv-gym diagnose`.") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise ValueError(
             f"{file} cannot be used ({error}): give the diagnosis.json of `auv-gym diagnose`, or the JSON of a fit in "

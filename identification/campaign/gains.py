@@ -15,6 +15,7 @@ from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import FOLDER, Progress, load_fitted, read_fits
 
 GAINS, RESULT, PAGE = "gains.toml", "tuning.json", "tuning.html"
+_FILE = "Gains: "
 
 
 def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> tuple[bool, list[str]]:
@@ -50,12 +51,21 @@ def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> t
     try:
         from identification.pages.tuning_page import tuning_page, tuning_summary
 
-        words = [*tuning_summary(found), f"Gains: {folder / GAINS}"]
+        words = [*tuning_summary(found), f"{_FILE}{folder / GAINS}"]
         write_text(folder / PAGE, tuning_page(found))
     except ImportError as error:
         words.append(f"No page: {error}")
     write_json(folder / RESULT, {"key": key, "passed": found.passed, "found": words})
     return found.passed, words
+
+
+def read_tuned(folder: str | Path) -> list[str]:
+    """What the tuning of a campaign found, in words, without its files; empty where nothing has been tuned."""
+    try:
+        found = json.loads((Path(folder) / RESULT).read_text(encoding="utf-8"))["found"]
+        return [str(words) for words in found if not words.startswith(_FILE)]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def _kept(folder: Path, key: str) -> tuple[bool, list[str]] | None:

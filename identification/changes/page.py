@@ -12,16 +12,27 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.writing import writable_folder, write_text
-from identification.changes.missions import Comparison
+from identification.changes.missions import Comparison, Unchanged
 from identification.changes.series import Series
-from identification.changes.wording import as_json, named, series_json, series_summary, size_of, summary, tied_words
+from identification.changes.wording import (
+    as_json,
+    named,
+    rate_of,
+    scatter_of,
+    series_json,
+    series_summary,
+    size_of,
+    summary,
+    tied_words,
+)
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
-from identification.pages.page import Table, amount, drawn, page, span
+from identification.pages.page import Table, amount, drawn, page, span, typeset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_NAMED = 8  # missions whose names have room below a picture
 _ROW = 0.42  # inches of a picture for a parameter
 
 
@@ -54,24 +65,29 @@ def write_series(found: Series, folder: str | os.PathLike) -> dict[str, Path]:
 def series_page(found: Series) -> str:
     """The trends over missions as the text of one HTML page, with one picture."""
     rows = [
-        (t.title, (amount(t.rate.value, t.unit), span(t.rate.ci95, t.unit)), t.per, amount(t.scatter, t.unit))
+        (t.title, (rate.replace("-", "−"), limits.replace("-", "−")), t.per, scatter_of(t))
         for t in found.trends
+        for rate, limits in [rate_of(t)]
     ]
     texts = [f"Mission {name} gives no estimates: {why}" for name, why in found.failed.items()]
-    picture = drawn(
-        lambda: series_figure(found),
-        "series",
-        "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
-        "The estimate from each mission with its 95 % interval, and the line through the missions.",
-    )
+    pictures = [
+        drawn(
+            lambda: series_figure(found),
+            "series",
+            "Size of each followed parameter in every mission, with its 95 % interval and the line through them.",
+            "The estimate from each mission with its 95 % interval, and the line through the missions.",
+        )
+        for _ in found.trends[:1]
+    ]
     section = Section(
         "Trends",
         [
-            "The 95 % interval of a trend allows for scatter: differences between missions beyond their own intervals.",
+            "Scatter is the standard deviation of the missions about the line, beyond their own intervals. The 95 % "
+            "interval of a trend allows for it.",
             *texts,
         ],
-        [Table(("what", "rate", "per", "scatter"), rows)],
-        [picture] if found.trends else (),
+        [Table(("what", "trend", "per", "scatter"), rows)],
+        pictures,
     )
     content: dict[str, Any] = {
         "title": f"{found.plant.name}: {len(found.missions)} missions",
@@ -94,8 +110,10 @@ def series_figure(found: Series) -> Figure:
         axes.errorbar(at, values, [values - limits[:, 0], limits[:, 1] - values], fmt="o", color=BEFORE, capsize=3)
         ends = np.array([at.min(), at.max()])
         axes.plot(ends, t.level + t.rate.value * (ends - at.mean()), color=AFTER)
-        axes.set_ylabel(f"{named(t)}, {t.unit}")
-        axes.set_xlabel(t.per)
+        axes.set_title(f"{named(t)}{'' if t.unit == '1' else f', {typeset(t.unit)}'}", loc="left")
+        axes.set_xlabel(t.per if t is found.trends[-1] else "")
+        if t.per == "mission" and len(found.missions) <= _NAMED:
+            axes.set_xticks(range(len(found.missions)), found.missions)
     return figure
 
 
@@ -116,8 +134,8 @@ def comparison_page(found: Comparison) -> str:
                     lambda: change_figure(found),
                     "changes",
                     "Estimated change of each parameter with its 95 % interval, relative to its detectable change.",
-                    "Changes with their 95 % intervals, relative to the change that would have been found with 95 % "
-                    "probability. Parameters that changed are blue.",
+                    "Orange: estimated changes with their 95 % intervals, in units of the smallest change that would "
+                    "have been found with 95 % probability. Blue: parameters that changed, in units of their change.",
                 )
             ],
         ),
@@ -137,9 +155,10 @@ def _texts(found: Comparison) -> list[str]:
     if not found.changed:
         return [f"None of {found.candidates} candidate changes of effects and coefficients was found."]
     return [
-        "The changed parameter has its own value on each side; all others are common. A change is named by the same "
-        f"rules as an effect in a diagnosis: its evidence must exceed the threshold for {found.candidates} candidates, "
-        "and each part of the missions, predicted from the others, must confirm it."
+        "All missions are fitted together. A changed parameter has one value before and one after; all others have the "
+        "same value throughout. A change is named by the rules for an effect in a diagnosis: its evidence (gain in "
+        f"log-likelihood) must exceed the threshold for {found.candidates} candidates, and each part of the missions, "
+        "predicted from the others, must confirm it."
     ]
 
 
@@ -164,14 +183,19 @@ def _steady(found: Comparison) -> Table:
         (
             u.title,
             amount(u.value, u.unit),
-            (size_of(u.change.value, u), f"{size_of(u.change.ci95[0], u)} to {size_of(u.change.ci95[1], u)}")
+            (_size(u.change.value, u), f"{_size(u.change.ci95[0], u)} to {_size(u.change.ci95[1], u)}")
             if np.isfinite(u.detectable)
             else "–",
-            size_of(u.detectable, u) if np.isfinite(u.detectable) else u.reason or "not seen",
+            _size(u.detectable, u) if np.isfinite(u.detectable) else u.reason or "not detectable",
         )
         for u in found.unchanged
     ]
     return Table(("what", "value", "change", "smallest detectable change"), rows)
+
+
+def _size(value: float, u: Unchanged) -> str:
+    """A change as pages print numbers: with a true minus sign and raised powers."""
+    return typeset(size_of(value, u).replace("-", "−"))
 
 
 def change_figure(found: Comparison) -> Figure:
@@ -185,7 +209,7 @@ def change_figure(found: Comparison) -> Figure:
     for c in found.changed:
         size = abs(c.change.value)
         axes.errorbar(*_bar(c.change.value, c.change.ci95, size or 1.0, len(names)), fmt="o", color=AFTER, capsize=3)
-        names.append(f"{named(c)} (relative to itself)")
+        names.append(f"{named(c)} (changed)")
     for u in steady:
         axes.errorbar(*_bar(u.change.value, u.change.ci95, u.detectable, len(names)), fmt="o", color=BEFORE, capsize=3)
         names.append(named(u))

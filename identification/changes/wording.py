@@ -17,6 +17,7 @@ from identification.changes.series import Series, Trend
 from identification.changes.spans import OUTSIDE
 from identification.diagnosis.wording import capital, interval, quantity, sized
 
+_FAR = 3.0  # half intervals; a scatter beyond that many is no trend, but a change that asks for an explanation
 _TOLD = 4  # that did not change, in the summary; the page has all
 
 
@@ -95,19 +96,33 @@ def series_summary(found: Series) -> list[str]:
     """Each trend, surely there or not, in a sentence."""
     lines = []
     for t in found.trends:
-        size, limits = _rate(t)
+        size, limits = rate_of(t)
         rate = f"{size} a {t.per} (95 % interval {limits})"
         lines.append(f"{capital(named(t))} {'changes by' if t.sure else 'shows no trend:'} {rate}.")
+        if not t.sure and t.scatter > _FAR * max(0.5 * (s.ci95[1] - s.ci95[0]) for s in t.sizes):
+            lines[-1] += " The missions differ by far more than their own intervals, but not along a line."
     return lines or ["Too few of the missions show any parameter, so there is no trend to report."]
 
 
-def _rate(t: Trend) -> tuple[str, str]:
+def rate_of(t: Trend) -> tuple[str, str]:
     """A rate and its interval: of coefficients in percent of the missions' mean."""
-    mean = float(np.mean([s.value for s in t.sizes]))
-    if t.path.startswith("effects.") or mean == 0.0:
+    whole = _whole(t)
+    if whole is None:
         return quantity(t.rate.value, t.unit), interval(t.rate.ci95, t.unit)
-    size, low, high = (f"{100.0 * rate / abs(mean):+.3g}" for rate in (t.rate.value, *t.rate.ci95))
+    size, low, high = (f"{100.0 * rate / whole:+.3g}" for rate in (t.rate.value, *t.rate.ci95))
     return f"{size} %", f"{low} to {high} %"
+
+
+def scatter_of(t: Trend) -> str:
+    """The scatter of the missions, in the unit of `rate_of`."""
+    whole = _whole(t)
+    return quantity(t.scatter, t.unit) if whole is None else f"{100.0 * t.scatter / whole:.3g} %"
+
+
+def _whole(t: Trend) -> float | None:
+    """What is 100 % of a coefficient, the mean of the missions; None for what is told in its own unit."""
+    mean = abs(float(np.mean([s.value for s in t.sizes])))
+    return None if t.path.startswith("effects.") or mean == 0.0 else mean
 
 
 def series_json(found: Series) -> dict[str, Any]:

@@ -124,6 +124,17 @@ def compare_open(
     window: s; default: the window of a vehicle among the models, else whole segments.  settle: s; default: the longest
     that any model needs, twice its states over its measured outputs or a vehicle's own, and 5 % of the shortest window.
     A model that diverges is told in `failed`; one that does not fit the record raises by its name.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle, replace_at
+        >>> from identification import closed_loop, compare_open
+        >>> glider = load_vehicle("slocum")
+        >>> bent = replace_at(glider, "effects.rudder.offset", 0.03)
+        >>> found = compare_open({"glider": glider, "bent": bent}, closed_loop(bent, rng=np.random.default_rng(0)))
+        >>> {name: round(score["heading_rad"].rmse, 3) for name, score in found.scores.items()}
+        {'glider': 0.076, 'bent': 0.013}
     """
     if not models:
         raise ValueError("compare_open needs at least one model, got none.")
@@ -235,6 +246,16 @@ def horizon_sweep(
 
     Each prediction runs free from the state corrected with all measurements of its segment up to its origin, first a
     state that suits its first `settle` seconds; origins are spread evenly, at most 200, past those.  Raises Diverged.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import closed_loop, horizon_sweep
+        >>> glider = load_vehicle("slocum")
+        >>> errors = horizon_sweep(glider, closed_loop(glider, rng=np.random.default_rng(0)), [1, 10])
+        >>> {n: round(error, 3) for n, error in errors["heading_rad"].items()}
+        {1: 0.014, 10: 0.031}
     """
     if not horizons or any(k < 1 for k in horizons):
         raise ValueError(f"horizon_sweep needs horizons of at least 1 sample, got {list(horizons)}.")
@@ -298,6 +319,20 @@ def compare_closed(
     make_env: the environment with a model in the vehicle's place, or of the vehicle itself for None.  A model that
     lacks outputs of the vehicle is spliced into it, and drives those that it has.  seed, targets, start: see `drive`.
     A model that diverges or cannot be put there is told in `failed`.
+
+    Example:
+
+        >>> import gymnasium
+        >>> from auv_gym import load_vehicle, replace_at
+        >>> from controllers import heading_pid
+        >>> from identification import compare_closed
+        >>> glider = load_vehicle("slocum")
+        >>> def make(model):
+        ...     return gymnasium.make("auv_gym/GliderHeading-v0", vehicle="slocum", model=model, duration=120.0)
+        >>> bent = replace_at(glider, "effects.rudder.offset", 0.03)
+        >>> found = compare_closed(make, heading_pid(glider), {"bent": bent}, seed=0)
+        >>> round(found.deviations["bent"]["heading_rad"].rmse, 3)
+        0.014
     """
     env = make_env(None)
     inner: Any = env.unwrapped

@@ -42,6 +42,17 @@ def diagnose(
     doubt: standard deviation of the vehicle's own coefficients, relative, where it states none; 0 holds all of them.
     seed: of what resamples blocks.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle, replace_at
+        >>> from identification import closed_loop, diagnose
+        >>> glider = load_vehicle("slocum")
+        >>> bent = replace_at(glider, "effects.rudder.offset", 0.03)
+        >>> found = diagnose(closed_loop(bent, rng=np.random.default_rng(0)), glider, most=1)
+        >>> found.verdict, [effect.path for effect in found.effects]
+        ('named', ['effects.rudder.offset'])
     """
     asked, seconds = Asked(window, settle, seed, most, doubt, trust), dict[str, float]()
 

@@ -31,6 +31,16 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
 
     A picture or a page that cannot be drawn is no error but a failure, which the other files report; extras: takes it.
     Raises ValueError if the folder cannot be written, ImportError without the extra `render`, which the report needs.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import closed_loop, diagnose, write_diagnosis
+        >>> glider = load_vehicle("slocum")
+        >>> found = diagnose(closed_loop(glider, rng=np.random.default_rng(0)), glider, most=1)
+        >>> sorted(path.name for path in write_diagnosis(found, "result").values())
+        ['diagnosis.json', 'report.html', 'vehicle.toml']
     """
     from identification.pages.diagnosis_page import diagnosis_page
     from identification.pages.drawing import require_render

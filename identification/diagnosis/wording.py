@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 
-def quantity(value: float, unit: str) -> str:
+def quantity(value: float, unit: str, figures: int = 3) -> str:
     """A number with its unit, for people: angles in degrees, volumes in millilitres."""
     if not np.isfinite(value):
         return "not detectable"
@@ -15,13 +15,14 @@ def quantity(value: float, unit: str) -> str:
         value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
     if unit.startswith("m^3"):
         value, unit = 1e6 * value, unit.replace("m^3", "mL", 1)
-    digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+    digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:{'#' * (figures > 3)}.{figures}g}"
     return f"{digits} {'' if unit == '1' else unit}".strip()
 
 
 def interval(limits: tuple[float, float], unit: str) -> str:
     """A 95 % interval with its unit, angles in degrees for people."""
-    low, high = (quantity(v, unit) for v in limits)
+    texts = [[quantity(v, unit, figures) for v in limits] for figures in (3, 4, 5)]
+    low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])  # a narrow one needs more figures
     return f"{low.split(' ')[0]} to {high}"
 
 

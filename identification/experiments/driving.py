@@ -47,6 +47,17 @@ def drive(
     seed: of the environment's generator.  targets: (time s, value) by channel, each value from its time on, the first
     from 0 s; channels not named keep the environment's own target.  start: values of the first state.
     Raises ValueError if controller and environment do not fit, or the episode is cut within two samples.
+
+    Example:
+
+        >>> import gymnasium
+        >>> from auv_gym import load_vehicle
+        >>> from controllers import heading_pid
+        >>> from identification import drive
+        >>> env = gymnasium.make("auv_gym/GliderHeading-v0", vehicle="slocum", duration=120.0)
+        >>> run = drive(env, heading_pid(load_vehicle("slocum")), seed=0)
+        >>> len(run.record), run.reason
+        (31, '')
     """
     steps = {name: checked_steps(name, given) for name, given in (targets or {}).items()}
     inner: Any = env.unwrapped

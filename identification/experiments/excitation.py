@@ -25,6 +25,13 @@ def prbs(n: int, hold: int, amplitude: float, rng: np.random.Generator) -> np.nd
 
     The shortest maximum-length sequence that does not repeat within n, from a drawn phase.
     Source: Ljung 1999, System Identification, sec. 13.3.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from identification import prbs
+        >>> prbs(8, 2, 0.1, np.random.default_rng(0))
+        array([ 0.1, -0.1, -0.1,  0.1,  0.1, -0.1, -0.1, -0.1])
     """
     if n < 1 or hold < 1:
         raise ValueError(f"prbs needs n >= 1 and hold >= 1 samples, got n = {n} and hold = {hold}.")
@@ -114,6 +121,13 @@ def chirp(
 
     law: "linear" spends the same time on each Hz, "log" on each octave.  The band may run downwards.  Draws nothing.
     Source: Pintelon and Schoukens 2012, System Identification, sec. 5.3.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from identification import chirp
+        >>> chirp(5, 1.0, np.random.default_rng(0), amplitude=0.2, band_Hz=(0.05, 0.2)).round(2)
+        array([0.  , 0.08, 0.17, 0.2 , 0.07])
     """
     first, last = map(float, band_Hz)
     if not (min(first, last) > 0.0 and max(first, last) <= 0.5 / dt):
@@ -141,6 +155,13 @@ def doublet(
     width_s: of a pulse of width 1, whole samples.  widths: of the pulses; (3, 2, 1, 1) is the 3-2-1-1 input, of a
     wider band.  repeat_s: from one start to the next, default once.
     Source: Jategaonkar 2015, Flight Vehicle System Identification, sec. 2.3.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from identification import doublet
+        >>> doublet(8, 1.0, np.random.default_rng(0), amplitude=0.2, width_s=2.0)
+        array([ 0.2,  0.2, -0.2, -0.2,  0. ,  0. ,  0. ,  0. ])
     """
     one = _samples("doublet", "width_s", width_s, dt)
     lengths = [round(one * width) for width in widths]
@@ -218,6 +239,13 @@ def make_signal(
     """A signal of one of the SIGNALS at samples dt apart, shape (n,); zero before start_s and after duration_s.
 
     settings: those of the kind.  Raises with what the kind allows.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from identification import make_signal
+        >>> make_signal("prbs", 6, 1.0, np.random.default_rng(0), amplitude=0.1, clock_s=2.0)
+        array([ 0.1,  0.1,  0.1,  0.1, -0.1, -0.1])
     """
     if kind not in SIGNALS:
         raise ValueError(f"No signal {kind!r}. {did_you_mean(kind, SIGNALS)}Kinds: {', '.join(SIGNALS)}.")

@@ -73,6 +73,14 @@ def depth_control(
     m from the target within which samples are so many seconds apart.  temperature_profile: degC at a depth, constant
     in time, recorded along the track.  under_way: what starts and moves the float, default `Swim.start`.  Raises
     Diverged.  Source of the rates: Zhong et al. 2024, sec. 4.1.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import depth_control
+        >>> depth_control(load_vehicle("qiandao_float"), [10, 20], rng=np.random.default_rng(0), hold=200)
+        Record(852 samples, 1 segment, 399.86 s: depth_m, piston_m, depth_cmd_m)
     """
     if "piston_m" not in plant.family.required:
         raise ValueError(
@@ -131,6 +139,15 @@ def oil_mission(
     resolution: m.  Channels: depth_m, temperature_C, oil_volume_m3 and what pump and valve sum up to.  under_way: what
     starts and moves the float, default `Swim.start`.
     Sizes and times are those of MERMAID floats' logs.  Raises Diverged.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import oil_mission
+        >>> log = oil_mission(load_vehicle("mermaid"), [400.0], rng=np.random.default_rng(0))
+        >>> round(log["depth_m"].max()), round(log.duration_s / 3600, 1)
+        (455, 6.7)
     """
     if "oil_volume_m3" not in plant.family.required:
         raise ValueError(

@@ -46,6 +46,15 @@ def closed_loop(
     gyro_noise rad/s; None leaves the channels out. rudder_excitation: amplitude of the PRBS over the rudder stop;
     bit_time: s, default the larger of 2 samples and 8 s.  run_in: s before the record begins, as a log begins in
     mid-mission.  Raises Diverged.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import closed_loop
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0), duration=300)
+        >>> len(log), log.names[:3]
+        (76, ('heading_rad', 'rudder_rad', 'heading_cmd_rad'))
     """
     if not isinstance(plant.hull, GliderHull):
         raise ValueError(

@@ -49,6 +49,15 @@ def steer(
     stop of a fin.  Noises are white, standard deviations: compass_noise rad, depth_noise m, others see NOISE; where
     the plant's own `effects.sampling` has noise, that stands.
     Raises ValueError for other vehicles, or if the run is cut short.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import steer
+        >>> log = steer(load_vehicle("remus100"), rng=np.random.default_rng(0), duration=30)
+        >>> len(log), log.names[:3]
+        (301, ('roll_rad', 'pitch_rad', 'heading_rad'))
     """
     if plant.family.body is None:
         raise ValueError(

@@ -14,7 +14,17 @@ from identification.experiments.kinds import KINDS, Mission
 
 
 def run_mission(plant: Plant, rng: np.random.Generator, **settings: Any) -> Record:
-    """Simulate the standard experiment of a vehicle; raises as `check_mission` does, or Diverged."""
+    """Simulate the standard experiment of a vehicle; raises as `check_mission` does, or Diverged.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import run_mission
+        >>> log = run_mission(load_vehicle("slocum"), np.random.default_rng(0), duration=300)
+        >>> len(log), log.names[:3]
+        (76, ('heading_rad', 'rudder_rad', 'heading_cmd_rad'))
+    """
     check_mission(plant, settings)
     return mission_of(plant).make(plant, rng, **settings)
 

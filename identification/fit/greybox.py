@@ -60,6 +60,18 @@ class GreyBox:
     doubt: relative standard deviation of the coefficients that state none, which holds them to their values; by default
     nothing does.
     Effects start one probe off neutral, where their derivative is defined.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle, replace_at
+        >>> from identification import GreyBox, closed_loop
+        >>> glider = load_vehicle("slocum")
+        >>> bent = replace_at(glider, "effects.rudder.offset", 0.03)
+        >>> log = closed_loop(bent, rng=np.random.default_rng(0))
+        >>> fit = GreyBox(glider, ["effects.rudder.offset"], process=False).fit(log)
+        >>> [round(bound, 3) for bound in fit.estimates[0].ci95]
+        [0.03, 0.033]
     """
 
     plant: Plant

@@ -24,6 +24,15 @@ class FixedSize:
     penalty, sigma, scaled: as of `LsSvmRegression`, whose machine this one comes near to as size grows.
     size: number of centres; all samples where there are fewer.
     centres: "farthest", each as far as can be from those before, or "entropy", swapped until their entropy is large.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from identification import FixedSize
+        >>> x = np.linspace(-3, 3, 200)[:, None]
+        >>> machine = FixedSize(size=20).fit(x, np.sin(x))
+        >>> machine(np.array([[0.5]])).round(2)
+        array([[0.48]])
     """
 
     penalty: float = 1e3

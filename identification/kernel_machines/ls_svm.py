@@ -49,6 +49,16 @@ class LsSvm:
     The model leaves the machine's bias out, with theta_1: at mid-depth the one takes back what the other exceeds 1 by.
     There is no covariance. Depth noise biases the weights as it does those of `Rwls`.
     Source: Zhong et al. 2024, equations (35) to (37).
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import LsSvm, depth_control
+        >>> dive = depth_control(load_vehicle("qiandao_float"), [10, 20], rng=np.random.default_rng(0), hold=200)
+        >>> fit = LsSvm().fit(dive)
+        >>> round(fit.model.damping, 2)  # biased by depth noise: RefinedIv gives 0.11
+        1.12
     """
 
     penalty: float = 5.8731

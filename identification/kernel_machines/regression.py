@@ -25,6 +25,15 @@ class LsSvmRegression:
     sigma: width of the radial kernel exp(-|x - c|^2 / sigma^2), in spreads of the inputs where `scaled`, else in their
     units; the linear kernel has none.
     scaled: each input is divided by its standard deviation over the training samples, which the machine keeps.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from identification import LsSvmRegression
+        >>> x = np.linspace(-3, 3, 50)[:, None]
+        >>> machine = LsSvmRegression(penalty=100.0).fit(x, np.sin(x))
+        >>> machine(np.array([[0.5]])).round(2)
+        array([[0.48]])
     """
 
     penalty: float = 1e3

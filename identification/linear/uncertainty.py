@@ -203,6 +203,16 @@ def pole_intervals(fit: LinearFit) -> tuple[PoleInterval, ...]:
 
     Eigenvalues' slopes are analytic.  Where a pole is no farther from another than its error, there is no linear
     interval, and `problem` says so.  A pole that no parameter moves, as that of an integrator, has error 0.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Arx, closed_loop, pole_intervals
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> pole = pole_intervals(Arx(["rudder_rad"], ["heading_rad"]).fit(log))[1]
+        >>> [round(bound, 1) for bound in pole.time_constant.ci95]
+        [6.9, 13.0]
     """
     centre, owners = _dynamics(fit.model)
     moves = [_dynamics(up)[0] - _dynamics(down)[0] for up, down in _moved(fit)]
@@ -219,6 +229,16 @@ def response_band(fit: LinearFit, omega: np.ndarray | Sequence[float]) -> Respon
     """The frequency response of a fit at frequencies in rad/s, up to pi / dt, with its errors.
 
     0 gives the steady gain; raises there if the model integrates.  NaN errors where the fit has none.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Arx, closed_loop, response_band
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> band = response_band(Arx(["rudder_rad"], ["heading_rad"]).fit(log), [0.01, 0.1])
+        >>> band.gain[:, 0, 0].round(2)
+        array([3.88, 0.29])
     """
     omega = np.atleast_1d(np.asarray(omega, dtype=float))
     model = fit.model
@@ -255,6 +275,16 @@ def simulated_band(
     `compare_open`.  starts: states at the windows' first rows for all models instead, (n_windows, n_states).
     noise: adds the model's own noise, and what it does to fitted starts: the band in which measurements lie.
     draws: so many models drawn with `rng` in place of slopes, for a band that is too wide to be linear.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Arx, closed_loop, simulated_band
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> band = simulated_band(Arx(["rudder_rad"], ["heading_rad"]).fit(log), log)
+        >>> round(float(band.half.mean()), 1)
+        1.0
     """
     if draws and rng is None:
         raise ValueError("simulated_band needs rng, a numpy random generator, to draw models: give one.")

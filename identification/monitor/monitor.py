@@ -78,6 +78,18 @@ class Monitor:
     The innovations of its Kalman filter are tested as `identification.monitor.bank` says.  After an alarm the tests
     begin anew, and the filter goes on.  It takes constant time and memory for a sample; the last samples are kept for
     `stretch`.  time: s; over: the greatest statistic of the last sample, over its bar.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle, replace_at
+        >>> from identification import Monitor, closed_loop
+        >>> glider = load_vehicle("slocum")
+        >>> monitor = Monitor.learn(closed_loop(glider, rng=np.random.default_rng(0), duration=1200), glider)
+        >>> bent = replace_at(glider, "effects.rudder.offset", 0.05)
+        >>> alarm = monitor.run(closed_loop(bent, rng=np.random.default_rng(1)))[0]
+        >>> alarm.channel, alarm.signal
+        ('heading_rad', 'constant')
     """
 
     def __init__(self, learned: Learned, false_alarms_per_hour: float = 0.1, seed: int = 0):
@@ -118,7 +130,7 @@ class Monitor:
         """
         errors: dict[str, float] = {}
         if noise is None:
-            log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "that is clean")
+            log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "of the healthy vehicle")
             known = fit_known(log, progress)
             bench, state, record = known.bench, known.nominal, log.record
             noise, plant = bench.problem.noise_at(state.point), state.plant

@@ -6,6 +6,7 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _POINTS = 1000  # of the picture, each the greatest of its time
-_TOLD, _LISTED = 3, 20  # alarms in the summary, and on the page
+_TOLD, _LISTED = 3, 20  # alarms in the summary, and rows of them on the page
 _SIGNALS = {CONSTANT: "none (steady offset)", SCATTER: "none (larger errors)"}
 
 
@@ -73,7 +74,7 @@ def alarm_words(alarm: Alarm) -> str:
     elif alarm.signal == CONSTANT:
         text = f"{what} {verb} steadily from the prediction"
     else:
-        text = f"{what} {verb} from the prediction in step with the {channel(alarm.signal).label}"
+        text = f"{what} {verb} from the prediction, in proportion to the {channel(alarm.signal).label}"
     return f"Alarm at {alarm.time:.0f} s: {text} (memory of the test: {alarm.memory:.0f} s)."
 
 
@@ -81,11 +82,13 @@ def watched_summary(found: Watched) -> list[str]:
     """The alarms, and what has gone wrong, a sentence each."""
     rate, alarms, hours = found.monitor.false_alarms_per_hour, found.alarms, found.hours
     if not alarms:
-        return [f"No alarm was raised in {hours:.2g} h, at {rate:g} false alarms per hour."]
+        return [f"No alarm was raised in {hours:.2g} h, with the false-alarm rate set to {rate:g} per hour."]
     lines = [alarm_words(alarm) for alarm in alarms[:_TOLD]]
     if len(alarms) > _TOLD:
         lines.append(f"{len(alarms) - _TOLD} more alarms follow, the last one at {alarms[-1].time:.0f} s.")
-    lines.append(f"At {rate:g} false alarms per hour, {rate * hours:.2g} false ones are expected in {hours:.2g} h.")
+    lines.append(
+        f"The false-alarm rate is set to {rate:g} per hour: expect {rate * hours:.2g} false alarms in {hours:.2g} h."
+    )
     if found.timeline is None:
         return [*lines, f"The log around the first alarm could not be diagnosed. {found.problem}"]
     return [*lines, "Around the first alarm, the diagnosis found:", *timeline_summary(found.timeline)]
@@ -119,18 +122,10 @@ def write_watched(found: Watched, folder: str | os.PathLike) -> dict[str, Path]:
 def watched_page(found: Watched) -> str:
     """The text of one HTML page, with one picture."""
     count = len(found.alarms)
-    rows = [
-        (
-            f"{a.time:.0f} s",
-            channel(a.channel).label if a.channel else "several",
-            _SIGNALS[a.signal] if a.signal in _SIGNALS else channel(a.signal).label,
-            f"{a.memory:.0f} s",
-            f"{a.over:.2f}",
-        )
-        for a in found.alarms[:_LISTED]
-    ]
-    first = [f"The first {_LISTED} of {count} alarms; all are in monitor.json."] if count > _LISTED else []
-    heads = ("time", "reading", "correlates with", "memory of the test", "statistic / threshold")
+    rows = _rows(found.alarms)
+    more = len(rows) > _LISTED
+    first = [f"The first {_LISTED} rows of {len(rows)}; all alarms are in monitor.json."] if more else []
+    heads = ("time", "alarms", "reading", "correlates with", "memory of the test", "statistic / threshold")
     picture = drawn(
         lambda: watched_figure(found),
         "monitor",
@@ -139,15 +134,34 @@ def watched_page(found: Watched) -> str:
     )
     content: dict[str, Any] = {
         "title": f"{found.monitor.learned.plant.name}: {count} alarm{'' if count == 1 else 's'}",
-        "eyebrow": f"{found.monitor.false_alarms_per_hour:g} false alarms per hour",
+        "eyebrow": f"false-alarm rate set to {found.monitor.false_alarms_per_hour:g} per hour",
         "found": watched_summary(found),
         "sections": [
             Section("Tests over time", (), (), [picture]),
-            *([Section("Alarms", first, [Table(heads, rows, words=3)], ())] if rows else []),
+            *([Section("Alarms", first, [Table(heads, rows[:_LISTED], words=4)], ())] if rows else []),
         ],
         "version": __version__,
     }
     return page("models.html", content)
+
+
+def _rows(alarms: Sequence[Alarm]) -> list[tuple[str, ...]]:
+    """Rows of the table of alarms; those that follow one another by the same test share one."""
+    rows = []
+    for _, same in groupby(alarms, lambda alarm: (alarm.channel, alarm.signal, alarm.memory)):
+        of = list(same)
+        a = of[0]
+        rows.append(
+            (
+                f"{a.time:.0f}{f' to {of[-1].time:.0f}' if len(of) > 1 else ''} s",
+                str(len(of)),
+                channel(a.channel).label if a.channel else "several",
+                _SIGNALS[a.signal] if a.signal in _SIGNALS else channel(a.signal).label,
+                f"{a.memory:.0f} s",
+                f"{max(alarm.over for alarm in of):.2f}",
+            )
+        )
+    return rows
 
 
 def watched_figure(found: Watched) -> Figure:

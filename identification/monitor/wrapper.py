@@ -13,6 +13,19 @@ class Monitored(gymnasium.Wrapper):
     """An environment with a monitor: `info["alarm"]` is an `Alarm` or None at each step.
 
     The monitor sees what the controller could: `info["command"]` and `info["reading"]`.
+
+    Example:
+
+        >>> import gymnasium
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Monitor, Monitored, closed_loop
+        >>> glider = load_vehicle("slocum")
+        >>> monitor = Monitor.learn(closed_loop(glider, rng=np.random.default_rng(0), duration=1200), glider)
+        >>> env = Monitored(gymnasium.make("auv_gym/GliderHeading-v0", vehicle="slocum"), monitor)
+        >>> observation, info = env.reset(seed=0)
+        >>> env.step(np.zeros(1))[-1]["alarm"] is None
+        True
     """
 
     def __init__(self, env: gymnasium.Env, monitor: Monitor):

@@ -17,8 +17,8 @@ from identification.pages.page import Table, amount, number, percent
 
 _ORDERS = "n: coefficients; error: one sample ahead, over the rows that all orders share."
 _POLES = (
-    "In square brackets: 95 % intervals, of a pair those of real and imaginary part. The time constant of a pair "
-    "is that of its envelope."
+    "In square brackets: 95 % intervals; for a complex pair, of its real and imaginary parts. The time constant of a "
+    "pair is that of its envelope."
 )
 
 
@@ -29,7 +29,7 @@ def pole_table(poles: Sequence[PoleInterval]) -> Table:
     for pole in shown:
         swing = [f"{number(pole.natural_frequency.value)} rad/s", number(pole.damping.value)] if pole.pair else ["", ""]
         rows.append([_owner(pole), complex_words(pole.value), _decay(pole), _limits(pole.time_constant, pole), *swing])
-    heads = ["of", "pole", "time constant", "95 %", "frequency", "damping"]
+    heads = ["output", "pole", "time constant", "95 %", "frequency", "damping"]
     owned = len({_owner(pole) for pole in shown}) > 1
     kept = [0] * owned + [1, 2, 3] + [4, 5] * any(pole.pair for pole in shown)
     return Table(tuple(heads[k] for k in kept), tuple(tuple(row[k] for k in kept) for row in rows), words=int(owned))
@@ -59,7 +59,7 @@ def full_pole_table(poles: Sequence[PoleInterval]) -> Table:
     told = [_POLES, f"{delays} more at 0, each a sample of delay, are left out."] if delays else [_POLES]
     problems = dict.fromkeys(pole.problem for pole in _shown(poles) if pole.problem)
     caption = " ".join([*told, *(f"No interval: {problem}." for problem in problems)])
-    heads = ("of", "discrete time", "continuous, 1/s", "time constant", "frequency", "damping")
+    heads = ("output", "discrete time", "continuous, 1/s", "time constant", "frequency", "damping")
     return Table(heads, tuple(rows), caption=caption)
 
 
@@ -93,7 +93,7 @@ def _decay(pole: PoleInterval) -> str:
     if not isfinite(constant):
         return "integrates"
     if not pole.pair and not pole.fixed and pole.real.ci95[0] <= 1.0 <= pole.real.ci95[1] and not pole.problem:
-        return "integrates, it may be"
+        return "may integrate"
     words = f"{number(abs(constant))} s" if constant > 0.0 else f"grows in {number(-constant)} s"
     return f"{words}, alternating" if pole.value.real < 0.0 and not pole.pair else words
 
@@ -129,7 +129,7 @@ def order_table(search: OrderSearch) -> Table:
             row += [_order(getattr(cell, key)) for key in keys]
             row += [str(cell.parameters), amount(sqrt(cell.loss), channel(output).unit)]
             rows.append(row + [percent(cell.held_out)] * judged)
-    heads = ("output", "criterion", *keys, "n", "error, rms", *["held-out"] * judged)
+    heads = ("output", "criterion", *keys, "n", "RMS error", *["held-out"] * judged)
     return Table(heads, rows, words=2, caption=" ".join([_ORDERS, *remarks(search)]))
 
 

@@ -88,7 +88,7 @@ def rollout_figure(
                     _shade(axes, clock.times[rows], shown_values(name, middle), half, cuts)
         bottom.axhline(0.0, color=INK, linewidth=0.7)
         top.set_title(quantity_label(name), loc="left")
-        bottom.set_title(f"model less vehicle, {unit_label(name)}", loc="left", color=QUIET)
+        bottom.set_title(f"model minus measured, {unit_label(name)}", loc="left", color=QUIET)
         for axes in (top, bottom):
             axes.margins(x=0.0)
             axes.locator_params(axis="y", nbins=5 if axes is top else 3)

@@ -33,16 +33,17 @@ from identification.pages.page import Drawing, Table, amount, chance, drawn, num
 # model -> channel -> horizon in s -> RMS error
 Sweeps = Mapping[str, Mapping[str, Mapping[float, float]]]
 _RUNS = (
-    "In a free run the model sees the inputs alone. Its start is fitted to the first {settle} of each window, "
-    "which are not scored; this is so for all models."
+    "In a free run, the model sees only the inputs. Its initial state is fitted to the first {settle} of each window, "
+    "which are not scored. All models are treated alike."
 )
 _BAND = (
-    " Shaded: where 95 % of fits to other records of this length would run, by what the parameters are unsure of; it "
-    "holds neither disturbances nor what the model is missing."
+    " Shaded: the 95 % band that follows from the uncertainty of the parameters. It includes neither disturbances nor "
+    "effects that the model is missing."
 )
 _TESTS = (
-    "p: of the Ljung-Box test that there is no memory, white above 0.01; lag 1: correlation with the sample before; "
-    "strongest input: the one whose earlier samples correlate most with the residual, relative to the 95 % noise bound."
+    "p: p-value of the Ljung-Box test for whiteness; residuals with p above 0.01 count as white. Lag 1: correlation "
+    "with the sample before. Strongest input: the input whose earlier samples correlate most with the residual, with "
+    "the correlation relative to the 95 % noise bound."
 )
 
 
@@ -73,7 +74,7 @@ def score_table(open_loop: OpenLoop) -> Table:
                 s, unit = of[name], channel(name).unit
                 errors = amount(s.rmse, unit), amount(s.maximum, unit)
                 rows.append((name, model, *errors, f"{s.fit_percent:.1f} %", number(s.r2, 4)))
-    return Table(("output", "model", "rms error", "largest", "fit", "R²"), tuple(rows), words=2)
+    return Table(("output", "model", "RMS error", "largest", "fit", "R²"), tuple(rows), words=2)
 
 
 def horizon_table(sweeps: Sweeps) -> Table:
@@ -106,7 +107,7 @@ def residual_table(tests: Mapping[str, Mapping[str, Any]]) -> Table:
         tie = f"{driver} ({number(size, 2)})" if driver else "–"
         rms, first = amount(test["rms"], channel(name).unit), number(test["correlation"][0], 2)
         rows.append((name, tie, rms, first, chance(test["p_value"]), "yes" if is_white(test) else "no"))
-    return Table(("output", "strongest input", "rms", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
+    return Table(("output", "strongest input", "RMS", "lag 1", "p", "white"), tuple(rows), words=2, caption=_TESTS)
 
 
 def identified_page(title: str, done: Identified, words: str) -> str:
@@ -149,7 +150,7 @@ def compared_page(title: str, open_loop: OpenLoop, sweeps: Sweeps, words: str) -
     for name in outputs_of_several_models(open_loop.scores):
         of = {model: scores[name] for model, scores in open_loop.scores.items() if name in scores}
         best = min(of, key=lambda model: of[model].rmse)
-        found.append(f"{channel(name).label.capitalize()}: {best} is nearest, {of[best].fit_percent:.1f} % fit.")
+        found.append(f"{channel(name).label.capitalize()}: {best} fits best, {of[best].fit_percent:.1f} %.")
     found += [f"{model} has no free run: {reason}" for model, reason in open_loop.failed.items()]
     sections = [_free_run_section(open_loop, "Free runs")] if open_loop.runs else []
     if sweeps:
@@ -181,8 +182,8 @@ def _free_run_section(open_loop: OpenLoop, title: str, band: SimulatedBand | Non
         lambda: rollout_figure(open_loop.shown(), records, names, "measured", bands),
         "free-runs",
         "Measured outputs and free runs of the models, with their errors below.",
-        "Free runs over what was measured, and below each output the error. Errors that grow steadily are a drift, "
-        "errors that swing with the input a wrong gain or delay." + (_BAND if bands else ""),
+        "Measured outputs and free runs; below each output, its error. An error that grows steadily is a drift; an "
+        "error that follows the input points to a wrong gain or delay." + (_BAND if bands else ""),
     )
     windows = len(open_loop.windows)
     text = f"{windows} window{'s' * (windows != 1)}. " + _RUNS.format(settle=f"{open_loop.settle:g} s")
@@ -191,16 +192,16 @@ def _free_run_section(open_loop: OpenLoop, title: str, band: SimulatedBand | Non
 
 def _horizon_section(sweeps: Sweeps) -> Section:
     return Section(
-        "Predictions over the horizon",
-        ["Each prediction starts from the state corrected with every measurement up to then, and runs free."],
+        "Prediction error by horizon",
+        ["Before each prediction, the state is corrected with all measurements so far; then the model runs free."],
         [horizon_table(sweeps)],
         [
             drawn(
                 lambda: horizon_figure(sweeps),
                 "horizon",
                 "Root mean square error of predictions over the horizon.",
-                "A model of the vehicle stays low far ahead; one that follows measurements is good for a few "
-                "samples only.",
+                "A good model of the vehicle keeps its error low far ahead. A model that only follows the "
+                "measurements is good for a few samples.",
             )
         ],
     )
@@ -216,8 +217,8 @@ def _pole_section(fit: LinearFit) -> Section:
                 lambda: pole_zero_figure({"model": fit}),
                 "poles",
                 "Poles with their 95 % regions and zeros in the plane of discrete time.",
-                "Grey lines: equal damping ratio ζ, solid, and equal natural frequency, dashed. A mode whose pole is "
-                "outside the unit circle grows; a zero within the region of a pole says that an order is too many.",
+                "Grey lines: constant damping ratio ζ (solid) and constant natural frequency (dashed). A mode whose "
+                "pole is outside the unit circle grows. A zero inside the region of a pole suggests an order too high.",
             )
         ],
     )
@@ -248,7 +249,7 @@ def _order_sections(done: Identified) -> list[Section]:
             lambda: singular_value_figure(done.fit),
             "singular-values",
             "Singular values of the subspace fit, those that were kept marked.",
-            "States above the level of the others carry what the past tells of the future; the rest is noise.",
+            "Singular values well above the rest belong to states of the system; the rest is noise.",
         )
         sections.append(Section("Order", drawings=[picture]))
     return sections
@@ -259,15 +260,15 @@ def _search_section(search: OrderSearch) -> Section:
         lambda: order_figure(search),
         "orders",
         "One-step error over the orders, and criteria over the number of parameters, with the choices.",
-        "Left the error of the best model of each n_a and n_b, whatever its n_c and delay. Beside it the criteria as "
-        "errors: the root of AIC and MDL, and for BIC the error that it charges as much.",
+        "Left: the error of the best model for each n_a and n_b, over all n_c and delays. Right: the criteria, as "
+        "errors: the square root of AIC and MDL, and the error equivalent to BIC.",
     )
     return Section("Orders", tables=[order_table(search)], drawings=[picture])
 
 
 def _residual_section(tests: Mapping[str, Mapping[str, Any]]) -> Section:
     white = sum(map(is_white, tests.values()))
-    title = f"Residual tests: white in {white} of {len(tests)} outputs"
+    title = f"Residual tests: {white} of {len(tests)} output{'s' * (len(tests) != 1)} white"
     return Section(title, tables=[residual_table(tests)], drawings=residual_drawings({"model": tests}))
 
 

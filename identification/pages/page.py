@@ -79,11 +79,11 @@ def number(value: float, digits: int = 3, sign: bool = False) -> str:
     return text.replace("-", "−")
 
 
-def amount(value: float, unit: str, sign: bool = False) -> str:
+def amount(value: float, unit: str, sign: bool = False, digits: int = 3) -> str:
     """A value with its unit as people read it: angles and their rates in degrees."""
     if unit in ("rad", "rad/s"):
         value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
-    return typeset(f"{number(value, sign=sign)} {'' if unit == '1' else unit}".strip())
+    return typeset(f"{number(value, digits, sign)} {'' if unit == '1' else unit}".strip())
 
 
 def percent(value: float) -> str:
@@ -98,7 +98,8 @@ def chance(p: float) -> str:
 
 def span(limits: tuple[float, float], unit: str) -> str:
     """An interval as people read it."""
-    low, high = (amount(limit, unit) for limit in limits)
+    texts = [[amount(limit, unit, digits=digits) for limit in limits] for digits in (3, 4, 5)]
+    low, high = next((pair for pair in texts if pair[0] != pair[1]), texts[0])  # a narrow one needs more digits
     return f"{low.partition(' ')[0]} to {high}"
 
 

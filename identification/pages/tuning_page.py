@@ -17,7 +17,7 @@ from controllers.tuning.tuning import Judged, Trying
 from identification.diagnosis.wording import listed
 from identification.pages.drawing import AFTER, BEFORE, INK, QUIET, downwards, new_figure, quantity_label, shown_values
 from identification.pages.model_page import Section
-from identification.pages.page import Table, drawn, number, page
+from identification.pages.page import Table, amount, drawn, number, page, span
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,7 +71,7 @@ def quantity_table(found: Judged) -> Table:
         rows.append(
             (quantity.removesuffix("_percent") + (f", {unit}" if quantity.endswith("_percent") else ""), *cells)
         )
-    return Table(("vehicle / worst", *found.loops), rows)
+    return Table(("vehicle / worst case", *found.loops), rows)
 
 
 def tuning_page(found: Judged) -> str:
@@ -81,10 +81,10 @@ def tuning_page(found: Judged) -> str:
         Section(
             "Loops",
             [
-                "Margins are of the loop broken at the command that moves the channel, all other loops closed. They "
-                "come from the simulated vehicle: a periodic signal is added to the command, and the command that acts "
-                "is compared with it. A dash: no such crossing, or not settled within the run. Errors are of the first "
-                "step, over its size."
+                "For the margins, each loop is opened at its command, with all other loops closed, and measured on the "
+                "simulated vehicle with a periodic signal added to the command. The RMS error and the overshoot are "
+                "those of the first step, in percent of its size. A dash means that there is no such crossing, or that "
+                "the loop did not settle within the run."
             ],
             [quantity_table(found)],
             [
@@ -92,16 +92,16 @@ def tuning_page(found: Judged) -> str:
                     lambda: tuning_figure(found),
                     "loops",
                     "Response of each loop and its step, for the vehicle and for those drawn from the intervals.",
-                    "Gain and phase of each open loop, and the step with which it was tried. Dark: the vehicle; light "
-                    "blue: drawn from the intervals; orange: corners of them.",
+                    "Gain and phase of each open loop, and its step response. Dark: the vehicle. Light blue: vehicles "
+                    "drawn from the intervals. Orange: corner cases, with parameters at the ends of their intervals.",
                 )
             ],
         ),
         Section("Gains", tables=[_gains_table(found)]),
-        Section("What is uncertain", tables=[_intervals_table(found)]),
+        Section("Uncertain parameters", tables=[_intervals_table(found)]),
     ]
     content: dict[str, Any] = {
-        "title": f"{found.plant.name}: gains of {found.law.upper()}",
+        "title": f"{found.plant.name}: {found.law.upper()} gains",
         "eyebrow": f"sample time {found.plant.dt:g} s, seed {found.seed}",
         "found": tuning_summary(found),
         "sections": sections,
@@ -168,10 +168,15 @@ def _gains_table(found: Judged) -> Table:
 
 def _intervals_table(found: Judged) -> Table:
     rows: Sequence[Any] = [
-        (path, number(value_at(found.plant, path)), f"{number(low)} to {number(high)}", spec_at(found.plant, path).unit)
-        for path, (low, high) in found.intervals.items()
+        (
+            spec_at(found.plant, path).title or path,
+            path,
+            amount(value_at(found.plant, path), spec_at(found.plant, path).unit),
+            span(limits, spec_at(found.plant, path).unit),
+        )
+        for path, limits in found.intervals.items()
     ]
-    return Table(("parameter", "value", "95 % interval", "unit"), rows)
+    return Table(("parameter", "path", "value", "95 % interval"), rows, 2)
 
 
 def _shown(value: float, unit: str = "") -> str:

@@ -130,6 +130,16 @@ class CorrectedIvls:
     In closed loop a bias remains, as the leak remembers noise that the piston answered; in tests 0.5 % of D/M.
     initial, spread, known: see `Rwls`; known=("piston_rate",) steadies a log with little piston travel.
     Source: Young 2011, Recursive Estimation and Time-Series Analysis, ch. 7; Soderstrom and Stoica 1983, ch. 4 to 6.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import CorrectedIvls, depth_control
+        >>> dive = depth_control(load_vehicle("qiandao_float"), [10, 20], rng=np.random.default_rng(0), hold=200)
+        >>> fit = CorrectedIvls().fit(dive)
+        >>> round(fit.model.damping, 2)
+        0.11
     """
 
     lag: int = 4

@@ -79,6 +79,16 @@ class Ivls:
     samples. An instrument out of step with the regressor lets the gain's denominator cross zero, where theta jumps. And
     the error of equation (8) is the noise's second difference, ten times the acceleration.
     Source: Zhong et al. 2024, equations (31) to (34).
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Ivls, depth_control
+        >>> dive = depth_control(load_vehicle("qiandao_float"), [10, 20], rng=np.random.default_rng(0), hold=200)
+        >>> fit = Ivls().fit(dive)
+        >>> round(fit.model.damping, 2)  # biased by depth noise: RefinedIv gives 0.11
+        0.28
     """
 
     share: float = 0.0005

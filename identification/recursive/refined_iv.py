@@ -83,6 +83,16 @@ class RefinedIv:
     slowest, fastest: s, limits of the time constant M/D.  initial, known: parameters in known keep their initial value.
     Source: Young and Jakeman 1980, Int. J. Control 31(4), 741-764; Young 2011, Recursive Estimation and Time-Series
     Analysis, ch. 8.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import RefinedIv, depth_control
+        >>> dive = depth_control(load_vehicle("qiandao_float"), [10, 20], rng=np.random.default_rng(0), hold=200)
+        >>> fit = RefinedIv().fit(dive)
+        >>> round(fit.model.damping, 2)
+        0.11
     """
 
     slowest: float = 100.0

@@ -56,6 +56,16 @@ class Rwls:
     Depth noise is in the regressor too: the second difference of it outweighs the float's acceleration, and the
     estimate of D/M is drawn towards 1.5/h. The intervals hold the scatter, not this bias.
     Source: Zhong et al. 2024, equation (20).
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Rwls, depth_control
+        >>> dive = depth_control(load_vehicle("qiandao_float"), [10, 20], rng=np.random.default_rng(0), hold=200)
+        >>> fit = Rwls().fit(dive)
+        >>> round(fit.model.damping, 2)  # biased by depth noise: RefinedIv gives 0.11
+        2.59
     """
 
     forgetting: float = 1.0

@@ -31,6 +31,7 @@ VEHICLES = (
     "npsauv",
     "remus100",
     "vt690",
+    "seaglider",
     "bluerov",
     "bluerov2_heavy",
 )

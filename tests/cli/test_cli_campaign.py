@@ -83,7 +83,7 @@ def test_an_error_in_the_file_ends_before_anything_is_made(tmp_path, capsys):
     assert "Did you mean 'seeds'" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
     assert run(tmp_path / "none.toml", tmp_path / "out") == 1
-    assert "Cannot read the campaign file" in capsys.readouterr().err
+    assert "There is no campaign file" in capsys.readouterr().err
 
 
 def test_a_scheduler_that_is_not_there_is_said(tmp_path, capsys, monkeypatch):

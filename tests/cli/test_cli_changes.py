@@ -26,7 +26,8 @@ def test_sides_are_given_once_and_each_mission_on_one(tmp_path, capsys):
     assert main([*common, "--with", "b.csv", "--series"]) == 1
     assert main([*common, "--with", "a.csv"]) == 1
     told = " ".join(capsys.readouterr().err.split())
-    assert told.count("ask for trends with --series") == 2
+    assert "Give the later missions after --with, or add --series" in told
+    assert "--series takes all missions in order: leave --with out" in told
     assert "leave out a.csv on one side" in told
 
 

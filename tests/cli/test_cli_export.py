@@ -40,7 +40,7 @@ def test_minari_takes_logs(tmp_path, monkeypatch, capsys):
     Record.from_arrays(np.arange(40.0), values).save(tmp_path / "log.nc")
     given = ["export", "ganeshblue", "--to", "minari", "--log", str(tmp_path / "log.nc"), "--out", "glider/log-v0"]
     assert main(given) == 0
-    assert "1 episodes, 39 steps: minari.load_dataset('glider/log-v0')" in capsys.readouterr().out
+    assert "1 episode, 39 steps: minari.load_dataset('glider/log-v0')" in capsys.readouterr().out
 
 
 def test_options_of_another_form_are_refused(capsys):

@@ -53,7 +53,7 @@ def test_it_draws_a_picture(log, tmp_path, capsys, ending):
     picture = tmp_path / f"log.{ending}"
     assert main(["look", str(log), "--vehicle", "slocum", "--picture", str(picture)]) == 0
     assert picture.stat().st_size > 2000
-    assert f"Written: {picture}" in said(capsys)
+    assert f"Written to {picture}" in said(capsys)
 
 
 @pytest.mark.parametrize(
@@ -81,8 +81,59 @@ def test_names_from_a_file_are_shown_as_they_are(tmp_path, capsys):
 
 def test_a_log_of_very_many_samples_is_to_be_thinned(tmp_path, capsys):
     t = np.arange(0.0, 1000.0, 0.1)
-    path = write(tmp_path / "log.csv", {"time_s": np.round(t, 1), "heading_deg": t % 360, "rudder_deg": 0.1 * t})
+    path = write(tmp_path / "log.csv", {"time_s": np.round(t, 1), "heading_deg": t % 360, "rudder_deg": 0.02 * t})
     assert main(["look", str(path), "--vehicle", "slocum"]) == 0
     text = said(capsys)
     assert f"auv-gym diagnose {path} --vehicle slocum --resample 0.2 --out diagnosis" in text
     assert text.endswith("(without --resample its 10,000 samples take long)")
+
+
+def glider_log(path, heading=np.radians, rudder=0.3):
+    """A table of 200 samples of a glider that turns about north."""
+    k = np.arange(200)
+    columns = {
+        "time_s": 4.0 * k,
+        "heading_rad": heading(20.0 * np.sin(0.05 * k)),
+        "rudder_rad": rudder * np.cos(0.3 * k),
+    }
+    np.savetxt(path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="")
+    return path
+
+
+def test_columns_without_a_unit_are_told_in_one_line(tmp_path, capsys):
+    t = np.arange(0.0, 400.0, 4.0)
+    more = dict.fromkeys(("alpha", "beta", "gamma", "delta", "epsilon"), t)
+    log = write(tmp_path / "log.csv", {"time_s": t, "heading_deg": t % 360, "rudder_deg": 0.02 * t, **more})
+    line = "5 columns left out, since their units are not known: alpha, beta, gamma, delta, ..."
+    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+    assert line in said(capsys)
+    assert main(["look", str(log), "--vehicle", "slocum", "--all"]) == 0
+    assert "epsilon: left out, since its unit is not known." in said(capsys)
+
+
+def test_vehicles_that_fit_equally_well_are_left_to_the_reader(tmp_path, capsys):
+    assert main(["look", str(glider_log(tmp_path / "log.csv"))]) == 0
+    text = said(capsys)
+    assert "--vehicle NAME --out diagnosis, where NAME is your vehicle: " in text
+    assert text.endswith("ganeshblue or ganeshblue_corrected or slocum")
+
+
+def test_a_unit_that_looks_wrong_is_to_be_corrected_before_a_diagnosis(tmp_path, capsys):
+    log = glider_log(tmp_path / "log.csv", rudder=20.0)
+    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert 'it looks like degrees: map it to "rudder_deg".' in text
+    first, then = (
+        f"auv-gym look {log} --mapping-out names.toml",
+        "--vehicle slocum --mapping names.toml --out diagnosis",
+    )
+    assert text.endswith(f"Next: {first}, correct in it what looks wrong, then auv-gym diagnose {log} {then}")
+
+
+def test_a_column_left_out_is_not_said_to_look_like_itself(tmp_path, capsys):
+    log = glider_log(tmp_path / "log.csv")
+    log.write_text(log.read_text().replace("rudder_rad", "heading_cmd_rad"))
+    table = log.read_text().splitlines()
+    log.write_text("\n".join([table[0] + ",rudder_rad", *(row + ",x" for row in table[1:])]))
+    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+    assert "`rudder_rad` looks like" not in said(capsys)

@@ -49,7 +49,7 @@ def test_a_requirement_that_is_not_met_is_exit_code_1_and_gains_of_ones_own_are_
         (("--require", "depth_m.phase_margin_deg>=45"), "No loop 'depth_m' in"),
         (("--require", "fast"), "A requirement needs QUANTITY>=NUMBER"),
         (("--kind", "lqr"), "Gains are tuned of kind pid or gpc, got 'lqr'"),
-        (("--uncertain", "nothing.json"), "nothing.json cannot be used"),
+        (("--uncertain", "nothing.json"), "There is no file nothing.json"),
     ],
 )
 def test_what_cannot_be_is_refused_in_words(more, words, tmp_path, capsys, monkeypatch):

@@ -188,7 +188,7 @@ def change(name: str, path: str, probes: float) -> np.ndarray:
     return outputs(replace_at(vehicle(name), path, spec.neutral + probes * spec.probe), record) - neutral
 
 
-@pytest.mark.parametrize("name", sorted(list_vehicles()))
+@pytest.mark.parametrize("name", sorted({*list_vehicles()} - {"seawing"}))  # of masses that move there is no bare form
 def test_neutral_effects_are_the_identity_bit_for_bit(name):
     plant = load_vehicle(name)
     # the bare family does not limit its steps to what is stable: of a vehicle that spins they are shorter anyway

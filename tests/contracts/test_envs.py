@@ -366,7 +366,7 @@ def test_memory_does_not_grow(case):
     assert after - before < 10_000  # bytes: less than one for each step
 
 
-@pytest.mark.parametrize("vehicle", sorted(list_vehicles()))
+@pytest.mark.parametrize("vehicle", sorted({*list_vehicles()} - {"seawing"}))  # which has no environment
 def test_random_steps_of_a_preset_stay_finite(vehicle):
     plant = load_vehicle(vehicle)
     name = next(case.name for case in CASES.values() if case.make().episodes.kind is KINDS.of(plant.family))

@@ -72,7 +72,9 @@ def torpedo_run(plant, kind="pid", side=1.0, noise=NOISE, on=None):
 
 
 def test_every_preset_has_gains_at_its_own_sample_time_or_needs_none():
-    plants = [load_vehicle(name) for name in list_vehicles()]
+    plants = [
+        plant for plant in map(load_vehicle, list_vehicles()) if plant.family.body is None or plant.family.body.piloted
+    ]
     tuned = [plant for plant in plants if KINDS.of(plant.family).placed is None]
     assert {(plant.name, plant.dt) for plant in tuned} <= set(ENTRIES)
     assert not {plant.name for plant in plants if plant not in tuned} & {name for name, _ in ENTRIES}

@@ -8,11 +8,13 @@ import pytest
 
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.vector_env import TaskVectorEnv
+from auv_gym.model import simulate
 from auv_gym.param import list_paths, replace_at
 from auv_gym.physics.frames import velocity_ned
 from auv_gym.plant import load_vehicle, vehicle_of_text, vehicle_text
 from auv_gym.plant.hover import find_hover
 from auv_gym.plant.thrusters import AXES
+from auv_gym.records.record import Record
 from tests.envs.env_runs import run
 
 ROVS = ("bluerov", "bluerov2", "bluerov2_heavy")
@@ -166,6 +168,24 @@ def test_a_regulator_with_sums_holds_the_station_in_a_current_and_one_without_do
         ends[name] = np.hypot(state["north_m"] - target["north_m"], state["east_m"] - target["east_m"])
     assert ends["pid"] < 0.01
     assert ends["pd"] > 10.0 * ends["pid"]
+
+
+def test_a_supply_sags_over_an_episode_as_in_a_simulated_log():
+    sagging = {"effects.supply.sag": 0.1, **{f"parts.t{k}.power": 1.2 for k in range(1, 9)}}
+    plant = replace_at(load_vehicle("bluerov2_heavy"), sagging)
+    env = TaskEnv("StationKeeping", plant, randomise={}, actions="wrench", duration=25.0)
+    _, info = env.reset(seed=0)
+    states, told = [info["state"]["u_mps"]], []
+    for _ in range(400):
+        _, _, _, _, info = env.step([0.5, 0.0, 0.0, 0.0, 0.0, 0.0])
+        states.append(info["state"]["u_mps"])
+        told.append([info["command"][name] for name in plant.family.actuators])
+    commands = dict(zip(plant.family.actuators, np.array([*told, told[-1]]).T, strict=True))
+    still = dict.fromkeys(plant.outputs, np.zeros(401)) | {"depth_m": np.full(401, info["state"]["depth_m"])}
+    log = Record.from_arrays(plant.dt * np.arange(401), {**commands, **still})
+    # the log begins with the thrusters where they are told to be, the episode at rest
+    np.testing.assert_allclose(states[100:], simulate(plant, log)["u_mps"][100:], atol=1e-6)
+    assert states[-1] < 0.95 * max(states)  # 2 V of 16 are gone
 
 
 def test_poses_are_drawn_anew_and_what_is_given_stays():

@@ -253,7 +253,7 @@ def test_what_it_cannot_hold_is_said_and_written():
 
 
 def test_a_float_is_refused():
-    with pytest.raises(ValueError, match="SDF needs a hull"):
+    with pytest.raises(ValueError, match="SDF needs a vehicle with a hull and parts, such as remus100"):
         gazebo_world(load_vehicle("mermaid"))
 
 

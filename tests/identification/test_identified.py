@@ -122,11 +122,11 @@ def test_pages_are_whole_and_tell_what_was_found(done):
     assert text.count("<svg") == 6
     assert headings(text) == [
         "Free runs over 1 record to validate on",
-        "Predictions over the horizon",
+        "Prediction error by horizon",
         "Parameters",
         "Poles and zeros",
         "Frequency response",
-        "Residual tests: white in 2 of 2 outputs",
+        "Residual tests: 2 of 2 outputs white",
     ]
     assert "Check the data: clocks differ" in text
     assert "a1[depth_m]" in text
@@ -134,7 +134,7 @@ def test_pages_are_whole_and_tell_what_was_found(done):
     sweeps = {"model": {"depth_m": {4.0: 0.1, 40.0: 0.4}}}
     page = compared_page("Models", done.open_loop, sweeps, "words")
     assert page.count("<svg") == 2
-    assert "Depth: model is nearest" in page
+    assert "Depth: model fits best" in page
 
 
 def test_a_linear_fit_is_judged_over_the_horizon_and_with_its_band(done, records):

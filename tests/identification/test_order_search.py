@@ -70,7 +70,7 @@ def test_the_table_says_what_each_criterion_takes_and_which_was_asked_for():
     search = search_apart("arx", [record()], [], INPUTS, OUTPUTS, ranges, criterion="bic", settings={"offset": False})
     assert search.base.offset is False
     shown = order_table(search)
-    assert shown.heads == ("output", "criterion", "n_a", "n_b", "delay", "n", "error, rms")
+    assert shown.heads == ("output", "criterion", "n_a", "n_b", "delay", "n", "RMS error")
     assert [row[0] for row in shown.rows] == ["q_radps"] * 4 + ["w_mps"] * 4
     assert [row[1] for row in shown.rows[:4]] == ["BIC, chosen", "MDL", "AIC", "parsimony"]
     assert shown.rows[0][2:6] == ["1", "1", "1", "2"]

@@ -16,6 +16,7 @@ from auv_gym.records.record import Record
 from auv_gym.vehicles import FAMILY_NAMES
 
 PRESETS = sorted(list_vehicles())
+TORPEDOES = [name for name in PRESETS if (body := load_vehicle(name).family.body) and body.steered]
 GLIDERS = [name for name in PRESETS if load_vehicle(name).family.kind == "glider"]
 EFFECTS = {
     "none": {},
@@ -95,7 +96,7 @@ def test_stepping_is_the_compiled_rollout(name, effects):
     assert stepped(plant, record, x) == pytest.approx(plant.run(record, record.segments, x[None, :]), abs=1e-9)
 
 
-@pytest.mark.parametrize("name", [name for name in PRESETS if load_vehicle(name).family.kind == "body"])
+@pytest.mark.parametrize("name", TORPEDOES)
 @pytest.mark.parametrize("effects", TORPEDO_EFFECTS.values(), ids=TORPEDO_EFFECTS)
 def test_stepping_in_six_degrees_of_freedom_is_the_compiled_rollout(name, effects):
     plant = with_effects(load_vehicle(name), effects)

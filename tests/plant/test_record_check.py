@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -47,7 +45,7 @@ def test_a_dive_without_buoyancy_actions_is_refused():
 
 
 def test_a_vehicle_that_needs_no_input_is_excited_by_those_that_were_logged():
-    glider = load_vehicle(Path(__file__).parents[2] / "examples" / "vehicles" / "seawing.toml")
+    glider = load_vehicle("seawing")
     assert glider.family.required == ()
     time = np.arange(600.0)
     slides = Record.from_arrays(time, {"depth_m": time, "battery_m": 0.03 * np.sign(np.sin(time / 60.0))})
@@ -66,7 +64,7 @@ def test_a_vehicle_says_what_it_takes_from_a_log():
 
 
 def test_a_vehicle_with_a_polar_gives_the_speed_with_its_angle_of_attack(tmp_path):
-    glider = load_vehicle(Path(__file__).parents[2] / "examples" / "vehicles" / "seawing.toml")
+    glider = load_vehicle("seawing")
     needs, wings = needs_of(glider), glider.parts.wings
     assert needs.attack is not None
     time, pitch = np.arange(0.0, 600.0, 4.0), -0.4
@@ -79,3 +77,15 @@ def test_a_vehicle_with_a_polar_gives_the_speed_with_its_angle_of_attack(tmp_pat
     assert record["u_mps"] == pytest.approx(0.5, abs=1e-6)
     assert "less the angle of attack" in record.attrs["derived"]
     assert not read_record(tmp_path / "log.csv", required=["heading_rad"]).has("u_mps")
+
+
+def test_a_volume_that_is_upside_down_about_its_neutral_is_refused_as_such():
+    """A Seaglider's volume counts from its largest: with the sign of its column turned, it goes below its smallest."""
+    glider = load_vehicle("seaglider")
+    low, neutral, high = (getattr(glider.hull, f"engine_{name}") for name in ("low", "neutral", "high"))
+    upright = _record(buoyancy_volume_m3=np.where(np.sin(TIME / 60.0) > 0.0, low, high))
+    check_ranges(glider, upright)
+    assert abs(2.0 * neutral - low - high) > 0.1 * (high - low)  # it is not in the middle
+    turned = upright.with_channels({"buoyancy_volume_m3": 2.0 * neutral - upright["buoyancy_volume_m3"]})
+    with pytest.raises(ValueError, match=rf"looks mirrored about its neutral {neutral:.4g}\.$"):
+        check_ranges(glider, turned)

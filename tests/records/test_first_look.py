@@ -120,9 +120,14 @@ def test_a_clean_log_is_not_doubted(tmp_path):
     assert "pitch_rad is positive where depth grows" in doubts
     assert "volume" not in doubts
     clean |= {"pitch_rad": pitch, "buoyancy_volume_cm3": -200.0 * np.sign(pitch)}
-    assert [line[:50] for line in look_at(write(tmp_path / "d.csv", clean)).doubts] == [
-        "buoyancy_volume_m3 is larger where depth grows, an"
-    ]
+    (doubt,) = look_at(write(tmp_path / "d.csv", clean)).doubts
+    assert doubt.startswith("buoyancy_volume_m3 is larger where depth grows")
+    assert doubt.endswith('turn one of them in a mapping, as in "-buoyancy_volume_m3".')
+    # counted from the largest volume, as a Seaglider's is here: a mapping that turns it would move its neutral
+    clean |= {"buoyancy_volume_cm3": -500.0 - 200.0 * np.sign(pitch)}
+    (doubt,) = look_at(write(tmp_path / "e.csv", clean)).doubts
+    assert doubt.startswith("buoyancy_volume_m3 is larger where depth grows")
+    assert doubt.endswith("Change that sign in the file.")
 
 
 def test_an_angle_that_wraps_in_no_channel_of_angles_is_named(tmp_path):

@@ -7,6 +7,7 @@ pytest.importorskip("stable_baselines3")
 
 from auv_gym.rl import Training, evaluate, fresh_seeds, train
 from auv_gym.rl.agents import make_agent, policy_network
+from auv_gym.rl.evaluation import Summary
 from auv_gym.rl.hyperparameters import Imitation, checked
 from auv_gym.rl.imitation import Demonstrations, demonstrate, follow, returns_to_come
 from auv_gym.rl.settings import make_env
@@ -102,3 +103,29 @@ def test_a_controller_that_is_not_there_is_named(tmp_path):
     with pytest.raises(ValueError, match="No controller follows"):
         train(path, tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_noise_with_which_station_keeping_is_learnt_is_small_beside_what_pid_commands():
+    """With noise as large as the commands, PPO learns gains that suit the noise and lose to PID without it."""
+    training = Training("StationKeeping-v0")
+    env, chosen = make_env(training.env, **training.options), training.chosen
+    commands = []
+    for seed in fresh_seeds(0, 4):
+        observation, info = env.reset(seed=seed)
+        act, ended = pilot_for(env, "pid").begin(env), False
+        while not ended:
+            commands.append(act(observation, info))
+            observation, _, terminated, truncated, info = env.step(commands[-1])
+            ended = terminated or truncated
+    assert chosen.policy_kwargs.log_std_init is not None
+    noise = np.exp(chosen.policy_kwargs.log_std_init) * np.max(chosen.action_scale)
+    assert noise < 0.15 * np.sqrt(np.mean(np.square(commands), axis=0)).max()
+
+
+@pytest.mark.slow
+def test_a_policy_keeps_station_better_than_the_pid_that_it_begins_from(tmp_path):
+    policy = train(Training("StationKeeping-v0", seed=2), tmp_path / "keeper").policy
+    env, seeds = policy.env(), fresh_seeds(4002, 40)
+    found, pid = (evaluate(agent, env, seeds) for agent in (policy, pilot_for(env, "pid")))
+    assert found.cut == 0
+    assert Summary.of(found.returns - pid.returns).mean_interval[0] > 0.0

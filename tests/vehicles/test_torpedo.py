@@ -17,7 +17,11 @@ from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.vehicles import Part, compose
 from auv_gym.vehicles.body.dynamics import SCRATCH, fill_terms
 
-PRESETS = [name for name in sorted(list_vehicles()) if load_vehicle(name).family.kind == "body"]
+PRESETS = [
+    name
+    for name, body in ((name, load_vehicle(name).family.body) for name in sorted(list_vehicles()))
+    if body is not None and body.steered
+]
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SYMBOLS = "uvwpqr"
 FAMILY = compose(

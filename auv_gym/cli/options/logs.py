@@ -22,6 +22,8 @@ ANY_LOG = (
     "Slocum, Seaglider or SeaExplorer file, or the example log slocum:ammonite."
 )
 FINER = 4  # times, beyond which a log is brought to the vehicle's step: filters take as long as a log has rows
+_NO_UNIT = ": left out, since its unit is not known."  # as `auv_gym.records.reading` says it
+_FEW = 4  # columns without a unit that are named one by one
 _SHOWN = 12  # lines on what was left out; more are for `auv-gym look`
 
 Logs = Annotated[list[str], typer.Argument(help=f"{ANY_LOG} Several files are joined into one record.")]
@@ -38,9 +40,7 @@ ColumnNames = Annotated[
 ]
 CutGaps = Annotated[
     bool,
-    typer.Option(
-        "--cut-gaps/--refuse-gaps", help="Cut the log where values are missing, or refuse such a log. Default: cut."
-    ),
+    typer.Option("--cut-gaps/--refuse-gaps", help="Cut the log where values are missing, or refuse such a log."),
 ]
 CacheFolder = Annotated[
     Path | None, typer.Option(help="Folder with a Slocum glider's cache files (.cac), if they are not next to the log.")
@@ -97,13 +97,23 @@ def read_log(
     record = read_record(
         log, mapping, required, long_runs="cut" if cut_gaps else "raise", beside=cache_dir, progress=progress
     )
-    notes = record.notes
+    notes = grouped(record.notes)
     for line in notes[:_SHOWN]:
         errors.print(f"Log: {escape(line)}", soft_wrap=True)
     if len(notes) > _SHOWN:
         first = log if isinstance(log, str) else log[0]
         errors.print(f"Log: and {len(notes) - _SHOWN} more notes; see auv-gym look {escape(first)}.", soft_wrap=True)
     return record
+
+
+def grouped(notes: Sequence[str]) -> list[str]:
+    """Notes with those on columns without a unit in one line, where there are more than a few."""
+    columns = [line.removesuffix(_NO_UNIT) for line in notes if line.endswith(_NO_UNIT)]
+    if len(columns) <= _FEW:
+        return list(notes)
+    shown = f"{', '.join(columns[:_FEW])}, ..."
+    others = [line for line in notes if not line.endswith(_NO_UNIT)]
+    return [*others, f"{len(columns)} columns left out, since their units are not known: {shown}"]
 
 
 def needs_of(vehicles: Sequence[str] | None) -> dict[str, Needs]:

@@ -15,7 +15,7 @@ class Hooks:
     start; `x`, the full state in the row, which is that of the vehicle or of a model in its place.
 
     Open in a hook are `vehicle`, a `Vehicle`, and the numbers of `programs.open_numbers`: sizes such as ACTUATORS, and
-    the places of states (DEPTH), readings (READ_DEPTH), inputs (IN_ELAPSED) and features (ERROR).
+    the places of states (DEPTH), readings (READ_DEPTH), inputs (IN_BUOYANCY_VOLUME) and features (ERROR).
     """
 
     # (plan, t, e): put the commands of e.action into e.command and e.features, and the cost of their change into

@@ -46,6 +46,7 @@ records: Records = OPEN
 prange: Any = OPEN
 STATES = ACTUATORS = INPUTS = OUTPUTS = SENSED = WORK = 0
 PLAN_FIXED = ROW_FIXED = OBSERVATION_AT = COMMAND_AT = RAW_AT = 0
+IN_ELAPSED = -1
 
 
 def fault(x, t):
@@ -137,9 +138,16 @@ def outcome(plan, derived, row, t, e):
     return TERMINATED if e.reason != NO_REASON else TRUNCATED
 
 
+def command(plan, t, e):
+    """The commands of the action in the row, and the time of the step for a vehicle that changes with it."""
+    hooks.command(plan, t, e)
+    if IN_ELAPSED >= 0:
+        e.command[IN_ELAPSED] = e.time
+
+
 def advance(plan, derived, row, t, e, work):
     """One step of an environment whose action is in the row; the status."""
-    hooks.command(plan, t, e)
+    command(plan, t, e)
     state_at, previous_at, count = int(t.state_at), int(t.previous_at), int(t.full_state)
     x = row[state_at : state_at + count]
     for i in range(count):
@@ -244,7 +252,7 @@ def command_one(buffer):
     for k in range(INPUTS):
         if not abs(e.action[k]) < np.inf:
             return REFUSED
-    hooks.command(plan, t, e)
+    command(plan, t, e)
     for i in range(int(t.full_state)):
         row[int(t.previous_at) + i] = row[int(t.state_at) + i]
     return RUNNING
@@ -342,7 +350,7 @@ def bind_kernel(family: Family, kind: EnvKind) -> Kernel:
         for hook in fields(Hooks)
     }
     known |= {"hooks": namespace(Hooks(**filled)), "records": namespace(views)}
-    for template in (fault, sample, observe, outcome, advance, begin):  # each after those that it calls
+    for template in (fault, sample, observe, outcome, command, advance, begin):  # each after those that it calls
         known[template.__name__] = bind(template, program, inline=template.__name__ not in _CALLED, **known)
     _BOUND[program] = Kernel(
         begin_one=ready(bind(begin_one, program, inline=False, **known)),

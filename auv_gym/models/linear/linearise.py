@@ -30,6 +30,12 @@ def linearise(
     torpedo's cruise, a glider straight ahead, a float at rest and deep, a vehicle with thrusters hovering; the drag of
     the last two is that of a tenth of their fastest speed.
     States are changes from there; actuators with a lag add theirs.  Raises on names that the vehicle lacks.
+
+    Example:
+
+        >>> from auv_gym import linearise, load_vehicle
+        >>> linearise(load_vehicle("slocum"), dt=1.0).poles().round(3)
+        array([1.   , 0.951])
     """
     family, kind = plant.family, KINDS.of(plant.family)
     moves = kind.moves(plant)

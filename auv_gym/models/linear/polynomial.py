@@ -24,6 +24,13 @@ class Polynomial:
     a: (na + 1, p, p), a[0] = I.  b: (nb + 1, p, m), b[0] = 0, no direct feedthrough.  c: (nc + 1, p, p), c[0] = I;
     default I (ARX); c = a is an output-error model.  Offsets default to zeros.
     Source: Ljung 1999, System Identification, secs. 4.2 and 4.4.
+
+    Example:
+
+        >>> from auv_gym import Polynomial
+        >>> yaw = Polynomial.from_coefficients({"r_radps": [-0.9]}, {"r_radps": {"rudder_rad": [0.02]}}, dt=1.0)
+        >>> yaw.to_state_space().poles()
+        array([0.9])
     """
 
     a: np.ndarray

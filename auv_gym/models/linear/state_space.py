@@ -30,6 +30,13 @@ class StateSpace:
     `correct` adds l e to the state with a l = k, so that `correct`, then `step`, is this equation and `predict` its
     predictor.  Where no l does that (a has a pole at zero that k drives), the innovations join the state for a sample.
     Source: Ljung 1999, System Identification, sec. 4.3; Anderson and Moore 1979, Optimal Filtering, sec. 9.2.
+
+    Example:
+
+        >>> from auv_gym import StateSpace
+        >>> turning = StateSpace([[0.9]], [[0.02]], [[1.0]], ("rudder_rad",), ("r_radps",), dt=1.0)
+        >>> turning.poles(), turning.dc_gain().round(3)
+        (array([0.9]), array([[0.2]]))
     """
 
     a: np.ndarray

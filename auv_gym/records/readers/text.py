@@ -36,7 +36,8 @@ def _read(path: Path, scope: Scope) -> Log:
     lines, ends = _first_lines(content)
     if len(lines) < 3:
         raise ValueError(
-            f"A header and at least 2 rows are needed, got {len(lines)} lines in all: export the log again."
+            f"A header and at least 2 rows are needed, got {len(lines)} line{'s' * (len(lines) != 1)} in all: "
+            "export the log again."
         )
     delimiter = max(",;\t", key=lines[0].count)
     header = _header(lines[0], delimiter)

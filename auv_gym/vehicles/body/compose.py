@@ -111,6 +111,11 @@ class Body:
         """Whether thrusters do everything, and no part steers or drives by its role."""
         return bool(self.thrusters) and not self.by_role()
 
+    @property
+    def piloted(self) -> bool:
+        """Whether autopilots and environments know how to move it: by fins and a drive, or by thrusters alone."""
+        return self.steered or self.hovers
+
     def required(self) -> tuple[str, ...]:
         """The channels that a record must have; a second part of a role, such as bow planes, rests where it lacks."""
         first = {names[0] for names in self.by_role().values()}

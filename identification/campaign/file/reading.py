@@ -31,6 +31,8 @@ def read_campaign(path: str | Path, seed_offset: int = 0) -> Campaign:
     try:
         text = path.read_text(encoding="utf-8")
         content = tomllib.loads(text)
+    except FileNotFoundError:
+        raise ValueError(f"There is no campaign file {path}.") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"Cannot read the campaign file {path}: {error}.") from None
     except tomllib.TOMLDecodeError as error:

@@ -14,6 +14,7 @@ from auv_gym.writing import write_text
 from identification.campaign.file.plan import plan
 from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import read_fits
+from identification.campaign.gains import read_tuned
 from identification.campaign.index import Row, read_index
 from identification.campaign.report.experiment import (
     experiment_drawings,
@@ -41,7 +42,7 @@ GLOSSARY = {
     "open loop": "The model gets the inputs that the vehicle got.",
     "closed loop": "The model stands in the vehicle's place, and the same controller steers it by its own outputs.",
     "step": "The largest change that the set point asks for in a run; without one, the range of the output.",
-    "rms": "Root mean square.",
+    "RMS": "Root mean square.",
     "residual": "Measured minus model.",
     "white": "Without memory: knowing one sample of the residual says nothing about the next.",
     "95 % interval": "Where the parameter lies with 95 % confidence, if the model's form is right.",
@@ -92,6 +93,7 @@ def _content(campaign: Campaign, folder: Path, rows: Sequence[Row]) -> dict[str,
         "method": headings["method"],
     }
     found = [headings[key] for key in ("experiment", "models", "open", "closed", "residuals") if headings[key]]
+    tuned = read_tuned(folder) if campaign.tune is not None else []
     remarks = [f"{fit['name']} failed: {fit['reason']}" for fit in fits if fit["status"] != "done"]
     remarks += [f"{fit['name']}: {remark}" for fit in made for remark in fit["remarks"]]
     return {
@@ -101,6 +103,7 @@ def _content(campaign: Campaign, folder: Path, rows: Sequence[Row]) -> dict[str,
         "warned": any(not row.usable for row in rows)
         or bool(remarks)
         or any(of and of["complaints"] for of in told.values()),
+        "tuned": tuned,
         "cards": _cards(rows, records, fits, rollouts),
         "sections": [(f"{key}-loop" if key in told else key, title) for key, title in links.items() if headings[key]],
         "headings": headings,

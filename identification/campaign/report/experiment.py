@@ -41,8 +41,8 @@ def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None
         return None
     guarded = any(record.has("envelope_flag") for record in records.values())
     heads = ["setting", "runs"]
-    heads += [f"rms error of {channel(n).label}" for n in aimed]
-    heads += [f"rms of {channel(n).label} about its mean" for n in driven]
+    heads += [f"RMS error of {channel(n).label}" for n in aimed]
+    heads += [f"RMS of {channel(n).label} about its mean" for n in driven]
     heads += ["guard acted, share of time"] if guarded else []
     lines = []
     for cell in dict.fromkeys(grid_cell_label(row.cell) for row in rows):
@@ -54,9 +54,9 @@ def tracking(rows: Sequence[Row], records: Mapping[str, Record]) -> Table | None
             line.append(percents([100.0 * float(np.mean(figures.guard_acted(r))) for r in of]))
         lines.append(line)
     excited = any(r.has(excitation_of(n)) for n in aimed for r in records.values())
-    caption = f"Reading less set point{' with the excitation at it' * excited}, over whole runs, steps included"
+    caption = f"Error: reading minus set point{' (with its excitation)' * excited}, over whole runs, steps included"
     return Table(
-        heads, lines, 1, caption + (": median over the seeds, and below it the range." * table_has_ranges(lines) or ".")
+        heads, lines, 1, caption + ("; median over the seeds, and below it the range." * table_has_ranges(lines) or ".")
     )
 
 
@@ -108,7 +108,7 @@ def _signals_caption(row: Row, record: Record) -> str:
     if inputs_of(record):
         caption += ", inputs in green"
     if any(record.has(excitation_of(name)) for name in inputs_of(record)):
-        caption += ", of which the ochre part is excitation"
+        caption += ", and the excitation in them in ochre"
     if any(record.has(excitation_of(name)) for name in outputs_of(record)):
         caption += "; what excitation adds to a set point is in the dashed line"
     return caption + ("; shaded where the envelope's guard acted." if figures.guard_acted(record).any() else ".")

@@ -59,7 +59,7 @@ def signals_figure(record: Record, wanted: Sequence[str] = ()) -> Figure:
         if not moved and record.has(excitation_of(name)):
             added = shown_values(name, record[excitation_of(name)])
             look = {"color": EXCITATION, "linewidth": 0.8, "alpha": 0.9, "drawstyle": "steps-post", "zorder": 1.7}
-            line(axes, clock.times, added, clock.cuts, **look, label="excitation in it")
+            line(axes, clock.times, added, clock.cuts, **look, label="excitation")
         axes.set_title(quantity_label(name), loc="left")
         axes.margins(x=0.0)
         axes.locator_params(axis="y", nbins=5)

@@ -108,7 +108,7 @@ def _table(told: Sequence[Mapping[str, Any]], models: Sequence[str], names: Sequ
     if not lines:
         return None
     heads = ["model", *(["setting"] if apart else []), "output", "runs"]
-    heads += ["rms error", "largest error", "rms error, of the step", "step"]
+    heads += ["RMS error", "largest error", "RMS error, of the step", "step"]
     caption = "Model less vehicle" + (", as far as the model went" if marked else "")
     caption += ": median over the runs, and below it the range." if table_has_ranges(lines) else "."
     return Table(heads, lines, 3 if apart else 2, caption, marked)

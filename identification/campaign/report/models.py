@@ -35,8 +35,9 @@ def models_heading(fits: Sequence[Mapping[str, Any]]) -> str:
     if not any(scores for _, scores in scored):
         return f"Models: {len(made)} fitted, judged on no other run{missing}"
     fit, scores = max(scored, key=lambda pair: np.mean(list(pair[1].values()) or [-np.inf]))
-    parts = [f"{channel(name).label} to {percent(value)}" for name, value in scores.items()]
-    return f"Models: {fit['name']} fits {listed(parts, 'and')} in runs that it has not seen{missing}"
+    parts = [f"{channel(name).label} {percent(value)}" for name, value in scores.items()]
+    worse = " (below 0 %: worse than a constant)" if min(scores.values()) < 0.0 else ""
+    return f"Models: fit of {fit['name']} in free runs over held-out data: {listed(parts, 'and')}{worse}{missing}"
 
 
 def median_fit_percents(fit: Mapping[str, Any]) -> dict[str, float]:
@@ -59,7 +60,7 @@ def score_table(fits: Sequence[Mapping[str, Any]]) -> Table | None:
         of = [scores[name] for scores in designed.values() if name in scores]
         if of:
             lines.append([VEHICLE, "–", channel(name).label, "–", str(len(of)), *_errors(of, name)])
-    heads = ["model", "method", "output", "runs fitted", "runs held out", "rms error", "fit"]
+    heads = ["model", "method", "output", "runs fitted", "runs held out", "RMS error", "fit"]
     caption = "Median over the held-out runs, and below it the range." if table_has_ranges(lines) else ""
     return Table(heads, lines, 3, caption) if lines else None
 

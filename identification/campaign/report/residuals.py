@@ -18,8 +18,9 @@ _TEXT = (
     "free runs are hardly ever white."
 )
 _CAPTION = (
-    "p: of the Ljung-Box test that the residual has no memory, white above 0.01. Follows most: the input with the "
-    "largest correlation at an earlier sample, and that in 95 % bounds of noise."
+    "p: p-value of the Ljung-Box test for whiteness; residuals with p above 0.01 count as white. Strongest input: the "
+    "input whose earlier samples correlate most with the residual, with the correlation relative to the 95 % noise "
+    "bound."
 )
 
 
@@ -38,9 +39,9 @@ def residual_content(fits: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None
             rms, first = spread([test["rms"]], name), number(test["correlation"][0], 2, sign=True)
             told = "yes" if is_white(test) else "no"
             lines.append([model, channel(name).label, of_what, tie, rms, first, chance(test["p_value"]), told])
-    heads = ["model", "output", "residual", "strongest input", "rms", "lag-1 correlation", "p", "white"]
+    heads = ["model", "output", "residual", "strongest input", "RMS", "lag-1 correlation", "p", "white"]
     return {
-        "heading": f"Residual tests: white in {white} of {len(lines)} outputs of models",
+        "heading": f"Residual tests: {white} of {len(lines)} model outputs white",
         "text": _TEXT,
         "table": Table(heads, lines, 4, _CAPTION),
         "drawings": residual_drawings(dict(list(tests.items())[:MOST_MODELS])),

@@ -69,7 +69,7 @@ def _experiment(settings: RunSettings) -> Iterator[tuple[str, str, str]]:
             told = [f"{amount(value, channel(name).unit)} from {time:g} s" for time, value in steps[:_STEPS]]
             yield "", f"set point of {channel(name).label}", ", ".join([*told, *["..."] * (len(steps) > _STEPS)])
     elif experiment.kind == "mission":
-        told = [_setting(key, value, "") for key, value in experiment.settings.items()]
+        told = [_setting(key, value, "s" if key == "duration" else "") for key, value in experiment.settings.items()]
         yield "", "mission", ", ".join(["the standard experiment of the vehicle", *told])
     else:
         yield "", "log", experiment.file
@@ -99,7 +99,7 @@ def _setting(key: str, value: Any, unit: str) -> str:
     if isinstance(value, int | float) and not isinstance(value, bool):
         if key.endswith("_s"):
             return f"{key.removesuffix('_s')} {value:g} s"
-        if key == "amplitude" and unit:
+        if key in ("amplitude", "duration") and unit:
             return f"{key} {amount(value, unit)}"
     return f"{key} {setting_text(value)}"
 

@@ -115,9 +115,9 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
             f"A diagnosis needs at least {LEAST_WINDOWS} windows of {window:g} s without a gap, got {len(windows)} "
             f"(longest stretch {longest:.0f} s, samples {record.sample_interval:g} s apart): "
             + (
-                "choose longer windows."
+                "choose longer windows, and check that times are in seconds."
                 if window < 2.0 * record.sample_interval
-                else "record longer or choose shorter windows."
+                else "record longer, give several logs of the vehicle, or choose shorter windows."
             )
         )
     shortest = min(w.stop - w.start for w in windows)

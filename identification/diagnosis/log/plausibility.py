@@ -173,13 +173,12 @@ def _doubt(found: Sequence[_Mended]) -> Doubt:
 def _foreign(plant: Plant, *matches: Match) -> Doubt:
     names = [n for n in matches[0].errors if all(m.errors.get(n, 0.0) > BAD for m in matches)]
     signals = ", ".join(channel(n).label for n in names) or "its signals"
-    does = "moves" if len(names) == 1 else "move"
     text = (
-        f"this does not look like a log of {plant.name}: {signals} {does} differently for all coefficients within a "
-        f"factor of {FACTOR:g} (or within the wider range that its file states), and no single error of sign, unit, "
-        "column or clock explains it"
+        f"this does not look like a log of {plant.name}: no coefficients within a factor of {FACTOR:g} of its own (or "
+        f"within the wider range that its file states) reproduce {signals}, and no single error of sign, unit, column "
+        "or clock explains the difference"
     )
-    mend = "check that log and vehicle belong together; if they do, check signs, units and columns of all channels"
+    mend = "check that the log is of this vehicle; if it is, check signs, units and columns of all channels"
     return Doubt(text, tuple(names), 1.0, mend)
 
 
@@ -224,7 +223,7 @@ def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: flo
 
 def _match(record: Record, plant: Plant, paths: Sequence[str] = (), iterations: int = 4) -> Match:
     """Free runs over the segments of a record from fitted starts, with coefficients fitted within `FACTOR`."""
-    if not _possible(record):
+    if not _possible(record, plant):
         return Match(plant, {name: _WILD for name in (*plant.outputs, "depth_m", "pitch_rad") if record.has(name)})
     problem = Shooting(plant, record, record.segments)
     found, point = plant, problem.point(plant.vector, problem.first_guess)
@@ -277,17 +276,26 @@ def _sink(match: Match, record: Record, window: np.ndarray) -> None:
     match.add("depth_m", record["depth_m"], total / len(record), window)
 
 
-def _possible(record: Record) -> bool:
+def _possible(record: Record, plant: Plant) -> bool:
     """Whether angles, depth and speed are what a vehicle can have."""
     for name in ("pitch_rad", "rudder_rad", "stern_plane_rad", "bow_plane_rad"):
         if record.has(name) and np.quantile(np.abs(record[name]), 0.95) > STEEPEST:
             return False
     # past the vertical roll winds up: only of a vehicle that stays clear of it does it say that something is wrong
     upright = not record.has("pitch_rad") or float(np.abs(record["pitch_rad"]).max()) < STEEP
-    if upright and record.has("roll_rad") and np.quantile(np.abs(record["roll_rad"]), 0.95) > 2.0 * np.pi:
+    if upright and record.has("roll_rad") and np.quantile(np.abs(_less_turns(record["roll_rad"])), 0.95) > 2.0 * np.pi:
         return False
     below = not record.has("depth_m") or float(np.median(record["depth_m"])) > -1.0
-    return below and (not record.has("u_mps") or 0.0 < float(np.median(record["u_mps"])) < FASTEST)
+    if not below or not record.has("u_mps"):
+        return below
+    speed = float(np.median(record["u_mps"]))
+    # what thrusters hold in place drifts astern as often as ahead
+    return -FASTEST < speed < FASTEST if "u_mps" in plant.family.driven else 0.0 < speed < FASTEST
+
+
+def _less_turns(angle: np.ndarray) -> np.ndarray:
+    """An angle less the whole turns about which it is: a glider that swings at the surface dives with one of them."""
+    return angle - 2.0 * np.pi * np.round(np.median(angle) / (2.0 * np.pi))
 
 
 def _concerned(slip: Slip, plant: Plant, declared: Match) -> bool:
@@ -336,7 +344,7 @@ def _ranked(
     for number, slip in enumerate(suspects):
         changed = undone(record, slip, plant)
         part = changed.select(mask)
-        if _possible(part):
+        if _possible(part, plant):
             here = _match(part, plant, iterations=3) if plant.family.shared else _glance(part, plant, stray)
             scores.append((here.telling(stray).total, number, slip, changed))
     return [(slip, changed) for *_, slip, changed in sorted(scores, key=lambda item: item[:2])[:SHORTLIST]]

@@ -31,6 +31,8 @@ _TURNED = (  # what is often logged with the opposite sign
     ),
     *("east_m", "propeller_rpm", "propeller_V", "u_mps", "u_dvl_mps"),
 )
+# volumes that a record may count from an end, while the column in the file counts from neutral, as a Seaglider's does
+_VOLUMES = ("buoyancy_volume_m3",)
 _EXCHANGED = (
     *(("rudder_rad", "stern_plane_rad"), ("rudder_rad", "bow_plane_rad"), ("roll_rad", "pitch_rad")),
     *(("pitch_rad", "heading_rad"), ("roll_rad", "heading_rad"), ("u_mps", "v_mps"), ("v_mps", "w_mps")),
@@ -162,6 +164,13 @@ def _signs(used: set[str], plant: Plant) -> Iterator[Slip]:
         low, high = (value_at(plant, f"hull.piston_{end}") for end in ("low", "high"))
         text = "the piston moves the wrong way: piston_m looks measured from the other end of the stroke"
         yield Slip(text, f"subtract piston_m from {low + high:g} m", ("piston_m",), (-1.0,), offset=low + high)
+    for name in _VOLUMES:
+        path = plant.family.constants.get(name, "")
+        neutral = value_at(plant, path) if path else 0.0
+        if name in used and neutral != 0.0:  # about 0, the sign alone is turned
+            text = f"the {channel(name).label} moves the wrong way: {name} looks mirrored about neutral"
+            mend = f"subtract {name} from {2.0 * neutral:.6g} m3, twice its neutral, or change the sign of its column"
+            yield Slip(text, mend, (name,), (-1.0,), offset=2.0 * neutral)
 
 
 def _units(used: set[str]) -> Iterator[Slip]:

@@ -63,6 +63,17 @@ class HullLsSvm:
     force, at six times the cost of a step.  mirrored: forces to port are as those to starboard.  trend: lift and
     damping, |u| times each velocity, are fitted first by least squares; the machine has what they leave.
     Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, section 3.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import HullLsSvm, compare_open, steer
+        >>> torpedo = load_vehicle("remus100")
+        >>> log = steer(torpedo, rng=np.random.default_rng(0), duration=60)
+        >>> fit = HullLsSvm(torpedo, penalty=10, sigma=3, size=50).fit(log)
+        >>> fit.notes[0]
+        '591 samples of the forces, without 5 at either end of each segment'
     """
 
     plant: Plant

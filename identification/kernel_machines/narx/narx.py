@@ -50,6 +50,17 @@ class NarxLsSvm:
     penalty, sigma: C and the bells' width in spreads of the regressors, default tuned.  tuning: by free runs over parts
     left out, or leave_one_out, by errors of one step.  samples: more are joined to so many cells.
     Noise on measured outputs biases it as it does Arx; more lags lessen that.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import NarxLsSvm, closed_loop, horizon_sweep
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> fit = NarxLsSvm(["rudder_rad"], ["heading_rad"], penalty=10, sigma=3).fit(log)
+        >>> errors = horizon_sweep(fit.model, log, [1, 5])["heading_rad"]
+        >>> {n: round(error, 3) for n, error in errors.items()}
+        {1: 0.018, 5: 0.053}
     """
 
     inputs: Sequence[str]

@@ -29,6 +29,16 @@ class Armax:
     errors before the first prediction of each segment are estimated too.  structure full: A and C have all outputs in
     each equation, errors weighted by their inverse covariance.  A may be unstable, C is kept stable.
     Source: Geng and Zhao 2012, eqs (16) to (24); Ljung 1999, secs. 7.2 and 10.2.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Armax, closed_loop
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> fit = Armax(["rudder_rad"], ["heading_rad"]).fit(log)
+        >>> fit.model.to_state_space().poles().round(2)
+        array([1.  , 0.81])
     """
 
     inputs: Sequence[str]

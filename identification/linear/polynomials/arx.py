@@ -22,6 +22,16 @@ class Arx:
     point is estimated.  skip: samples of each segment that serve as lags only, at least.
     Where e is not white, as with noise on a measured output, the coefficients are biased at any length of record, and
     the intervals do not hold this bias: see Armax.  Source: Ljung 1999, sec. 4.2, 7.3.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Arx, closed_loop
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> fit = Arx(["rudder_rad"], ["heading_rad"]).fit(log)
+        >>> fit.model.to_state_space().poles().round(2)
+        array([1.01, 0.64])
     """
 
     inputs: Sequence[str]

@@ -27,6 +27,16 @@ class Els:
 
     Settings as in Arx, and n_c: lags of the errors.  Without bias where C is near 1 (1/C - 1/2 positive real), less
     accurate than Armax, which starts from it.  Source: Ljung 1999, sec. 10.4 (pseudolinear regression).
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Els, closed_loop
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> fit = Els(["rudder_rad"], ["heading_rad"]).fit(log)
+        >>> fit.model.to_state_space().poles().round(2)
+        array([1. , 0.8])
     """
 
     inputs: Sequence[str]

@@ -181,6 +181,17 @@ def search_orders(
     the method has it, default 0 to 3.  validate: records for `held_out`, which should not be those that judge the model
     in the end.  settings: others of the method, such as integrating.  Orders that cannot be fitted are cells with
     their problem.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import closed_loop, search_orders
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> search = search_orders("arx", [log], ["rudder_rad"], ["heading_rad"], n_a=(1, 2, 3), n_b=(1, 2))
+        >>> best = search.best("heading_rad")
+        >>> best.n_a, best.n_b[0]
+        (3, 2)
     """
     if not records:
         raise ValueError("An order search needs at least one record, got none.")

@@ -32,6 +32,16 @@ class OutputError:
     By Levenberg and Marquardt's method from filtered least squares (Steiglitz and McBride 1965) and from ARMAX; the
     better counts.
     Source: Ljung 1999, secs. 4.2 and 7.2.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import OutputError, closed_loop
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> fit = OutputError(["rudder_rad"], ["heading_rad"]).fit(log)
+        >>> fit.model.to_state_space().poles().round(2)
+        array([1.  , 0.82])
     """
 
     inputs: Sequence[str]

@@ -37,6 +37,16 @@ class N4sid:
     refine: see `subspace.Settings`.
     In closed loop it is biased by the noise that the inputs repeat; see Pbsid.
     Source: Van Overschee and De Moor 1996, Subspace Identification for Linear Systems, ch. 4.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import N4sid, closed_loop
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> fit = N4sid(["rudder_rad"], ["heading_rad"]).fit(log)
+        >>> fit.model.poles().round(2)
+        array([1.  , 0.82])
     """
 
     inputs: Sequence[str]

@@ -36,6 +36,16 @@ class Pbsid:
     Needs a delay in the loop: the input must not see the output of its own sample before it is written down.
     Source: Chiuso 2007, The role of vector autoregressive modeling in predictor-based subspace identification,
     Automatica 43; van der Veen, van Wingerden, Bergamasco, Lovera and Verhaegen 2013, IET Control Theory A. 7.
+
+    Example:
+
+        >>> import numpy as np
+        >>> from auv_gym import load_vehicle
+        >>> from identification import Pbsid, closed_loop
+        >>> log = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(0))
+        >>> fit = Pbsid(["rudder_rad"], ["heading_rad"]).fit(log)
+        >>> fit.model.poles().round(2)
+        array([1.  , 0.81])
     """
 
     inputs: Sequence[str]

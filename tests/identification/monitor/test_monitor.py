@@ -65,7 +65,7 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
     other = closed_loop(slocum, rng=np.random.default_rng(6), duration=2000.0)
     found = watch(monitor, other)
     assert found.alarms == ()
-    assert watched_summary(found) == ["No alarm was raised in 0.56 h, at 0.01 false alarms per hour."]
+    assert watched_summary(found) == ["No alarm was raised in 0.56 h, with the false-alarm rate set to 0.01 per hour."]
     again = Monitor(monitor.learned, 0.01)
     inputs, outputs = inputs_of(slocum, other), outputs_of(slocum, other)
     again.begin(inputs[0], outputs[0])
@@ -85,11 +85,12 @@ def test_the_stretch_about_an_alarm_is_as_long_where_the_log_begins_just_before_
 def test_the_page_lists_the_first_alarms_in_words_and_says_how_many_there_are(slocum, clean):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     monitor = Monitor.learn(clean, slocum, noise=NOISE)
-    alarms = tuple(Alarm(4.0 * k, "heading_rad", CONSTANT, 8.0, 1.1) for k in range(1, 31))
+    alarms = tuple(Alarm(4.0 * k, "heading_rad", CONSTANT, 8.0 * (1 + k // 2), 1.1) for k in range(1, 51))
     text = watched_page(Watched(monitor, 1.0, alarms, np.arange(2.0), np.ones(2)))
-    assert "slocum: 30 alarms" in text
-    assert "The first 20 of 30 alarms; all are in monitor.json." in text
+    assert "slocum: 50 alarms" in text
+    assert "The first 20 rows of 26; all alarms are in monitor.json." in text
     assert text.count("none (steady offset)") == 20
+    assert "8 to 12 s" in text  # two by the same test share a row
     assert "heading_rad" not in text
 
 

@@ -245,6 +245,8 @@ def test_angles_are_in_degrees_and_units_in_print():
     assert amount(np.pi / 6.0, "rad", sign=True) == "+30.0 deg"
     assert amount(12.0, "N m s^2/rad^2") == "12.0 N m s²/rad²"
     assert span((-np.pi, np.pi), "rad/s") == "−180 to 180 deg/s"
+    assert span((1.7187, 1.7213), "m") == "1.719 to 1.721 m"  # a narrow one has a digit more
+    assert span((2.0, 2.0), "m") == "2.00 to 2.00 m"
 
 
 def test_thinning_keeps_extremes_ends_and_breaks():

@@ -15,7 +15,7 @@ from auv_gym.vehicles.former import convert_former_vehicle
 FILES = Path(__file__).parents[3] / "examples" / "vehicles"
 
 
-@pytest.mark.parametrize("name", ["remus100", "npsauv", FILES / "tethys.toml", FILES / "seawing.toml"])
+@pytest.mark.parametrize("name", ["remus100", "npsauv", FILES / "tethys.toml", "seawing"])
 def test_an_effect_that_is_reported_as_a_coefficient_does_what_the_coefficient_does(name):
     """Number by number in the derivative, at any motion."""
     plant = load_vehicle(name)

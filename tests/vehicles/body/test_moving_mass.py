@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +10,13 @@ from scipy.spatial.transform import Rotation
 from auv_gym.param import list_paths, replace_at
 from auv_gym.plant import Plant, load_vehicle
 
-FILE = Path(__file__).parents[3] / "examples" / "vehicles" / "seawing.toml"
 SLIDE, TURN = 0.037, 1.13  # m, rad: 7.4 s and 5.65 s on their way, so that they arrive inside a step
 START = np.array([0.4, 0.1, -0.2, 0.3, -0.2, 0.25])  # m/s, rad/s
 
 
 def in_vacuum() -> Plant:
     """A hull and a battery in free fall: no water, no buoyancy, and nothing that acts but weight."""
-    given = load_vehicle(FILE)
+    given = load_vehicle("seawing")
     still = {
         p: 0.0 for p in list_paths(given) if p.startswith(("hull.added_mass.", "parts.wings.")) and "stall" not in p
     }

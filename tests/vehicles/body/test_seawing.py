@@ -1,15 +1,16 @@
 """Seawing's steady glides and spirals, against the published equations solved apart by root finding."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
+from auv_gym.envs.task_env import TaskEnv
+from auv_gym.models.linear import linearise
 from auv_gym.plant import Plant, load_vehicle
-
-FILE = Path(__file__).parents[3] / "examples" / "vehicles" / "seawing.toml"
+from auv_gym.plant.record_check import needs_of
+from controllers.autopilots import autopilot
+from identification.experiments.missions import run_mission
 
 
 def skew(r) -> np.ndarray:
@@ -90,7 +91,7 @@ def settled(plant: Plant, commands: np.ndarray, samples: int) -> np.ndarray:
     ],
 )
 def test_it_settles_in_the_steady_motion_of_the_published_equations(volume, way, angle):
-    plant = load_vehicle(FILE)
+    plant = load_vehicle("seawing")
     found = settled(plant, np.array([volume, way, angle]), 1500)
     expected = steady(volume, way, angle, found)
     np.testing.assert_allclose(found, expected, atol=1e-6)
@@ -101,6 +102,37 @@ def test_it_settles_in_the_steady_motion_of_the_published_equations(volume, way,
 
 
 def test_the_spiral_is_mirrored_with_the_block():
-    plant = load_vehicle(FILE)
+    plant = load_vehicle("seawing")
     left, right = (settled(plant, np.array([-0.0004878, 0.03, side]), 800) for side in (-0.7, 0.7))
     np.testing.assert_allclose(left, right * [1, -1, 1, -1, 1, -1, -1, 1], atol=1e-12)
+
+
+def test_ten_steady_glides_lie_on_the_published_polar():
+    """Drag and lift of Zhang et al. 2013, table 3, balance the net weight along and across the path."""
+    plant, speeds = load_vehicle("seawing"), []
+    for volume in (-0.0004878, -0.0003, -0.00015, 0.0003, 0.0004878):
+        for way in (0.02, 0.035):
+            u, v, w, *rates, _, pitch = settled(plant, np.array([volume, -np.sign(volume) * way, 0.0]), 1500)
+            np.testing.assert_allclose([v, *rates], 0.0, atol=1e-9)
+            attack, square = np.arctan2(w, u), u**2 + w**2
+            path, weight = pitch - attack, -9.81 * 1025.0 * volume
+            assert (7.19 + 386.29 * attack**2) * square == pytest.approx(-weight * np.sin(path), rel=1e-6)
+            assert (-0.36 + 440.99 * attack) * square == pytest.approx(weight * np.cos(path), rel=1e-6)
+            speeds.append(np.sqrt(square))
+    assert 0.2 < min(speeds) < max(speeds) < 0.8  # m/s
+
+
+def mission(plant: Plant):
+    return run_mission(plant, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize(
+    "make", [lambda plant: TaskEnv("Depth", plant), lambda p: autopilot(p, "gpc"), linearise, mission]
+)
+def test_what_needs_fins_or_thrusters_refuses_it_in_words(make):
+    with pytest.raises(ValueError, match="needs a part that steers in yaw, which 'seawing' has not"):
+        make(load_vehicle("seawing"))
+
+
+def test_only_a_log_of_its_own_commands_is_one_of_it():
+    assert needs_of(load_vehicle("seawing")).required == ("heading_rad", "ballast_m3", "battery_m", "battery_rad")

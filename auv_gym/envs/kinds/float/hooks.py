@@ -11,7 +11,7 @@ FLEW, TOO_DEEP, TOO_FAST = range(OWN, OWN + 3)
 
 # Open in the templates, which are compiled.
 STATES = ACTUATORS = SHARES = ERROR = POSITION = DEPTH = DEPTH_RATE = READ_DEPTH = READ_DEPTH_RATE = 0
-IN_ELAPSED = IN_PUMPED_VOLUME = IN_VALVED_VOLUME = IN_VALVED_DEPTH = 0
+IN_PUMPED_VOLUME = IN_VALVED_VOLUME = IN_VALVED_DEPTH = 0
 
 _AIR = -1.0  # m; a float that is under control bobs at the surface, and does not leave it
 
@@ -35,7 +35,6 @@ def command(plan, t, e):
         e.command[IN_PUMPED_VOLUME] += max(volume, 0.0)
         e.command[IN_VALVED_VOLUME] -= min(volume, 0.0)
         e.command[IN_VALVED_DEPTH] -= min(volume, 0.0) * e.features[READ_DEPTH]
-    e.command[IN_ELAPSED] = e.time
 
 
 def beyond(x, t):

@@ -16,7 +16,7 @@ GROUNDED, ARRIVED = range(OWN, OWN + 2)
 ACTUATORS = SHARES = ACROSS = SINKING = RECKONED_NORTH = RECKONED_EAST = 0
 CURRENT_NORTH = CURRENT_EAST = CURRENT_ALONG = CURRENT_ACROSS = 0
 NORTH = EAST = DEPTH = HEADING = READ_NORTH = READ_EAST = READ_DEPTH = READ_PITCH = READ_HEADING = 0
-IN_BUOYANCY_VOLUME = IN_ELAPSED = 0
+IN_BUOYANCY_VOLUME = 0
 
 _SURFACED = 1.0  # m, above which the antenna is out of the water
 _DIVED = 600.0  # s between fixes, from which on they tell a current
@@ -39,7 +39,6 @@ def command(plan, t, e):
     energy = t.pump * max(e.features[READ_DEPTH], 0.0) * max(move, 0.0) + t.hotel * t.dt
     e.energy += energy
     e.term[1] = -t.weight[1] * energy / (t.usual_power * t.dt)
-    e.command[IN_ELAPSED] = e.time
 
 
 def beyond(x, t):

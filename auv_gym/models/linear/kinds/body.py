@@ -21,7 +21,10 @@ def _moves(plant: Plant) -> dict[str, tuple[str, ...]]:
 
 
 def _usual(plant: Plant) -> Sequence[str]:
-    return plant.family.body.by_role().get("pitch", plant.family.required)
+    roles = plant.family.body.by_role()
+    if not roles:
+        find_helm(plant)  # raises with what it needs for a cruise
+    return roles.get("pitch", plant.family.required)
 
 
 def _steady(plant: Plant) -> tuple[np.ndarray, np.ndarray]:

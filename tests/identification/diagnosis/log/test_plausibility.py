@@ -26,7 +26,9 @@ def slip_called(record, plant, text) -> Slip:
 
 @pytest.fixture(scope="module")
 def logs():
-    plants = {name: load_vehicle(name) for name in ("ganeshblue", "slocum", "qiandao_float", "mermaid", "vt690")}
+    plants = {
+        name: load_vehicle(name) for name in ("ganeshblue", "slocum", "qiandao_float", "mermaid", "vt690", "seaglider")
+    }
     return {name: (plant, log_of(plant)) for name, plant in plants.items()}
 
 
@@ -49,6 +51,7 @@ def test_clean_logs_raise_no_doubt(logs):
         ("qiandao_float", "the piston moves the wrong way"),
         ("qiandao_float", "depth_m looks mirrored"),
         ("mermaid", "oil_volume_m3 looks mirrored"),
+        ("seaglider", "the volume of the buoyancy engine moves the wrong way"),
     ],
 )
 def test_a_slip_is_named_and_can_be_undone(logs, vehicle, text):
@@ -257,7 +260,35 @@ def test_thrusters_that_are_commanded_alike_cannot_be_exchanged(telegraphed):
 def test_a_vehicle_that_loops_may_have_rolled_over_many_times():
     time = np.arange(0.0, 40.0, 0.05)
     roll, looping = 0.7 * time, 1.4 * np.sin(1.3 * time)
-    assert _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": looping}))
-    assert not _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": 0.1 * looping}))
-    assert not _possible(Record.from_arrays(time, {"roll_rad": roll}))
-    assert not _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": 57.3 * looping}))
+    plant = load_vehicle("bluerov")
+    assert _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": looping}), plant)
+    assert not _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": 0.1 * looping}), plant)
+    assert not _possible(Record.from_arrays(time, {"roll_rad": roll}), plant)
+    assert not _possible(Record.from_arrays(time, {"roll_rad": roll, "pitch_rad": 57.3 * looping}), plant)
+
+
+def test_a_roll_about_a_whole_turn_is_as_good_as_one_about_zero():
+    """A glider that swings over its stern at the surface dives with a turn in its unwrapped roll."""
+    plant, time = load_vehicle("seaglider"), np.arange(0.0, 40.0, 0.05)
+    pitch, roll = -0.4 * np.ones(time.size), 0.3 * np.sin(0.2 * time)
+    for turns in (-2, 1):
+        turned = Record.from_arrays(time, {"roll_rad": roll + turns * 2.0 * np.pi, "pitch_rad": pitch})
+        assert _possible(turned, plant)
+    assert not _possible(Record.from_arrays(time, {"roll_rad": np.degrees(roll), "pitch_rad": pitch}), plant)
+
+
+@pytest.mark.parametrize("vehicle, possible", [("bluerov2_heavy", True), ("remus100", False)])
+def test_a_vehicle_that_thrusters_hold_may_drift_astern(vehicle, possible):
+    time = np.arange(0.0, 40.0, 0.05)
+    speed = 0.1 * np.sin(0.2 * time) - 0.05
+    assert _possible(Record.from_arrays(time, {"u_mps": speed}), load_vehicle(vehicle)) is possible
+    assert not _possible(Record.from_arrays(time, {"u_mps": speed - 20.0}), load_vehicle(vehicle))
+
+
+def test_a_thruster_turned_round_is_named_where_the_vehicle_drifts_astern():
+    plant = load_vehicle("bluerov2_heavy")
+    record = log_of(plant, 5)
+    assert np.median(record["u_mps"]) < 0.0
+    slip = next(thruster_slips(record, plant))
+    (doubt,) = doubts(slipped(record, slip, plant), plant)
+    assert doubt.text == slip.text

@@ -68,7 +68,7 @@ def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch
 
 def test_a_weaker_effect_of_which_parts_contradict_each_other_is_not_named_and_takes_no_other_name_away(monkeypatch):
     plant = load_vehicle("slocum")
-    truth = replace_at(plant, {OFFSET: 0.06, DEADBAND: 0.05})
+    truth = replace_at(plant, {OFFSET: 0.006, DEADBAND: 0.08})
     record = closed_loop(truth, rng=np.random.default_rng(701), duration=900.0)
     both = diagnose(record, plant)
     assert [e.path for e in both.effects] == [DEADBAND, OFFSET]
