@@ -8,6 +8,7 @@ import pytest
 from identification.diagnosis.judge.found import AsCoefficient, Effect, Member
 from identification.diagnosis.judge.verdict import (
     RARE,
+    VARIES,
     WORSE,
     Diagnosis,
     _halves_sentence,
@@ -78,9 +79,11 @@ def test_which_effects_differ_between_parts_is_said():
     for alike, words in (((lag,), ""), ((trim,), "Its size"), ((trim, lag), "The size of trim")):
         said = unsteady_sentence(SimpleNamespace(alike=alike))  # type: ignore[arg-type]
         assert said == (words and f"{words} differs between parts of the log: {ONSET}")
-    both = SimpleNamespace(alike=(trim, lag, drag), left=Left(changes=trim.path), state=None)
+    both = SimpleNamespace(alike=(trim, lag, drag), left=Left(changes=trim.path), state=None, dropped={})
     assert unsteady_sentence(both).startswith("The size of trim and drag differs")  # type: ignore[arg-type]
     assert left_sentence(both) == ""  # type: ignore[arg-type]  # said once
+    dropped = SimpleNamespace(alike=(), left=Left(changes=trim.path), state=None, dropped={trim.path: VARIES})
+    assert left_sentence(dropped) == ""  # type: ignore[arg-type]  # `dropped_sentence` says it
 
 
 def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be_so_and_why():
