@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import OPEN, bind, ready
+from auv_gym.compiled import OPEN, bind, compiled, ready
 from auv_gym.param import list_paths
 from auv_gym.plant import Plant
 from identification.fit.kalman import read_row, to_next_row
@@ -20,6 +20,16 @@ along: Any = OPEN
 move_actuators: Any = OPEN
 derive: Any = OPEN
 STATES = SENSORS = ACTUATORS = OUTPUTS = DERIVED = 0  # DERIVED: of what follows from parameters, these not counted
+
+
+@compiled
+def nudge(state, live, probes, tried):
+    """A state and, for each live one (n,), the state with that moved by its probe, into tried, (n + 1, F)."""
+    for j in range(tried.shape[0]):
+        for i in range(tried.shape[1]):
+            tried[j, i] = state[i]
+        if j > 0:
+            tried[j, live[j - 1]] += probes[j - 1]
 
 
 def filtered(
@@ -75,11 +85,7 @@ def filtered(
                 derive(vectors[piece], derived)
             one[:] = k
             other[:] = k + stride
-            for j in range(size + 1):
-                for i in range(whole):
-                    tried[j, i] = state[i]
-                if j > 0:
-                    tried[j, live[j - 1]] += probes[j - 1]
+            nudge(state, live, probes, tried)
             along(
                 derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
                 shares, shaped, positions, unread, free, kicks, held, seen, none if stride == 1 else moved_on,
@@ -102,11 +108,7 @@ def filtered(
                     state[live[i]] += mean[i]
                 for d in range(pushes):
                     state[STATES + SENSORS + d] += mean[size + d]
-                for j in range(size + 1):
-                    for i in range(whole):
-                        tried[j, i] = state[i]
-                    if j > 0:
-                        tried[j, live[j - 1]] += probes[j - 1]
+                nudge(state, live, probes, tried)
                 along(
                     derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
                     shares, shaped, positions, unread, free, kicks, held, seen, moved_on,

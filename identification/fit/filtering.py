@@ -35,7 +35,8 @@ class Point:
     """Parameters and noises, and the filter with them.
 
     vector: (n_parameters,).  logs: (C + 2 D,), logarithms of the noises.  errors: (rows, C), one-step errors over their
-    deviations.  scores: (rows,), log-likelihood of each row.  path: (rows, F), filtered states.
+    deviations.  scores: (rows,), log-likelihood of each row.  path: (rows, F), filtered states; of
+    averaged rows those before their readings.
     starts: (W, F), the likeliest states where stretches begin; roots: (W, n, n), how far the filter lets them be off.
     """
 

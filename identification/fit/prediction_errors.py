@@ -16,11 +16,10 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from identification.fit.filtering import LEAST_GAIN, Point
-from identification.fit.noises import NOISE_STEPS, Noise, Noises
+from identification.fit.noises import BEYOND, NOISE_STEPS, Noise, Noises
 from identification.fit.online import FilterPlan
 
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
-_BEYOND = 1.0  # of the log-likelihood, for each row, that a better path will not bring
 _HALVINGS, _SHORTER = 6, 0.4  # of a step that is not confirmed, and by how much
 _DOUBLINGS = 5
 _SLOW = 0.3  # of what the turn before has brought: Gauss and Newton's steps bring far less each time
@@ -123,7 +122,7 @@ class PredictionErrors(Noises):
         for d in there:
             none = self._without_one(none, int(d))
         lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
-        far = lost > _BEYOND * len(self.rows)
+        far = lost > BEYOND * len(self.rows)
         tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
         points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
         return max(points, key=lambda p: self.objective(p, paths))

@@ -73,7 +73,7 @@ def stride_for(
     for stride in tried:
         problem = PredictionErrors(plant, record, pieces, doubt=doubt, process=process, stride=stride)
         there = problem.first_point(point.logs) if problem.pushed == short.pushed else None
-        if there is None or not np.isfinite(there.scores).all() or not problem.follows(plant.vector, point.logs):
+        if there is None or not np.isfinite(there.scores).all() or not problem.follows(point.logs):
             continue
         lost = (_variances(problem, there, fitted, others) - told) * (stride - 1) / (stride - _REFERENCE)
         plain = (told + lost) * judged / samples < (1.0 / _PLAIN) ** 2

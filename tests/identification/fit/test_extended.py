@@ -127,6 +127,6 @@ def test_rows_are_so_short_that_the_filter_of_a_vehicle_far_from_its_record_keep
     windows, paths = [slice(0, len(log))], [DRAG]
     assert stride_for(plant, log, windows, paths) == 3
     asked = []
-    monkeypatch.setattr(PredictionErrors, "follows", lambda self, vector, logs: asked.append(self.stride))
+    monkeypatch.setattr(PredictionErrors, "follows", lambda self, logs: asked.append(self.stride))
     assert stride_for(plant, log, windows, paths) == 1
     assert asked
