@@ -17,7 +17,7 @@ from identification.fit.work import FILTERED
 # sought among the first guesses if they would be likelier stronger
 _FIRST_GUESSES, _FAINT = 10.0 ** np.arange(-5.0, 1.5), 1e-3
 _NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
-BEYOND = 1.0  # of the log-likelihood, for each row, by which a vehicle is far from what is linearised about it
+FAR = 1.0  # of the log-likelihood, for each row, by which a vehicle is far from what is linearised about it
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)
 NOISE_STEPS = 6  # to better noises, after each turn of a fit
@@ -62,7 +62,7 @@ class Noises(Filter):
     def follows(self, logs: np.ndarray) -> bool:
         """Whether the filter of the plant with these noises is as likely as the one linearised along the readings."""
         own = self.total(self.point(self.plant.vector, logs)) - self._cost(logs)
-        return own > self._likelihood(self._first_system, logs) - BEYOND * len(self.rows)
+        return own > self._likelihood(self._first_system, logs) - FAR * len(self.rows)
 
     @cached_property
     def _first_system(self) -> System:

@@ -16,7 +16,7 @@ import numpy as np
 
 from auv_gym.plant import Plant
 from identification.fit.filtering import LEAST_GAIN, Point
-from identification.fit.noises import BEYOND, NOISE_STEPS, Noise, Noises
+from identification.fit.noises import FAR, NOISE_STEPS, Noise, Noises
 from identification.fit.online import FilterPlan
 
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
@@ -122,7 +122,7 @@ class PredictionErrors(Noises):
         for d in there:
             none = self._without_one(none, int(d))
         lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
-        far = lost > BEYOND * len(self.rows)
+        far = lost > FAR * len(self.rows)
         tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
         points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
         return max(points, key=lambda p: self.objective(p, paths))
