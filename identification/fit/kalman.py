@@ -358,8 +358,8 @@ def _backward(
     mean, covariance = np.zeros(size), np.zeros((size, size))  # slopes by what the next row begins with
     before, product, known = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
     inverse, inner, across = np.zeros((count, count)), np.zeros((count, count)), np.zeros((count, size))
-    weighted, outer, reach = np.zeros((size, count)), np.zeros((size, count)), np.zeros((count, size))
-    scaled, onto = np.zeros(count), np.zeros(count)
+    weighted, reach, left = np.zeros((size, count)), np.zeros((count, size)), np.zeros((size, size))
+    scaled, onto, told = np.zeros(count), np.zeros(count), np.zeros(size)
     stretch = mean_slopes.shape[0]
     for k in range(rows - 1, -1, -1):
         # from the next row's beginning back to after this row's readings
@@ -453,31 +453,50 @@ def _backward(
                 inner[m, n] += 0.5 * weights[k] * (scaled[m] * scaled[n] - inverse[m, n])
             if finite[k, m]:
                 slopes[m] += inner[m, m] * 2.0 * (variances[m] / counts[k, m])
+        # G becomes L^T G L with L = I - K C, as a product: along an unstable vehicle the terms of a sum would be so
+        # large that only their rounding is left
         for i in range(size):
-            for m in range(count):
-                outer[i, m] = mean[i] * scaled[m] - 2.0 * weighted[i, m]
-        for m in range(count):
             for j in range(size):
-                across[m, j] = 0.0
-            for n in range(count):
-                factor = inner[m, n]
+                left[i, j] = 1.0 if i == j else 0.0
+            for m in range(count):
+                factor = gains[k, i, m]
                 for j in range(size):
-                    across[m, j] += factor * c[k, n, j]
-            factor = onto[m] - weights[k] * scaled[m]
-            for i in range(size):
-                mean[i] -= factor * c[k, m, i]
+                    left[i, j] -= factor * c[k, m, j]
         for i in range(size):
+            before[i], told[i] = 0.0, 0.0
             for j in range(size):
                 product[i, j] = 0.0
+            for n in range(size):
+                factor = covariance[i, n]
+                for j in range(size):
+                    product[i, j] += factor * left[n, j]
+        for n in range(size):
+            factor = mean[n]
+            for j in range(size):
+                before[j] += factor * left[n, j]
         for m in range(count):
             for j in range(size):
-                factor = c[k, m, j]
-                if factor != 0.0:
-                    for i in range(size):
-                        product[j, i] += factor * (outer[i, m] + across[m, i])
+                told[j] += scaled[m] * c[k, m, j]
+                across[m, j] = 0.0
+            for n in range(count):
+                factor = inverse[m, n]
+                for j in range(size):
+                    across[m, j] += factor * c[k, n, j]
         for i in range(size):
+            mean[i] = before[i] + weights[k] * told[i]
             for j in range(size):
-                covariance[i, j] += 0.5 * (product[i, j] + product[j, i])
+                covariance[i, j] = 0.5 * (before[i] * told[j] + told[i] * (before[j] + weights[k] * told[j]))
+        for n in range(size):
+            for i in range(size):
+                factor = left[n, i]
+                for j in range(size):
+                    covariance[i, j] += factor * product[n, j]
+        for m in range(count):
+            for i in range(size):
+                factor = 0.5 * weights[k] * c[k, m, i]
+                if factor != 0.0:
+                    for j in range(size):
+                        covariance[i, j] -= factor * across[m, j]
         if begin[k] > 0:
             stretch -= 1
             for i in range(size):

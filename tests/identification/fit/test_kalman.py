@@ -98,6 +98,33 @@ def test_gains_and_whitened_errors_belong_to_the_rows_covariance():
     assert np.all(made.gains[k][:, ~seen] == 0.0)
 
 
+def test_the_gradient_is_exact_along_an_unstable_vehicle_that_hardly_anything_pushes():
+    # a place and two rates that swing and grow, as of a body that turns away from its course; a filter keeps to it
+    rows, dt, scale = 400, 0.3, np.array([3e-3, 2e-3, 1e-3])
+    a = np.repeat(np.array([[1.0, dt, 0.0, 0.0], [0.0, 1.1, 0.1, 0.0], [0.0, -0.1, 1.1, dt]])[None], rows, axis=0)
+    c = np.repeat(np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.2, 0.0], [0.0, 0.3, 1.0, 0.0]])[None], rows, axis=0)
+    begin = np.zeros(rows, dtype=np.int64)
+    begin[0] = 1
+    error = np.random.default_rng(5).normal(size=(rows, 3)) * scale
+    s = System(
+        a, c, np.zeros((rows, 3)), error, np.ones((rows, 3), dtype=bool), np.ones((rows, 3)), begin,
+        np.zeros(4, dtype=bool), np.full(rows, dt), 100.0 * np.eye(3)[None], np.zeros((1, 4)),
+    )  # fmt: skip
+    logs = np.log([*1.5 * scale, 1e-5, 25.0])
+
+    def split(values: np.ndarray):
+        return np.exp(2.0 * values[:3]), np.exp(values[3:4]), np.exp(values[4:])
+
+    def value(values: np.ndarray) -> float:
+        return float(run_filter(s, *split(values)).scores.sum())
+
+    exact = slopes_of(s, run_filter(s, *split(logs)), np.ones(rows), *split(logs)).noises
+    step = 1e-4
+    numeric = [(value(logs + step * e) - value(logs - step * e)) / (2.0 * step) for e in np.eye(5)]
+    assert numeric[0] < -100.0  # the readings are better than these noises have it
+    assert exact == pytest.approx(numeric, abs=1e-4)  # rounding and curvature of differences over 1e-4
+
+
 @pytest.mark.parametrize("begins, carried", [((0,), ()), ((0, 15), ()), ((0,), (12, 25))])
 def test_the_gradient_is_that_of_central_differences(begins, carried):
     s, weights = system(2, begins, carried), np.random.default_rng(3).random(ROWS)
