@@ -157,9 +157,11 @@ class PredictionErrors(Noises):
         """The point that is reached if what pushes the vehicle is taken for much weaker at first.
 
         Where an effect was missing, accelerations have grown to take its part, and would leave little of it to find.
+        Where the parameters then leave each row far less likely, they are needed: better noises would bring them back.
         """
         there = self.descended(self.quieted(here), paths)
-        if there.system is None or not np.isfinite(there.scores).all():
+        lost = self.objective(here, paths) - self.objective(there, paths)
+        if there.system is None or not lost < FAR * len(self.rows):
             return here
         return self.renewed(there, here.logs, paths)
 

@@ -45,6 +45,7 @@ class Stretches(Parameters):
     stride: samples to a row, over which readings, and the model's outputs, are averaged.
     counted: windows whose rows count in the likelihood, by default all; the others are only filtered.
     doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own.
+    guess: states in which stretches begin, (W, n_states), by default those of free runs over their heads.
     """
 
     def __init__(
@@ -58,6 +59,7 @@ class Stretches(Parameters):
         scales: Mapping[str, float] = _NO_SCALES,
         counted: Sequence[slice] | None = None,
         stride: int = 1,
+        guess: np.ndarray | None = None,
     ):
         super().__init__(plant, doubt, scales)
         self.record, self.process = record, process
@@ -95,7 +97,7 @@ class Stretches(Parameters):
         segment = np.searchsorted([s.start for s in record.segments], [w.start for w in self.stretches], side="right")
         self.carried = np.r_[False, segment[1:] == segment[:-1]] & self._shared.any()
         self._kicks()
-        self._begin(every[means.samples][:, self.columns], means.samples)
+        self._begin(every[means.samples][:, self.columns], means.samples, guess)
 
     def _durations(self) -> np.ndarray:
         time, stride = self.record.time, self.stride
@@ -119,15 +121,17 @@ class Stretches(Parameters):
         self._pushed = np.array([family.states.index(n) for n in self.pushed], dtype=int)
         self.kicks = np.array([[i, 0.5, 0.5] for i in self._pushed]).reshape(-1, 3)
 
-    def _begin(self, readings: np.ndarray, samples: np.ndarray) -> None:
+    def _begin(self, readings: np.ndarray, samples: np.ndarray, guess: np.ndarray | None) -> None:
         """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales.
 
         readings: (n, C), of all samples of the stretches.
         """
         plant, family = self.plant, self.plant.family
         heads = Shooting(plant, self.record, head_windows(self.record, self.stretches, plant.settle))
-        found = heads.solve(plant, ())
-        guess = found.starts if np.isfinite(found.cost) else heads.first_guess
+        if guess is None:
+            found = heads.solve(plant, ())
+            guess = found.starts if np.isfinite(found.cost) else heads.first_guess
+        self.guess = guess
         self.starts = np.zeros((len(self.stretches), self._size + len(self.pushed)))
         self.starts[:, : len(family.states)] = guess
         path = self.starts[self.stretch_of_row]

@@ -71,7 +71,9 @@ def stride_for(
         return least
     told = _variances(short, point, fitted, others)
     for stride in tried:
-        problem = PredictionErrors(plant, record, pieces, doubt=doubt, process=process, stride=stride)
+        problem = PredictionErrors(
+            plant, record, pieces, doubt=doubt, process=process, stride=stride, guess=short.guess
+        )
         there = problem.first_point(point.logs) if problem.pushed == short.pushed else None
         if there is None or not np.isfinite(there.scores).all() or not problem.follows(point.logs):
             continue
