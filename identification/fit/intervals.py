@@ -16,6 +16,7 @@ from identification.fit.prediction_errors import PredictionErrors
 _LEFT = 1e-6  # of the square of slopes, below which what starts leave of them is rounding
 _PROFILED = 6  # values at either side at which a profile is sought
 _DESCENTS = 12  # steps of all else at each of them
+_TOO_FAR, _SHORTEST = 4.0, 0.05  # times the fall that is sought, beyond which it is sought nearer; least of that way
 _NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are taken
 _LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
 _LEAST_FREEDOM = 2.0  # of Student's t, which has no variance below
@@ -209,22 +210,30 @@ def interval_of(
     low, high = problem.bounds(path)
     if low < value - half and value + half < high and not kinked(path):
         return value - half, value + half
-    found = profile_interval(problem, point, paths, path, error, float(told.reach[k]))
+    way = told.covariance[:, k] / max(float(told.covariance[k, k]), 1e-300)
+    found = profile_interval(problem, point, paths, path, error, float(told.reach[k]), way)
     return min(found[0], value), max(found[1], value)
 
 
 def profile_interval(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], path: str, error: float, reach: float = 1.96
+    problem: PredictionErrors,
+    point: Point,
+    paths: Sequence[str],
+    path: str,
+    error: float,
+    reach: float = 1.96,
+    way: np.ndarray | None = None,
 ) -> tuple[float, float]:
     """Where the log-likelihood, all else refitted, falls by half of `reach` squared; for corners and bounds.
 
     error: standard error of the path, in its unit, by which the search begins.  A side on which it never falls so far
     ends at the bound.  The filter's gains are held, as they are where parameters are fitted: gains made anew would
     count what the colour of errors tells of the parameters, too, which estimates and their covariance leave out.
+    way: (P,), in scales, how all paths move with this one to first order: where hardly anything pushes a vehicle that
+    turns away from its course, a fit does not find from farther away what makes up for it.
     """
     bar = 0.5 * reach**2
-    others = [p for p in paths if p != path]
-    i, value = problem.index[path], float(point.vector[problem.index[path]])
+    value = float(point.vector[problem.index[path]])
     best = problem.objective(problem.descended(point, paths, _DESCENTS), paths)
     limits = problem.bounds(path)
     found = []
@@ -233,16 +242,18 @@ def profile_interval(
         edge = limit
         for _ in range(_PROFILED):
             tried = float(np.clip(inner + side * step, *limits))
-            vector = near.vector.copy()
-            vector[i] = tried
-            there = problem.descended(problem.with_gains(near, vector), others, _DESCENTS)
+            there = _refitted(problem, near, paths, path, tried, way)
             drop = best - problem.objective(there, paths)
             if drop >= bar:
+                outer = np.sqrt(drop) if np.isfinite(drop) else np.inf
                 share = (np.sqrt(bar) - np.sqrt(max(drop_inner, 0.0))) / max(
-                    np.sqrt(drop) - np.sqrt(max(drop_inner, 0.0)), 1e-12
+                    outer - np.sqrt(max(drop_inner, 0.0)), 1e-12
                 )
                 edge = inner + share * (tried - inner)
-                break
+                if drop < _TOO_FAR * bar:
+                    break
+                step = max(share, _SHORTEST) * abs(tried - inner)
+                continue
             inner, drop_inner, near = tried, drop, there
             if tried == limit:
                 break
@@ -252,3 +263,19 @@ def profile_interval(
             )
         found.append(float(edge))
     return found[0], found[1]
+
+
+def _refitted(
+    problem: PredictionErrors, near: Point, paths: Sequence[str], path: str, value: float, way: np.ndarray | None
+) -> Point:
+    """The likeliest point with a path at a value, all else refitted from where it was or from where it should go."""
+    i, others = problem.index[path], [p for p in paths if p != path]
+    vector = near.vector.copy()
+    vector[i] = value
+    begun = [problem.with_gains(near, vector)]
+    if way is not None:
+        moved = problem.moved_vector(near.vector, paths, way * (value - near.vector[i]) / problem.scale(path))
+        moved[i] = value
+        begun.append(problem.with_gains(near, moved))
+    best = max(begun, key=lambda p: problem.objective(p, paths))
+    return problem.descended(best, others, _DESCENTS)

@@ -75,6 +75,8 @@ class PredictionErrors(Noises):
             if not self.objective(there, paths) > self.objective(here, paths) + gain:
                 break
             here, known, exact = there, None, False
+        else:
+            return self._stilled(here, paths) if noise else here
         return here
 
     def _begun(self, vector: np.ndarray, near: Point | None) -> Point:

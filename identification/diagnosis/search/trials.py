@@ -83,7 +83,7 @@ def trials_of(
     begun = side_by_side(begin, listed)
     progress(0.6, "fitting what is left of it")
 
-    finalists = _finalists(begun, plain)
+    finalists = _finalists(begun, plain, LEAST_TRACE * threshold(count))
     trials = _all_finished(bench, state, finalists, count)
     # with too little process noise all promise too much: what finalists keep of it tells by how much
     promised = {b.screening.candidate: b.promise for b in finalists if b.state.quiet and b.promise > 0.0}
@@ -113,7 +113,11 @@ def trials_of(
 
 def tried_from(bench: Workbench, state: State, base: State, screening: Screening, count: int) -> Trial:
     """The trial of a candidate, against a state, that is fitted from the base that it was screened from."""
-    return _finished(bench, state, _begun(bench, state, base, screening), count)
+    begun = _begun(bench, state, base, screening)
+    if not begun.promise >= LEAST_TRACE * threshold(count, len(screening.candidate.free)):
+        size = begun.promise if np.isfinite(begun.promise) else 0.0
+        return Trial(screening.candidate, None, size, 0.0, screening, NO_TRACE)
+    return _finished(bench, state, begun, count)
 
 
 def side_by_side(run: Callable[[T], S], items: Sequence[T]) -> list[S]:
@@ -260,9 +264,10 @@ def _all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count:
     return [trial for trial in side_by_side(finish, begun) if trial is not None]
 
 
-def _finalists(begun: Sequence[Begun], plain: Collection[str]) -> list[Begun]:
-    """Those of the short list that are fitted to the end: by what they promise."""
-    finite = sorted((b for b in begun if np.isfinite(b.promise)), key=lambda b: -b.promise)
+def _finalists(begun: Sequence[Begun], plain: Collection[str], least: float) -> list[Begun]:
+    """Those of the short list that are fitted to the end: by what they promise, which must be the least or more."""
+    worth = (b for b in begun if b.promise >= least or not set(plain).isdisjoint(b.screening.candidate.paths))
+    finite = sorted((b for b in worth if np.isfinite(b.promise)), key=lambda b: -b.promise)
     best = finite[0].promise if finite else 0.0
     known = [not set(plain).isdisjoint(b.screening.candidate.paths) for b in finite]
     return [b for i, b in enumerate(finite) if i < FINALISTS or b.promise >= CLOSER * best or known[i]]
@@ -314,6 +319,8 @@ def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]
     """Where to start a fit: at the screening's estimate, one probe off neutral on the side it points to, and opposite.
 
     Coefficients that were fitted without the effect may turn the estimate's sign, and a fit then stays on that side.
+    A probe may be far more than a long record bears: then the estimate is the better start, but for corners, whose
+    slopes next to neutral say nothing.
     """
     starts = []
     for far in (False, True):
@@ -335,4 +342,9 @@ def _first_values(plant: Plant, screening: Screening) -> list[tuple[float, ...]]
         spec = spec_at(plant, screening.candidate.paths[0])
         opposite = float(np.clip(2.0 * spec.neutral - starts[0][0], *spec.bounds))
         starts += [(opposite,)] * (opposite != spec.neutral)
+    small = np.abs(screening.estimate).max() < 1.0
+    if small and not any(kinked(p) for p in screening.candidate.paths):
+        specs = [spec_at(plant, path) for path in screening.candidate.paths]
+        estimated = zip(specs, screening.estimate, strict=True)
+        starts.append(tuple(float(np.clip(s.neutral + e * s.probe, *s.bounds)) for s, e in estimated))
     return list(dict.fromkeys(starts))

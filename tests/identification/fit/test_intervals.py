@@ -279,8 +279,9 @@ def test_an_effect_with_a_corner_or_near_a_bound_has_the_interval_of_its_profile
     problem, point = fitted
     lag, asked = "effects.rudder.lag", []
 
-    def profile(problem, point, paths, path, error, reach):
+    def profile(problem, point, paths, path, error, reach, way):
         asked.append((path, error, reach))
+        assert way == pytest.approx([0.0, 1.0] if path == lag else [1.0, 0.0])  # these two are told independently
         return -5.0, 5.0
 
     monkeypatch.setattr(intervals, "profile_interval", profile)

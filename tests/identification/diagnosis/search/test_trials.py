@@ -267,7 +267,7 @@ def test_one_beside_louder_promises_is_fitted_all_the_same(start, monkeypatch):
     bench, state, candidates = start
     left = [c for c in candidates if c.paths[0] in (OFFSET, LAG)]
     monkeypatch.setattr(
-        trials, "_finalists", lambda begun, plain: [b for b in begun if b.screening.candidate != left[0]]
+        trials, "_finalists", lambda begun, plain, least: [b for b in begun if b.screening.candidate != left[0]]
     )
     monkeypatch.setattr(trials, "_short_list", lambda screened, here, bar, plain: screened)
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
@@ -282,17 +282,18 @@ def test_finalists_are_the_three_best_and_whatever_is_near_the_best_or_plain():
 
     def finalists(reached, plain=()):
         begun = [trials.Begun(screened_of(p), state_of(QUICK, p), r) for p, r in zip(paths, reached, strict=True)]
-        return [b.screening.candidate.paths[0] for b in trials._finalists(begun, plain)]
+        return [b.screening.candidate.paths[0] for b in trials._finalists(begun, plain, 2.0)]
 
     assert finalists([79.0, 81.0, 82.0, 83.0, 100.0, 10.0]) == [paths[k] for k in (4, 3, 2, 1)]
     assert finalists([1.0, 2.0, 3.0, 4.0, 100.0, 0.0], (paths[5],)) == [paths[k] for k in (4, 3, 2, 5)]
+    assert finalists([1.9, 2.1, -5.0, 0.0, -np.inf, np.nan]) == [paths[1]]  # the least that is worth a fit
 
 
 @pytest.mark.parametrize(
     "path, estimate, probes",
     [
         (OFFSET, 3.0, [1.0, 3.0, -1.0]),
-        (OFFSET, -0.2, [-1.0, 1.0]),
+        (OFFSET, -0.2, [-1.0, 1.0, -0.2]),  # a probe may be more than the record bears
         (OFFSET, 90.0, [1.0, 12.0, -1.0]),
         (LAG, -3.0, [1.0, 3.0, 6.0]),  # one-sided: never negative, and what small ones do not show, larger ones may
     ],
