@@ -61,8 +61,12 @@ class Noises(Filter):
 
     def follows(self, logs: np.ndarray) -> bool:
         """Whether the filter of the plant with these noises is as likely as the one linearised along the readings."""
-        own = self.total(self.point(self.plant.vector, logs)) - self._cost(logs)
-        return own > self._likelihood(self._first_system, logs) - FAR * len(self.rows)
+        return self._keeps_to(self.point(self.plant.vector, logs), self._first_system)
+
+    def _keeps_to(self, here: Point, system: System) -> bool:
+        """Whether the filter of a vehicle keeps to a path along which it is linearised: is as likely as that one."""
+        own = self.total(here) - self._cost(here.logs)
+        return own > self._likelihood(system, here.logs) - FAR * len(self.rows)
 
     @cached_property
     def _first_system(self) -> System:

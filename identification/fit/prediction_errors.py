@@ -129,12 +129,18 @@ class PredictionErrors(Noises):
         points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
         return max(points, key=lambda p: self.objective(p, paths))
 
-    def quieted(self, here: Point) -> Point:
-        """The same parameters, what pushes the vehicle taken for much weaker."""
+    def quieted(self, here: Point) -> Point | None:
+        """The same parameters, what pushes the vehicle taken for much weaker; None where the filter loses its way.
+
+        An unstable vehicle that hardly anything may push leaves the record, and its slopes then tell nothing.
+        """
         count, pushed = len(self.channels), len(self.pushed)
         logs = here.logs.copy()
         logs[count : count + pushed] -= np.log(_QUIETER)
-        return self.point(here.vector, logs, here)
+        there = self.point(here.vector, logs, here)
+        if here.system is None or not np.isfinite(there.scores).all() or not self._keeps_to(there, here.system):
+            return None
+        return there
 
     def renewed(self, point: Point, logs: np.ndarray, paths: Sequence[str]) -> Point:
         """The parameters of a point with the noises that suit them best, sought from some that may, or its own."""
@@ -161,9 +167,12 @@ class PredictionErrors(Noises):
         Where an effect was missing, accelerations have grown to take its part, and would leave little of it to find.
         Where the parameters then leave each row far less likely, they are needed: better noises would bring them back.
         """
-        there = self.descended(self.quieted(here), paths)
+        quiet = self.quieted(here)
+        if quiet is None:
+            return here
+        there = self.descended(quiet, paths)
         lost = self.objective(here, paths) - self.objective(there, paths)
-        if there.system is None or not lost < FAR * len(self.rows):
+        if not lost < FAR * len(self.rows):
             return here
         return self.renewed(there, here.logs, paths)
 

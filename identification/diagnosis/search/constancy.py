@@ -120,7 +120,8 @@ def _changed(
     _soon(bench, problem, state, near, paths, courses)
     parts = {Candidate(p, tuple(change(form, p) for form in courses)): p for p in paths}
     bar = float(chi2.isf(chance, len(courses)))
-    bases = (near, problem.quieted(near)) if quietly and problem.pushed else (near,)
+    quiet = problem.quieted(near) if quietly and problem.pushed else None
+    bases = (near,) if quiet is None else (near, quiet)
     found = [(screen(problem, base, state.paths, list(parts), bar)[0], base) for base in bases]
     best, base = max(found, key=lambda f: f[0].evidence)
     path = parts[best.candidate]

@@ -169,11 +169,9 @@ def _misjudged(bench: Workbench, base: State) -> float:
 
 
 def quieted(bench: Workbench, state: State) -> list[State]:
-    """The state with less process noise."""
-    if not bench.problem.pushed:
-        return []
-    quiet = State(state.plant, state.paths, bench.problem.quieted(state.point), True)
-    return [quiet] if quiet.finite else []
+    """The state with less process noise, if its filter still follows the record."""
+    point = bench.problem.quieted(state.point) if bench.problem.pushed else None
+    return [] if point is None else [State(state.plant, state.paths, point, True)]
 
 
 def with_given_coefficients(bench: Workbench, state: State) -> list[State]:
