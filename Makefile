@@ -25,6 +25,7 @@ demo: $(VENV)/.installed-demo
 	@echo "The report: $(CURDIR)/$(DEMO_OUT)/report.html"
 
 test: lint $(VENV)/.slocum-cache
+	$(BIN)/python -m tests.warm_cache
 	$(BIN)/python -m pytest
 
 test-slow: $(VENV)/.installed-dev $(VENV)/.slocum-cache

@@ -188,7 +188,16 @@ def change(name: str, path: str, probes: float) -> np.ndarray:
     return outputs(replace_at(vehicle(name), path, spec.neutral + probes * spec.probe), record) - neutral
 
 
-@pytest.mark.parametrize("name", sorted({*list_vehicles()} - {"seawing"}))  # of masses that move there is no bare form
+OF_THE_SAME_PARTS = ("bluerov2", "bluerov2_heavy", "heu_torpedo", "remus100", "vt690")
+
+
+def bare_form_of(name: str):
+    """The preset, slow where another one of the same parts is tried: each bare form is compiled for this test only."""
+    return pytest.param(name, marks=pytest.mark.slow) if name in OF_THE_SAME_PARTS else name
+
+
+# of masses that move there is no bare form
+@pytest.mark.parametrize("name", [bare_form_of(name) for name in sorted({*list_vehicles()} - {"seawing"})])
 def test_neutral_effects_are_the_identity_bit_for_bit(name):
     plant = load_vehicle(name)
     # the bare family does not limit its steps to what is stable: of a vehicle that spins they are shorter anyway

@@ -408,6 +408,7 @@ print("numba" in sys.modules)
 """
 
 
+@pytest.mark.slow
 def test_plain_python_agrees_with_compiled_code(tmp_path):
     found = {}
     for jit in ("0", "1"):

@@ -400,6 +400,54 @@ def test_a_profile_of_a_smooth_parameter_is_its_interval_and_ends_at_a_bound(pus
     assert 0.0 < high < 2.0
 
 
+def test_a_profile_follows_what_makes_up_for_its_parameter(pushed, monkeypatch):
+    """Where a fit finds nothing better from far away, it is as wide as first order has it, or else far too narrow."""
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.solve(GLIDER, PATHS)
+    told = information_of(problem, point, PATHS)
+    covariance = np.linalg.inv(told.alone)
+    k = PATHS.index("hull.n_r")  # which the effect of the rudder makes up for
+    error, alone = (float(v**0.5) * problem.scale(PATHS[k]) for v in (covariance[k, k], 1.0 / told.alone[k, k]))
+    assert error > 1.5 * alone
+    monkeypatch.setattr(problem, "descended", lambda here, *rest: here)
+    way = covariance[:, k] / covariance[k, k]
+    for given, half in ((way, 1.96 * error), (None, 1.96 * alone)):
+        low, high = profile_interval(problem, point, PATHS, PATHS[k], error, 1.96, given)
+        assert high - low == pytest.approx(2.0 * half, rel=0.2)
+
+
+def test_weaker_accelerations_are_tried_only_where_the_filter_keeps_to_the_record(pushed, monkeypatch):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point, own = problem.solve(GLIDER, PATHS), problem.point
+    assert problem.quieted(point) is not None
+    lost = 2.0  # of the log-likelihood, of each row
+    monkeypatch.setattr(
+        problem, "point", lambda *which: replace(there := own(*which), scores=there.scores - lost), raising=True
+    )
+    assert problem.quieted(point) is None
+    assert problem._quieter(point, PATHS) is point
+
+
+def test_better_noises_are_not_sought_where_weaker_accelerations_leave_rows_far_less_likely(pushed, monkeypatch):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.solve(GLIDER, PATHS)
+    asked = []
+    monkeypatch.setattr(problem, "renewed", lambda there, *_: asked.append(there) or there)
+    for lost, times in ((2.0, 0), (0.5, 1)):
+        monkeypatch.setattr(
+            problem, "descended", lambda here, *_, lost=lost: replace(here, scores=point.scores - lost), raising=True
+        )
+        problem._quieter(point, PATHS)
+        assert len(asked) == times
+
+
+def test_a_fit_that_runs_out_of_turns_leaves_out_what_is_likelier_absent(pushed, monkeypatch):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    kept = problem.solve(GLIDER, PATHS)
+    monkeypatch.setattr(problem, "_stilled", lambda here, paths: kept)
+    assert problem.solve(GLIDER, PATHS, iterations=1) is kept
+
+
 def test_a_profile_does_not_count_what_the_colour_of_errors_tells_of_coefficients():
     """As neither estimates nor their covariance do: a dead time that coefficients all but imitate is no surer by it."""
     time = "effects.rudder.dead_time"

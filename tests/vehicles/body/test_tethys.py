@@ -99,6 +99,7 @@ def test_its_ballast_is_an_action_over_its_range():
     assert info["command"]["battery_m"] == 0.0
 
 
+@pytest.mark.slow
 def test_the_grey_box_finds_its_coefficients_again():
     true = load_vehicle(FILE)
     record = run_mission(true, np.random.default_rng(8), duration=300.0)

@@ -8,7 +8,7 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.parts import parts_of
-from identification.diagnosis.search import pairs
+from identification.diagnosis.search import pairs, trials
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen, screen_pairs
 from identification.diagnosis.search.pairs import best_pair
@@ -144,3 +144,16 @@ def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(9
 
     monkeypatch.setattr(pairs, "tried_from", tried)
     return bench, both
+
+
+def test_a_pair_that_promises_next_to_nothing_after_a_few_steps_is_not_fitted(screened, monkeypatch):
+    bench, state, candidates, found = screened
+    pair, count = found[0][0], len(candidates)
+    bar = trials.threshold(count, len(pair.candidate.free))
+    monkeypatch.setattr(trials, "_finished", lambda bench, state, begun, count: "fitted")
+    for promise, fitted in ((0.19 * bar, False), (0.21 * bar, True), (np.nan, False)):
+        begun = trials.Begun(pair, state, promise)
+        monkeypatch.setattr(trials, "_begun", lambda *_, begun=begun: begun)
+        tried = trials.tried_from(bench, state, state, pair, count)
+        assert (tried == "fitted") is fitted
+        assert fitted or tried.objection == trials.NO_TRACE
