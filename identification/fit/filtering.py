@@ -18,6 +18,7 @@ from identification.fit.parameters import moves_of
 _SAME = 0.05  # of the log-likelihood: starts that bring less leave the path as it is
 _PASSES = 4  # of the filter, each from starts that the one before has fitted
 _NO_START = 1e-9  # of the slopes by starts, below which one does nothing
+_START_STEP = 1e-3  # of the probe of a state, over which slopes by starts are taken: as true as those by parameters
 _LOOSE = 0.3  # deviations of a stretch's likeliest start that the filter lets it be off by
 _LEAST_LEFT = 1e-10  # of a start's variance, of what a record leaves: less is rounding
 _OTHER_NOISE = 0.7  # of its logarithm: noises that differ more tell of starts with another precision
@@ -27,6 +28,7 @@ _DESCENTS = 3  # steps of the parameters with the same gains
 _AWAY = 1e100  # a slope of a run that has run away: its square would be no number
 _ENOUGH = 10.0  # deviations of the noise by which a free run changes, from which on more counts the same
 _MANY = 8  # coefficients of a fit, from which on it saves time to hold how the vehicle answers them
+NOTHING = 1e-4  # deviations of all readings together: a path that moves them by less over a scale does nothing
 LEAST_GAIN = 0.005  # of the log-likelihood, that a turn must bring for a fit to go on
 
 
@@ -356,6 +358,18 @@ class Filter(Linearised):
         """Slopes by the paths of the errors that count, (P, rows * C)."""
         return self.counted_flat(self.columns_of(point, moves_of(paths)))
 
+    def own_slopes(self, point: Point, paths: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Slopes by the paths of the errors that count, and what starts cannot imitate of them, (P, rows * C) both.
+
+        By central differences: what those to one side are off by looks like what starts cannot imitate, along a
+        vehicle that turns away from its course.
+        """
+        moves = moves_of(paths)
+        back = self.columns_of(point, [(path, -step) for path, step in moves])
+        slopes = self.counted_flat(0.5 * (self.columns_of(point, moves) + back))
+        basis = self._basis(0.5 * (self._run_starts(point)[0] + self._run_starts(point, -1.0)[0]))
+        return slopes, slopes - (slopes @ basis) @ basis.T
+
     def counted_flat(self, columns: np.ndarray) -> np.ndarray:
         """Columns, (P, rows, C), flat, (P, rows * C), zero in the rows that do not count."""
         if not np.all(self.counted == 1.0):
@@ -397,10 +411,12 @@ class Filter(Linearised):
         Starts are fitted: with what they imitate taken out of the slopes of parameters, it makes no difference how far
         the filter lets them be off.
         """
-        columns, _ = self._run_starts(point)
+        return self._basis(self._run_starts(point)[0])
+
+    def _basis(self, columns: np.ndarray) -> np.ndarray:
         kept = columns[self._told_starts(columns)]
         if not len(kept):
-            return np.zeros((point.errors.size, 0))
+            return np.zeros((columns.shape[1], 0))
         left, values, _ = np.linalg.svd((kept / np.linalg.norm(kept, axis=1)[:, None]).T, full_matrices=False)
         return left[:, values > 1e-6 * values[0]]
 
@@ -410,10 +426,10 @@ class Filter(Linearised):
         size = np.linalg.norm(columns, axis=1)
         return size > _NO_START * max(float(size.max(initial=0.0)), 1.0)
 
-    def _run_starts(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
-        """Columns of the starts by the vehicle itself; see `_by_start`."""
+    def _run_starts(self, point: Point, side: float = 1.0) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
+        """Columns of the starts by the vehicle itself; see `_by_start`.  side: 1, or -1 for steps back."""
         starts = np.repeat(point.starts[None], len(self.live), axis=0)
-        probes = 0.1 * self._probes(self.live)  # as small as the steps of parameters that may act alike
+        probes = side * _START_STEP * self._probes(self.live)
         for j, (i, probe) in enumerate(zip(self.live, probes, strict=True)):
             starts[j, :, i] += probe
         vectors = np.repeat(point.vector[None], len(self.live), axis=0)

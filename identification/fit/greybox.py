@@ -12,7 +12,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.record_check import check_ranges
 from auv_gym.records.record import Record, concat
 from identification.estimate import Estimate
-from identification.fit.filtering import Point
+from identification.fit.filtering import NOTHING, Point
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
@@ -192,7 +192,7 @@ def _problems(information: np.ndarray, raw: np.ndarray, paths: Sequence[str]) ->
     sensitivities of free runs, is a change that initial states or other parameters undo; its larger parts are named.
     """
     found = {}
-    alive = [i for i in range(len(paths)) if raw[i] > 1e-9]
+    alive = [i for i in range(len(paths)) if raw[i] > NOTHING]
     for i in range(len(paths)):
         if i not in alive:
             found[paths[i]] = f"{paths[i]} changes nothing that was measured in this record: do not free it."

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from identification.estimate import half_width
-from identification.fit.filtering import Point
+from identification.fit.filtering import NOTHING, Point
 from identification.fit.parameters import kinked
 from identification.fit.prediction_errors import PredictionErrors
 
-_LEFT = 1e-6  # of the square of slopes, below which what starts leave of them is rounding
+# of the square of slopes, below which what starts leave of them is rounding: along frozen logs of six vehicles central
+# differences leave 1e-17 to 1e-12 of what starts imitate, and 4e-9 and more of the rest; responses, which are true
+# along the filter's path only, are off by more
+_LEFT, _LEFT_SOON = 1e-11, 1e-6
 _PROFILED = 6  # values at either side at which a profile is sought
 _DESCENTS = 12  # steps of all else at each of them
 _TOO_FAR, _SHORTEST = 4.0, 0.05  # times the fall that is sought, beyond which it is sought nearer; least of that way
@@ -21,8 +24,6 @@ _NOISE_STEP = 0.2  # of the logarithm of a noise, over which its slopes are take
 _LEAST_TOLD = 0.25  # curvature by the logarithm of a noise: a factor of e^2 to either side is the least that is known
 _LEAST_FREEDOM = 2.0  # of Student's t, which has no variance below
 _MOST_GROWTH = 1.0  # of the logarithm of a variance, as far as the first order holds
-
-Slopes = Callable[[Point, Sequence[str]], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,9 +48,9 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
     noise is not what was taken for it, neighbouring scores correlate: the variance of each parameter is at least that
     of the sandwich form with Bartlett weights (Newey and West 1987; Ljung 1999, sec. 9.3).
     """
-    flat, told = _told(problem, point, paths)
+    flat, size = _told(problem, point, paths)
     alone, known = flat @ flat.T, np.diag(problem.pulls(point.vector, paths)[1] ** 2)
-    inverse = _inverse(told + known)
+    inverse = _inverse(alone + known, size)
     scores = np.einsum("prc,rc->rp", flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point))
     long_run = scores.T @ scores
     lags = int(np.ceil(4.0 * (max(len(scores), 1) / 100.0) ** (2.0 / 9.0)))  # Newey and West 1994, Bartlett
@@ -68,23 +69,30 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
 
 
 def _told(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], slopes_of: Slopes | None = None
+    problem: PredictionErrors, point: Point, paths: Sequence[str], soon: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Slopes of the paths that starts cannot imitate, (P, rows * C), and their normal matrix, (P, P).
+    """Slopes of the paths that starts cannot imitate, (P, rows * C), and sizes of all that the paths do, (P,).
 
-    The matrix is without what the starts leave of a change that they can all but imitate: what is left there is the
-    rounding of slopes, and would look like a change by parameters that are told.
+    Without what the starts leave of a change that they can all but imitate: what is left there is the rounding of
+    slopes, and would look like a change by parameters that are told.  soon: by responses where there are any.
     """
-    slopes = (slopes_of or problem.counted_slopes)(point, paths)
-    flat = problem.without_starts(point, slopes)
-    size = np.maximum(np.linalg.norm(slopes, axis=1), 1e-150)
-    values, vectors = np.linalg.eigh(flat @ flat.T / np.outer(size, size))
-    kept = vectors * size[:, None] * np.sqrt(np.where(values > _LEFT, values, 0.0))
-    return flat, kept @ kept.T
+    if soon:
+        slopes = problem.soon_slopes(point, paths)
+        flat = problem.without_starts(point, slopes)
+    else:
+        slopes, flat = problem.own_slopes(point, paths)
+    size = np.maximum(np.linalg.norm(slopes, axis=1), NOTHING)
+    flat = flat / size[:, None]
+    values, vectors = np.linalg.eigh(flat @ flat.T)
+    kept = vectors[:, values > (_LEFT_SOON if soon else _LEFT)]
+    return size[:, None] * (kept @ (kept.T @ flat)), size
 
 
-def _inverse(normal: np.ndarray) -> np.ndarray:
-    return np.linalg.pinv(normal, rcond=1e-13, hermitian=True)
+def _inverse(normal: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The inverse of a normal matrix, without what is told nothing of; size: (P,), of all that the paths do."""
+    size = np.maximum(size, np.sqrt(np.diag(normal)))  # what was known of a path may be far more than it does
+    each = np.outer(size, size)
+    return np.linalg.pinv(normal / each, rcond=1e-13, hermitian=True) / each
 
 
 def _size(normal: np.ndarray) -> float:
@@ -110,23 +118,26 @@ def _by_noise(
         return np.zeros(count), np.full(count, np.inf)
     size, point = len(pushing), problem.prepared(point, paths)
     curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)
-    flat, told = _told(problem, point, paths, problem.soon_slopes)
-    first, whole = np.log(np.maximum(np.diag(_inverse(told + known)), 1e-300)), _size(told + known)
+    flat, scale = _told(problem, point, paths, True)
+    normal = flat @ flat.T + known
+    inverse = _inverse(normal, scale)
+    first, whole = np.log(np.maximum(np.diag(inverse), 1e-300)), _size(normal)
     pulled, rates = problem.pulls(point.vector, paths)
     ways = np.zeros((size, count))  # by which the likeliest parameters move with the noises
-    way = _inverse(told + known) @ (flat @ problem.counted_errors(point).ravel() - rates * pulled)
+    way = inverse @ (flat @ problem.counted_errors(point).ravel() - rates * pulled)
     slope = problem.noise_slopes(point, point.logs)[1][pushing]
     for j, i in enumerate(pushing):
         more = point.logs.copy()
         more[i] += _NOISE_STEP
         curvature[j] = (slope - problem.noise_slopes(point, more)[1][pushing]) / _NOISE_STEP
         there = problem.with_noise(point, more)
-        others, normal = _told(problem, there, paths, problem.soon_slopes)
-        inverse = _inverse(normal + known)
+        others, _ = _told(problem, there, paths, True)
+        normal = others @ others.T + known
+        inverse = _inverse(normal, scale)
         slopes[j] = (np.log(np.maximum(np.diag(inverse), 1e-300)) - first) / _NOISE_STEP
         pull = others @ problem.counted_errors(there).ravel() - rates * pulled
         ways[j] = (inverse @ pull - way) / _NOISE_STEP
-        fall[j] = -0.5 * (_size(normal + known) - whole) / _NOISE_STEP
+        fall[j] = -0.5 * (_size(normal) - whole) / _NOISE_STEP
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     spread = (vectors / np.maximum(values, _LEAST_TOLD)) @ vectors.T
     variance = np.einsum("jp,jk,kp->p", slopes, spread, slopes)
@@ -186,7 +197,7 @@ def told_by_part(
     problem: PredictionErrors, point: Point, paths: Sequence[str], parts: Sequence[Sequence[slice]]
 ) -> ByPart:
     """What each part of the rows that count tells of the paths, what stretches' starts can imitate taken out."""
-    flat = problem.without_starts(point, problem.counted_slopes(point, paths))
+    flat, _ = _told(problem, point, paths)
     columns, errors = flat.reshape(len(paths), *point.errors.shape), problem.counted_errors(point)
     pulled, rates = problem.pulls(point.vector, paths)
     normals, pulls, scores = [], [], []
@@ -245,10 +256,8 @@ def profile_interval(
             there = _refitted(problem, near, paths, path, tried, way)
             drop = best - problem.objective(there, paths)
             if drop >= bar:
-                outer = np.sqrt(drop) if np.isfinite(drop) else np.inf
-                share = (np.sqrt(bar) - np.sqrt(max(drop_inner, 0.0))) / max(
-                    outer - np.sqrt(max(drop_inner, 0.0)), 1e-12
-                )
+                inside = np.sqrt(max(drop_inner, 0.0))
+                share = (np.sqrt(bar) - inside) / max(np.sqrt(drop) - inside, 1e-12)
                 edge = inner + share * (tried - inner)
                 if drop < _TOO_FAR * bar:
                     break

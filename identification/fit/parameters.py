@@ -13,9 +13,9 @@ from auv_gym.plant import Plant
 from identification.deciding import REACH
 from identification.fit.work import Work
 
-# scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to a
-# thousandth, since what they are off by moves those estimates far that act nearly alike
-STEP, _STEP_ABOUT_CORNERS = 0.01, 0.1
+# scales of a parameter, over which its slopes are taken: more about a corner; else so little that slopes are true to
+# 1e-5, since what they are off by moves those estimates far that act nearly alike, and rounding is still less
+STEP, _STEP_ABOUT_CORNERS = 1e-4, 0.1
 # what comes last in their paths
 _KINKED = frozenset(["deadband", "backlash", "dead_time", "delay", "lag", "slowness", "lost_travel"])
 

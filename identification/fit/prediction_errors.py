@@ -189,7 +189,7 @@ class PredictionErrors(Noises):
     def standard_errors(self, plant: Plant, paths: Sequence[str], noise: Noise) -> dict[str, float]:
         """Standard error of each path, in its unit, all of them fitted, these noises known; infinite if untold."""
         point = self.point(plant.vector, self.logs_of(noise))
-        flat = self.without_starts(point, self.counted_slopes(point, paths))
+        _, flat = self.own_slopes(point, paths)
         normal = flat @ flat.T + np.diag(self.pulls(point.vector, paths)[1] ** 2)
         size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-12, hermitian=True)

@@ -27,23 +27,20 @@ class Regression:
     slopes: np.ndarray
     stretch_of_row: np.ndarray
     basis: np.ndarray = field(default_factory=lambda: np.zeros((COUNT, 0)))
-    rates: float = 0.0
+    rates: float | np.ndarray = 0.0
     count: int = COUNT
 
     def pushing(self, point) -> list[int]:
         return []
 
-    def counted_slopes(self, point, paths) -> np.ndarray:
-        return self.slopes
-
-    def without_starts(self, point, slopes) -> np.ndarray:
-        return slopes - (slopes @ self.basis) @ self.basis.T
+    def own_slopes(self, point, paths) -> tuple[np.ndarray, np.ndarray]:
+        return self.slopes, self.slopes - (self.slopes @ self.basis) @ self.basis.T
 
     def counted_errors(self, point) -> np.ndarray:
         return point.errors
 
     def pulls(self, vector, paths) -> tuple[np.ndarray, np.ndarray]:
-        return np.zeros(len(self.slopes)), np.full(len(self.slopes), self.rates)
+        return np.zeros(len(self.slopes)), np.broadcast_to(self.rates, len(self.slopes))
 
 
 def coloured(phi: float, seed: int = 0) -> np.ndarray:
@@ -90,6 +87,25 @@ def test_what_starts_can_imitate_is_no_information_and_what_was_known_is():
     mean, alternating = variances(0.1 * coloured(0.0), basis=start)
     assert (mean, alternating) == pytest.approx((2.0, 1.0), rel=1e-3)
     assert variances(0.1 * coloured(0.0), rates=np.sqrt(3.0 * COUNT)) == pytest.approx([0.25, 0.25])
+
+
+def test_what_starts_all_but_imitate_neither_narrows_nor_widens_an_interval():
+    """Of a slope of 1e9 a millionth is left: rounding, by which errors seemed to pull a thousand times their due."""
+    start = np.full((COUNT, 1), COUNT**-0.5)
+    rounding = np.random.default_rng(1).standard_normal((1, COUNT)) * COUNT**-0.5
+    problem = Regression(1e9 * start.T + 1e3 * rounding, np.zeros(COUNT, dtype=int), start, rates=1.0)
+    point = point_of([0.0] * COUNT, errors=coloured(0.0)[:, None])
+    told = information_of(problem, point, ("imitated",))  # type: ignore[arg-type]
+    assert told.covariance == pytest.approx(np.ones((1, 1)))  # what was known
+
+
+def test_a_path_of_which_much_was_known_leaves_another_as_it_is():
+    """It does nothing to the readings, so that in units of what it does all that is known of it is vast."""
+    slopes = np.stack([np.ones(COUNT), np.zeros(COUNT)])
+    problem = Regression(slopes, np.zeros(COUNT, dtype=int), rates=np.array([0.0, 1e4]))
+    point = point_of([0.0] * COUNT, errors=np.zeros((COUNT, 1)))
+    told = information_of(problem, point, ("mean", "idle"))  # type: ignore[arg-type]
+    assert np.diag(told.covariance) == pytest.approx([1.0 / COUNT, 1e-8])
 
 
 PARTS = [[slice(0, 200)], [slice(200, 320)], [slice(320, 500)]]

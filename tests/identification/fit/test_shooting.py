@@ -193,7 +193,14 @@ def test_steps_take_what_goes_on_between_stretches_by_the_vehicle_itself():
     volumes = [(c, stretches) for c, (stretches, state) in zip(columns, owners, strict=True) if state == 2]
     assert len(volumes) == len(VOLUMES)
     for column, stretches in volumes:
-        moved, size = far.starts.copy(), 1e-7
+        moved, size = far.starts.copy(), 1e-9
         moved[stretches, 2] += size
         change = far.errors - problem.with_gains(far, far.vector, moved).errors
         np.testing.assert_allclose(column, change.ravel() / size, atol=1e-4 * np.abs(column).max())
+
+
+def test_nothing_is_left_of_what_starts_imitate():
+    """An offset of all volumes is what the volumes of dives are; slopes to one side leave 3e-5 of it."""
+    problem = filtered()
+    slopes, left = problem.own_slopes(problem.point(problem.plant.vector, problem.first_noise()), [OFFSET])
+    assert np.linalg.norm(left) < 1e-7 * np.linalg.norm(slopes)
