@@ -428,12 +428,17 @@ class Filter(Linearised):
 
     def _run_starts(self, point: Point, side: float = 1.0) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
         """Columns of the starts by the vehicle itself; see `_by_start`.  side: 1, or -1 for steps back."""
-        starts = np.repeat(point.starts[None], len(self.live), axis=0)
         probes = side * _START_STEP * self._probes(self.live)
-        for j, (i, probe) in enumerate(zip(self.live, probes, strict=True)):
-            starts[j, :, i] += probe
-        vectors = np.repeat(point.vector[None], len(self.live), axis=0)
-        return self._by_start(self._changes(point, vectors, starts, probes))
+
+        def make(which: Sequence[int]) -> np.ndarray:
+            starts = np.repeat(point.starts[None], len(which), axis=0)
+            for j, k in enumerate(which):
+                starts[j, :, self.live[k]] += probes[k]
+            vectors = np.repeat(point.vector[None], len(which), axis=0)
+            return self._changes(point, vectors, starts, probes[which])
+
+        keys = [(id(self.plant), int(i), float(probe)) for i, probe in zip(self.live, probes, strict=True)]
+        return self._by_start(self._kept.of(point, keys, make))
 
     def _starts_for_steps(self, point: Point) -> tuple[np.ndarray, list[tuple[np.ndarray, int]]]:
         """Columns of the starts for steps: by the linearised filter, which is soon made, where it is true enough.

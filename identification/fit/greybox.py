@@ -121,7 +121,7 @@ class GreyBox:
         problem = brisk(given)
         point = self._likeliest(problem)
         # the record may be more precise than a first guess of its noises tells
-        if problem is not given and moved_by_steps(given, point) > MOST_MOVED:
+        if problem is not given and moved_by_steps(given, problem, point) > MOST_MOVED:
             problem, point = given, self._likeliest(given)
         return self._result(problem, point, paths, windows)
 

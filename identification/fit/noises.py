@@ -61,7 +61,11 @@ class Noises(Filter):
 
     def follows(self, logs: np.ndarray) -> bool:
         """Whether the filter of the plant with these noises is as likely as the one linearised along the readings."""
-        return self._keeps_to(self.point(self.plant.vector, logs), self._first_system)
+        return self.keeps_to_readings(self.point(self.plant.vector, logs))
+
+    def keeps_to_readings(self, here: Point) -> bool:
+        """Whether a vehicle with the gains of a point is as likely as the filter linearised along the readings."""
+        return self._keeps_to(here, self._first_system)
 
     def _keeps_to(self, here: Point, system: System) -> bool:
         """Whether the filter of a vehicle keeps to a path along which it is linearised: is as likely as that one."""

@@ -21,16 +21,20 @@ _WORTH = 2.0  # times longer, from which on steps save more than it may cost to 
 
 def brisk(problem: PredictionErrors) -> PredictionErrors:
     """The problem with the longest step, up to a sample, that hardly moves a filter; as it is if little is saved."""
-    point = None
-    for parts in _PARTS:
-        step = problem.record.sample_interval / parts
-        if step < 0.99 * _WORTH * problem.plant.longest_step:  # samples are not apart to the last digit
-            break
-        point = problem.first_point() if point is None else point
-        if not np.isfinite(point.scores).all():
-            break
+    steps = [problem.record.sample_interval / parts for parts in _PARTS]
+    # samples are not apart to the last digit
+    longer = [step for step in steps if step >= 0.99 * _WORTH * problem.plant.longest_step]
+    if not longer:
+        return problem
+    point = problem.first_point()
+    if not problem.keeps_to_readings(point):  # a vehicle that leaves them goes where steps move it far
+        faster = in_steps(problem, longer[-1])
+        point = faster.renewed(faster.first_point(), faster.first_noise(), ())
+    if not np.isfinite(point.scores).all():
+        return problem
+    for step in longer:
         faster = in_steps(problem, step)
-        if moved_by_steps(faster, point) < _MOST_BEFORE:  # False where a run is not finite
+        if moved_by_steps(faster, problem, point) < _MOST_BEFORE:  # False where a run is not finite
             return faster
     return problem
 
@@ -42,10 +46,10 @@ def in_steps(problem: PredictionErrors, longest: float) -> PredictionErrors:
     return other
 
 
-def moved_by_steps(other: PredictionErrors, point: Point) -> float:
-    """Standard errors by which a point may be off that was found with other steps than those of this problem."""
-    change = other.counted_errors(other.with_gains(point, point.vector)) - other.counted_errors(point)
-    return float(np.linalg.norm(change))
+def moved_by_steps(one: PredictionErrors, other: PredictionErrors, point: Point) -> float:
+    """Standard errors by which a point may be off that was found with the steps of one problem and not of another."""
+    errors = [problem.counted_errors(problem.with_gains(point, point.vector)) for problem in (one, other)]
+    return float(np.linalg.norm(errors[0] - errors[1]))
 
 
 def readings_noise(problem: Shooting) -> np.ndarray:

@@ -54,12 +54,13 @@ def steadiness(bench: Workbench, state: State, paths: Sequence[str], quietly: bo
     """The parameter, of those of a state, that is least surely the same in all sixths of the record.
 
     By a regression on changes from each sixth on; with `quietly` also with weaker accelerations: these grow to explain
-    what does not fit, and then hide it.  Only where that promises a difference, it is fitted, with noises that suit it.
+    what does not fit, and then hide it.  Only where that promises a difference, it is fitted, with noises that suit it,
+    and no farther than is sure enough: the probability is then an upper bound.
     """
     rows, block = bench.problem.rows, bench.block_of_row
     begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(1, MOST_PARTS)]
     courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, 2)}
-    best, evidence, _, _ = _changed(bench, state, paths, courses, UNSTEADY / len(paths), quietly)
+    best, evidence, _, _ = _changed(bench, state, paths, courses, UNSTEADY / len(paths), quietly, False)
     chance = len(paths) * float(chi2.sf(max(evidence, 0.0), len(courses)))
     return Steadiness(best, min(chance, 1.0))
 
@@ -77,7 +78,7 @@ def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
     courses = {
         f"dive{k + 1}": Course((begins[k], begins[k + 1]), (0.0, 1.0, 0.0)) for k in range(int(fitted), len(dives))
     }
-    _, evidence, by_dive, found = _changed(bench, state, [path], courses, UNSTEADY, True)
+    _, evidence, by_dive, found = _changed(bench, state, [path], courses, UNSTEADY, True, True)
     if found is None or evidence <= chi2.isf(UNSTEADY, len(courses)):
         return None
     sizes, limits, common = [], spec_at(found.plant, path).bounds, {path: 1.0} if fitted else {}
@@ -106,10 +107,12 @@ def _changed(
     courses: Mapping[str, Course],
     chance: float,
     quietly: bool,
+    whole: bool,
 ) -> tuple[str, float, Workbench, State | None]:
     """The path that changes in these courses are likeliest of, the evidence, and bench and fit with them.
 
-    No fit where a regression promises less than what chance has with a probability.
+    No fit where a regression promises less than what chance has with a probability.  whole: whether the fit goes on
+    when its beginning has more evidence than that.
     """
     problem, changing = copy(bench.problem), copy(bench)
     problem.plant = plant = ChangingPlant.of(bench.plant, {form: list(paths) for form in courses}, courses)
@@ -130,8 +133,11 @@ def _changed(
     free = (*state.paths, *best.candidate.paths)
     vector = problem.moved_vector(base.vector, free, np.r_[best.beside, best.estimate])
     begun = problem.renewed(problem.point(vector, base.logs, base), state.point.logs, free)
-    fitted = problem.solve(problem.plant_at(begun, free), free, begun, ITERATIONS, gain=TRIAL_GAIN)
-    evidence = 2.0 * (problem.objective(fitted, free) - bench.problem.objective(state.point, state.paths))
+    before = bench.problem.objective(state.point, state.paths)
+    fitted = begun
+    if whole or 2.0 * (problem.objective(begun, free) - before) <= bar:
+        fitted = problem.solve(problem.plant_at(begun, free), free, begun, ITERATIONS, gain=TRIAL_GAIN)
+    evidence = 2.0 * (problem.objective(fitted, free) - before)
     return path, evidence, changing, State(problem.plant_at(fitted, free), free, fitted)
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from auv_gym.param import value_at
+from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.experiments.missions import run_mission
 from identification.fit import greybox
 from identification.fit.greybox import GreyBox
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.steps import MOST_MOVED, brisk, in_steps
+from identification.fit.steps import MOST_MOVED, brisk, in_steps, moved_by_steps
 from identification.fit.windows import free_run_windows
 
 
@@ -29,6 +29,17 @@ def test_a_steady_torpedo_is_integrated_in_steps_of_a_sample():
 def test_an_unstable_one_in_shorter_steps():
     plant, problem = logged("remus100")
     assert plant.longest_step <= brisk(problem).plant.longest_step < problem.record.sample_interval
+
+
+def test_steps_are_judged_where_the_filter_follows_the_record():
+    """A vehicle that is top-heavy leaves the readings of a log without roll and rates, and steps then move it far."""
+    plant, whole = logged("vt690")
+    few = whole.record.without([n for n in whole.channels if not n.endswith(("dvl_mps", "pitch_rad", "depth_m"))])
+    far = PredictionErrors(replace_at(plant, "effects.load.z_g", -0.01), few, [slice(0, len(few))], doubt=0.1, stride=5)
+    first, sample = far.first_point(), far.record.sample_interval
+    assert not far.keeps_to_readings(first)
+    assert moved_by_steps(in_steps(far, sample), far, first) > 1.0
+    assert brisk(far).plant.longest_step == pytest.approx(sample)
 
 
 def test_steps_shorter_than_given_ones_are_not_tried():
