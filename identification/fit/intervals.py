@@ -131,6 +131,8 @@ def _by_noise(
         more[i] += _NOISE_STEP
         curvature[j] = (slope - problem.noise_slopes(point, more)[1][pushing]) / _NOISE_STEP
         there = problem.with_noise(point, more)
+        if not np.isfinite(there.scores).all():  # the vehicle runs away with these gains, which tells nothing
+            continue
         others, _ = _told(problem, there, paths, True)
         normal = others @ others.T + known
         inverse = _inverse(normal, scale)

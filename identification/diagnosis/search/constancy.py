@@ -19,6 +19,8 @@ from identification.fit.filtering import Point
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 
+_SHARES = (1.0, 0.2)  # of the step that a regression promises, from which a fit begins: far from a log it is too long
+
 
 @dataclass(frozen=True)
 class Steadiness:
@@ -131,12 +133,15 @@ def _changed(
     if best.evidence <= bar:
         return path, best.evidence, changing, None
     free = (*state.paths, *best.candidate.paths)
-    vector = problem.moved_vector(base.vector, free, np.r_[best.beside, best.estimate])
-    begun = problem.renewed(problem.point(vector, base.logs, base), state.point.logs, free)
-    before = bench.problem.objective(state.point, state.paths)
-    fitted = begun
-    if whole or 2.0 * (problem.objective(begun, free) - before) <= bar:
-        fitted = problem.solve(problem.plant_at(begun, free), free, begun, ITERATIONS, gain=TRIAL_GAIN)
+    before, tried = bench.problem.objective(state.point, state.paths), list[Point]()
+    for share in _SHARES:
+        vector = problem.moved_vector(base.vector, free, share * np.r_[best.beside, best.estimate])
+        tried.append(problem.renewed(problem.point(vector, base.logs, base), state.point.logs, free))
+        if 2.0 * (problem.objective(tried[-1], free) - before) > bar:
+            break
+    fitted = max(tried, key=lambda point: problem.objective(point, free))
+    if whole or 2.0 * (problem.objective(fitted, free) - before) <= bar:
+        fitted = problem.solve(problem.plant_at(fitted, free), free, fitted, ITERATIONS, gain=TRIAL_GAIN)
     evidence = 2.0 * (problem.objective(fitted, free) - before)
     return path, evidence, changing, State(problem.plant_at(fitted, free), free, fitted)
 

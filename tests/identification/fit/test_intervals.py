@@ -244,6 +244,7 @@ class Mean:
 class Logs:
     logs: np.ndarray
     vector: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    scores: np.ndarray = field(default_factory=lambda: np.zeros(1))
 
 
 def by_noise(problem) -> tuple[np.ndarray, np.ndarray]:
@@ -258,6 +259,16 @@ def test_a_noise_of_which_little_is_known_widens_intervals_as_student_did():
     growth, freedom = by_noise(Mean(told))
     assert freedom == pytest.approx([2.0 / variance], rel=1e-6)
     assert growth == pytest.approx([0.5 * variance], rel=1e-6)
+
+
+def test_a_noise_with_which_the_vehicle_runs_away_tells_nothing_of_intervals():
+    class Lost(Mean):
+        def with_noise(self, point, logs):
+            return replace(point, logs=np.full(3, np.nan), scores=np.array([np.nan]))
+
+    growth, freedom = by_noise(Lost(np.eye(2)))
+    assert growth == [0.0]
+    assert freedom[0] > 1e6
 
 
 def test_what_is_not_known_of_a_noise_at_all_has_a_limit_and_without_any_nothing_is_wider():
