@@ -18,7 +18,8 @@ from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
-from identification.diagnosis.search.workbench import State, Workbench
+from identification.diagnosis.search.trials import side_by_side
+from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 
 
 def effects_of(
@@ -135,23 +136,26 @@ def twin_effects(groups, effects, found, bench: Workbench, state: State, count: 
 
     An effect is named if the coefficient's change, told as its size, passes the gate against the coefficient as given.
     """
-    added = []
-    for group in groups:
-        path = group[0]
-        c = next(c for c in found if c.path == group[-1])
-        if any(e.path == path for e in effects) or abs(c.value / c.given - 1.0) <= BEYOND:
-            continue
+    named = {e.path for e in effects}
+
+    def tried(group: tuple[str, ...]) -> Effect | None:
+        path, c = group[0], next(c for c in found if c.path == group[-1])
+        if path in named or abs(c.value / c.given - 1.0) <= BEYOND:
+            return None
         spec = spec_at(bench.plant, path)
         value = size_as_effect(bench.plant, path, c.given, c.value)
         low, high = sorted(size_as_effect(bench.plant, path, c.given, v) for v in c.ci95)
         size = Size(abs(value - spec.neutral), at_limit(value, spec.bounds, spec.neutral))
         put_back = replace_at(state.plant, c.path, c.given)
-        before = bench.fit(put_back, [p for p in state.paths if p != c.path], state)
+        before = bench.fit(put_back, [p for p in state.paths if p != c.path], state, TRIAL_GAIN)
         passed = weighed(bench, before, state, [size], lambda half=(high - low) / 2.0: [half], threshold(count))
-        if not passed.objection:
-            gains = (passed.train, passed.held)
-            added.append(Effect(path, spec.title, value, spec.neutral, spec.unit, (low, high), *gains, group[1:]))
-    return added
+        if passed.objection:
+            return None
+        return Effect(
+            path, spec.title, value, spec.neutral, spec.unit, (low, high), passed.train, passed.held, group[1:]
+        )
+
+    return [effect for effect in side_by_side(tried, groups) if effect is not None]
 
 
 def _span(size: tuple[float, float, float]) -> tuple[float, float]:
