@@ -198,11 +198,18 @@ class Diagnosis:
         return [paragraph for paragraph in joined if paragraph]
 
 
+def _alike(d: Diagnosis) -> str:
+    alike = "; ".join(e.told for e in d.alike)
+    return f" Part of the difference acts like {alike}." if alike else ""
+
+
 def _sentence(d: Diagnosis) -> str:
     names = [e.told for e in d.effects]
     if d.verdict == "doubted":
         doubt = d.doubts[0]
-        return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."
+        if doubt.slip is not None:
+            return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."
+        return f"{doubt.text[0].upper()}{doubt.text[1:]}.{_alike(d)} What to do: {doubt.mend}."
     if d.verdict == "none":
         return "The model explains this log: no known effect is missing."
     wrong = [
@@ -217,9 +224,7 @@ def _sentence(d: Diagnosis) -> str:
         )
     if d.verdict == "unexplained":
         kind = "constant" if unsteady_sentence(d) else "known"
-        text = f"The log and the model disagree, and no {kind} effect explains the difference."
-        alike = "; ".join(e.told for e in d.alike)
-        return text + (f" Part of the difference acts like {alike}." if alike else "")
+        return f"The log and the model disagree, and no {kind} effect explains the difference.{_alike(d)}"
     count = "an effect" if len(names) == 1 else f"{len(names)} effects"
     return f"The model is missing {count}: {'; '.join(names)}."
 

@@ -174,11 +174,14 @@ def _foreign(plant: Plant, *matches: Match) -> Doubt:
     names = [n for n in matches[0].errors if all(m.errors.get(n, 0.0) > BAD for m in matches)]
     signals = ", ".join(channel(n).label for n in names) or "its signals"
     text = (
-        f"this does not look like a log of {plant.name}: no coefficients within a factor of {FACTOR:g} of its own (or "
-        f"within the wider range that its file states) reproduce {signals}, and no single error of sign, unit, column "
-        "or clock explains the difference"
+        f"the log and the vehicle {plant.name} are far apart: no coefficients within a factor of {FACTOR:g} of its own "
+        f"(or within the wider range that its file states) reproduce {signals}, and no single error of sign, unit, "
+        "column or clock explains the difference"
     )
-    mend = "check that the log is of this vehicle; if it is, check signs, units and columns of all channels"
+    mend = (
+        "check that the log is of this vehicle, and the signs, units and columns of all channels; if they are right, "
+        "the model lacks something large"
+    )
     return Doubt(text, tuple(names), 1.0, mend)
 
 
