@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -70,19 +70,29 @@ def stride_for(
     if not np.isfinite(point.scores).all():
         return least
     told = _variances(short, point, fitted, others)
-    for stride in tried:
+
+    def loses_little(stride: int) -> bool:
         problem = PredictionErrors(
             plant, record, pieces, doubt=doubt, process=process, stride=stride, guess=short.guess
         )
         there = problem.first_point(point.logs) if problem.pushed == short.pushed else None
         if there is None or not np.isfinite(there.scores).all() or not problem.follows(point.logs):
-            continue
+            return False
         lost = (_variances(problem, there, fitted, others) - told) * (stride - 1) / (stride - _REFERENCE)
         plain = (told + lost) * judged / samples < (1.0 / _PLAIN) ** 2
         plain[: len(fitted)] = False
-        if np.all(lost <= np.where(plain, _MOST_OF_PLAIN, MOST_LOST) * told):
-            return stride
-    return least
+        return bool(np.all(lost <= np.where(plain, _MOST_OF_PLAIN, MOST_LOST) * told))
+
+    return _longest(sorted(tried), loses_little, least)
+
+
+def _longest(strides: Sequence[int], suits: Callable[[int], bool], least: int) -> int:
+    """The longest of strides, shortest first, that suits, by bisection: those that are longer suit no better."""
+    low, high = 0, len(strides)
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (middle + 1, high) if suits(strides[middle]) else (low, middle)
+    return strides[low - 1] if low else least
 
 
 def _spread_out(windows: Sequence[slice], samples: int) -> list[slice]:

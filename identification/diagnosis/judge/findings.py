@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from identification.deciding import BEYOND, LEAST_CHANGE, REACH, SURPRISE
+from identification.deciding import BEYOND, HOPELESS, LEAST_CHANGE, REACH, SURPRISE
 from identification.diagnosis.judge.found import AsCoefficient, Coefficient, Effect, Member
 from identification.diagnosis.judge.selected import selected_interval
 from identification.diagnosis.search.acceptance import Size, at_limit, weighed
@@ -19,7 +19,7 @@ from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.trials import side_by_side
-from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
+from identification.diagnosis.search.workbench import State, Workbench
 
 
 def effects_of(
@@ -147,7 +147,7 @@ def twin_effects(groups, effects, found, bench: Workbench, state: State, count: 
         low, high = sorted(size_as_effect(bench.plant, path, c.given, v) for v in c.ci95)
         size = Size(abs(value - spec.neutral), at_limit(value, spec.bounds, spec.neutral))
         put_back = replace_at(state.plant, c.path, c.given)
-        before = bench.fit(put_back, [p for p in state.paths if p != c.path], state, TRIAL_GAIN)
+        before = bench.fit_from([(put_back, state)], tuple(p for p in state.paths if p != c.path), state, HOPELESS)
         passed = weighed(bench, before, state, [size], lambda half=(high - low) / 2.0: [half], threshold(count))
         if passed.objection:
             return None

@@ -18,7 +18,6 @@ from identification.diagnosis.search.trials import (
     quieted,
     side_by_side,
     tried_from,
-    with_given_coefficients,
 )
 from identification.diagnosis.search.workbench import State, Workbench
 
@@ -29,7 +28,7 @@ def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: 
     The trials hold the state with both.  left: what is not fitted yet, of `count` candidates, for the bar.
     """
     many = count * (count - 1) // 2
-    base = (*with_given_coefficients(bench, state), state)[0]
+    base = (*bench.with_given(state), state)[0]
     base = (*quieted(bench, base), base)[0]
     promising = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
     found = []

@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.param import replace_at, value_at
 from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
 from identification.diagnosis.search.stability import Selection, select
-from identification.diagnosis.search.trials import FIRST_ITERATIONS, with_given_coefficients
+from identification.diagnosis.search.trials import FIRST_ITERATIONS
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of
@@ -38,7 +38,7 @@ def search(
 ) -> tuple[Found | None, dict[str, float]]:
     """The term that explains most beside what is fitted, if one is chosen stably; and how often each was chosen."""
     best, often = None, dict.fromkeys(library, 0.0)
-    for base in (state, *with_given_coefficients(bench, state)):
+    for base in (state, *bench.with_given(state)):
         selection, scales = selection_of(bench, base, library, rng)
         often = {p: max(often[p], float(f)) for p, f in zip(library, selection.frequency, strict=True)}
         found = _best(bench, state, base, library, selection, scales)

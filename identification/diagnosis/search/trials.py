@@ -16,7 +16,7 @@ from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE,
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, part_of, screen
-from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench, given_values
+from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # of the short list
@@ -139,7 +139,7 @@ def _screened(
     found: dict[Candidate, Screening] = {}
     bases: dict[Candidate, State] = {}
     here: list[Candidate] = []
-    for base in (state, *with_given_coefficients(bench, state), *quieted(bench, state)):
+    for base in (state, *bench.with_given(state), *quieted(bench, state)):
         # what a poorer base leaves is not evidence for a candidate
         less = 0.0 if base.quiet else 2.0 * (problem.total(state.point) - problem.total(base.point))
         promising = screen(problem, base.point, state.paths, left, bar)
@@ -172,17 +172,6 @@ def quieted(bench: Workbench, state: State) -> list[State]:
     """The state with less process noise, if its filter still follows the record."""
     point = bench.problem.quieted(state.point) if bench.problem.pushed else None
     return [] if point is None else [State(state.plant, state.paths, point, True)]
-
-
-def with_given_coefficients(bench: Workbench, state: State) -> list[State]:
-    """The state with its coefficients as the vehicle was given, if the fit has taken them far from there."""
-    given = given_values(bench.plant, state)
-    if not given:
-        return []
-    plant, problem = replace_at(state.plant, given), bench.problem
-    point = problem.renewed(problem.point(plant.vector, state.point.logs, state.point), state.point.logs, ())
-    other = State(plant, (), point)
-    return [other] if other.finite else []
 
 
 def _short_list(

@@ -74,6 +74,7 @@ class Workbench:
         self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
+        self._as_given: WeakKeyDictionary[State, tuple[State, ...]] = WeakKeyDictionary()
 
     def goes_on(self, step: str) -> bool:
         """Whether there is time left for a step of the search, in words; `unfinished` lists what there was none for."""
@@ -109,6 +110,20 @@ class Workbench:
             return settled
         point = self.problem.solve(settled.plant, paths, point, ITERATIONS, gain=TRIAL_GAIN)
         return State(self.problem.plant_at(point, paths), tuple(paths), point)
+
+    def with_given(self, state: State) -> tuple[State, ...]:
+        """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there."""
+        if state not in self._as_given:
+            values = {p: value_at(self.plant, p) for p in state.paths if p in self.plant.coefficients}
+            far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
+            found = [self._renewed_at(replace_at(state.plant, values), state)] if far else []
+            self._as_given[state] = tuple(one for one in found if one.finite)
+        return self._as_given[state]
+
+    def _renewed_at(self, plant: Plant, near: State) -> State:
+        """A plant with the noises that suit it, nothing free."""
+        point = self.problem.point(plant.vector, near.point.logs, near.point)
+        return State(plant, (), self.problem.renewed(point, near.point.logs, ()))
 
     def worth(self, state: State, paths: Sequence[str]) -> float:
         """The evidence for some of a state's paths, all else refitted to second order, but for the noises."""
@@ -215,10 +230,3 @@ class Workbench:
         except Diverged:
             return False
         return True
-
-
-def given_values(given: Plant, state: State) -> dict[str, float]:
-    """The fitted coefficients as the vehicle was given, if the fit has taken one of them far from there; else none."""
-    values = {p: value_at(given, p) for p in state.paths if p in given.coefficients}
-    far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
-    return values if far else {}

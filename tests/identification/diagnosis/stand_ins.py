@@ -86,6 +86,9 @@ class Table:
     def costs(self, state: State) -> np.ndarray:
         return -np.array(self._likely(state))
 
+    def with_given(self, state: State) -> tuple[State, ...]:
+        return ()
+
     def goes_on(self, step: str) -> bool:
         return True
 

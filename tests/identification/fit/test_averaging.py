@@ -14,7 +14,7 @@ from identification.fit.filtering import Point
 from identification.fit.intervals import information_of
 from identification.fit.kalman import start_slopes
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.strides import stride_for
+from identification.fit.strides import _longest, stride_for
 
 DT = 0.1  # s
 GLIDER = replace(load_vehicle("slocum"), dt=DT, window=60.0)
@@ -229,3 +229,15 @@ def test_no_record_has_more_rows_than_a_fit_could_get_through(monkeypatch):
     assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 1
     monkeypatch.setattr(strides, "MOST_LOST", 1e9)
     assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 20
+
+
+def test_the_longest_rows_that_lose_little_are_found_in_halves():
+    for most in range(8):
+        tried = []
+
+        def suits(stride: int, most: int = most, tried: list[int] = tried) -> bool:
+            tried.append(stride)
+            return stride <= most
+
+        assert _longest([2, 3, 4, 5, 6, 7], suits, 1) == (most if most > 1 else 1)
+        assert len(tried) <= 3

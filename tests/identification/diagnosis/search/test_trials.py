@@ -156,7 +156,7 @@ def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_mor
     def screened(problem, point, fitted, left, bar):
         return [Screening(only[0], np.zeros(1), promised[id(point)], 1.0, np.zeros(1))]
 
-    monkeypatch.setattr(trials, "with_given_coefficients", lambda bench, state: [given])
+    monkeypatch.setattr(bench, "with_given", lambda state: (given,))
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
     monkeypatch.setattr(trials, "screen", screened)
     _, bases, here = trials._screened(bench, state, only, 10.0)
@@ -181,7 +181,7 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
         evidence, detectable = of[id(point)]
         return [Screening(only[0], np.zeros(1), evidence, 1.0, np.array([detectable]))]
 
-    monkeypatch.setattr(trials, "with_given_coefficients", lambda bench, state: [])
+    monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [quieted])
     monkeypatch.setattr(trials, "screen", screened)
     (found,), bases, _ = trials._screened(bench, state, only, 10.0)
@@ -237,7 +237,7 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
             Screening(c, np.zeros(len(c.paths)), size - k, 1.0, np.zeros(len(c.paths))) for k, c in enumerate(order)
         ]
 
-    monkeypatch.setattr(trials, "with_given_coefficients", lambda bench, state: [])
+    monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [quieted])
     monkeypatch.setattr(trials, "screen", screened)
     found, _, here = trials._screened(bench, state, candidates, 10.0)

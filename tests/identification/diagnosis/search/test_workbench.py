@@ -10,7 +10,7 @@ from auv_gym.plant import load_vehicle
 from identification.diagnosis.log.checking import noise_limited_length
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import workbench
-from identification.diagnosis.search.workbench import State, Workbench, given_values
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.prediction_errors import PredictionErrors
 from tests.identification.gliders import QUICK
@@ -172,8 +172,14 @@ def test_what_is_taken_out_is_neutral_and_no_longer_free(bench):
     assert bench.gains(without, beside)[0] >= 0.0
 
 
-def test_only_coefficients_that_went_far_are_tried_as_given():
-    (path, *_), state = QUICK.family.coefficients, State(QUICK, QUICK.family.coefficients, None)  # type: ignore[arg-type]
-    far, near = (replace(state, plant=replace_at(QUICK, path, f * value_at(QUICK, path))) for f in (1.12, 1.08))
-    assert given_values(QUICK, near) == {}
-    assert given_values(QUICK, far) == {p: value_at(QUICK, p) for p in QUICK.family.coefficients}
+def test_only_coefficients_that_went_far_are_tried_as_given(bench):
+    path, *_ = paths = QUICK.family.coefficients
+    state = bench.fit(QUICK, ())
+    far, near = (
+        replace(state, plant=replace_at(QUICK, path, f * value_at(QUICK, path)), paths=paths) for f in (1.12, 1.08)
+    )
+    assert bench.with_given(near) == ()
+    (given,) = bench.with_given(far)
+    assert given.paths == ()
+    assert given.plant == QUICK
+    assert bench.with_given(far) == (given,)  # made once
