@@ -28,12 +28,14 @@ def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: 
     The trials hold the state with both.  left: what is not fitted yet, of `count` candidates, for the bar.
     """
     many = count * (count - 1) // 2
-    base = (*bench.with_given(state), state)[0]
-    base = (*quieted(bench, base), base)[0]
-    promising = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
+    promising = []
+    for known in (*bench.with_given(state), state):
+        base = (*quieted(bench, known), known)[0]
+        pairs = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
+        promising += [(base, whole, parts) for whole, parts in pairs]
     found = []
-    tried = side_by_side(lambda pair: tried_from(bench, state, base, pair[0], many), promising)
-    for whole, (_, parts) in zip(tried, promising, strict=True):
+    tried = side_by_side(lambda one: tried_from(bench, state, one[0], one[1], many), promising)
+    for whole, (_, _, parts) in zip(tried, promising, strict=True):
         if whole.objection or whole.state is None:
             continue
         members = [_beside(bench, whole.state, one, count) for one in parts]

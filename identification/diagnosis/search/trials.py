@@ -77,8 +77,11 @@ def trials_of(
 
     progress(0.2, "trying what is promising")
 
+    rivals = {base: _settled(bench, state, base) for base in {bases[s.candidate] for s in listed}}
+
     def begin(screening: Screening) -> Begun:
-        return _begun(bench, state, bases[screening.candidate], screening)
+        base = bases[screening.candidate]
+        return _begun(bench, state, base, screening, rivals[base])
 
     begun = side_by_side(begin, listed)
     progress(0.6, "fitting what is left of it")
@@ -113,7 +116,7 @@ def trials_of(
 
 def tried_from(bench: Workbench, state: State, base: State, screening: Screening, count: int) -> Trial:
     """The trial of a candidate, against a state, that is fitted from the base that it was screened from."""
-    begun = _begun(bench, state, base, screening)
+    begun = _begun(bench, state, base, screening, _settled(bench, state, base))
     if not begun.promise >= LEAST_TRACE * threshold(count, len(screening.candidate.free)):
         size = begun.promise if np.isfinite(begun.promise) else 0.0
         return Trial(screening.candidate, None, size, 0.0, screening, NO_TRACE)
@@ -145,10 +148,10 @@ def _screened(
         promising = screen(problem, base.point, state.paths, left, bar)
         here = here or [s.candidate for s in promising[:HERE]]
         for s in promising:
-            misjudged = _misjudged(bench, base)
+            times = misjudged(bench, base)
             evidence, parameters = s.together
-            together = (evidence / misjudged - less, parameters)
-            s = replace(s, evidence=s.evidence / misjudged - less, together=together)
+            together = (evidence / times - less, parameters)
+            s = replace(s, evidence=s.evidence / times - less, together=together)
             if s.candidate in found:  # what any of the states shows of a part is worth a search
                 likelier = min(s, found[s.candidate], key=lambda one: one.chance).together
                 s, found[s.candidate] = (replace(one, together=likelier) for one in (s, found[s.candidate]))
@@ -160,7 +163,7 @@ def _screened(
     return sorted(found.values(), key=lambda s: -s.evidence), bases, here
 
 
-def _misjudged(bench: Workbench, base: State) -> float:
+def misjudged(bench: Workbench, base: State) -> float:
     """How much too large evidence beside a state is, whose process noise is taken for weaker than suits it."""
     if not base.quiet:
         return 1.0
@@ -209,8 +212,27 @@ class Begun:
     promise: float
 
 
-def _begun(bench: Workbench, state: State, base: State, screening: Screening) -> Begun:
-    """The candidate's state after steps with the gains of a state without it, from its likeliest first values."""
+def _settled(bench: Workbench, state: State, base: State) -> State:
+    """What a candidate that begins at a base is compared with: as many steps of what is free without it.
+
+    With weaker accelerations these alone bring much, which is no evidence for any candidate; nor is what brings a base
+    that is far from the record nearer to it, but not as near as the state with weaker accelerations, or as it is where
+    these cannot be.
+    """
+    if not base.quiet:
+        return state
+    point = bench.problem.descended(base.point, state.paths, FIRST_ITERATIONS)
+    settled = State(bench.problem.plant_at(point, state.paths), state.paths, point, True)
+    return max(
+        (settled, *(quieted(bench, state) or [state])), key=lambda one: bench.problem.objective(one.point, state.paths)
+    )
+
+
+def _begun(bench: Workbench, state: State, base: State, screening: Screening, rival: State) -> Begun:
+    """The candidate's state after steps with the gains of a state without it, from its likeliest first values.
+
+    rival: what it promises more than.
+    """
     problem, candidate = bench.problem, screening.candidate
     paths = (*state.paths, *candidate.free)
     period = {candidate.period: screening.period} if candidate.period else {}
@@ -228,7 +250,7 @@ def _begun(bench: Workbench, state: State, base: State, screening: Screening) ->
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
     first = State(problem.plant_at(point, paths), paths, point, base.quiet)
-    promise = bench.gain(base if base.quiet else state, first) / _misjudged(bench, base) if first.finite else -np.inf
+    promise = bench.gain(rival, first) / misjudged(bench, base) if first.finite else -np.inf
     return Begun(screening, first, promise)
 
 

@@ -103,6 +103,9 @@ class Table:
         self.asked.append(state_of(plant, *paths))
         return self.asked[-1]
 
+    def fit_from(self, starts: Sequence[tuple[Plant, State]], paths: Sequence[str], rival: State, hopeless: float):
+        return self.fit(starts[0][0], paths, rival)
+
     def without(self, state: State, paths: Sequence[str]) -> State:
         plant = replace_at(state.plant, {p: spec_at(state.plant, p).neutral for p in paths})
         return self.fit(plant, [p for p in state.paths if p not in paths])

@@ -66,8 +66,8 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
     begun, nears = {}, {}
 
     def begin(*args):
-        begun[args[-1].candidate] = own(*args)
-        return begun[args[-1].candidate]
+        begun[args[3].candidate] = own(*args)
+        return begun[args[3].candidate]
 
     def kept(bench, state, candidate, screening, near, count):
         nears[candidate] = near
@@ -81,6 +81,25 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
     assert renewed
     for candidate in renewed:
         assert bench.gain(begun[candidate].state, nears[candidate]) > 10.0
+
+
+def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, monkeypatch):
+    """From a base whose coefficients were put off, most of what a step brings is what they bring by themselves."""
+    bench, state, candidates = start
+    (offset,) = (c for c in candidates if OFFSET in c.paths)
+    path = state.paths[0]
+    off = replace_at(state.plant, path, 1.1 * value_at(state.plant, path))
+    base = replace(state, plant=off, point=bench.problem.with_gains(state.point, off.vector), quiet=True)
+    monkeypatch.setattr(trials, "quieted", lambda bench, state: [base])
+    screening = screen(bench.problem, base.point, state.paths, [offset], 10.0)[0]
+    promised = trials._begun(bench, state, base, screening, trials._settled(bench, state, base))
+    whole = bench.gain(base, promised.state) / trials.misjudged(bench, base)
+    assert 0.0 < promised.promise < 0.8 * whole
+    # and where the state itself cannot be quieter, it is what has to be surpassed
+    far = replace(base, point=replace(base.point, scores=base.point.scores - 1e3))
+    monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
+    monkeypatch.setattr(bench.problem, "descended", lambda point, paths, iterations: far.point)
+    assert trials._settled(bench, state, base) is state
 
 
 def test_one_that_was_fitted_and_gains_little_is_not_significant(tried):
@@ -108,7 +127,7 @@ def test_one_that_the_record_cannot_show_is_not_fitted(start):
 def test_one_without_a_stable_run_is_refused(start, monkeypatch):
     bench, state, candidates = start
 
-    def diverged(bench, state, base, screening):
+    def diverged(bench, state, base, screening, rival):
         lost = replace(state.point, scores=np.full_like(state.point.scores, -np.inf))
         return trials.Begun(screening, State(state.plant, (*state.paths, *screening.candidate.free), lost), -np.inf)
 
@@ -123,7 +142,7 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
     bench, state, candidates = start
     (offset,) = (c for c in candidates if OFFSET in c.paths)
     problem, screening = bench.problem, screen(bench.problem, state.point, state.paths, [offset], 10.0)[0]
-    whole, lost = trials._begun(bench, state, state, screening), []
+    whole, lost = trials._begun(bench, state, state, screening, state), []
 
     class Losing:
         """The problem, of which the first run asked for is lost as it is in the filter: nothing in it is a number."""
@@ -138,7 +157,7 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
 
     other = copy(bench)
     other.problem = Losing()
-    begun = trials._begun(other, state, state, screening)
+    begun = trials._begun(other, state, state, screening, state)
     assert len(lost) > 1
     assert begun.state.finite
     assert value_at(begun.state.plant, OFFSET) == pytest.approx(value_at(whole.state.plant, OFFSET), rel=0.2)
