@@ -114,7 +114,7 @@ def _by_noise(
     it is known how it answers the coefficients.
     """
     pushing, count = problem.pushing(point), len(paths)
-    if not pushing or not count:
+    if not pushing or not count or point.system is None:  # the filter of a vehicle that runs away
         return np.zeros(count), np.full(count, np.inf)
     size, point = len(pushing), problem.prepared(point, paths)
     curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)

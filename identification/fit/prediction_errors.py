@@ -80,10 +80,14 @@ class PredictionErrors(Noises):
         return here
 
     def _begun(self, vector: np.ndarray, near: Point | None) -> Point:
-        """Where a fit begins: a point near by if it is of these values, however its gains were made, or the filter."""
+        """Where a fit begins: a point near by if it is of these values, however its gains were made, or the filter.
+
+        With the first guess of noises where the vehicle runs away with those of the point near by.
+        """
         if near is not None and np.array_equal(vector, near.vector):
             return self.with_gains(near, vector)
-        return self.point(vector, self.first_noise() if near is None else near.logs, near)
+        point = self.point(vector, self.first_noise() if near is None else near.logs, near)
+        return self.point(vector, self.first_noise()) if near is not None and point.system is None else point
 
     def _confirmed(self, here: Point, there: Point, paths: Sequence[str], least: float) -> Point:
         """The filter at the end of a step that was taken with the gains held, or of a shorter one if it is less likely.

@@ -245,6 +245,7 @@ class Logs:
     logs: np.ndarray
     vector: np.ndarray = field(default_factory=lambda: np.zeros(1))
     scores: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    system: str | None = "linearised"
 
 
 def by_noise(problem) -> tuple[np.ndarray, np.ndarray]:
@@ -259,6 +260,13 @@ def test_a_noise_of_which_little_is_known_widens_intervals_as_student_did():
     growth, freedom = by_noise(Mean(told))
     assert freedom == pytest.approx([2.0 / variance], rel=1e-6)
     assert growth == pytest.approx([0.5 * variance], rel=1e-6)
+
+
+def test_a_vehicle_that_runs_away_has_intervals_all_the_same():
+    lost = Logs(np.zeros(3), system=None)
+    growth, freedom = _by_noise(Mean(np.eye(2)), lost, ["mean"], np.zeros((1, 1)))  # type: ignore[arg-type]
+    assert growth == [0.0]
+    assert freedom == [np.inf]
 
 
 def test_a_noise_with_which_the_vehicle_runs_away_tells_nothing_of_intervals():

@@ -528,3 +528,17 @@ def test_a_fit_is_tried_with_weak_accelerations_where_strong_ones_took_the_part_
     plant = replace_at(problem.plant_at(without, COEFFICIENTS), path, 0.1)
     found = problem.plant_at(problem.solve(plant, (*COEFFICIENTS, path), without), (path,))
     assert value_at(found, path) == pytest.approx(4.0, abs=0.2)
+
+
+def test_a_fit_begins_with_a_first_guess_of_noises_where_the_vehicle_runs_away_with_those_near_by(monkeypatch):
+    problem = PredictionErrors(GLIDER, glider_log(3), [slice(0, 500)])
+    near, own = problem.solve(GLIDER, ()), problem.point
+
+    def point(vector, logs, near=None):
+        lost = near is not None and np.array_equal(logs, near.logs)
+        return problem._nowhere(vector, logs) if lost else own(vector, logs, near)
+
+    monkeypatch.setattr(problem, "point", point)
+    begun = problem._begun(replace_at(GLIDER, OFFSET, 0.02).vector, near)
+    assert begun.system is not None
+    assert np.array_equal(begun.logs, problem.first_noise())
