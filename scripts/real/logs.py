@@ -128,7 +128,7 @@ LOGS = (
         "the operators' model, from CFD and a towing tank, is the preset; a regression of its Doppler log gives a "
         "current of 0.2 m/s to the east",
         least_depth=1.5,
-        signals=("pitch_rad", "heading_rad", "depth_m"),
+        signals=("heading_rad", "depth_m"),
     ),
     _bag("pitch_roll_1_2016-04-18-13-11-33", "p_radps", "q_radps"),
     _bag("test1_roll_pitch_2016-04-04-15-11-53", "p_radps", "q_radps"),
