@@ -13,9 +13,9 @@ from identification.fit.filtering import NOTHING, Point
 from identification.fit.parameters import kinked
 from identification.fit.prediction_errors import PredictionErrors
 
-# of the square of slopes, below which what starts leave of them is rounding: along frozen logs of six vehicles central
-# differences leave 1e-17 to 1e-12 of what starts imitate, and 4e-9 and more of the rest; responses, which are true
-# along the filter's path only, are off by more
+# of the square of slopes, below which what starts leave of them is rounding: along eight frozen logs of seven vehicles
+# central differences leave at most some 1e-12 of what starts imitate, and of the rest 4e-9 or more; a log of Tethys has
+# directions in between.  Responses, which are true along the filter's path only, are off by more
 _LEFT, _LEFT_SOON = 1e-11, 1e-6
 _PROFILED = 6  # values at either side at which a profile is sought
 _DESCENTS = 12  # steps of all else at each of them

@@ -145,10 +145,10 @@ def _screened(
     for base in (state, *bench.with_given(state), *quieted(bench, state)):
         # what a poorer base leaves is not evidence for a candidate
         less = 0.0 if base.quiet else 2.0 * (problem.total(state.point) - problem.total(base.point))
+        times = misjudged(bench, base)
         promising = screen(problem, base.point, state.paths, left, bar)
         here = here or [s.candidate for s in promising[:HERE]]
         for s in promising:
-            times = misjudged(bench, base)
             evidence, parameters = s.together
             together = (evidence / times - less, parameters)
             s = replace(s, evidence=s.evidence / times - less, together=together)
