@@ -16,6 +16,7 @@ from identification.diagnosis.search.trials import (
     Trial,
     gate,
     quieted,
+    settled,
     side_by_side,
     tried_from,
 )
@@ -32,10 +33,11 @@ def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: 
     for known in (*bench.with_given(state), state):
         base = (*quieted(bench, known), known)[0]
         pairs = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
-        promising += [(base, whole, parts) for whole, parts in pairs]
+        rival = settled(bench, state, base)
+        promising += [(base, rival, whole, parts) for whole, parts in pairs]
     found = []
-    tried = side_by_side(lambda one: tried_from(bench, state, one[0], one[1], many), promising)
-    for whole, (_, _, parts) in zip(tried, promising, strict=True):
+    tried = side_by_side(lambda one: tried_from(bench, state, one[0], one[1], one[2], many), promising)
+    for whole, (*_, parts) in zip(tried, promising, strict=True):
         if whole.objection or whole.state is None:
             continue
         members = [_beside(bench, whole.state, one, count) for one in parts]

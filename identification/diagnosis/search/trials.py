@@ -77,7 +77,7 @@ def trials_of(
 
     progress(0.2, "trying what is promising")
 
-    rivals = {base: _settled(bench, state, base) for base in {bases[s.candidate] for s in listed}}
+    rivals = {base: settled(bench, state, base) for base in {bases[s.candidate] for s in listed}}
 
     def begin(screening: Screening) -> Begun:
         base = bases[screening.candidate]
@@ -114,9 +114,12 @@ def trials_of(
     return sorted(trials, key=lambda t: -t.total)
 
 
-def tried_from(bench: Workbench, state: State, base: State, screening: Screening, count: int) -> Trial:
-    """The trial of a candidate, against a state, that is fitted from the base that it was screened from."""
-    begun = _begun(bench, state, base, screening, _settled(bench, state, base))
+def tried_from(bench: Workbench, state: State, base: State, rival: State, screening: Screening, count: int) -> Trial:
+    """The trial of a candidate, against a state, that is fitted from the base that it was screened from.
+
+    rival: the base `settled`.
+    """
+    begun = _begun(bench, state, base, screening, rival)
     if not begun.promise >= LEAST_TRACE * threshold(count, len(screening.candidate.free)):
         size = begun.promise if np.isfinite(begun.promise) else 0.0
         return Trial(screening.candidate, None, size, 0.0, screening, NO_TRACE)
@@ -212,7 +215,7 @@ class Begun:
     promise: float
 
 
-def _settled(bench: Workbench, state: State, base: State) -> State:
+def settled(bench: Workbench, state: State, base: State) -> State:
     """What a candidate that begins at a base is compared with: as many steps of what is free without it.
 
     With weaker accelerations these alone bring much, which is no evidence for any candidate; nor is what brings a base
@@ -222,9 +225,9 @@ def _settled(bench: Workbench, state: State, base: State) -> State:
     if not base.quiet:
         return state
     point = bench.problem.descended(base.point, state.paths, FIRST_ITERATIONS)
-    settled = State(bench.problem.plant_at(point, state.paths), state.paths, point, True)
+    there = State(bench.problem.plant_at(point, state.paths), state.paths, point, True)
     return max(
-        (settled, *(quieted(bench, state) or [state])), key=lambda one: bench.problem.objective(one.point, state.paths)
+        (there, *(quieted(bench, state) or [state])), key=lambda one: bench.problem.objective(one.point, state.paths)
     )
 
 

@@ -137,7 +137,7 @@ def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(9
     monkeypatch.setattr(pairs, "quieted", lambda bench, state: [])
     monkeypatch.setattr(pairs, "screen_pairs", lambda *_: [(whole, parts)])
 
-    def tried(bench, state, base, screening, count):
+    def tried(bench, state, base, rival, screening, count):
         said = pairs.gate(bench, state, both, [(screening.candidate, screening)], count)
         return Trial(screening.candidate, both, said.train, said.held, screening, said.objection)
 
@@ -153,6 +153,6 @@ def test_a_pair_that_promises_next_to_nothing_after_a_few_steps_is_not_fitted(sc
     for promise, fitted in ((0.19 * bar, False), (0.21 * bar, True), (np.nan, False)):
         begun = trials.Begun(pair, state, promise)
         monkeypatch.setattr(trials, "_begun", lambda *_, begun=begun: begun)
-        tried = trials.tried_from(bench, state, state, pair, count)
+        tried = trials.tried_from(bench, state, state, state, pair, count)
         assert (tried == "fitted") is fitted
         assert fitted or tried.objection == trials.NO_TRACE

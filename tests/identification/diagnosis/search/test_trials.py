@@ -92,14 +92,14 @@ def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, mo
     base = replace(state, plant=off, point=bench.problem.with_gains(state.point, off.vector), quiet=True)
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [base])
     screening = screen(bench.problem, base.point, state.paths, [offset], 10.0)[0]
-    promised = trials._begun(bench, state, base, screening, trials._settled(bench, state, base))
+    promised = trials._begun(bench, state, base, screening, trials.settled(bench, state, base))
     whole = bench.gain(base, promised.state) / trials.misjudged(bench, base)
     assert 0.0 < promised.promise < 0.8 * whole
     # and where the state itself cannot be quieter, it is what has to be surpassed
     far = replace(base, point=replace(base.point, scores=base.point.scores - 1e3))
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
     monkeypatch.setattr(bench.problem, "descended", lambda point, paths, iterations: far.point)
-    assert trials._settled(bench, state, base) is state
+    assert trials.settled(bench, state, base) is state
 
 
 def test_one_that_was_fitted_and_gains_little_is_not_significant(tried):
