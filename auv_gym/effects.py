@@ -264,19 +264,21 @@ class LoadEffects:
 class HullEffects:
     """Relative errors of the hull's coefficients: `damping_sway` 0.1 is 10 % more of all damping in sway."""
 
-    fouling: float = param(0.0, "1", "fouling: all drag more, by", bounds=(-0.9, 5.0), probe=0.05)
-    damping_surge: float = param(0.0, "1", "damping in surge more, by", bounds=(-0.9, 5.0), probe=0.05)
-    damping_sway: float = param(0.0, "1", "damping in sway more, by", bounds=(-0.9, 5.0), probe=0.05)
-    damping_heave: float = param(0.0, "1", "damping in heave more, by", bounds=(-0.9, 5.0), probe=0.05)
-    damping_roll: float = param(0.0, "1", "damping in roll more, by", bounds=(-0.9, 5.0), probe=0.1)
-    damping_pitch: float = param(0.0, "1", "damping in pitch more, by", bounds=(-0.9, 5.0), probe=0.05)
-    damping_yaw: float = param(0.0, "1", "damping in yaw more, by", bounds=(-0.9, 5.0), probe=0.05)
-    added_mass_surge: float = param(0.0, "1", "added mass in surge more, by", bounds=(-0.9, 5.0), probe=0.1)
-    added_mass_sway: float = param(0.0, "1", "added mass in sway more, by", bounds=(-0.9, 5.0), probe=0.1)
-    added_mass_heave: float = param(0.0, "1", "added mass in heave more, by", bounds=(-0.9, 5.0), probe=0.1)
-    added_mass_roll: float = param(0.0, "1", "added inertia in roll more, by", bounds=(-0.9, 5.0), probe=0.2)
-    added_mass_pitch: float = param(0.0, "1", "added inertia in pitch more, by", bounds=(-0.9, 5.0), probe=0.1)
-    added_mass_yaw: float = param(0.0, "1", "added inertia in yaw more, by", bounds=(-0.9, 5.0), probe=0.1)
+    fouling: float = param(0.0, "1", "fouling: relative change in all drag", bounds=(-0.9, 5.0), probe=0.05)
+    damping_surge: float = param(0.0, "1", "relative change in damping in surge", bounds=(-0.9, 5.0), probe=0.05)
+    damping_sway: float = param(0.0, "1", "relative change in damping in sway", bounds=(-0.9, 5.0), probe=0.05)
+    damping_heave: float = param(0.0, "1", "relative change in damping in heave", bounds=(-0.9, 5.0), probe=0.05)
+    damping_roll: float = param(0.0, "1", "relative change in damping in roll", bounds=(-0.9, 5.0), probe=0.1)
+    damping_pitch: float = param(0.0, "1", "relative change in damping in pitch", bounds=(-0.9, 5.0), probe=0.05)
+    damping_yaw: float = param(0.0, "1", "relative change in damping in yaw", bounds=(-0.9, 5.0), probe=0.05)
+    added_mass_surge: float = param(0.0, "1", "relative change in added mass in surge", bounds=(-0.9, 5.0), probe=0.1)
+    added_mass_sway: float = param(0.0, "1", "relative change in added mass in sway", bounds=(-0.9, 5.0), probe=0.1)
+    added_mass_heave: float = param(0.0, "1", "relative change in added mass in heave", bounds=(-0.9, 5.0), probe=0.1)
+    added_mass_roll: float = param(0.0, "1", "relative change in added inertia in roll", bounds=(-0.9, 5.0), probe=0.2)
+    added_mass_pitch: float = param(
+        0.0, "1", "relative change in added inertia in pitch", bounds=(-0.9, 5.0), probe=0.1
+    )
+    added_mass_yaw: float = param(0.0, "1", "relative change in added inertia in yaw", bounds=(-0.9, 5.0), probe=0.1)
 
 
 @dataclass(frozen=True)

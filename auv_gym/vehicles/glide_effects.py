@@ -43,11 +43,9 @@ class DisplacementEffects:
 
     offset: float = param(0.0, "m^3", "volume bias", bounds=(-2e-3, 2e-3), probe=3e-6, apart=_TRIM)
     compressibility: float = param(
-        0.0, "1/Pa", "compressibility more than given, by", bounds=(-1e-9, 2e-9), probe=3e-11, apart=_DEEP
+        0.0, "1/Pa", "change in compressibility", bounds=(-1e-9, 2e-9), probe=3e-11, apart=_DEEP
     )
-    expansion: float = param(
-        0.0, "1/K", "thermal expansion more than given, by", bounds=(-3e-4, 3e-4), probe=2e-5, apart=_WARM
-    )
+    expansion: float = param(0.0, "1/K", "change in thermal expansion", bounds=(-3e-4, 3e-4), probe=2e-5, apart=_WARM)
     # without a probe: what a log tells of the hull's temperature ends where samples are left out
     expansion_lag: float = param(0.0, "s", "lag of the hull's temperature", bounds=(0.0, 7200.0))
     air: float = param(0.0, "m^3", "trapped air, at the surface", bounds=(0.0, 1e-3), probe=1e-5, apart=_SHALLOW)
@@ -58,8 +56,10 @@ class DisplacementEffects:
 class PolarEffects:
     """Errors of the polar, as shares of its coefficients."""
 
-    growth: float = param(0.0, "1", "growth on the hull: drag more, by", bounds=(-0.9, 10.0), probe=0.05, apart=_PACE)
-    lift: float = param(0.0, "1", "lift slope more, by", bounds=(-0.9, 10.0), probe=0.1, apart=_ANGLES)
+    growth: float = param(
+        0.0, "1", "growth on the hull: relative change in drag", bounds=(-0.9, 10.0), probe=0.05, apart=_PACE
+    )
+    lift: float = param(0.0, "1", "relative change in lift slope", bounds=(-0.9, 10.0), probe=0.1, apart=_ANGLES)
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class SteeringEffects:
 
     pitch: float = param(0.0, "rad", "pitch trim", bounds=(-0.5, 0.5), probe=0.01, apart=_BOTH)
     roll: float = param(0.0, "rad", "roll trim", bounds=(-0.5, 0.5), probe=0.01, apart=_TURNS)
-    roll_climb: float = param(0.0, "rad", "roll trim more in climbs, by", bounds=(-0.5, 0.5), probe=0.01, apart=_TURNS)
+    roll_climb: float = param(0.0, "rad", "change in roll trim in climbs", bounds=(-0.5, 0.5), probe=0.01, apart=_TURNS)
 
 
 STEERED = tuple(f"effects.steering.{field.name}" for field in fields(SteeringEffects))

@@ -94,6 +94,7 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "error": {
             **metric,
             "as_given": _errors(d.given),
+            "refitted": _errors(d.refitted),
             "before": _errors(d.before),
             "after": _errors(d.after),
             "explained_share": d.explained,

@@ -45,7 +45,9 @@ def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
     needs = needs_of(plant)
     found = diagnose(log.record(places.data, log.files, needs), plant, source=log.name)
     judged = described(plant, log.record(places.data, log.judged, needs))
-    stages = [100.0 * velocity_error(stage, judged) for stage in found.plants.values()]
+    stages = [
+        100.0 * velocity_error(stage, judged) for stage in (found.given.plant, found.refitted.plant, found.after.plant)
+    ]
     currents = []
     for file in log.judged:
         whole = described(plant, log.record(places.data, [file], needs))
@@ -79,7 +81,7 @@ def diagnose_flight(log: Log, places: Places) -> dict[str, Any]:
             numbers[piece] = number
     stages = [
         100.0 * _unseen_error(stage.without, found.record, numbers)
-        for stage in (found.given, found.before, found.after)
+        for stage in (found.given, found.refitted, found.after)
     ]
     others, settings = gliderflight_error(found, numbers, places.peers) if log.rival else (None, "")
     return kept(found, errors=[vars(Error(SIGNAL, UNIT, stages, others))], others=settings)

@@ -125,7 +125,7 @@ def _of_fits(fits: Mapping[str, Sequence[float | None]], signals: Sequence[str])
 def _of_free_runs(error: Mapping[str, Any], signals: Sequence[str]) -> Iterator[Error]:
     for name in signals or error["as_given"]:
         unit, factor = _SHOWN.get(channel(name).unit, (channel(name).unit, 1.0))
-        stages = [factor * error[stage][name]["rmse"] for stage in ("as_given", "before", "after")]
+        stages = [factor * error[stage][name]["rmse"] for stage in ("as_given", "refitted", "after")]
         yield Error(channel(name).label, unit, stages)
 
 
@@ -142,7 +142,7 @@ def rate_fits(found: Diagnosis, horizon: float) -> dict[str, list[float]]:
     """
     parts = parts_of(found.given.plant, found.record, len(found.windows))
     windows = [_windows(found.record, part, horizon + found.settle) for part in parts]
-    stages = [list(stage.without) for stage in (found.given, found.before, found.after)]
+    stages = [list(stage.without) for stage in (found.given, found.refitted, found.after)]
     return fit_percents(stages, found.record, windows, found.settle, ("p_radps", "q_radps", "r_radps"))
 
 

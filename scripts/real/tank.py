@@ -31,7 +31,7 @@ def diagnose_run(log: Log, places: Places, fitted: str, judged: str) -> dict[str
     runs = runs_of(places.data / log.files[0], find_thrusters(plant))
     one, other = (next(run for name, run in runs.items() if name.endswith(end)) for end in (fitted, judged))
     found = diagnose(one, plant, source=log.name)
-    stages = [[stage.plant] for stage in (found.given, found.before, found.after)]
+    stages = [[stage.plant] for stage in (found.given, found.refitted, found.after)]
     fits = {}
     for horizon in log.horizons:
         windows = [other.windows(1.2 * horizon)]  # starts are fitted to a fifth of it before

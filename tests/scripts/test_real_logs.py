@@ -18,7 +18,7 @@ SAID = {
         {"path": "effects.rudder.gain", "value": 0.8, "ci95": [0.7, 0.9], "unit": "1", "frequency": None},
     ],
     "error": {
-        stage: {"heading_rad": {"rmse": rmse}} for stage, rmse in (("as_given", 0.3), ("before", 0.2), ("after", 0.1))
+        stage: {"heading_rad": {"rmse": rmse}} for stage, rmse in (("as_given", 0.3), ("refitted", 0.2), ("after", 0.1))
     },
     "log_notes": ["50 % of the log is left out.", "x: left out, since its unit is not known."],
 }

@@ -121,7 +121,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
     common = common_predictions(effects, tied, weighed.found, state, lambda plant: _every(plant, record, log))
     explained, from_given = (explained_share(one, after, many) for one in (before, as_given))
     wrong = any(c.wrong for c in found)
-    refit_is_all = not effects
+    refit_is_all, refitted = not effects, before
     if wrong:
         if refit_is_all:
             before, explained = as_given, from_given
@@ -159,6 +159,7 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         verdict=verdict,
         record=record,
         given=as_given,
+        refitted=refitted,
         before=before,
         after=after,
         effects=tuple(effects),

@@ -61,7 +61,8 @@ class Stage:
 class Diagnosis:
     """The result of comparing a record with a vehicle; `summary` puts it into words.
 
-    given, before, after: the vehicle as it came, with its coefficients refitted, and with the effects.
+    given, refitted, after: the vehicle as it came, with its coefficients refitted, and with what was found.  before:
+    what `after` is compared with: `refitted`, or `given` where nothing but coefficients was found.
     alike: effects of the vehicle after that are not named, since they do not explain the record.
     tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
     are not named, each with the reason (`RARE`, `VARIES`, `WORSE`).  explained: share of the squared error above the
@@ -82,6 +83,7 @@ class Diagnosis:
     verdict: Verdict
     record: Record
     given: Stage
+    refitted: Stage
     before: Stage
     after: Stage
     effects: tuple[Effect, ...]

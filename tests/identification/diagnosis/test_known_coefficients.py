@@ -38,6 +38,8 @@ def test_a_coefficient_within_what_was_stated_is_refitted_and_no_finding(log):
     (wrong,) = (c for c in narrow.coefficients if c.path == "hull.n_delta")
     assert wrong.wrong
     assert not wrong.limited
+    assert narrow.before is narrow.given
+    assert narrow.refitted is narrow.after  # a refit is all that was done
 
 
 def test_deviations_of_zero_hold_a_coefficient(log):

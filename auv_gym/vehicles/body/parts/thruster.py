@@ -90,7 +90,7 @@ ThrusterEffects = effects_on_commands(
         ),
         **{
             f"shift_{axis}": param(
-                0.0, "m", f"{{}} sits further {way}, by", bounds=(-1.0, 1.0), probe=0.01, apart=_ALONE
+                0.0, "m", f"displacement of {{}} {way}", bounds=(-1.0, 1.0), probe=0.01, apart=_ALONE
             )
             for axis, way in (("x", "forward"), ("y", "to starboard"), ("z", "down"))
         },
