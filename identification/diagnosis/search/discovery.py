@@ -12,7 +12,9 @@ from auv_gym.plant import Plant
 from identification.deciding import MOST_TERMS
 from identification.diagnosis.search.acceptance import TERM, Claim, effect_size, objection
 from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.remainder import what_is_left
 from identification.diagnosis.search.terms import Found, search, term_interval
+from identification.diagnosis.search.trials import side_by_side
 from identification.diagnosis.search.workbench import State, Workbench
 
 _PER = {
@@ -96,6 +98,8 @@ def discover(
 ) -> Discovery:
     """At most two terms of the library, chosen stably over halves of the fitted windows and confirmed by the others.
 
+    A second one only where something is left beside the first.
+
     state: what has been fitted so far (`paths`).  settle: s, to which the starts of free runs are fitted; default the
     vehicle's.  Raises ValueError if the library is empty.
     """
@@ -104,6 +108,8 @@ def discover(
     settle = state.plant.settle if settle is None else settle
     terms, rejected, often, scales = [], [], {}, {}
     for _ in range(MOST_TERMS):
+        if terms and not what_is_left(bench, state, library_of(state.plant)):
+            break
         found, frequencies = search(bench, state, [p for p in library if p not in state.paths], rng)
         often = {p: max(f, often.get(p, 0.0)) for p, f in frequencies.items()} | {t.path: t.frequency for t in terms}
         if found is None:
@@ -137,7 +143,7 @@ def _confirmed(
     """The state with only those terms that hold beside each other, these, and the others; the weakest goes first."""
     kept, failed = list(terms), []
     while kept:
-        without = [bench.without(state, [term.path]) for term in kept]
+        without = side_by_side(lambda term, state=state: bench.without(state, [term.path]), kept)
         found = [Found(t.path, state, t.frequency, t.alike, scales) for t in kept]
         kept = [_weighed(bench, b, f, count, settle) for b, f in zip(without, found, strict=True)]
         idle = [i for i, term in enumerate(kept) if term.objection]

@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.param import replace_at, value_at
 from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
 from identification.diagnosis.search.stability import Selection, select
-from identification.diagnosis.search.trials import FIRST_ITERATIONS
+from identification.diagnosis.search.trials import FIRST_ITERATIONS, side_by_side
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of
@@ -111,8 +111,9 @@ def _best(
         return None
     gains = {k: bench.gain(base, after) for k, after in first.items()}
     near = max(gains.values()) * (1.0 - NEAR) - TIE
-    ended = {k: _fitted(problem, after) for k, after in first.items() if gains[k] >= near}
-    ended = {k: after for k, after in ended.items() if after.finite}
+    close = [k for k in first if gains[k] >= near]
+    fitted = side_by_side(lambda k: _fitted(problem, first[k]), close)
+    ended = {k: after for k, after in zip(close, fitted, strict=True) if after.finite}
     if not ended:
         return None
     total = {k: bench.gain(state, after) for k, after in ended.items()}
