@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
+from itertools import compress
 
 import numpy as np
 
@@ -28,9 +29,10 @@ from identification.diagnosis.judge.findings import (
 from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.habitat import residual_habitat
 from identification.diagnosis.judge.judgement import explained_share, many_windows, unsteady_of, verdict_of
-from identification.diagnosis.judge.verdict import RARE, VARIES, WORSE, Diagnosis, Stage
+from identification.diagnosis.judge.verdict import LEANS, RARE, VARIES, WORSE, Diagnosis, Stage
 from identification.diagnosis.judge.weighing import Weighed, common_predictions, rounds_told, weigh
 from identification.diagnosis.log.checking import CheckedLog
+from identification.diagnosis.search.attribution import confirmed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Regression, candidates_of
 from identification.diagnosis.search.constancy import sizes_by_dive, steadiness
@@ -66,12 +68,16 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
             rounds.append(made)
             survivals.append(found)
     held = rounds
-    if dropped:
+    if dropped:  # the others must hold without these
         state = bench.without(state, [p for t in dropped for p in t.candidate.free if p in state.paths])
-        state = state if rounds else nominal
+        state, rounds = confirmed(bench, nominal, state if rounds else nominal, rounds, count)
+        kept = {made.chosen.candidate for made in rounds if made.chosen is not None}
+        stays = [made.chosen is not None and made.chosen.candidate in kept for made in held]
+        dropped |= {made.chosen: LEANS for made, stay in zip(held, stays, strict=True) if made.chosen and not stay}
+        held, survivals = list(compress(held, stays)), list(compress(survivals, stays))
         left = what_is_left(bench, state, searched.library)
     progress(0.82, "weighing what explains the log as well")
-    weighed = weigh(known, searched, state, held, survivals, asked.most)
+    weighed = weigh(known, searched, state, rounds, survivals, asked.most)
     if weighed.state is not state:
         state, left = weighed.state, what_is_left(bench, weighed.state, searched.library)
     rounds, survivals = weighed.rounds, weighed.survivals

@@ -36,6 +36,7 @@ Verdict = Literal["none", "coefficients", "named", "tied", "unexplained", "doubt
 RARE = "most halves of the log do not choose {it}"
 VARIES = "parts of the log contradict each other in the size of {it}"
 WORSE = "free runs over unseen parts of the log are worse with {it} than without"
+LEANS = "the log gives no certain size for {it} without the effects that are not named"
 _FEW_DIVES = 6  # that a sentence lists
 
 
@@ -65,8 +66,8 @@ class Diagnosis:
     what `after` is compared with: `refitted`, or `given` where nothing but coefficients was found.
     alike: effects of the vehicle after that are not named, since they do not explain the record.
     tied: groups of paths that the record cannot tell apart.  dropped: paths of effects that the search found and that
-    are not named, each with the reason (`RARE`, `VARIES`, `WORSE`).  explained: share of the squared error above the
-    measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
+    are not named, each with the reason (`RARE`, `VARIES`, `WORSE`, `LEANS`).  explained: share of the squared error
+    above the measurement noise that the effects remove.  windows: slices of the record, for each of its parts.
     doubts: what is wrong with the log itself.  discovery, habitat: of what no effect explains, where something is left.
     averaged: s, over which readings were averaged, 0 where each was read by itself.
     noise: of a sensor's reading and of the motion, as the filter found it.  left: what its one-step errors hold

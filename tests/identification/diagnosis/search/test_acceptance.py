@@ -11,7 +11,7 @@ from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
 from identification.diagnosis.judge import judging
 from identification.diagnosis.judge.findings import coefficient_of, size_as_effect, twin_effects
-from identification.diagnosis.judge.verdict import WORSE
+from identification.diagnosis.judge.verdict import LEANS, RARE, WORSE
 from identification.diagnosis.search import acceptance, searching
 from identification.diagnosis.search.acceptance import EFFECT, TERM, Claim, Size, at_limit, objection
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, without_idle_parts
@@ -19,6 +19,7 @@ from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
+from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import Trial, gate
 from identification.diagnosis.search.workbench import State
@@ -235,9 +236,8 @@ def offset_log():
     return run_mission(replace_at(load_vehicle("slocum"), OFFSET, 0.05), np.random.default_rng(1), duration=600.0)
 
 
-def with_idle(bench, state, rounds):
+def with_idle(bench, state, rounds, path="effects.yaw.roll_moment"):
     """A found state and its rounds with another effect that explains nothing, as a search might leave them."""
-    path = "effects.yaw.roll_moment"
     start = replace_at(state.plant, path, 2.0 * spec_at(state.plant, path).probe)
     after, candidate = bench.fit(start, (*state.paths, path), state), Candidate("idle", (path,))
     screening = Screening(candidate, np.zeros(1), 0.0, 1.0, np.zeros(1))
@@ -253,6 +253,24 @@ def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatc
     assert [e.path for e in found.effects] == [OFFSET]
     assert "effects.yaw.roll_moment" not in found.state.paths
     assert value_at(found.after.plant, "effects.yaw.roll_moment") == 0.0
+
+
+def test_what_is_certain_only_beside_an_effect_that_is_not_named_is_not_named(offset_log, monkeypatch):
+    """The search accepts a lag beside the offset, and most halves of the log do not choose the offset."""
+    as_found = lambda bench, nominal, state, rounds, count: (state, rounds)  # noqa: E731
+    monkeypatch.setattr(searching, "attribute", lambda *given: with_idle(given[0], *attribute(*given), LAG))
+    monkeypatch.setattr(searching, "settled", as_found)
+    monkeypatch.setattr(searching, "confirmed", as_found)
+    monkeypatch.setattr(Reconsidering, "paired", lambda self, state, rounds: (state, rounds))
+    monkeypatch.setattr(Reconsidering, "swapped", lambda self, state, rounds: (state, rounds))
+    often = {OFFSET: 0.1, LAG: 1.0}
+    monkeypatch.setattr(
+        judging, "survival", lambda bench, made, *_: Survival(often[made.chosen.candidate.paths[0]], {})
+    )
+    found = diagnose(offset_log, load_vehicle("slocum"))
+    assert (found.effects, found.dropped) == ((), {OFFSET: RARE, LAG: LEANS})
+    assert value_at(found.after.plant, LAG) == 0.0
+    assert "no certain size for it without the effects that are not named" in " ".join(found.summary().split())
 
 
 def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(offset_log, monkeypatch):
