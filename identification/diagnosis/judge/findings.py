@@ -42,6 +42,7 @@ def effects_of(
         others = tuple(dict.fromkeys(p for t in r.tied for p in t.candidate.paths))
         beside = [p for o in rounds if o is not r and o.chosen is not None for p in o.chosen.candidate.paths]
         members = tuple(m for m in (_member(bench, found, path, beside) for path in others) if m is not None)
+        others += r.instead
         if others:
             groups.append((*own, *others))
         bar = threshold(count + r.chosen.screening.tried - 1, len(r.chosen.candidate.free))

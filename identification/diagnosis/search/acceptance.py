@@ -51,7 +51,8 @@ class Claim:
 
     train, held: evidence in all rows, and in parts foretold by the others.  bar: what the first must reach.  sizes: of
     its parameters.  reach: half widths of their 95 % intervals.  flies: whether free runs stay finite with it.
-    The last two are costly and asked for last.
+    These two are costly and asked for last.  known: how much of the first is due to coefficients that are nearer to
+    what was stated of them; parts say nothing of that.
     """
 
     train: float
@@ -60,15 +61,17 @@ class Claim:
     sizes: Sequence[Size]
     reach: Callable[[], Sequence[float]]
     flies: Callable[[], bool]
+    known: float = 0.0
 
 
 @dataclass(frozen=True)
 class Weighed:
-    """The evidence for a change in all rows and in parts foretold by the others, and the objection to it, or ""."""
+    """The evidence for a change, and the objection to it, or ""; see `Claim`."""
 
     train: float
     held: float
     objection: str
+    known: float = 0.0
 
     @property
     def total(self) -> float:
@@ -79,7 +82,9 @@ def objection(claim: Claim, rule: Rule = EFFECT) -> str:
     """Why a change is not accepted, or "": every name has passed here, by whatever way it was found."""
     if not claim.train >= claim.bar:
         return INSIGNIFICANT
-    if not claim.held >= max(rule.least, rule.share * claim.train):
+    # what is known of the coefficients may be enough; parts must not contradict it then
+    least = -rule.least if claim.known >= claim.bar else max(rule.least, rule.share * claim.train)
+    if not claim.held >= least:
         return UNREPEATED
     if any(size.limited for size in claim.sizes):
         return LIMITED
@@ -103,8 +108,9 @@ def weighed(
     if not after.finite:
         return Weighed(0.0, 0.0, DIVERGES)
     train, held = bench.gains(before, after)
-    claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after.plant))
-    return Weighed(train, held, objection(claim))
+    known = bench.known_gain(before, after)
+    claim = Claim(train, held, bar, sizes, reach, lambda: bench.flies(after.plant), known)
+    return Weighed(train, held, objection(claim), known)
 
 
 def effect_size(plant: Plant, path: str, bounds: tuple[float, float] | None = None) -> Size:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from auv_gym.param import spec_at
-from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SEEN
+from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SEEN, SURPRISE, TIE
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.acceptance import GONE, Weighed
 from identification.diagnosis.search.candidates import Candidate
@@ -26,6 +26,8 @@ class Round:
 
     angles: between the signatures of the chosen one and of others, degrees, by candidate.  evidence: for the chosen one
     in the final model against that model without it, and foretold by parts (`confirmed`).  before: without any trial.
+    instead: coefficients that would have to be far from what was stated of them, where little else speaks for the
+    chosen one.
     """
 
     trials: tuple[Trial, ...]
@@ -34,6 +36,7 @@ class Round:
     angles: dict[Candidate, float]
     evidence: tuple[float, float] = (0.0, 0.0)
     before: State | None = None
+    instead: tuple[str, ...] = ()
 
 
 def attribute(
@@ -169,7 +172,10 @@ def confirmed(
         passed = [_in_place(bench, nominal, state, r, count) for r in kept]
         failed = [(found.total, i, without) for i, (found, without) in enumerate(passed) if found.objection]
         if not failed:
-            return state, [replace(r, evidence=(w.train, w.held)) for r, (w, _) in zip(kept, passed, strict=True)]
+            return state, [
+                replace(r, evidence=(w.train, w.held), instead=_instead(bench, without, state, w))
+                for r, (w, without) in zip(kept, passed, strict=True)
+            ]
         _, worst, state = min(failed, key=lambda item: item[:2])
         del kept[worst]
 
@@ -184,6 +190,15 @@ def _in_place(bench: Workbench, nominal: State, state: State, made: Round, count
     alone = set(state.paths) - set(own) == set(nominal.paths)
     without = nominal if alone else bench.without(state, own)
     return gate(bench, without, state, [(made.chosen.candidate, made.chosen.screening)], count), without
+
+
+def _instead(bench: Workbench, without: State, state: State, passed: Weighed) -> tuple[str, ...]:
+    """The coefficients that take an effect's place in a state without it, unless the record tells that they do not."""
+    if passed.known <= 0.0 or passed.train - passed.known >= TIE:
+        return ()
+    paths = [p for p in without.paths if p in state.paths]
+    far, near = (np.abs(bench.problem.pulls(s.point.vector, paths)[0]) for s in (without, state))
+    return tuple(p for p, one, other in zip(paths, far, near, strict=True) if one > SURPRISE and other < 0.5 * one)
 
 
 def settled(

@@ -28,6 +28,7 @@ PERIODS = {"effects.water.heave_sin": "effects.water.heave_period"}
 COMMON_DELAY = "effects.clock.delay"
 MOST_PERIODS = 64
 _ONE_SIDED = 1.645  # standard errors below which a normal estimate falls in 5 %
+_ONE_SIDE_AT_STOPS = frozenset(["gain", "offset"])  # of an actuator: a command at its stop shows one side alone
 KINKED_STEPS = (1.0, 5.0)  # probes over which slopes are taken about a corner, in place of `STEP`
 
 
@@ -43,6 +44,13 @@ class Candidate:
     def free(self) -> tuple[str, ...]:
         """What a fit of the candidate frees."""
         return (*self.paths, self.period) if self.period else self.paths
+
+    @property
+    def steps(self) -> tuple[float, ...]:
+        """The sizes, in probes, by which its signatures are taken: of both sides where commands may reach a stop."""
+        if self.kinked:
+            return KINKED_STEPS
+        return (STEP, -STEP) if self.paths[0].rpartition(".")[2] in _ONE_SIDE_AT_STOPS else (STEP,)
 
     @property
     def kinked(self) -> bool:
@@ -213,6 +221,11 @@ class Regression:
         self.basis, self.triangle = np.linalg.qr(np.hstack([self.starts, self.tall.T]))
         self.left = residual - self.basis @ (self.basis.T @ residual)
 
+    @property
+    def regained(self) -> float:
+        """Evidence that a move of the fitted parameters and starts promises by itself."""
+        return float(self.residual @ self.residual - self.left @ self.left)
+
     def screened(self, candidates: Sequence[Candidate]) -> list[Screening]:
         """See `screen`."""
         result = self.of([c for c in candidates if not c.period])
@@ -279,7 +292,7 @@ class Regression:
 
     def _signed(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[_Signed]:
         """A screening for each candidate and step, its signature without what others imitate, and whole, (paths, n)."""
-        groups = [(c, step) for c in candidates for step in (KINKED_STEPS if c.kinked else (STEP,))]
+        groups = [(c, step) for c in candidates for step in c.steps]
         if not groups:
             return []
         moves = [(p, step) for c, step in groups for p in c.paths]
@@ -289,8 +302,8 @@ class Regression:
         ends = np.cumsum([len(c.paths) for c, _ in groups])
         spans = [slice(end - len(c.paths), end) for (c, _), end in zip(groups, ends, strict=True)]
         return [
-            (self._one(c, rest[s], signatures[s]), rest[s], signatures[s])
-            for (c, _), s in zip(groups, spans, strict=True)
+            (self._one(c, rest[s], signatures[s], step), rest[s], signatures[s])
+            for (c, step), s in zip(groups, spans, strict=True)
         ]
 
     def _together(self, signed: Sequence[_Signed]) -> dict[str, tuple[float, int]]:
@@ -308,7 +321,7 @@ class Regression:
             found[str(part)] = (float(np.sum(shares**2 / values[kept])), int(kept.sum()))
         return found
 
-    def _one(self, candidate: Candidate, own: np.ndarray, whole: np.ndarray) -> Screening:
+    def _one(self, candidate: Candidate, own: np.ndarray, whole: np.ndarray, step: float) -> Screening:
         size, full = np.einsum("ij,ij->i", own, own), np.einsum("ij,ij->i", whole, whole)
         seen = float(np.min(size / np.maximum(full, 1e-30)))
         unseen = ""
@@ -327,6 +340,8 @@ class Regression:
         units = np.array([self.problem.scale(p) for p in candidate.paths])
         sizes = deviations_shown(self.threshold) * deviations * units
         evidence = float(estimate @ (own @ self.left))
+        if len(candidate.steps) > 1 and not candidate.kinked and estimate[0] * step < 0.0:
+            estimate, evidence = np.zeros_like(estimate), 0.0  # this slope is that of the other side
         return Screening(candidate, estimate, evidence, seen, sizes, beside=self._beside(estimate @ whole))
 
     def _beside(self, imitated: np.ndarray) -> np.ndarray:

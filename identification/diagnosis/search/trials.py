@@ -15,7 +15,7 @@ from auv_gym.plant import Plant
 from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE, PART_LEVEL, PRICE, SEEN, SHORT_LIST
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Candidate, Screening, part_of, screen
+from identification.diagnosis.search.candidates import Candidate, Regression, Screening, part_of
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.parameters import kinked
 
@@ -72,16 +72,20 @@ def trials_of(
     count: of all candidates.  plain: paths that are fitted to the end whatever they promise.
     """
     progress(0.0, "screening")
-    screened, bases, here = _screened(bench, state, left, threshold(count))
-    listed = _short_list(screened, here, threshold(count), plain)
+    screened, bases, first = _screened(bench, state, left, threshold(count))
+    listed = _short_list(screened, list(first)[:HERE], threshold(count), plain)
 
     progress(0.2, "trying what is promising")
 
     rivals = {base: settled(bench, state, base) for base in {bases[s.candidate] for s in listed}}
 
     def begin(screening: Screening) -> Begun:
-        base = bases[screening.candidate]
-        return _begun(bench, state, base, screening, rivals[base])
+        base, here = bases[screening.candidate], first[screening.candidate]
+        begun = _begun(bench, state, base, screening, rivals[base])
+        if base is state or begun.promise >= here.evidence or here.evidence < LEAST_TRACE * threshold(count):
+            return begun
+        # far from where the state is, a few steps may lead nowhere
+        return max(begun, _begun(bench, state, state, here, state), key=lambda one: one.promise)
 
     begun = side_by_side(begin, listed)
     progress(0.6, "fitting what is left of it")
@@ -134,8 +138,8 @@ def side_by_side(run: Callable[[T], S], items: Sequence[T]) -> list[S]:
 
 def _screened(
     bench: Workbench, state: State, left: Sequence[Candidate], bar: float
-) -> tuple[list[Screening], dict[Candidate, State], list[Candidate]]:
-    """The screening of each candidate, most promising first, the state in which it promised that, and the first here.
+) -> tuple[list[Screening], dict[Candidate, State], dict[Candidate, Screening]]:
+    """The screening of each candidate, most promising first, the state in which it promised that, and those here.
 
     From the state; from it with the coefficients as given, since those that were fitted without the missing effect may
     be so wrong that its signature at them means nothing; and from it with less process noise, which may have grown to
@@ -144,13 +148,12 @@ def _screened(
     problem = bench.problem
     found: dict[Candidate, Screening] = {}
     bases: dict[Candidate, State] = {}
-    here: list[Candidate] = []
+    here: dict[Candidate, Screening] = {}
     for base in (state, *bench.with_given(state), *quieted(bench, state)):
-        # what a poorer base leaves is not evidence for a candidate
-        less = 0.0 if base.quiet else 2.0 * (problem.total(state.point) - problem.total(base.point))
-        times = misjudged(bench, base)
-        promising = screen(problem, base.point, state.paths, left, bar)
-        here = here or [s.candidate for s in promising[:HERE]]
+        regression = Regression(problem, base.point, state.paths, bar)
+        less, times = _behind(bench, state, base, regression), misjudged(bench, base)
+        promising = regression.screened(left)
+        here = here or {s.candidate: s for s in promising}
         for s in promising:
             evidence, parameters = s.together
             together = (evidence / times - less, parameters)
@@ -164,6 +167,19 @@ def _screened(
                 # the detectable size rests on the noise as it was found
                 found[s.candidate], bases[s.candidate] = replace(s, detectable=found[s.candidate].detectable), base
     return sorted(found.values(), key=lambda s: -s.evidence), bases, here
+
+
+def _behind(bench: Workbench, state: State, base: State, regression: Regression) -> float:
+    """By how much a base, its fitted parameters moved as a regression promises, is less likely than the state.
+
+    What a poorer base leaves is not evidence for a candidate.  With the noises of the base, by which evidence is
+    counted there: process noise that makes up for wrong coefficients has made all evidence small.
+    """
+    if base is state or base.quiet:
+        return 0.0
+    rival, problem = settled(bench, state, base), bench.problem
+    ahead = problem.objective(rival.point, state.paths) - problem.objective(base.point, state.paths)
+    return max(2.0 * ahead - regression.regained, 0.0)
 
 
 def misjudged(bench: Workbench, base: State) -> float:
@@ -220,10 +236,12 @@ def settled(bench: Workbench, state: State, base: State) -> State:
 
     With weaker accelerations these alone bring much, which is no evidence for any candidate; nor is what brings a base
     that is far from the record nearer to it, but not as near as the state with weaker accelerations, or as it is where
-    these cannot be.
+    these cannot be.  Beside a base with other accelerations, the state with these.
     """
-    if not base.quiet:
+    if base is state:
         return state
+    if not base.quiet:
+        return replace(state, point=bench.problem.point(state.point.vector, base.point.logs, state.point))
     point = bench.problem.descended(base.point, state.paths, FIRST_ITERATIONS)
     there = State(bench.problem.plant_at(point, state.paths), state.paths, point, True)
     return max(
@@ -243,12 +261,12 @@ def _begun(bench: Workbench, state: State, base: State, screening: Screening, ri
         replace_at(base.plant, dict(zip(candidate.paths, values, strict=True)) | period).vector
         for values in _first_values(base.plant, screening)
     ]
-    if screening.beside.size:  # where little of its signature is its own, the fitted ones must move with it
-        moved = replace_at(base.plant, period).vector
-        vectors.append(
-            problem.moved_vector(moved, (*state.paths, *candidate.paths), np.r_[screening.beside, screening.estimate])
-        )
     points = [problem.with_gains(base.point, vector) for vector in vectors]
+    if screening.beside.size:  # where little of its signature is its own, the fitted ones must move with it, and starts
+        moved = replace_at(base.plant, period).vector
+        step = np.r_[screening.beside, screening.estimate]
+        vector = problem.moved_vector(moved, (*state.paths, *candidate.paths), step)
+        points.append(problem.descended(problem.with_gains(base.point, vector), ()))
     finite = [p for p in points if np.isfinite(p.scores).all()]  # NaN would win against everything after it
     best = max(finite or points[:1], key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)

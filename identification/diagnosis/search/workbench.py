@@ -154,6 +154,11 @@ class Workbench:
         p = self.problem
         return 2.0 * (p.objective(after.point, after.paths) - p.objective(before.point, before.paths))
 
+    def known_gain(self, before: State, after: State) -> float:
+        """How much of `gain` is due to coefficients that are nearer to what was stated of them."""
+        squares = [float((self.problem.pulls(s.point.vector, s.paths)[0] ** 2).sum()) for s in (before, after)]
+        return squares[0] - squares[1]
+
     def by_part(self, state: State) -> ByPart:
         """What each part tells of what a state has fitted."""
         if state not in self._by_part:

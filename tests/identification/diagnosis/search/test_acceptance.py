@@ -1,6 +1,7 @@
 """The gate before every name: each reason to refuse, each route that leads to it, and what fails beside the others."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -64,6 +65,9 @@ def sure(**changes) -> Claim:
         ({"held": 2.6}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 19.9}, "does not hold from one part of the log to the others"),
         ({"train": 1000.0, "held": 20.1}, ""),
+        ({"known": 20.1, "held": -2.6}, ""),  # what is known of the coefficients is enough, and no part contradicts it
+        ({"known": 20.1, "held": -2.8}, "does not hold from one part of the log to the others"),
+        ({"known": 19.9, "held": 1.9}, "does not hold from one part of the log to the others"),
         ({"flies": lambda: False}, "free runs diverge with it"),
         ({"sizes": [Size(5.0, True)]}, "helps only at the limit of its physical or known range"),
         ({"reach": lambda: [1.96 * 5.0 / 4.48]}, ""),  # standard errors: the root of the bar
@@ -160,6 +164,28 @@ def test_what_passes_beside_the_others_stays_with_the_evidence_that_it_has_there
     assert after is state
     assert [r.chosen and r.chosen.candidate for r in rounds] == [A, B, None]
     assert [r.evidence for r in rounds] == [(110.0, 20.0), (180.0, 99.0), (0.0, 0.0)]
+
+
+@pytest.mark.parametrize(
+    "known, near, instead",
+    [(95.0, 1.0, COEFFICIENTS[:1]), (80.0, 1.0, ()), (95.0, 1.6, ()), (0.0, 1.0, ())],
+)
+def test_coefficients_take_an_effects_place_where_little_but_their_stated_deviations_speaks_for_it(
+    monkeypatch, known, near, instead
+):
+    """The evidence is 100; without the effect the first coefficient is 3 deviations off, the second one 1.9."""
+    bench, nominal = (
+        Table({frozenset(): (0.0, 0.0), frozenset({OFFSET}): (100.0, 80.0)}),
+        state_of(PLANT, *COEFFICIENTS),
+    )
+    state = with_probes({OFFSET: 5.0}, *COEFFICIENTS)
+    state = replace(state, point=point_of(vector=[near, 0.0]))
+    nominal = replace(nominal, point=point_of(vector=[-3.0, 1.9]))
+    pulls = SimpleNamespace(bounds=bench.problem.bounds, pulls=lambda vector, paths: (vector[: len(paths)], None))
+    monkeypatch.setattr(Table, "problem", property(lambda self: pulls))
+    monkeypatch.setattr(Table, "known_gain", lambda self, before, after: known)
+    _, (made,) = confirmed(bench, nominal, state, [round_of(trial_of(A))], COUNT)
+    assert made.instead == tuple(instead)
 
 
 def test_what_the_held_out_windows_refute_beside_the_others_is_not_named():

@@ -163,23 +163,42 @@ def test_a_first_value_whose_run_is_lost_gives_way_to_the_others(start):
     assert value_at(begun.state.plant, OFFSET) == pytest.approx(value_at(whole.state.plant, OFFSET), rel=0.2)
 
 
-@pytest.mark.parametrize("poorer, taken", [(0.0, "given"), (1.5, "given"), (2.5, "fitted")])
-def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_more(start, monkeypatch, poorer, taken):
-    """9 instead of 5, less twice what the log-likelihood is poorer by."""
+def regression_of(screened, regained: float = 0.0):
+    """A stand-in for regressions: what they screen, and what fitted coefficients promise by themselves."""
+
+    class Told:
+        def __init__(self, problem, point, fitted, bar):
+            self.point, self.regained = point, regained
+
+        def screened(self, left):
+            return screened(self.point, left)
+
+    return Told
+
+
+@pytest.mark.parametrize(
+    "poorer, regained, taken", [(0.0, 0.0, "given"), (1.5, 0.0, "given"), (2.5, 0.0, "fitted"), (2.5, 2.0, "given")]
+)
+def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_more(
+    start, monkeypatch, poorer, regained, taken
+):
+    """9 instead of 5, less twice what the log-likelihood is poorer by, but for what the coefficients regain."""
     bench, state, candidates = start
     only = [c for c in candidates if OFFSET in c.paths]
     scores = state.point.scores - poorer / bench.problem.counted.sum()
     given = replace(state, point=replace(state.point, scores=scores))
     promised = {id(state.point): 5.0, id(given.point): 9.0}
 
-    def screened(problem, point, fitted, left, bar):
+    def screened(point, left):
         return [Screening(only[0], np.zeros(1), promised[id(point)], 1.0, np.zeros(1))]
 
     monkeypatch.setattr(bench, "with_given", lambda state: (given,))
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
-    monkeypatch.setattr(trials, "screen", screened)
+    monkeypatch.setattr(trials, "Regression", regression_of(screened, regained))
+    monkeypatch.setattr(bench.problem, "point", lambda vector, logs, near: near)  # the noises are the same
     _, bases, here = trials._screened(bench, state, only, 10.0)
-    assert here == only
+    assert list(here) == only
+    assert here[only[0]].evidence == 5.0
     assert bases[only[0]] is {"given": given, "fitted": state}[taken]
 
 
@@ -196,13 +215,13 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
     quieted = replace(state, point=loud, quiet=True)
     of = {id(state.point): (5.0, 0.01), id(loud): (promised, 0.001)}
 
-    def screened(problem, point, fitted, left, bar):
+    def screened(point, left):
         evidence, detectable = of[id(point)]
         return [Screening(only[0], np.zeros(1), evidence, 1.0, np.array([detectable]))]
 
     monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [quieted])
-    monkeypatch.setattr(trials, "screen", screened)
+    monkeypatch.setattr(trials, "Regression", regression_of(screened))
     (found,), bases, _ = trials._screened(bench, state, only, 10.0)
     assert bases[only[0]] is {"quieted": quieted, "fitted": state}[taken]
     assert found.evidence == pytest.approx(max(promised / 4.0, 5.0))
@@ -249,7 +268,7 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
     bench, state, candidates = start
     quieted = replace(state, point=replace(state.point, scores=state.point.scores - 1e3), quiet=True)
 
-    def screened(problem, point, fitted, left, bar):
+    def screened(point, left):
         size = 30.0 if point is state.point else 1000.0
         order = left if point is state.point else left[::-1]
         return [
@@ -258,8 +277,9 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
 
     monkeypatch.setattr(bench, "with_given", lambda state: ())
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [quieted])
-    monkeypatch.setattr(trials, "screen", screened)
+    monkeypatch.setattr(trials, "Regression", regression_of(screened))
     found, _, here = trials._screened(bench, state, candidates, 10.0)
+    here = list(here)[: trials.HERE]
     assert here == candidates[: trials.HERE]
     listed = [s.candidate for s in trials._short_list(found, here, 10.0, ())]
     assert {*here, *candidates[-trials.SHORT_LIST :]} <= set(listed)
