@@ -42,6 +42,16 @@ def test_a_coefficient_within_what_was_stated_is_refitted_and_no_finding(log):
     assert narrow.refitted is narrow.after  # a refit is all that was done
 
 
+def test_an_effect_that_spares_an_unlikely_coefficient_is_tied_with_it():
+    """Half of the rudder's effect is five stated deviations: evidence 25, all of it from what was stated."""
+    truth = replace_at(BARE, "hull.n_delta", 0.5 * BARE.hull.n_delta)
+    found = diagnose(closed_loop(truth, rng=np.random.default_rng(12), duration=900.0), BARE)
+    assert (found.verdict, [e.path for e in found.effects]) == ("tied", ["effects.rudder.gain"])
+    assert ("effects.rudder.gain", "hull.n_delta") in found.tied
+    low, high = found.effects[0].ci95
+    assert low < 0.5 < high
+
+
 def test_deviations_of_zero_hold_a_coefficient(log):
     held = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.0}))
     assert [c.path for c in held.coefficients] == ["hull.n_r"]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from auv_gym.model import simulate
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
@@ -15,6 +16,7 @@ from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
 
 DEADBAND, LAG, OFFSET = "effects.rudder.deadband", "effects.compass.lag", "effects.rudder.offset"
+GAIN = "effects.rudder.gain"
 COEFFICIENTS = QUICK.family.coefficients
 BAR = 16.0
 
@@ -109,6 +111,26 @@ def test_an_effect_with_a_corner_is_tried_at_larger_sizes_too(monkeypatch):
     assert both.evidence > BAR
     assert both.detectable == pytest.approx(small.detectable, rel=1e-9)
     assert screened(OFFSET).evidence == smooth.evidence
+
+
+def test_a_gain_is_screened_on_both_sides_of_a_stop(monkeypatch):
+    """Where each command is at the stop, more gain changes nothing, and less of it much."""
+    log = run_mission(QUICK, np.random.default_rng(5), duration=900.0)
+    stop = QUICK.hull.rudder_limit
+    log = log.with_channels({"rudder_rad": stop * np.sign(np.sin(2.0 * np.pi * (log.time + 1.0) / 80.0))})
+    flown = simulate(replace_at(QUICK, GAIN, 0.9), log)
+    noise = np.random.default_rng(6).normal(0.0, 0.02, len(flown))
+    bench = bench_of(flown.with_channels({"heading_rad": flown["heading_rad"] + noise}).without(["r_radps"]))
+    state = bench.fit(QUICK, ())
+
+    def screened():
+        return screen(bench.problem, state.point, (), [candidate(GAIN)], BAR)[0]
+
+    both = screened()
+    assert both.evidence > BAR
+    assert both.estimate[0] * spec_at(QUICK, GAIN).probe == pytest.approx(-0.1, rel=0.2)
+    monkeypatch.setattr(candidates, "_ONE_SIDE_AT_STOPS", frozenset())
+    assert screened().evidence < 1.0
 
 
 def test_a_period_is_sought_and_counted_and_has_no_phase_over_segments():

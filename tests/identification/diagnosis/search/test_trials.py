@@ -8,6 +8,7 @@ import pytest
 from scipy.stats import chi2
 
 from auv_gym.param import replace_at, spec_at, value_at
+from auv_gym.plant import load_vehicle
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
@@ -81,6 +82,50 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
     assert renewed
     for candidate in renewed:
         assert bench.gain(begun[candidate].state, nears[candidate]) > 10.0
+
+
+def test_starts_move_with_a_candidate_and_the_coefficients_that_it_moves():
+    """A pump that errs by 7 % and drag off by 9 %: the unknown volume of each dive moves far with them."""
+    plant, pump = replace(load_vehicle("mermaid"), deviations={}), "effects.oil.pump_gain"
+    drags = {p: 0.91 * value_at(plant, p) for p in ("hull.drag_quadratic", "hull.drag_linear")}
+    record = run_mission(replace_at(plant, {pump: 0.07, **drags}), np.random.default_rng(3))
+    bench = Workbench(plant, record, parts_of(plant, record), 0.1)
+    state = bench.fit(bench.plant, bench.plant.coefficients)
+    (one,) = screen(bench.problem, state.point, state.paths, [Candidate(pump, (pump,))], 10.0)
+    assert one.evidence > 30.0
+    assert trials._begun(bench, state, state, one, state).promise == pytest.approx(one.evidence, rel=0.1)
+
+
+@pytest.mark.parametrize("here, there, taken", [(50.0, 40.0, "here"), (30.0, 40.0, "there"), (1.0, -40.0, "there")])
+def test_what_leads_nowhere_from_another_base_begins_where_the_state_is(start, monkeypatch, here, there, taken):
+    """Where the state's own screening promises more than few steps from another base have reached, and enough."""
+    bench, state, candidates = start
+    (offset,) = (c for c in candidates if OFFSET in c.paths)
+    base, one = replace(state), screened_of(OFFSET, evidence=here)
+    one = replace(one, candidate=offset)
+    fitted = []
+
+    def begun(bench, state, at, screening, rival):
+        return trials.Begun(screening, at, there if at is base else screening.evidence)
+
+    monkeypatch.setattr(trials, "_screened", lambda *_: ([one], {offset: base}, {offset: one}))
+    monkeypatch.setattr(trials, "_short_list", lambda screened, *_: screened)
+    monkeypatch.setattr(trials, "_begun", begun)
+    monkeypatch.setattr(trials, "_finalists", lambda begun, *_: fitted.extend(begun) or [])
+    trials_of(bench, state, [offset], len(candidates), quiet)
+    assert [b.state for b in fitted] == [state if taken == "here" else base]
+
+
+def test_a_base_with_other_noises_is_compared_with_the_state_at_these(start):
+    bench, state, _ = start
+    logs = state.point.logs.copy()
+    logs[0] += 0.7  # twice the heading's noise
+    loud = replace(state, point=bench.problem.point(state.point.vector, logs, state.point))
+    rival = trials.settled(bench, state, loud)
+    assert np.array_equal(rival.point.logs, logs)
+    assert np.array_equal(rival.point.vector, state.point.vector)
+    assert bench.gain(state, rival) < -50.0
+    assert trials.settled(bench, state, state) is state
 
 
 def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, monkeypatch):
