@@ -35,16 +35,19 @@ LENGTHS = (0.6, 0.8, 1.2, 1.5)  # of the windows, over the usual one
 PHASES = (0.25, 0.5)  # of a window, by which the log begins later
 
 
-def variants(record: Record, window: float) -> Iterator[tuple[str, Record, float]]:
-    """The log in other windows, shifted by a part of one, and each of its halves; by name, with the window's length."""
+def variants(record: Record, window: float) -> Iterator[tuple[str, Record, float | None]]:
+    """The log in other windows, shifted by a part of one, and each of its halves; by name.
+
+    With the length of the windows, s; None for the usual one.
+    """
     for length in LENGTHS:
         yield f"windows of {length:g}", record, length * window
     for phase in PHASES:
         begin = record.time[0] + phase * window
-        yield f"from {phase:g} window on", record.between(begin, np.inf), window
+        yield f"from {phase:g} window on", record.between(begin, np.inf), None
     middle = 0.5 * (record.time[0] + record.time[-1])
-    yield "first half", record.between(-np.inf, middle), window
-    yield "second half", record.between(middle, np.inf), window
+    yield "first half", record.between(-np.inf, middle), None
+    yield "second half", record.between(middle, np.inf), None
 
 
 def attempt(folder: Path, number: int) -> dict[str, Any]:

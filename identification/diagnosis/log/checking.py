@@ -16,6 +16,8 @@ from identification.fit.shooting import Shooting
 from identification.fit.steps import readings_noise
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
+_SHORTER = (1.0, 0.8, 0.65, 0.5)  # of the vehicle's window, tried in turn in short records
+
 
 @dataclass(frozen=True)
 class Asked:
@@ -75,7 +77,7 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
     record = described(plant, record)
     left_out = _adrift(record, plant)
     record = record.without(left_out)
-    window, settle = asked.window or plant.window, asked.settle
+    window, settle = asked.window or _usual_window(plant, record), asked.settle
     if settle is None:
         settle = plant.settle if window >= plant.window else min(plant.settle, SETTLE_SHARE * window)
     windows = _checked_windows(record, plant, window, settle)
@@ -102,6 +104,15 @@ def _adrift(record: Record, plant: Plant) -> tuple[str, ...]:
     if not unknown or not record.has("depth_m"):
         return ()
     return ("depth_m",) if Chart.along(plant.family, record).on else ()
+
+
+def _usual_window(plant: Plant, record: Record) -> float:
+    """The vehicle's length of a window, s, or down to half of it where the record has too few of these."""
+    for share in _SHORTER:
+        windows = free_run_windows(plant, record, share * plant.window)
+        if len(windows) >= LEAST_WINDOWS and min(w.stop - w.start for w in windows) >= LEAST_SAMPLES:
+            return share * plant.window
+    return plant.window
 
 
 def _checked_windows(record: Record, plant: Plant, window: float, settle: float) -> list[slice]:

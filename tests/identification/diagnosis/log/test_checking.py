@@ -5,9 +5,10 @@ import pytest
 
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
-from identification.diagnosis.log.checking import _adrift
+from identification.diagnosis.log.checking import Asked, _adrift, check_log
 from identification.experiments.hovering import hover
 from identification.experiments.manoeuvres import NOISE
+from identification.experiments.missions import run_mission
 from identification.fit.shooting import Shooting
 from identification.fit.stretches import Stretches
 
@@ -85,3 +86,24 @@ def test_speeds_that_nothing_tells_are_those_that_the_commands_make(moving, left
     assert np.all(np.sqrt((missed[1:] ** 2).mean(axis=0)) < 0.05 * truth.std(axis=0) + NOISE["dvl_water"])
     assert not problem.first_guess[0, states].any()
     assert not set(states) & set(problem.start_states.tolist())
+
+
+@pytest.mark.parametrize("duration, window", [(600.0, 120.0), (400.0, 96.0), (300.0, 60.0)])
+def test_a_short_log_has_shorter_windows(duration, window):
+    """At least half of the vehicle's; a length that was asked for is not changed, and too few of these are refused."""
+    plant = load_vehicle("slocum")
+    record = run_mission(plant, np.random.default_rng(1), duration=duration)
+    log = check_log(record, plant, Asked())
+    assert log.window == pytest.approx(window)
+    assert len(log.every_window) >= 4
+    assert log.settle < 0.5 * log.window
+    if duration < 600.0:
+        with pytest.raises(ValueError, match="at least 4 windows of 120 s"):
+            check_log(record, plant, Asked(window=120.0))
+
+
+def test_a_log_too_short_for_windows_of_half_the_length_is_refused():
+    plant = load_vehicle("slocum")
+    record = run_mission(plant, np.random.default_rng(1), duration=200.0)
+    with pytest.raises(ValueError, match="at least 4 windows of 120 s"):
+        check_log(record, plant, Asked())
