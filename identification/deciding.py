@@ -16,7 +16,7 @@ FALSE_ALARM = 1e-3
 MISSED = 0.05
 """Probability that an interval does not hold the truth.  Source: the usual 95 % interval."""
 SURE = 3.0
-"""Standard deviations that make something sure where nothing else is said.  Source: convention (0.3 %, two-sided)."""
+"""Standard errors by which a size must differ from neutral.  Source: convention (0.3 %, two-sided)."""
 TIE = SURE**2
 """Evidence between two explanations below which a log does not tell them apart.  Source: `SURE` squared."""
 LEAST_PROBABLE = float(norm.sf(0.5 * sqrt(TIE)))

@@ -19,26 +19,28 @@ def selected_interval(
 ) -> tuple[float, float]:
     """The 95 % interval of an effect that is named because its evidence passed a bar.
 
-    limits: the 95 % interval without a choice.  evidence: twice the gain in log-likelihood by the effect, the square of
-    its size in standard errors.
+    limits: the 95 % interval without a choice.  evidence: twice the gain in log-likelihood by the effect.  Where the
+    noise is not what was taken for it, limits are wider than evidence says: the bar is then as much lower in standard
+    errors, and no interval reaches beyond neutral.
     """
-    size, least = float(np.sqrt(max(evidence, bar))), float(np.sqrt(bar))
-    low, high = conditional_limits(size, least)
     usual = float(stats.norm.isf(0.5 * MISSED))
     inner, outer = (limits[0], limits[1]) if value >= neutral else (limits[1], limits[0])
+    size = usual * abs(value - neutral) / max(abs(value - inner), 1e-300)
+    least = size * float(np.sqrt(bar / max(evidence, bar)))
+    low, high = conditional_limits(size, least, float(np.sqrt(bar)))
     near = value - (value - inner) * (size - low) / usual
     far = value + (outer - value) * (high - size) / usual
     return (min(near, far, value), max(near, far, value))
 
 
-def conditional_limits(size: float, least: float) -> tuple[float, float]:
+def conditional_limits(size: float, least: float, widest: float) -> tuple[float, float]:
     """Limits of the mean of a unit normal of which `size` was seen, and which is seen only beyond `least`.
 
     A share `FALSE_ALARM` of what may be missed goes to limits without the condition, at that level for all candidates,
-    beyond which nothing is; these are `least` away.
+    beyond which nothing is; these are `widest` away, and not beyond zero.
     """
     tail = 0.5 * (MISSED - FALSE_ALARM)
-    bounds = (size - least, size + least)
+    bounds = (max(size - widest, 0.0), size + widest)
 
     def beyond(mean: float, aim: float) -> float:
         """Probability that more is seen than was, if anything is; less the aim."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
-from identification.deciding import EFFECT_LEAST, EFFECT_SHARE, SURPRISE, TERM_LEAST, TERM_SHARE
+from identification.deciding import EFFECT_LEAST, EFFECT_SHARE, SURE, SURPRISE, TERM_LEAST, TERM_SHARE
 from identification.diagnosis.search.workbench import State, Workbench
 
 EDGE = 1e-6  # of the span between a parameter's bounds
@@ -88,8 +88,7 @@ def objection(claim: Claim, rule: Rule = EFFECT) -> str:
         return UNREPEATED
     if any(size.limited for size in claim.sizes):
         return LIMITED
-    errors = float(np.sqrt(claim.bar))  # standard, by which evidence of as much as the bar is away from neutral
-    if all(size.moved < errors / SURPRISE * half for size, half in zip(claim.sizes, claim.reach(), strict=True)):
+    if all(size.moved < SURE / SURPRISE * half for size, half in zip(claim.sizes, claim.reach(), strict=True)):
         return UNSURE
     if not claim.flies():
         return DIVERGES

@@ -70,8 +70,8 @@ def sure(**changes) -> Claim:
         ({"known": 19.9, "held": 1.9}, "does not hold from one part of the log to the others"),
         ({"flies": lambda: False}, "free runs diverge with it"),
         ({"sizes": [Size(5.0, True)]}, "helps only at the limit of its physical or known range"),
-        ({"reach": lambda: [1.96 * 5.0 / 4.48]}, ""),  # standard errors: the root of the bar
-        ({"reach": lambda: [1.96 * 5.0 / 4.46]}, "its size is too uncertain"),
+        ({"reach": lambda: [1.96 * 5.0 / 3.01]}, ""),  # three standard errors
+        ({"reach": lambda: [1.96 * 5.0 / 2.99]}, "its size is too uncertain"),
     ],
 )
 def test_every_reason_to_refuse_is_given_when_it_is_the_only_one(changes, reason):
