@@ -154,8 +154,11 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
             )
         still: object = left
         if discovery.holds:
-            after = stage(discovery.state, [discovery.state for _ in parts])
-            still = what_is_left(bench, discovery.state, library_of(discovery.plant))
+            tried = stage(discovery.state, [discovery.state for _ in parts])
+            if explained_share(after, tried, many) < 0.0:
+                discovery = discovery.refused(state, WORSE.format(it="it"))
+            else:
+                after, still = tried, what_is_left(bench, discovery.state, library_of(discovery.plant))
         if still:
             habitat = extras.attempt(
                 "The description of what remains", lambda: residual_habitat(after.fitted, record, rng), None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,6 +73,11 @@ class Discovery:
     def holds(self) -> bool:
         """Whether a term was found that parts of the record foretell of each other."""
         return bool(self.terms)
+
+    def refused(self, state: State, why: str) -> Discovery:
+        """The same without its terms, which a state has not, and the objection to each."""
+        rejected = (*self.rejected, *(replace(term, objection=why) for term in self.terms))
+        return replace(self, plant=state.plant, paths=state.paths, state=state, terms=(), rejected=rejected)
 
     def summary(self) -> str:
         """The finding in a plain paragraph."""

@@ -9,6 +9,7 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
+from identification.diagnosis.judge import judging
 from identification.diagnosis.search import workbench
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
@@ -86,7 +87,7 @@ def test_a_mirrored_rudder_is_said_plainly_and_nothing_is_named():
     assert trusted.verdict != "doubted"
 
 
-def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat():
+def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat(monkeypatch):
     given = QUICK
     true = replace_at(given, "effects.discovered.yaw.sin_2heading", 0.02)
     record = run_mission(true, np.random.default_rng(2), duration=2400.0)
@@ -98,6 +99,14 @@ def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat():
     assert value_at(found.after.plant, found.discovery.terms[0].path) == pytest.approx(0.02, rel=0.2)
     assert found.after.scores["heading_rad"].rmse < 0.7 * found.before.scores["heading_rad"].rmse
     assert "A term found in the data" in found.summary()
+    monkeypatch.setattr(judging, "explained_share", lambda *_: -0.1)  # free runs in unseen parts are worse with it
+    worse = diagnose(record, given)
+    assert not worse.discovery.holds
+    assert worse.after is worse.refitted
+    assert worse.discovery.rejected[-1].path == found.discovery.terms[0].path
+    assert "the closest is" in worse.discovery.summary()
+    assert "worse with it than without" in worse.discovery.summary()
+    monkeypatch.undo()
     fixed = diagnose(record, given, doubt=0.0)
     assert not fixed.coefficients
     assert [fixed.after.plant.hull, fixed.before.plant.hull] == [given.hull, given.hull]
