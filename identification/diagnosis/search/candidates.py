@@ -340,7 +340,7 @@ class Regression:
         units = np.array([self.problem.scale(p) for p in candidate.paths])
         sizes = deviations_shown(self.threshold) * deviations * units
         evidence = float(estimate @ (own @ self.left))
-        if len(candidate.steps) > 1 and not candidate.kinked and estimate[0] * step < 0.0:
+        if -step in candidate.steps and estimate[0] * step < 0.0:
             estimate, evidence = np.zeros_like(estimate), 0.0  # this slope is that of the other side
         return Screening(candidate, estimate, evidence, seen, sizes, beside=self._beside(estimate @ whole))
 
