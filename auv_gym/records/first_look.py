@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_gym.channels import SEGMENT_COLUMNS, in_unit
+from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, in_unit
 from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
 from auv_gym.records.mapping import Source, load_mapping
@@ -40,6 +40,11 @@ class SignalLook:
     low: float
     high: float
     by: str
+
+    @property
+    def spare(self) -> bool:
+        """Whether it is not taken as a channel that vehicles know, so that it may be one that is missing."""
+        return self.channel not in CHANNELS
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,9 +152,10 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = ()) -> str:
                 lines.append(f"{_quoted(source.column)} = {_target(source) if number == 0 else _quoted('')}")
         lines += [f"{name} = {value:.12g}" for name, value in look.known.constants.items()]
     columns = [name for group in look.log.groups for name in group.columns]
+    spare = [signal.column for signal in look.signals if signal.spare]
     guesses: dict[str, str] = {}
     for wanted in dict.fromkeys(name for one in needs for name in look.missing(one)):
-        for column in candidates(wanted, [name for name in columns if name not in used and name not in guesses], 1):
+        for column in candidates(wanted, [name for name in spare if name not in guesses], 1):
             guesses[column] = wanted
     if guesses:
         lines += ["", "# Guessed from their names: check unit and sign, then remove the # in front."]

@@ -19,9 +19,11 @@ import numpy as np
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, Channel, conversion, known_suffixes
 from auv_gym.param import did_you_mean
 from auv_gym.records.log import Group, Log
+from auv_gym.records.naming import NICKNAMES
 
 MappingLike = Mapping[str, Any] | str | Path | None
 YOURS = "your mapping"
+NICKNAME = "a common name of it, and its unit"
 TIMES = ("time_s", "time_ms", "time_min", "time_h")
 DATED = frozenset({"time", "timestamp", "datetime", "date_time", "time_utc", "time_iso"})  # in lower case
 _FEW, _MANY = 4, 25  # fields of a message that a note lists; topics that get a note each
@@ -116,7 +118,7 @@ class Source:
     column: str
     target: Target
     unit: str | None = None
-    by: str = ""  # YOURS, the title of the shipped mapping that names it, or '' where its own name says it all
+    by: str = ""  # YOURS, NICKNAME, the title of the shipped mapping that names it, '' where its own name says it all
 
     @property
     def channel(self) -> Channel:
@@ -147,7 +149,7 @@ def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
             if source.column not in given:
                 found.append(source)
                 given.add(source.column)
-    notes, unnamed = [], {}
+    notes, unnamed, nicknamed = [], {}, []
     for group in log.groups:
         rest = [column for column in group.columns if column not in given and column not in SEGMENT_COLUMNS]
         if group.name and all(column.startswith(group.name) for column in rest):  # a topic, or a kind of message
@@ -155,9 +157,12 @@ def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
             continue
         for column in rest:
             try:
-                found.append(_by_itself(group, column))
+                source = _by_itself(group, column)
             except ValueError:
                 notes.append(f"{column}: left out, since {_why(group, column)}.")
+            else:
+                (nicknamed if source.by == NICKNAME else found).append(source)
+    found += nicknamed  # a column that is called as the channel is comes first
     return found, [*notes, *_on_unnamed(unnamed)]
 
 
@@ -269,10 +274,21 @@ def _by_itself(group: Group, column: str) -> Source:
         unit = None
     bare = column.partition("[")[0].partition("(")[0] if column.endswith(("]", ")")) else column
     plain = "_".join(bare.lower().split())
-    known = [name for name in (column, plain) if is_known(name, unit)]
-    name = next((name for name in known if conversion(name, unit).channel.name in CHANNELS), (known or [column])[0])
+    called = _by_nickname(plain)
+    known = [name for name in (column, plain, called) if name and is_known(name, unit)]
+    name = next((name for name in known if conversion(name, unit).channel.name in CHANNELS), None)
+    if name is None:  # a channel that we do not list, under its name without the unit in brackets
+        name = plain if bare != column and plain in known else (known or [column])[0]
     conversion(name, unit)
-    return Source(group, column, Target(name), unit)
+    return Source(group, column, Target(name), unit, by=NICKNAME if name == called else "")
+
+
+def _by_nickname(plain: str) -> str:
+    """The channel's name for a column with a common other name, with the same unit if that ends it; '' if none."""
+    stem, _, suffix = plain.rpartition("_")
+    if plain in NICKNAMES:
+        return NICKNAMES[plain]
+    return f"{NICKNAMES[stem]}_{suffix}" if stem in NICKNAMES and suffix in known_suffixes() else ""
 
 
 def _why(group: Group, column: str) -> str:

@@ -37,6 +37,12 @@ WORDS: Final[dict[str, tuple[str, ...]]] = {
     "salinity_psu": ("salinity", "psal", "sal"),
     "density_kgpm3": ("density", "rho", "sigma"),
 }
+# Other names that by themselves, with a unit that fits, leave no doubt, and how ours begin.
+NICKNAMES: Final[dict[str, str]] = {
+    "yaw": "heading", "hdg": "heading", "yaw_rate": "r", "yawrate": "r", "pitch_rate": "q", "pitchrate": "q",
+    "roll_rate": "p", "rollrate": "p", "prop_rpm": "propeller_rpm", "prop": "propeller", "rudder_angle": "rudder",
+    "sternplane": "stern_plane", "stern_plane_angle": "stern_plane",
+}  # fmt: skip
 _COMMANDED = frozenset({"cmd", "c", "command", "commanded", "desired", "des", "target", "setpoint", "sp", "ref", "d"})
 _ALIKE = 0.8  # share of letters that two words have in common, from which one may be a misspelling of the other
 

@@ -132,5 +132,5 @@ def test_a_clean_log_is_not_doubted(tmp_path):
 
 def test_an_angle_that_wraps_in_no_channel_of_angles_is_named(tmp_path):
     yaw = (np.arange(100) * 10.0 + 180) % 360 - 180
-    look = look_at(write(tmp_path / "log.csv", {"time_s": range(100), "depth_m": range(100), "yaw_deg": yaw}))
-    assert any(line.startswith("yaw_deg: jumps by a whole turn 3 times") for line in look.doubts), look.doubts
+    look = look_at(write(tmp_path / "log.csv", {"time_s": range(100), "depth_m": range(100), "swing_deg": yaw}))
+    assert any(line.startswith("swing_deg: jumps by a whole turn 3 times") for line in look.doubts), look.doubts

@@ -345,7 +345,7 @@ def test_units_below_the_header_decimal_commas_and_a_cut_last_row(tmp_path):
     r = read_record(write(tmp_path / "log.csv", text))
     assert r["heading_rad"] == pytest.approx(np.radians([350.5, 351.5, 352.5]))
     assert r["depth_m"].tolist() == [1.0, 1.5, 2.0]
-    assert any("decimal commas" in line for line in r.notes)
+    assert any("ecimal commas" in line for line in r.notes)
     assert any("The last row has 2 of 3 cells" in line for line in r.notes)
 
 
@@ -373,3 +373,33 @@ def test_rows_whose_date_is_missing_are_left_out(tmp_path):
     r = read_record(write(tmp_path / "log.csv", f"time,depth_m\n{rows}"))
     assert r["depth_m"].tolist() == [1, 3]
     assert "1 row without a time left out." in r.notes
+
+
+def test_a_first_row_of_decimal_commas_is_no_row_of_units(tmp_path):
+    text = "Time (s);Heading [deg];Depth (m)\n0,0;350,5;1,0\n0,5;351,5;1,5\n1,0;352,5;2,0\n"
+    r = read_record(write(tmp_path / "log.csv", text))
+    assert r.time.tolist() == [0.0, 0.5, 1.0]
+    assert r["heading_rad"] == pytest.approx(np.radians([350.5, 351.5, 352.5]))
+    assert [line for line in r.notes if "ecimal commas" in line] == [
+        "Decimal commas are read as points in 'Time (s)', 'Heading [deg]', 'Depth (m)'."
+    ]
+
+
+def test_common_names_with_a_unit_that_fits_are_understood(tmp_path):
+    text = "time_s,Yaw [deg],Yaw rate (deg/s),Prop RPM,Odd rate (deg/s)\n0,10,1,900,4\n1,11,2,910,5\n2,13,3,905,6\n"
+    r = read_record(write(tmp_path / "log.csv", text))
+    assert r["heading_rad"] == pytest.approx(np.radians([10, 11, 13]))
+    assert r["r_radps"] == pytest.approx(np.radians([1, 2, 3]))
+    assert r["propeller_rpm"].tolist() == [900, 910, 905]
+    assert r["odd_rate_radps"] == pytest.approx(np.radians([4, 5, 6]))  # without the brackets
+
+
+def test_a_column_called_as_the_channel_is_comes_before_one_with_another_name_of_it(tmp_path):
+    r = read_record(write(tmp_path / "log.csv", "time_s,yaw_deg,heading_deg\n0,10,20\n1,11,21\n2,13,23\n"))
+    assert r["heading_rad"] == pytest.approx(np.radians([20, 21, 23]))
+    assert any("heading_rad is taken from heading_deg" in line for line in r.notes)
+
+
+def test_another_name_with_a_unit_of_something_else_is_no_such_channel(tmp_path):
+    r = read_record(write(tmp_path / "log.csv", "time_s,yaw_m,depth_m\n0,10,20\n1,11,21\n2,13,23\n"))
+    assert not r.has("heading_rad")

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from auv_gym.records.log import Column, Format, Group, Log, Scope
+from auv_gym.records.mapping import list_of
 from auv_gym.records.readers.opening import mapped
 
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
@@ -99,10 +100,13 @@ def _are_units(below: list[str], following: str, delimiter: str) -> bool:
     values = next(csv.reader([following], delimiter=delimiter, skipinitialspace=True))
     if not given or len(values) != len(below):
         return False
-    text = all(isinstance(numbers_or_text([below[k]]), list) and len(below[k]) < 24 for k in given)
-    points = [cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in values]
-    numeric = sum(isinstance(numbers_or_text([points[k]]), np.ndarray) for k in given)
-    return text and 2 * numeric > len(given)
+    text = all(not _is_number(below[k]) and len(below[k]) < 24 for k in given)
+    return text and 2 * sum(_is_number(values[k]) for k in given) > len(given)
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell holds a number, with a decimal comma or a point, or is empty."""
+    return _COMMA.fullmatch(cell) is not None or isinstance(numbers_or_text([cell]), np.ndarray)
 
 
 def _first_lines(content: bytes) -> tuple[list[str], list[int]]:
@@ -129,10 +133,18 @@ def _columns(rows: bytes, header: list[str], delimiter: str) -> tuple[dict[str, 
     """The columns by name, and a line for each thing that was left out or taken otherwise than it stands."""
     rows, notes = _whole_rows(rows, len(header), delimiter)
     columns: dict[str, Column] = {}
+    commas: list[str] = []
     for name, column in zip(header, _parsed(rows, len(header), delimiter), strict=True):
-        columns[name], note = (column, []) if isinstance(column, np.ndarray) else _column(name, column, delimiter)
+        points = None if isinstance(column, np.ndarray) or delimiter == "," else _with_points(column)
+        if points is not None:
+            columns[name] = points
+            commas.append(name)
+            continue
+        columns[name], note = (column, []) if isinstance(column, np.ndarray) else _column(name, column)
         notes += note
     columns.pop(_END, None)
+    if commas:
+        notes.append(f"Decimal commas are read as points in {list_of(commas, most=3)}.")
     return columns, notes
 
 
@@ -193,15 +205,24 @@ def _is_utf8(content: bytes) -> bool:
     return True
 
 
-def _column(name: str, cells: list[str], delimiter: str) -> tuple[Column, list[str]]:
-    """A column in which decimal commas are understood, and a few cells that are no numbers count as missing."""
+def _with_points(cells: list[str]) -> np.ndarray | None:
+    """The numbers of a column that is mostly written with decimal commas; None if it is not."""
+    if sum(_COMMA.fullmatch(cell) is not None for cell in cells) <= 0.5 * len(_filled(cells)):
+        return None
+    column = numbers_or_text(cell.replace(",", ".") for cell in cells)
+    return column if isinstance(column, np.ndarray) else None
+
+
+def _filled(cells: list[str]) -> list[str]:
+    return [cell for cell in cells if cell.strip().lower() not in _MISSING]
+
+
+def _column(name: str, cells: list[str]) -> tuple[Column, list[str]]:
+    """A column in which a few cells that are no numbers count as missing."""
     column = numbers_or_text(cells)
     if isinstance(column, np.ndarray):
         return column, []
-    filled = [cell for cell in cells if cell.strip().lower() not in _MISSING]
-    if delimiter != "," and sum(bool(_COMMA.fullmatch(cell)) for cell in filled) > 0.5 * len(filled):
-        column = numbers_or_text(cell.replace(",", ".") for cell in cells)
-        return column, [f"{name}: its decimal commas are read as points."] * isinstance(column, np.ndarray)
+    filled = _filled(cells)
     values, odd = np.full(len(cells), np.nan), []
     for row, cell in enumerate(cells):
         try:
