@@ -2,7 +2,7 @@
 
 The text below each says what it decides and where it comes from: a probability, a derivation, or "convention", where
 another value would do as well.  What only governs how numbers are computed (steps, iterations, tolerances) is where it
-is used.  `python -m scripts.pages.what_decides` writes the table of them in docs/diagnosis.md.
+is used.  `python -m scripts.pages.what_decides` writes the table of them in docs/diagnosis_method.md.
 """
 
 from math import sqrt

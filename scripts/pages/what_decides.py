@@ -1,4 +1,4 @@
-"""Write the table of the constants that decide a diagnosis (identification/deciding.py) into docs/diagnosis.md.
+"""Write the table of the constants that decide a diagnosis (identification/deciding.py) into docs/diagnosis_method.md.
 
 python -m scripts.pages.what_decides
 """
@@ -14,7 +14,7 @@ from pathlib import Path
 from identification import deciding
 from scripts.pages.marked import with_marked
 
-PAGE = Path(__file__).parents[2] / "docs" / "diagnosis.md"
+PAGE = Path(__file__).parents[2] / "docs" / "diagnosis_method.md"
 NAME = "table of what decides"
 
 
