@@ -15,26 +15,30 @@ test test-slow: export OPENBLAS_NUM_THREADS := 1
 # pyright is pinned: no look-up of a newer one at every run.
 export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
+TYPES := $(BIN)/pyright --pythonpath $(BIN)/python
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
 
-.PHONY: demo docs test test-slow lint format install slocum-cache clean
+.PHONY: demo docs test test-slow lint style format install slocum-cache clean
 .DEFAULT_GOAL := test
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/auv-gym diagnose slocum:ammonite --vehicle slocum --min-depth 10 --out $(DEMO_OUT)
 	@echo "The report: $(CURDIR)/$(DEMO_OUT)/report.html"
 
-test: lint $(VENV)/.slocum-cache
-	$(BIN)/python -m tests.warm_cache
+# Types are checked on one core while the other one compiles.
+test: style $(VENV)/.slocum-cache
+	@$(TYPES) & types=$$!; $(BIN)/python -m tests.warm_cache; compiled=$$?; wait $$types && exit $$compiled
 	$(BIN)/python -m pytest
 
 test-slow: $(VENV)/.installed-dev $(VENV)/.slocum-cache
 	$(BIN)/python -m pytest -m slow
 
-lint: $(VENV)/.installed-dev
+lint: style
+	$(TYPES)
+
+style: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check || { echo "Run: make format" >&2; exit 1; }
 	$(BIN)/ruff check --quiet
-	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/lint-imports
 
 # Nothing is fetched, neither here nor by who reads it. Searching needs a server: python3 -m http.server -d site

@@ -55,12 +55,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def one_of_each() -> list[str]:
-    """A preset for each program: vehicles of the same parts share one."""
-    found: dict[str, str] = {}
+    """A preset for each program: vehicles of the same parts share one.  What takes longest, with most states, first."""
+    found: dict[str, tuple[int, str]] = {}
     for name in list_vehicles():
         family = load_vehicle(name).family
-        found.setdefault(family.program or family.kind, name)
-    return list(found.values())
+        found.setdefault(family.program or family.kind, (-len(family.states), name))
+    return [name for _, name in sorted(found.values())]
 
 
 def warm(name: str) -> None:

@@ -84,21 +84,22 @@ def separation(
     if any(problem is None for problem in problems):
         return 0.0
     tasks = [(p, *_levels(p, noise, p.record.sample_interval)) for p in problems if p is not None]
-    points = [p.point(other.vector, p.first_guess) for p, _, _ in tasks]
-    count, best = len(paths), inf
-    plant, values = other, np.array([other.vector[tasks[0][0].index[p]] for p in paths])
+    points: list[Point] = [p.point(other.vector, p.first_guess) for p, _, _ in tasks]
+    count, plant = len(paths), other
+    best: float = inf
+    values: np.ndarray = np.array([other.vector[tasks[0][0].index[p]] for p in paths])
     scales = np.array([tasks[0][0].scale(p) for p in paths])
     bounds = np.array([spec_at(other, p).bounds for p in paths]).reshape(count, 2)
     for _ in range(_REFITS):
         if not all(np.isfinite(point.cost) for point in points):
             break
         parts = [_whitened_parts(p, point, tuple(paths), s, c) for (p, s, c), point in zip(tasks, points)]
-        residual = np.concatenate([rest.ravel() for rest, _ in parts])
-        columns = np.concatenate([own.reshape(count, -1) for _, own in parts], axis=1).T
+        residual: np.ndarray = np.concatenate([rest.ravel() for rest, _ in parts])
+        columns: np.ndarray = np.concatenate([own.reshape(count, -1) for _, own in parts], axis=1).T
         if known is not None:
             columns = np.vstack([columns, known.root])
             residual = np.r_[residual, known.root @ ((known.values - values) / scales)]
-        change = np.linalg.lstsq(columns, residual, rcond=1e-10)[0]
+        change: np.ndarray = np.linalg.lstsq(columns, residual, rcond=1e-10)[0]
         left = float(np.sum((residual - columns @ change) ** 2))
         gained, best = best - left, min(best, left)
         if gained < _WORTH * best:

@@ -25,7 +25,12 @@ DEEP = 50.0  # m, where torpedoes start
 FILES = {"tethys": Path(__file__).parents[2] / "examples" / "vehicles" / "tethys.toml"}  # gains of vehicles in files
 ENTRIES = [(entry.vehicle, entry.dt) for entry in read_gains()]
 TORPEDOES = [entry for entry in ENTRIES if load_vehicle(FILES.get(entry[0], entry[0])).family.kind == "body"]
-LOOPS = [(e.vehicle, e.dt, kind) for e in read_gains() if (e.vehicle, e.dt) in TORPEDOES for kind in e.loops]
+LOOPS = [
+    pytest.param(e.vehicle, e.dt, kind, marks=[pytest.mark.slow] * (e.vehicle in FILES))  # a file's vehicle is compiled
+    for e in read_gains()
+    if (e.vehicle, e.dt) in TORPEDOES
+    for kind in e.loops
+]
 # s after which depth, heading and speed are within 5 % of a step of `torpedo_run`, or two standard deviations of noise
 SETTLED = {
     ("heu_torpedo", 0.1): (30.0, 10.0, 5.0),

@@ -115,6 +115,7 @@ def test_windows_are_those_of_the_parts_and_each_is_scored_once(ammonite):
     assert ammonite.after.unseen.rows.tolist() == sorted(rows)
 
 
+@pytest.mark.slow
 def test_no_name_depends_on_how_long_free_runs_are(ammonite):
     other = diagnose(ammonite.record, load_vehicle("slocum"), window=150.0)
     assert [(e.path, e.value, e.ci95, e.tied_with) for e in other.effects] == [

@@ -74,6 +74,7 @@ sys.exit(auv_gym.cli.main(sys.argv[1:]))
 """
 
 
+@pytest.mark.slow
 def test_a_killed_series_goes_on_and_leaves_the_same_bytes(tmp_path):
     logs = dives(tmp_path, 3, 5, 520.0)
 
@@ -111,6 +112,7 @@ def test_forty_dives_survive_a_kill_and_a_cluster_that_loses_a_worker():
     assert clustered["exit_code"] == 0
 
 
+@pytest.mark.slow
 def test_missions_taken_by_a_cluster_have_the_same_sizes(tmp_path):
     distributed = pytest.importorskip("distributed")
     plant, missions = load_vehicle("slocum"), {}

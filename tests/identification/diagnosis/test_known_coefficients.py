@@ -159,6 +159,7 @@ def test_the_files_keep_what_was_known_and_say_which_logs_were_seen(log, tmp_pat
         again(paths["diagnosis.json"], log)
 
 
+@pytest.mark.slow
 def test_a_torpedo_with_wrong_inertias_lacks_nothing():
     torpedo = replace(load_vehicle("vt690"), deviations={}, window=25.0, settle=5.0)
     wrong = ("hull.i_yy", "hull.added_mass.m_qdot", "hull.added_mass.y_vdot", "parts.stern_plane.lift")

@@ -60,6 +60,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(colour):
     assert np.all((shares >= 0.90) & (shares <= 0.99)), shares
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_in_a_short_draw():
     # 40 seeds times four parameters: at 95 % fewer than 139 hits have a probability below 1e-4
     assert coverage(range(40)).sum() * 40 >= 139

@@ -70,6 +70,7 @@ def test_the_first_guess_of_the_volumes_needs_no_right_drag():
     assert guess[:, 0] == pytest.approx(VOLUMES, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_where_each_dive_has_an_unknown_volume():
     hits, values, errors = np.zeros(2), [], []
     for seed in range(20):

@@ -67,6 +67,7 @@ def level() -> Record:
     return log
 
 
+@pytest.mark.slow
 def test_near_level_a_chart_tells_what_euler_angles_tell(level, monkeypatch):
     """To first order in the tilt t, in which turns about body axes and Euler angles differ.
 

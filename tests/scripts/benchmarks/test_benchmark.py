@@ -36,6 +36,7 @@ def test_what_cannot_be_measured_is_refused(arguments, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_learning_is_timed(capsys, monkeypatch):
     pytest.importorskip("stable_baselines3")
     monkeypatch.setattr(rl, "COUNTS", (8,))

@@ -34,6 +34,7 @@ def test_costs_are_means_of_their_hours():
     assert costs_of(Flight(time, rewards, ())) == [1.0, 2.0, 3.0]
 
 
+@pytest.mark.slow
 def test_a_monitor_exchanges_the_policy_for_one_of_the_vehicle_that_it_names(monkeypatch, tmp_path):
     taught, pilot = [], pilot_for(true_env(GLIDER), "pid")  # which moves the rudder, as a policy would
     monkeypatch.setattr(in_flight, "CLEAN", 3.0)

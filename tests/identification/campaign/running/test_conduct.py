@@ -277,6 +277,7 @@ def test_missions_and_logs_are_runs_too(campaign, tmp_path):
         conduct(read_campaign(path), tmp_path / "wrong")
 
 
+@pytest.mark.slow
 def test_a_killed_campaign_goes_on_where_it_was(campaign, tmp_path, whole):
     out = tmp_path / "out"
     for blow, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGTERM, 130)):

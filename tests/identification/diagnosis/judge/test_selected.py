@@ -12,7 +12,7 @@ LEAST = 4.47  # standard errors: the root of the bar with a hundred candidates
 def test_intervals_of_what_passed_hold_the_truth(mean):
     """The usual ones hold 0 of the first, 60 % of the second, and 95 % of the last."""
     seen = np.random.default_rng(1).normal(mean, 1.0, 400_000)
-    seen = seen[seen > LEAST][:1500]
+    seen = seen[seen > LEAST][:400]
     held = [low <= mean <= high for low, high in (conditional_limits(float(z), LEAST, LEAST) for z in seen)]
     assert np.mean(held) == pytest.approx(0.95, abs=4.0 * np.sqrt(0.95 * 0.05 / len(held)))
 
@@ -27,7 +27,7 @@ def test_they_never_hold_what_the_bar_excludes_and_are_the_usual_ones_far_above_
 def test_intervals_hold_the_truth_where_evidence_says_too_much(mean):
     """Errors are half as large again as the likelihood says; no interval reaches beyond neutral."""
     seen = np.random.default_rng(2).normal(mean, 1.0, 400_000)
-    seen = seen[1.5 * seen > LEAST][:1500]
+    seen = seen[1.5 * seen > LEAST][:400]
     found = [selected_interval(z, 0.0, (z - 1.96, z + 1.96), (1.5 * z) ** 2, LEAST**2) for z in seen.tolist()]
     held = np.mean([low <= mean <= high for low, high in found])
     assert 0.95 - 4.0 * np.sqrt(0.95 * 0.05 / len(found)) < held < 0.985  # more where the estimate itself is an end
