@@ -123,7 +123,8 @@ MOST_WORK = 1e8
 """Samples over which a search may run the vehicle; then it ends with what it has, and says so.  Source: time, some
 ten minutes of one core.  A torpedo's log of five minutes with two effects takes a quarter of it."""
 FEW_STATES = 4
-"""States of the filter up to which effects are exchanged for each other.  Source: time; with more it takes minutes."""
+"""States of the filter up to which effects are exchanged for each other, and sought in parts of a log.  Source: time;
+with more it takes minutes."""
 
 # Search: what is accepted, and what is tied with it
 

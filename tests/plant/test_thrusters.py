@@ -1,5 +1,7 @@
 """The wrench of thrusters, the thrusts for a wrench, and the commands for thrusts."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
@@ -63,11 +65,16 @@ def test_of_axes_that_thrusters_serve_only_together_the_earlier_ones_count():
     assert served_axes(ahead[:, :1]) == ("surge",)
 
 
+@cache
+def thrusters_of(name):
+    return find_thrusters(load_vehicle(name))
+
+
 @every
 @settings(max_examples=100, deadline=None)
 @given(data=st.data())
 def test_a_command_for_a_thrust_gives_that_thrust(name, data):
-    thrusters = find_thrusters(load_vehicle(name))
+    thrusters = thrusters_of(name)
     shares = data.draw(st.lists(st.floats(0.0, 1.0), min_size=thrusters.at.size, max_size=thrusters.at.size))
     thrusts = thrusters.least + np.array(shares) * (thrusters.most - thrusters.least)
     np.testing.assert_allclose(thrusters.thrusts(thrusters.commands(thrusts)), thrusts, rtol=0.0, atol=1e-12)

@@ -39,7 +39,7 @@ from identification.diagnosis.search.constancy import sizes_by_dive, steadiness
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.explanations import Explanations
 from identification.diagnosis.search.known import Known
-from identification.diagnosis.search.remainder import what_is_left
+from identification.diagnosis.search.remainder import passing_effect, what_is_left
 from identification.diagnosis.search.searching import Searched
 from identification.diagnosis.search.survival import chosen_without, survival
 from identification.diagnosis.search.trials import Progress, Trial
@@ -116,6 +116,9 @@ def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progre
         weighed, sizes = Weighed(nominal, (), (), Explanations(())), bench.intervals(nominal)
         left = what_is_left(bench, nominal, searched.library) or left
     rest = [] if log.slipped else candidates_of(state.plant, record)
+    if rest and not left and dives is None:
+        progress(0.86, "looking for an effect that acts in a part of the log")
+        left = replace(left, passing=passing_effect(bench, state, rest))
     regression = Regression(bench.problem, state.point, state.paths, threshold(count))
     screening = tuple(regression.screened(rest))
     found = tuple(

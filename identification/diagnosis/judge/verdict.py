@@ -374,6 +374,12 @@ def left_sentence(d: Diagnosis) -> str:
     if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         text += f"The {title} differs between parts of the log: something changed during the log. "
+    if left.passing:
+        title = spec_at(d.state.plant, left.passing).title or left.passing
+        text += (
+            f"Something began, ended or changed during the log that acts like this effect: {title}. "
+            "`auv-gym onset` looks for when. "
+        )
     return text
 
 

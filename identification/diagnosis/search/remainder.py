@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from identification.deciding import EXCESS, SURE, UNSTEADY, WHITE
+from identification.deciding import EXCESS, FEW_STATES, SURE, UNSTEADY, WHITE
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.constancy import steadiness
@@ -23,16 +23,18 @@ class Left:
 
     coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
     others.  depends: the term of the library on which they depend most, or "".  changes: a coefficient or an effect in
-    which parts of the record contradict each other, or "".
+    which parts of the record contradict each other, or "".  passing: an effect that the whole record does not show, but
+    parts of it do, or "".
     """
 
     coloured: tuple[str, ...] = ()
     bursts: tuple[str, ...] = ()
     depends: str = ""
     changes: str = ""
+    passing: str = ""
 
     def __bool__(self) -> bool:
-        return bool(self.coloured or self.bursts or self.depends or self.changes)
+        return bool(self.coloured or self.bursts or self.depends or self.changes or self.passing)
 
 
 def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left:
@@ -67,6 +69,24 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
     if own and (least := steadiness(bench, state, own, quietly=False)).probability < UNSTEADY:
         changes = least.path
     return Left(tuple(coloured), tuple(bursts), depends, changes)
+
+
+def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidate]) -> str:
+    """An effect of which parts of the record surely have different sizes, though its whole shows none; or "".
+
+    What begins, ends or slips within a record is none of the effects that last, and random accelerations take its
+    place: where they have grown for it, weaker ones are tried.  Not of vehicles with many states, for which all changes
+    of all effects take too long.
+    """
+    paths = list(dict.fromkeys(p for c in candidates for p in c.paths if p not in state.paths))
+    if (
+        not paths
+        or bench.followed > FEW_STATES
+        or not bench.goes_on("looked for an effect that acts in a part of the log")
+    ):
+        return ""
+    least = steadiness(bench, state, paths)
+    return least.path if least.probability < UNSTEADY else ""
 
 
 def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | None = None) -> bool:

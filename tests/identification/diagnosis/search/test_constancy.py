@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auv_gym.param import replace_at, value_at
+from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import concat
 from identification.deciding import UNSTEADY
@@ -42,6 +42,17 @@ def fitted(begins, path=OFFSET, size=0.03, also=(OFFSET,)):
 def test_parts_contradict_each_other_where_an_effect_begins_half_way_and_only_there():
     assert steadiness(*fitted(-100.0), [OFFSET]).probability > 0.01
     assert steadiness(*fitted(300.0), [OFFSET]).probability < UNSTEADY
+
+
+@pytest.mark.parametrize("size", [0.03, 0.06])
+def test_what_begins_half_way_and_random_accelerations_would_explain_is_said(size):
+    plant = load_vehicle("slocum")
+    found = diagnose(log_of(300.0, size=size), plant)
+    assert (found.verdict, found.effects) == ("unexplained", ())
+    assert found.left == Left(passing=found.left.passing)
+    title = spec_at(plant, found.left.passing).title
+    assert f"Something began, ended or changed during the log that acts like this effect: {title}." in found.summary()
+    assert not diagnose(log_of(-100.0, size=size), plant).left
 
 
 def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch):
