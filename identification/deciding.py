@@ -123,8 +123,8 @@ MOST_WORK = 1e8
 """Samples over which a search may run the vehicle; then it ends with what it has, and says so.  Source: time, some
 ten minutes of one core.  A torpedo's log of five minutes with two effects takes a quarter of it."""
 FEW_STATES = 4
-"""States of the filter up to which effects are exchanged for each other, and sought in parts of a log.  Source: time;
-with more it takes minutes."""
+"""States of the filter up to which effects are exchanged for each other, and all are sought in parts of a log.  Source:
+time; with more it takes minutes."""
 
 # Search: what is accepted, and what is tied with it
 
@@ -162,7 +162,7 @@ STABLE = 0.8
 KIN = 0.5
 """Cosine to the leading term from which a term contends with it.  Source: convention (60 degrees)."""
 CONTENDERS = 5
-"""Terms that are begun.  Source: convention, time."""
+"""Terms that are begun; effects sought in parts of a log where all take too long.  Source: convention, time."""
 NEAR = 0.1
 """Share of the best gain within which a term is fitted to the end.  Source: convention."""
 BLOCKS = 24

@@ -303,14 +303,27 @@ class Filter(Linearised):
         return np.exp(logs[first : first + pushed]) > least * np.array(self.unit)
 
     def _prior(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
-        """Log-density of correlation times, which a vehicle's time scales bound, and its slope."""
-        slope, pushed = np.zeros(logs.size), len(self.pushed)
+        """Log-density of correlation times, which a vehicle's time scales bound, less what starts take up; its slope.
+
+        Starts are fitted, so that the first readings of a stretch are met exactly, and would be the likelier the more
+        exact readings are taken to be: in a record of many short stretches, without any noise (Neyman and Scott 1948).
+        """
+        slope, channels, pushed = np.zeros(logs.size), len(self.channels), len(self.pushed)
+        slope[:channels] = self._taken_up
+        value = float(self._taken_up @ logs[:channels])
         if not pushed:
-            return 0.0, slope
+            return value, slope
         centre, deviation, *_ = self.slowness
         far = (logs[-pushed:] - centre) / deviation
         slope[-pushed:] = -far / deviation
-        return -0.5 * float(far @ far), slope
+        return value - 0.5 * float(far @ far), slope
+
+    @cached_property
+    def _taken_up(self) -> np.ndarray:
+        """How many readings of each channel, (C,), go into the starts of stretches: one a state, of the first row."""
+        first = self.finite[self.offsets[~self.carried]]
+        states = int((self.live < len(self.plant.family.states)).sum())
+        return (first * np.minimum(states / np.maximum(first.sum(axis=1, keepdims=True), 1), 1.0)).sum(axis=0)
 
     def columns_of(
         self, point: Point, moves: Sequence[tuple[str, float]], vector: np.ndarray | None = None

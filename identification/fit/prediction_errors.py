@@ -184,11 +184,22 @@ class PredictionErrors(Noises):
         self, here: Point, paths: Sequence[str], steps: int, known: np.ndarray | None = None
     ) -> tuple[Point, np.ndarray]:
         """The point with better noises, or itself, and their curvature; known: that of a point near by."""
-        logs, known = self.better_noise(here, steps, known)
+        about = self._about_itself(here)
+        logs, known = self.better_noise(about, steps, known)
         if np.array_equal(logs, here.logs):
             return here, known
-        there = self.point(here.vector, logs, here)
+        there = self.point(here.vector, logs, about)
         return (there if self.objective(there, paths) > self.objective(here, paths) else here), known
+
+    def _about_itself(self, here: Point) -> Point:
+        """The point linearised about its own path: what noises suit another path says nothing of it.
+
+        A step with the gains held leaves a point whose slopes are those of where it began.
+        """
+        if here.system is None or here.system.vector is None or np.array_equal(here.system.vector, here.vector):
+            return here
+        fresh = self.point(here.vector, here.logs, here)
+        return here if fresh.system is None else fresh
 
     def standard_errors(self, plant: Plant, paths: Sequence[str], noise: Noise) -> dict[str, float]:
         """Standard error of each path, in its unit, all of them fitted, these noises known; infinite if untold."""

@@ -226,6 +226,13 @@ class Regression:
         """Evidence that a move of the fitted parameters and starts promises by itself."""
         return float(self.residual @ self.residual - self.left @ self.left)
 
+    def evidence_of(self, signatures: np.ndarray) -> float:
+        """Evidence for a vehicle that may move by all of some signatures, (P, rows * C), at once."""
+        wide = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
+        rest = wide - (wide @ self.basis) @ self.basis.T
+        told = rest @ self.left
+        return float(told @ np.linalg.pinv(rest @ rest.T, rcond=1e-10, hermitian=True) @ told)
+
     def screened(self, candidates: Sequence[Candidate]) -> list[Screening]:
         """See `screen`."""
         result = self.of([c for c in candidates if not c.period])

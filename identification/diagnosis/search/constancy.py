@@ -52,18 +52,22 @@ class ByDive:
     state: State
 
 
-def steadiness(bench: Workbench, state: State, paths: Sequence[str], quietly: bool = True) -> Steadiness:
-    """The parameter, of those of a state, that is least surely the same in all sixths of the record.
+def steadiness(
+    bench: Workbench, state: State, paths: Sequence[str], quietly: bool = True, tried: int | None = None
+) -> Steadiness:
+    """The parameter, of some paths, that is least surely the same in all sixths of the record.
 
     By a regression on changes from each sixth on; with `quietly` also with weaker accelerations: these grow to explain
     what does not fit, and then hide it.  Only where that promises a difference, it is fitted, with noises that suit it,
     and no farther than is sure enough: the probability is then an upper bound.
+    tried: from how many paths these were chosen; by default they are all.
     """
+    count = len(paths) if tried is None else tried
     rows, block = bench.problem.rows, bench.block_of_row
     begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(1, MOST_PARTS)]
     courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, 2)}
-    best, evidence, _, _ = _changed(bench, state, paths, courses, UNSTEADY / len(paths), quietly, False)
-    chance = len(paths) * float(chi2.sf(max(evidence, 0.0), len(courses)))
+    best, evidence, _, _ = _changed(bench, state, paths, courses, UNSTEADY / count, quietly, False)
+    chance = count * float(chi2.sf(max(evidence, 0.0), len(courses)))
     return Steadiness(best, min(chance, 1.0))
 
 
@@ -142,6 +146,9 @@ def _changed(
     fitted = max(tried, key=lambda point: problem.objective(point, free))
     if whole or 2.0 * (problem.objective(fitted, free) - before) <= bar:
         fitted = problem.solve(problem.plant_at(fitted, free), free, fitted, ITERATIONS, gain=TRIAL_GAIN)
+    if 2.0 * (problem.objective(fitted, free) - before) > bar:  # at the noises of the rival, too, without a change
+        without = bench.problem.renewed(state.point, fitted.logs, state.paths)
+        before = max(before, bench.problem.objective(without, state.paths))
     evidence = 2.0 * (problem.objective(fitted, free) - before)
     return path, evidence, changing, State(problem.plant_at(fitted, free), free, fitted)
 

@@ -1,5 +1,7 @@
 """Whether an effect has one size: a rudder offset throughout and from half-way on, trapped air in dives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,8 @@ from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge import findings, judging
 from identification.diagnosis.judge.verdict import VARIES
 from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.search import remainder
+from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.constancy import Steadiness, dives_of, sizes_by_dive, steadiness
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left, what_is_left
@@ -53,6 +57,29 @@ def test_what_begins_half_way_and_random_accelerations_would_explain_is_said(siz
     title = spec_at(plant, found.left.passing).title
     assert f"Something began, ended or changed during the log that acts like this effect: {title}." in found.summary()
     assert not diagnose(log_of(-100.0, size=size), plant).left
+
+
+@pytest.mark.parametrize("path", [OFFSET, "effects.yaw.quadratic_damping"])
+def test_of_many_effects_the_likeliest_are_asked_for_and_all_count(monkeypatch, path):
+    """As of a vehicle with many states, for which all changes of all effects take too long."""
+    monkeypatch.setattr(remainder, "FEW_STATES", 0)
+    bench, state = fitted(300.0, path, 200.0 if path != OFFSET else 0.03, also=())
+    candidates = candidates_of(state.plant, bench.record)
+    assert remainder.passing_effect(bench, state, candidates) in (path, "effects.yaw.moment")
+    calm, still = fitted(-100.0, also=(OFFSET,))
+    assert remainder.passing_effect(calm, still, candidates) == ""
+    one = steadiness(calm, still, [OFFSET]).probability
+    assert steadiness(calm, still, [OFFSET], tried=2).probability == pytest.approx(min(2.0 * one, 1.0))
+    assert one < 1.0
+
+
+def test_a_change_has_no_evidence_by_noises_that_would_suit_the_vehicle_without_it(monkeypatch):
+    """As where a fit without a change was left at noises that are far from the likeliest."""
+    bench, state = fitted(-100.0)
+    poor = state.point.logs - np.r_[1.2 * np.ones(len(bench.problem.channels)), np.zeros(2 * len(bench.problem.pushed))]
+    left = replace(state, point=bench.problem.point(state.point.vector, poor, state.point))
+    assert bench.problem.objective(left.point, left.paths) < bench.problem.objective(state.point, state.paths) - 20.0
+    assert steadiness(bench, left, [OFFSET]).probability > 0.01
 
 
 def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch):
