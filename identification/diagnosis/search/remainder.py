@@ -92,8 +92,7 @@ def _likeliest(bench: Workbench, state: State, paths: Sequence[str]) -> list[str
     By a regression on what each does throughout, cut where the sixths begin: what it leaves behind there is left out,
     which costs a column a path instead of five.
     """
-    problem = bench.problem
-    point = (problem.quieted(state.point) if problem.pushed else None) or state.point
+    problem, point = bench.problem, state.point
     regression = Regression(problem, point, state.paths, 0.0)
     later = np.array([bench.block_of_row >= k * BLOCKS // MOST_PARTS for k in range(1, MOST_PARTS)], dtype=float)
     evidence = {}

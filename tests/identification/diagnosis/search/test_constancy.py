@@ -63,6 +63,7 @@ def test_what_begins_half_way_and_random_accelerations_would_explain_is_said(siz
 def test_of_many_effects_the_likeliest_are_asked_for_and_all_count(monkeypatch, path):
     """As of a vehicle with many states, for which all changes of all effects take too long."""
     monkeypatch.setattr(remainder, "FEW_STATES", 0)
+    monkeypatch.setattr(remainder, "CONTENDERS", 1)
     bench, state = fitted(300.0, path, 200.0 if path != OFFSET else 0.03, also=())
     candidates = candidates_of(state.plant, bench.record)
     assert remainder.passing_effect(bench, state, candidates) in (path, "effects.yaw.moment")
