@@ -97,7 +97,8 @@ def named(vehicle, effects, seeds):
     return {row["effect"]: row["right"] / row["logs"] for row in rows}
 
 
-@pytest.mark.parametrize("effect", [CLEAN, pytest.param("effects.depth.lag", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", [CLEAN, "effects.depth.lag"])
 def test_effects_of_a_float_with_a_piston_are_named(effect):
     assert named("qiandao_float", [effect], [0]) == {effect: 1.0}
 
