@@ -157,7 +157,7 @@ def _print_list(title: str, lines: Sequence[str], every: bool) -> None:
 def _print_vehicles(found: FirstLook, needs: Mapping[str, Needs]) -> None:
     from auv_gym.records.naming import looks_like
 
-    columns = [signal.column for signal in found.signals if signal.spare]
+    columns = found.spare
     shown = table("Vehicles, best match first", "vehicle!", "missing channels", "uses>")
     for rank, name in enumerate(_ranked(found, needs)):
         missing = found.missing(needs[name])
@@ -195,7 +195,7 @@ def _places(found: FirstLook, needs: Mapping[str, Needs]) -> dict[str, tuple[int
     from auv_gym.records.naming import candidates
 
     own = {fitting.vehicle for fitting in fitting_mappings(found.log)}
-    columns = [signal.column for signal in found.signals if signal.spare]
+    columns = found.spare
     missing = {name: found.missing(need) for name, need in needs.items()}
     return {
         name: (
@@ -227,7 +227,7 @@ def _next_command(
         named = quote(nearest) if len(alike) == 1 else "NAME"
         why += f", where NAME is your vehicle: {' or '.join(alike)}" if len(alike) > 1 else ""
         return f"{first}auv-gym diagnose {quote(log)} --vehicle {named}{options} --out diagnosis{why}"
-    columns = [signal.column for signal in found.signals if signal.spare]
+    columns = found.spare
     if not any(candidates(name, columns) for name in found.missing(needs[nearest])) and found.record is not None:
         return (
             "auv-gym list parts (no preset has this log's inputs: write a vehicle file, see "

@@ -98,16 +98,15 @@ def find_cruise(plant: Plant) -> Cruise:
     def residual(unknown: np.ndarray) -> np.ndarray:
         return change(*flight(unknown))[[*velocities, depth]] / clean.dt
 
-    low: float = 1e-3
-    high: float = 20.0  # the speed from which the vehicle slows down is a first guess
+    low, high = 1e-3, 20.0  # the speed from which the vehicle slows down is a first guess
     for _ in range(40):
         middle = 0.5 * (low + high)
         faster = residual(np.array([middle, *np.zeros(6)]))[0] > 0.0
         low, high = (middle, high) if faster else (low, middle)
-    unknown: np.ndarray = np.array([low, *np.zeros(6)])
+    unknown = np.array([low, *np.zeros(6)])
     for _ in range(30):
         # least squares, because roll is arbitrary in a hull without stiffness there
-        move: np.ndarray = np.linalg.lstsq(_jacobian(residual, unknown), residual(unknown), rcond=1e-10)[0]
+        move = np.linalg.lstsq(_jacobian(residual, unknown), residual(unknown), rcond=1e-10)[0]
         unknown = unknown - move * min(1.0, 0.2 * abs(unknown[0]) / max(np.abs(move).max(), 1e-12))
         if not np.isfinite(unknown).all() or np.abs(move).max() < 1e-10:
             break

@@ -41,11 +41,6 @@ class SignalLook:
     high: float
     by: str
 
-    @property
-    def spare(self) -> bool:
-        """Whether it is not taken as a channel that vehicles know, so that it may be one that is missing."""
-        return self.channel not in CHANNELS
-
 
 @dataclass(frozen=True, eq=False)
 class FirstLook:
@@ -74,6 +69,11 @@ class FirstLook:
     def channels(self) -> set[str]:
         """The channels that a record of the log has."""
         return set() if self.record is None else set(self.record.names)
+
+    @property
+    def spare(self) -> list[str]:
+        """The columns that are not taken as channels that vehicles know, so that they may be what is missing."""
+        return [signal.column for signal in self.signals if signal.channel not in CHANNELS]
 
     def missing(self, needs: Needs) -> list[str]:
         """The channels that a vehicle would still need; a command serves where its input was not measured."""
@@ -152,10 +152,9 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = ()) -> str:
                 lines.append(f"{_quoted(source.column)} = {_target(source) if number == 0 else _quoted('')}")
         lines += [f"{name} = {value:.12g}" for name, value in look.known.constants.items()]
     columns = [name for group in look.log.groups for name in group.columns]
-    spare = [signal.column for signal in look.signals if signal.spare]
     guesses: dict[str, str] = {}
     for wanted in dict.fromkeys(name for one in needs for name in look.missing(one)):
-        for column in candidates(wanted, [name for name in spare if name not in guesses], 1):
+        for column in candidates(wanted, [name for name in look.spare if name not in guesses], 1):
             guesses[column] = wanted
     if guesses:
         lines += ["", "# Guessed from their names: check unit and sign, then remove the # in front."]
