@@ -9,7 +9,7 @@ Source: the hybrid interval of Andrews, Kitagawa and McCloskey 2024, Quarterly J
 from __future__ import annotations
 
 import numpy as np
-from scipy import optimize, stats
+from scipy import optimize, special, stats
 
 from identification.deciding import FALSE_ALARM, MISSED
 
@@ -44,8 +44,8 @@ def conditional_limits(size: float, least: float, widest: float) -> tuple[float,
 
     def beyond(mean: float, aim: float) -> float:
         """Probability that more is seen than was, if anything is; less the aim."""
-        seen = stats.norm.logsf(size - mean)
-        passed = np.logaddexp(stats.norm.logsf(least - mean), stats.norm.logcdf(-least - mean))
+        seen = special.log_ndtr(mean - size)
+        passed = np.logaddexp(special.log_ndtr(mean - least), special.log_ndtr(-least - mean))
         return float(np.exp(seen - passed)) - aim
 
     def limit(aim: float) -> float:
