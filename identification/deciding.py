@@ -153,8 +153,8 @@ RIVAL = 0.1
 
 # Search: whether something is left, and terms for it
 
-WHITE = FALSE_ALARM / 10.0
-"""p value of the whiteness test below which errors are coloured.  Source: `FALSE_ALARM` over ten channels."""
+LEFT = 0.005
+"""Probability that one of five tests sees something left where nothing is.  Source: convention, 2.5 % for all five."""
 EXCESS = 0.01
 """Share of the variance that the colour of errors must predict.  Source: convention."""
 STABLE = 0.8

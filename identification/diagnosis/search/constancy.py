@@ -53,20 +53,25 @@ class ByDive:
 
 
 def steadiness(
-    bench: Workbench, state: State, paths: Sequence[str], quietly: bool = True, tried: int | None = None
+    bench: Workbench,
+    state: State,
+    paths: Sequence[str],
+    quietly: bool = True,
+    tried: int | None = None,
+    level: float = UNSTEADY,
 ) -> Steadiness:
     """The parameter, of some paths, that is least surely the same in all sixths of the record.
 
     By a regression on changes from each sixth on; with `quietly` also with weaker accelerations: these grow to explain
     what does not fit, and then hide it.  Only where that promises a difference, it is fitted, with noises that suit it,
     and no farther than is sure enough: the probability is then an upper bound.
-    tried: from how many paths these were chosen; by default they are all.
+    tried: from how many paths these were chosen; by default they are all.  level: the probability that is asked for.
     """
     count = len(paths) if tried is None else tried
     rows, block = bench.problem.rows, bench.block_of_row
     begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(1, MOST_PARTS)]
     courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, 2)}
-    best, evidence, _, _ = _changed(bench, state, paths, courses, UNSTEADY / count, quietly, False)
+    best, evidence, _, _ = _changed(bench, state, paths, courses, level / count, quietly, False)
     chance = count * float(chi2.sf(max(evidence, 0.0), len(courses)))
     return Steadiness(best, min(chance, 1.0))
 

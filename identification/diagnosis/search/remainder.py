@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2
 
-from identification.deciding import BLOCKS, CONTENDERS, EXCESS, FEW_STATES, MOST_PARTS, SURE, UNSTEADY, WHITE
+from identification.deciding import BLOCKS, CONTENDERS, EXCESS, FEW_STATES, LEFT, MOST_PARTS, SURE
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Regression, screen
 from identification.diagnosis.search.constancy import steadiness
@@ -41,16 +41,17 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
     """What the errors of the filter hold that noise would not.
 
     Process noise is taken to be random and steady: where it follows speeds, depths or angles, or comes in bursts, it is
-    an effect that nobody knows.  A coefficient that differs from one part of the record to the next is none.
+    an effect that nobody knows.  A coefficient that differs from one part of the record to the next is none.  Colour,
+    bursts, dependence and change are a test each, and each sees something in a share `LEFT` of the records without.
     """
     problem, point = bench.problem, state.point
     fitted = bench.fitted_basis(state)
-    coloured, bursts = [], []
+    coloured, bursts, level = [], [], LEFT / len(problem.channels)
     for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True)):
         errors, stretch = point.errors[seen, c], problem.stretch_of_row[seen]
-        if is_coloured(errors, stretch, fitted[seen, c]):
+        if is_coloured(errors, stretch, fitted[seen, c], level):
             coloured.append(name)
-        if comes_in_bursts(errors, stretch):
+        if comes_in_bursts(errors, stretch, level):
             bursts.append(name)
     depends = ""
     if library:
@@ -62,11 +63,12 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
         # terms are neutral at zero, where forces go with them: these slopes, in the scales by which they are screened
         own = problem.scaled(scales)
         own.keep_columns(point, moves_of(library), columns * np.array([scales[p] for p in library])[:, None, None])
-        best = screen(own, point, state.paths, terms, threshold(len(library)))
-        if best and best[0].evidence > threshold(len(library)):
+        bar = threshold(len(library), level=LEFT)
+        best = screen(own, point, state.paths, terms, bar)
+        if best and best[0].evidence > bar:
             depends = best[0].candidate.paths[0]
     own, changes = [p for p in state.paths if p in state.plant.doubted], ""
-    if own and (least := steadiness(bench, state, own, quietly=False)).probability < UNSTEADY:
+    if own and (least := steadiness(bench, state, own, quietly=False, level=LEFT)).probability < LEFT:
         changes = least.path
     return Left(tuple(coloured), tuple(bursts), depends, changes)
 
@@ -82,8 +84,8 @@ def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidat
     if not paths or not bench.goes_on("looked for an effect that acts in a part of the log"):
         return ""
     likeliest = paths if bench.followed <= FEW_STATES else _likeliest(bench, state, paths)
-    least = steadiness(bench, state, likeliest, tried=len(paths))
-    return least.path if least.probability < UNSTEADY else ""
+    least = steadiness(bench, state, likeliest, tried=len(paths), level=LEFT)
+    return least.path if least.probability < LEFT else ""
 
 
 def _likeliest(bench: Workbench, state: State, paths: Sequence[str]) -> list[str]:
@@ -102,23 +104,24 @@ def _likeliest(bench: Workbench, state: State, paths: Sequence[str]) -> list[str
     return sorted(evidence, key=lambda path: -evidence[path])[:CONTENDERS]
 
 
-def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | None = None) -> bool:
+def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | None = None, level: float = LEFT) -> bool:
     """Whether errors are surely not white, and their colour would predict more than `EXCESS` of them.
 
-    fitted: (n, q), orthonormal columns of what was fitted.
+    fitted: (n, q), orthonormal columns of what was fitted.  level: probability of a yes where there is no colour.
     """
     white = whiteness(error, stretch, fitted=fitted)
-    return white.p_value < WHITE and float((white.correlation**2).sum()) > EXCESS
+    return white.p_value < level and float((white.correlation**2).sum()) > EXCESS
 
 
-def comes_in_bursts(error: np.ndarray, stretch: np.ndarray) -> bool:
+def comes_in_bursts(error: np.ndarray, stretch: np.ndarray, level: float = LEFT) -> bool:
     """Whether a large error is surely followed by large ones more often than by chance, and that would predict squares.
 
     White errors of steady size have white squares.  A square counts up to `SURE` usual deviations, so that wild
-    readings make no burst.  Source: McLeod and Li 1983, Journal of Time Series Analysis 4, pages 269-273.
+    readings make no burst.  level: as in `is_coloured`.
+    Source: McLeod and Li 1983, Journal of Time Series Analysis 4, pages 269-273.
     """
     usual = max(float(np.median(error**2)), 1e-300) / float(chi2.median(1))
     square = np.minimum(error**2 / usual, SURE**2)
     white = whiteness(square - square.mean(), stretch)
     predicts = float((white.correlation**2).sum()) > EXCESS and float(white.correlation.sum()) > 0.0
-    return white.p_value < WHITE and predicts
+    return white.p_value < level and predicts

@@ -5,9 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 
 from auv_gym.param import replace_at
-from identification.deciding import UNSTEADY
+from identification.deciding import LEFT, UNSTEADY
 from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.judgement import (
     explained_share,
@@ -15,6 +16,7 @@ from identification.diagnosis.judge.judgement import (
     verdict_of,
 )
 from identification.diagnosis.log.parts import parts_of
+from identification.diagnosis.search import remainder
 from identification.diagnosis.search.discovery import library_of
 from identification.diagnosis.search.remainder import Left, comes_in_bursts, is_coloured, what_is_left
 from identification.diagnosis.search.workbench import Workbench
@@ -70,6 +72,30 @@ def test_bursts_are_told_from_steady_noise_from_wild_readings_and_from_a_trace()
     wild = white.copy()
     wild[100:110] *= 100.0
     assert not comes_in_bursts(wild, stretch)
+
+
+def test_white_errors_are_flagged_as_seldom_as_is_said():
+    """Of 2000 records of 500 readings, at most as many as chance makes of that share in one test out of 10,000."""
+    rng, stretch, count = np.random.default_rng(3), np.repeat(np.arange(5), 100), 2000
+    records = rng.standard_normal((count, 500))
+    coloured = sum(is_coloured(errors, stretch) for errors in records)
+    bursts = sum(comes_in_bursts(errors, stretch) for errors in records)
+    assert 0 < coloured <= binom.isf(1e-4, count, LEFT)
+    assert 0 < bursts <= binom.isf(1e-4, count, LEFT)
+
+
+@pytest.mark.parametrize("channels, flagged", [(1, True), (2, False)])
+def test_channels_share_the_probability_of_a_false_flag(channels, flagged, monkeypatch):
+    near = SimpleNamespace(p_value=0.7 * LEFT, correlation=np.full(15, 0.1))
+    monkeypatch.setattr(remainder, "whiteness", lambda *_, **__: near)
+    names, shape = tuple("abc"[:channels]), (100, channels)
+    problem = SimpleNamespace(
+        channels=names, stretch_of_row=np.zeros(100, dtype=int), finite=np.ones(shape, dtype=bool)
+    )
+    bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((*shape, 0)))
+    errors = np.random.default_rng(4).standard_normal(shape)
+    state = SimpleNamespace(point=point_of(np.zeros(100), errors=errors), paths=())
+    assert bool(what_is_left(bench, state, ())) is flagged
 
 
 def test_what_is_left_is_said_by_channel():
