@@ -5,6 +5,7 @@ A mapping renames, turns a sign, scales, shifts, or states a constant.  Nothing 
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -19,11 +20,12 @@ import numpy as np
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, Channel, conversion, known_suffixes
 from auv_gym.param import did_you_mean
 from auv_gym.records.log import Group, Log
-from auv_gym.records.naming import NICKNAMES
+from auv_gym.records.naming import NICKNAMES, is_commanded
 
 MappingLike = Mapping[str, Any] | str | Path | None
 YOURS = "your mapping"
 NICKNAME = "a common name of it, and its unit"
+FIELD = "its name in the message"
 TIMES = ("time_s", "time_ms", "time_min", "time_h")
 DATED = frozenset({"time", "timestamp", "datetime", "date_time", "time_utc", "time_iso"})  # in lower case
 _FEW, _MANY = 4, 25  # fields of a message that a note lists; topics that get a note each
@@ -118,7 +120,7 @@ class Source:
     column: str
     target: Target
     unit: str | None = None
-    by: str = ""  # YOURS, NICKNAME, the title of the shipped mapping that names it, '' where its own name says it all
+    by: str = ""  # YOURS, NICKNAME, FIELD, the title of a shipped mapping, or '' where its own name says it all
 
     @property
     def channel(self) -> Channel:
@@ -130,7 +132,8 @@ def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
     """What becomes of the columns of a log: sources in order of preference, and a line for each column left out.
 
     First come the columns that the user's mapping names, then those of the shipped mappings that fit, then those
-    whose own name and unit say which channel they are.  Raises where the mapping names a column that is not there.
+    whose own name and unit say which channel they are, or do within their topic or message, if one alone does.
+    Raises where the mapping names a column that is not there.
     """
     found: list[Source] = []
     given: set[str] = set()
@@ -150,9 +153,11 @@ def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
                 found.append(source)
                 given.add(source.column)
     notes, unnamed, nicknamed = [], {}, []
+    fields = _fields(log, given)
+    given |= {field.column for field in fields}
     for group in log.groups:
         rest = [column for column in group.columns if column not in given and column not in SEGMENT_COLUMNS]
-        if group.name and all(column.startswith(group.name) for column in rest):  # a topic, or a kind of message
+        if _is_message(group, rest):
             unnamed |= {group.name: rest} if rest else {}
             continue
         for column in rest:
@@ -162,8 +167,33 @@ def sources(log: Log, names: Names) -> tuple[list[Source], list[str]]:
                 notes.append(f"{column}: left out, since {_why(group, column)}.")
             else:
                 (nicknamed if source.by == NICKNAME else found).append(source)
-    found += nicknamed  # a column that is called as the channel is comes first
+    found += [*fields, *nicknamed]  # a column that is called as the channel is comes first
     return found, [*notes, *_on_unnamed(unnamed)]
+
+
+def _is_message(group: Group, columns: Iterable[str]) -> bool:
+    """Whether columns are fields of a topic, or of a kind of message."""
+    return bool(group.name) and all(column.startswith(group.name) for column in columns)
+
+
+def _fields(log: Log, given: set[str]) -> list[Source]:
+    """Fields of topics and messages that no mapping names, and whose own names say which of our channels they are.
+
+    None where several would be one channel; and no set point for what is measured, as `cmd/depth_m`.
+    """
+    found: dict[str, list[Source]] = {}
+    for group in log.groups:
+        rest = [column for column in group.columns if column not in given]
+        for column in rest if _is_message(group, rest) else ():
+            parts = re.split(r"[./]", column)
+            try:
+                source = _by_itself(group, column, parts[-1])
+            except ValueError:
+                continue
+            told = source.channel
+            if told.name in CHANNELS and (told.kind in ("input", "command") or not is_commanded("/".join(parts[:-1]))):
+                found.setdefault(told.name, []).append(replace(source, by=source.by or FIELD))
+    return [own[0] for own in found.values() if len(own) == 1]
 
 
 def _on_unnamed(unnamed: Mapping[str, list[str]]) -> list[str]:
@@ -267,20 +297,20 @@ def _named(log: Log, theirs: str) -> tuple[Group, str]:
     return group, column
 
 
-def _by_itself(group: Group, column: str) -> Source:
-    """The source of a column whose own name says which channel it is, with the unit that the file states."""
-    unit = group.units.get(column)
+def _by_itself(group: Group, column: str, called: str = "") -> Source:
+    """The source of a column whose own name, or what it is called, says which channel it is; in the file's unit."""
+    unit, name = group.units.get(column), called or column
     if unit in ("", "1", "nodim", "-"):
         unit = None
-    bare = column.partition("[")[0].partition("(")[0] if column.endswith(("]", ")")) else column
+    bare = name.partition("[")[0].partition("(")[0] if name.endswith(("]", ")")) else name
     plain = "_".join(bare.lower().split())
-    called = _by_nickname(plain)
-    known = [name for name in (column, plain, called) if name and is_known(name, unit)]
-    name = next((name for name in known if conversion(name, unit).channel.name in CHANNELS), None)
-    if name is None:  # a channel that we do not list, under its name without the unit in brackets
-        name = plain if bare != column and plain in known else (known or [column])[0]
-    conversion(name, unit)
-    return Source(group, column, Target(name), unit, by=NICKNAME if name == called else "")
+    nickname = _by_nickname(plain)
+    known = [one for one in (name, plain, nickname) if one and is_known(one, unit)]
+    target = next((one for one in known if conversion(one, unit).channel.name in CHANNELS), None)
+    if target is None:  # a channel that we do not list, under its name without the unit in brackets
+        target = plain if bare != name and plain in known else (known or [name])[0]
+    conversion(target, unit)
+    return Source(group, column, Target(target), unit, by=NICKNAME if target == nickname else "")
 
 
 def _by_nickname(plain: str) -> str:

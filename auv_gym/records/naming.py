@@ -43,7 +43,9 @@ NICKNAMES: Final[dict[str, str]] = {
     "roll_rate": "p", "rollrate": "p", "prop_rpm": "propeller_rpm", "prop": "propeller", "rudder_angle": "rudder",
     "sternplane": "stern_plane", "stern_plane_angle": "stern_plane",
 }  # fmt: skip
-_COMMANDED = frozenset({"cmd", "c", "command", "commanded", "desired", "des", "target", "setpoint", "sp", "ref", "d"})
+_COMMANDED = frozenset(
+    {"cmd", "c", "command", "commanded", "desired", "des", "target", "setpoint", "sp", "ref", "goal", "d"}
+)
 _ALIKE = 0.8  # share of letters that two words have in common, from which one may be a misspelling of the other
 
 
@@ -61,6 +63,11 @@ def candidates(channel: str, columns: Iterable[str], most: int = 3) -> list[str]
         if score > 0.0:
             scored.append((-score, len(scored), column))
     return [column for _, _, column in sorted(scored)[:most]]
+
+
+def is_commanded(name: str) -> bool:
+    """Whether a name has a word for what is commanded and not measured."""
+    return bool(_COMMANDED & _words_of(name))
 
 
 def looks_like(channel: str, columns: Iterable[str]) -> str:

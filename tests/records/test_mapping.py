@@ -2,7 +2,9 @@ import numpy as np
 import pytest
 
 from auv_gym.records.log import Group, Log
-from auv_gym.records.mapping import YOURS, fitting_mappings, load_mapping, shipped, sources
+from auv_gym.records.mapping import FIELD, NICKNAME, YOURS, fitting_mappings, load_mapping, shipped, sources
+
+ODOMETRY = ["pose.pose.position.x", "pose.pose.position.y", "pose.pose.position.z"]
 
 
 def log(*groups):
@@ -82,6 +84,39 @@ def test_names_in_brackets_or_capitals_say_their_unit():
         "DEPTH_m": "depth_m",
     }
     assert notes == []
+
+
+def test_a_field_that_is_called_as_a_channel_needs_no_mapping():
+    content = log(
+        Group("cmd/rudder_rad", {"cmd/rudder_rad": np.arange(3.0)}, time=np.arange(3.0)),
+        topic("state", ["yaw_deg", "depth_m", "gain"]),
+    )
+    found, notes = sources(content, load_mapping(None))
+    assert {s.column: (s.channel.name, s.by) for s in found} == {
+        "cmd/rudder_rad": ("rudder_rad", FIELD),
+        "state.depth_m": ("depth_m", FIELD),
+        "state.yaw_deg": ("heading_rad", NICKNAME),
+    }
+    assert notes == ["state: 1 column (gain) left out, since no mapping names it."]
+
+
+def test_of_two_fields_with_one_name_none_is_taken():
+    found, notes = sources(log(topic("one", ["depth_m"]), topic("two", ["depth_m", "heading_deg"])), load_mapping(None))
+    assert [s.column for s in found] == ["two.heading_deg"]
+    assert notes[0] == "one: 1 column (depth_m) left out, since no mapping names it."
+
+
+@pytest.mark.parametrize("name", ["cmd", "nav/target", "autopilot.setpoint"])
+def test_a_set_point_is_not_what_was_measured(name):
+    found, _ = sources(log(topic(name, ["depth_m", "rudder_deg", "heading_cmd_deg"])), load_mapping(None))
+    assert [s.channel.name for s in found] == ["rudder_rad", "heading_cmd_rad"]
+
+
+def test_a_mapping_that_fits_comes_before_the_name_of_a_field():
+    content = log(topic("odometry", ODOMETRY, type="nav_msgs/msg/Odometry"), topic("raw", ["depth_m"]))
+    found, _ = sources(content, load_mapping(None))
+    depths = [s for s in found if s.channel.name == "depth_m"]
+    assert [s.column for s in depths] == ["odometry.pose.pose.position.z", "raw.depth_m"]
 
 
 def test_every_shipped_mapping_is_sound():
