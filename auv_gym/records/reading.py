@@ -412,6 +412,8 @@ def _labels(group: Group, found: Sequence[Source]) -> np.ndarray | None:
 
 def _is_saved_record(path: Path) -> bool:
     """Whether a file was written by Record.save."""
+    if not path.is_file():  # a bag of ROS 2 is a folder
+        return False
     with path.open("rb") as file:
         if file.read(8) != b"\x89HDF\r\n\x1a\n":
             return False

@@ -21,6 +21,7 @@ from auv_gym.records.readers import ros_bytes, ros_messages, ros_types
 from auv_gym.records.readers.ros_messages import Topics
 from auv_gym.records.readers.ros_types import Topic
 from auv_gym.records.readers.rosbag import ROS1, ROS2
+from auv_gym.records.reading import read_record
 from tests.records.readers.ros_logs import START, Maker, expected, numbers_of, sample, write_ros1, write_ros2
 
 ALL = Scope()
@@ -274,6 +275,15 @@ def test_a_folder_of_mcap_files_is_a_bag(tmp_path):
     assert {group.name for group in log.groups} == READ
     assert log.format == "ROS 2 bag"
     assert all(group.rows == 20 for group in log.groups)
+
+
+@pytest.mark.parametrize("mcap", [False, True])
+def test_the_folder_of_a_bag_of_ros_2_is_read_as_a_record(tmp_path, mcap):
+    path = write_ros2(tmp_path / "bag", sample(False), mcap)
+    record = read_record(path)
+    assert record.time.size > 10
+    assert record.time[-1] == pytest.approx(0.85, abs=1e-3)
+    assert record.has("p_radps")
 
 
 BASES = ["bool", "uint8", "int8", "uint16", "int32", "uint64", "float32", "float64", "string"]
