@@ -2,7 +2,8 @@
 
 What one effect does beside others may need other ones.  So each member of a tie takes the chosen effect's place in the
 final model, where all is fitted again from the likeliest of several starts; effects that it makes needless are left
-out, and where it is far behind there, though it was not in its own round, one more round is searched beside it.
+out, and where it is far behind there, though it was not in its own round, one more round is searched beside it.  An
+effect that was behind in its round, before others came, may be ahead beside them: these take the place, too.
 A set weighs exp(-cost / 2), its cost being minus twice the objective and `PRICE` for each parameter, all sets as likely
 beforehand (Burnham and Anderson 2002, Model Selection and Multimodel Inference, sec. 2.9).  No set is quite right, and
 the weights of a whole record are then far too sure: half of it may prefer what the other half refutes.  So weights are
@@ -21,7 +22,7 @@ import numpy as np
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from identification.deciding import ALIKE, HOPELESS, LEAST_PROBABLE, PRICE, TIE
+from identification.deciding import ALIKE, FEW_STATES, HOPELESS, LEAST_PROBABLE, PRICE, TIE
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.survival import Survival, halves_of
@@ -109,14 +110,16 @@ def explanations(
 
     singles: list[list[Explanation]] = []
     for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True)):
-        others = [t for t in rivals_of_round(made, survived) if t.candidate not in first.candidates]
+        followed = number + 1 < len(rounds) and bench.followed <= FEW_STATES  # elsewhere it takes minutes
+        others = [t for t in rivals_of_round(made, survived, followed) if t.candidate not in first.candidates]
         replaced = _replaced(bench, first, number, others)
         for own in replaced:
             keep(own)
             for less in _needing_less(bench, own, number, first.cost):
                 keep(less)
         singles.append(replaced)
-        for own in _behind(replaced, first, found):
+        tied = {t.candidate for t in rivals_of_round(made, survived)}
+        for own in _behind([s for s in replaced if s.trials[number].candidate in tied], first, found):
             for other in _searched(bench, own, number, first, most, search):
                 keep(other)
     for several in _combined(first, singles, min(s.cost for s in found.values())):
@@ -124,10 +127,16 @@ def explanations(
     return Explanations(tuple(sorted(found.values(), key=lambda s: s.cost)))
 
 
-def rivals_of_round(made: Round, survived: Survival) -> list[Trial]:
-    """The fitted trials of a round that may take the chosen one's place: tied with it, or chosen by halves instead."""
+def rivals_of_round(made: Round, survived: Survival, followed: bool = False) -> list[Trial]:
+    """The fitted trials of a round that may take the chosen one's place: tied with it, or chosen by halves instead.
+
+    followed: whether other effects came after it; then all that passed, since they were compared without these.
+    """
     preferred = [t for t in made.trials if not set(survived.rivals).isdisjoint(t.candidate.paths)]
-    members = {t.candidate: t for t in (*made.tied, *preferred) if t.state is not None and t is not made.chosen}
+    passed = [t for t in made.trials if not t.objection] if followed else []
+    members = {
+        t.candidate: t for t in (*made.tied, *preferred, *passed) if t.state is not None and t is not made.chosen
+    }
     return list(members.values())
 
 
@@ -154,8 +163,8 @@ def likeliest(
 def tied_rounds(found: Explanations, rounds: Sequence[Round], survivals: Sequence[Survival]) -> tuple[Round, ...]:
     """The rounds, each tied with the trials that are as probable in its effect's place as `LEAST_PROBABLE`."""
     used, told = {r.chosen.candidate for r in rounds if r.chosen is not None}, []
-    for made, survived in zip(rounds, survivals, strict=True):
-        others = [t for t in rivals_of_round(made, survived) if t.candidate not in used]
+    for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True), 1):
+        others = [t for t in rivals_of_round(made, survived, number < len(rounds)) if t.candidate not in used]
         members = [t for t in others if found.probability(t.candidate.paths[0]) >= LEAST_PROBABLE]
         told.append(replace(made, tied=tuple(members)))
     return tuple(told)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
-from identification.deciding import LEAST_PROBABLE, PRICE, TIE
+from identification.deciding import FEW_STATES, LEAST_PROBABLE, PRICE, TIE
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import explanations as module
 from identification.diagnosis.search.attribution import Round
@@ -54,6 +54,7 @@ class Sets:
     """
 
     parts = range(6)
+    followed = 2
 
     def __init__(self, likely: Mapping[str, object]):
         told = {names: np.asarray(v, dtype=float) for names, v in likely.items()}
@@ -129,6 +130,40 @@ def test_each_of_two_effects_may_be_in_a_tie():
     assert len(found.sets) == 4
     assert found.weights == pytest.approx([0.25] * 4)
     assert odds(found, A, B, C, E) == pytest.approx([0.5] * 4)
+
+
+def ahead_beside_another():
+    """A passed before C, by more than a tie; beside B, which came after them, C explains more."""
+    made = round_of(A, C)
+    return replace(made, tied=()), {(A, B): 100.0, (C, B): 112.0, (C,): 50.0}
+
+
+def test_what_was_behind_in_its_round_may_be_ahead_beside_what_came_later():
+    first, likely = ahead_beside_another()
+    later = round_of(B, before=(A,))
+    found = weighed(likely, first, later)
+    assert frozenset(p for c in found.sets[0].candidates for p in c.paths) == {B, C}
+    likely = {**likely, (C, B): 99.0}
+    (told, _) = tied_rounds(weighed(likely, first, later), [first, later], [SURVIVED] * 2)
+    assert [t.candidate.paths for t in told.tied] == [(C,)]
+
+
+def test_what_was_refused_in_its_round_takes_no_place_later():
+    first, likely = ahead_beside_another()
+    chosen, other = first.trials
+    first = replace(first, trials=(chosen, replace(other, objection="does not hold")))
+    assert len(weighed(likely, first, round_of(B, before=(A,))).sets) == 1
+
+
+def test_in_the_last_round_what_was_behind_stays_behind():
+    first, likely = ahead_beside_another()
+    assert len(weighed({(A,): 100.0, **likely}, first).sets) == 1
+
+
+def test_of_a_vehicle_with_many_states_only_ties_take_a_place(monkeypatch):
+    monkeypatch.setattr(Sets, "followed", FEW_STATES + 1)
+    first, likely = ahead_beside_another()
+    assert len(weighed(likely, first, round_of(B, before=(A,))).sets) == 1
 
 
 def test_effects_that_a_member_makes_needless_are_left_out():
