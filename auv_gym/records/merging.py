@@ -13,6 +13,7 @@ from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, in
 from auv_gym.records.record import RARER, gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
+_SAME = 1e-3  # interval of the base within which stamps are of one time: seconds since 1970 are rounded to 0.2 us
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
 _SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
 
@@ -293,8 +294,8 @@ def _at(stream: Stream, column: np.ndarray, of: Channel | None, base: Stream, sp
 def _in_part(
     stream: Stream, rows: np.ndarray, column: np.ndarray, of: Channel | None, at: np.ndarray, spacing: float
 ) -> np.ndarray:
-    time, values = stream.time[rows], column[rows]
-    before = np.searchsorted(time, at, side="right") - 1
+    time, values, slack = stream.time[rows], column[rows], _SAME * spacing
+    before = np.searchsorted(time, at + slack, side="right") - 1
     if of is not None and of.held:
         return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)
     after = np.minimum(np.searchsorted(time, at), time.size - 1)
@@ -305,7 +306,7 @@ def _in_part(
     near = stream.near
     if near is None:
         near = min(gap_limit(np.diff(time)), max(_SLOWEST * spacing, _SOON)) if time.size > 1 else 0.0
-    unknown = (at < time[0]) | (at > time[-1]) | (time[after] - time[np.maximum(before, 0)] > near)
+    unknown = (at < time[0] - slack) | (at > time[-1] + slack) | (time[after] - time[np.maximum(before, 0)] > near)
     result[unknown] = np.nan
     return result
 

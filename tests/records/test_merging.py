@@ -24,6 +24,19 @@ def test_commands_are_held_and_measurements_interpolated():
     assert any("at the times of heading_rad" in line for line in r.notes)
 
 
+def test_stamps_that_only_rounding_tells_apart_are_of_one_time():
+    """Seconds since 1970 as a float, and as whole seconds and nanoseconds: a command is not a row late for that."""
+    exact = 1.7e9 + 0.1 * np.arange(500)
+    rounded = exact + 2.4e-7 * (np.arange(500) % 3)
+    base = stream(exact, "state", heading_rad=np.arange(500) * 0.01)
+    steps = np.where(np.arange(500) % 2, 0.3, -0.3)
+    r = merged([base, stream(rounded, "fins", rudder_rad=steps), stream(rounded, "gyro", r_radps=steps)], "heading_rad")
+    assert r.values["rudder_rad"].tolist() == steps.tolist()
+    assert r.values["r_radps"] == pytest.approx(steps, abs=1e-5)
+    late = merged([base, stream(exact + 0.001, "fins", rudder_rad=steps)], "heading_rad")
+    assert late.values["rudder_rad"][1:].tolist() == steps[:-1].tolist()
+
+
 def test_what_is_measured_more_rarely_than_the_rows_is_told_with_its_interval():
     base = stream(
         np.arange(0, 10, 0.5), "imu", heading_rad=np.arange(20), pitch_rad=np.where(np.arange(20) % 3, np.nan, 0.1)
