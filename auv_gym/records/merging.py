@@ -10,10 +10,9 @@ import numpy as np
 
 from auv_gym.channels import Channel, channel
 from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, interpolated, turns_far
-from auv_gym.records.record import RARER, gap_limit
+from auv_gym.records.record import RARER, SAME, gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
-_SAME = 1e-3  # interval of the base within which stamps are of one time: seconds since 1970 are rounded to 0.2 us
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,
 _SOON = 2.0  # s, unless it is sampled at least so often: underwater, nothing goes far in that time
 
@@ -294,7 +293,7 @@ def _at(stream: Stream, column: np.ndarray, of: Channel | None, base: Stream, sp
 def _in_part(
     stream: Stream, rows: np.ndarray, column: np.ndarray, of: Channel | None, at: np.ndarray, spacing: float
 ) -> np.ndarray:
-    time, values, slack = stream.time[rows], column[rows], _SAME * spacing
+    time, values, slack = stream.time[rows], column[rows], SAME * spacing
     before = np.searchsorted(time, at + slack, side="right") - 1
     if of is not None and of.held:
         return np.where(before >= 0, values[np.maximum(before, 0)], np.nan)

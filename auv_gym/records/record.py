@@ -25,6 +25,7 @@ MAX_FILL = 3  # samples; longer runs without a value are gaps
 _SHORTEST_GAP = 0.25  # s
 _COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
 RARER = 1.5  # sample intervals between readings, from which on some samples hold none
+SAME = 1e-3  # sample interval within which stamps are of one time: seconds since 1970 are rounded to 0.2 us
 _LABELS, _NOTES, _INTERVAL = "segment_labels", "notes", "interval_s"
 
 
@@ -332,7 +333,7 @@ class Record:
         for part in self.segments:
             t = time[part]
             interval = float(np.median(np.diff(t)))
-            slack = 1e-6 * interval
+            slack = SAME * interval
             count = int(np.floor((t[-1] - t[0] + interval + slack) / seconds))
             edges = part.start + np.searchsorted(t, t[0] + seconds * np.arange(count + 1) - slack)
             found += [slice(int(a), int(b)) for a, b in pairwise(edges) if b - a >= 2]
@@ -558,7 +559,7 @@ def _check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) 
 def _at(grid: np.ndarray, time: np.ndarray, values: np.ndarray, held: bool, dt: float) -> np.ndarray:
     if not held:
         return np.interp(grid, time, values)
-    return values[np.searchsorted(time, grid + 1e-6 * dt, side="right") - 1]
+    return values[np.searchsorted(time, grid + SAME * dt, side="right") - 1]
 
 
 def _selected(dataset: xr.Dataset, mask: np.ndarray, note: str | None, breaks: np.ndarray | None = None) -> Record:

@@ -307,3 +307,11 @@ def test_concat_puts_segments_in_a_row():
         concat([a, record(depth_m=np.zeros(50))])
     with pytest.raises(ValueError, match="at least one"):
         concat([])
+
+
+def test_on_a_grid_commands_are_not_late_by_rounding():
+    """Stamps in seconds since 1970 are a multiple of 2.4e-7 s."""
+    time = 1.7e9 + 0.1 * np.arange(300) + 2.4e-7 * (np.arange(300) % 3)
+    steps = np.where(np.arange(300) % 2, 0.3, -0.3)
+    record = Record.from_arrays(time - time[0], {"heading_rad": 0.01 * np.arange(300), "rudder_rad": steps})
+    assert record.resample(0.1)["rudder_rad"].tolist() == steps.tolist()
