@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime
+from collections.abc import Mapping
+from datetime import UTC, datetime, time
 
 import numpy as np
 
@@ -12,7 +13,15 @@ from auv_gym.records.log import Column, Group, Log
 from auv_gym.records.mapping import DATED, TIMES, Names, fitting_mappings, list_of
 from auv_gym.records.naming import looks_like
 
-_CLOCKS = frozenset({"time", "timestamp", "t", "seconds", "secs", "sec", "elapsed", "epoch", "unix", "unixtime"})
+_CLOCKS = frozenset(
+    {"time", "timestamp", "t", "seconds", "secs", "sec", "elapsed", "epoch", "unix", "unixtime", "datenum"}
+)
+_SUFFIXES = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}  # timestamp_ms and the like
+_DAY = 86400.0  # s
+# of counts of days: the least and the largest of this century and the last, that of 1970, and whose they are
+_DAYS = ((6.9e5, 7.7e5, 719529.0, "MATLAB"), (2e4, 7.4e4, 25569.0, "spreadsheets"))
+_WITH_MONTH, _WITH_SLASHES = re.compile(r"\d{1,2}-[A-Za-z]{3}-\d{4} "), re.compile(r"\d{4}/\d{2}/\d{2}\b")
+_QUICK = 1e-3  # between rows: as seconds no vehicle is sampled so fast, as days a minute and a half
 _EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
 
 
@@ -46,13 +55,18 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> tuple[str,
                 return theirs, _seconds(theirs, columns[theirs], target.name)
     for name, column in columns.items():
         field = name.rpartition(".")[2]  # of a structure
-        dated = field.lower() in DATED and (isinstance(column, list) or name in group.units)
+        dated = field.lower().replace(" ", "_") in DATED and (isinstance(column, list) or name in group.units)
+        if dated and isinstance(column, list) and (times := _of_day(column)) is not None:
+            return name, _with_dates(times, columns, notes, name)
         if dated or field in TIMES:
             return name, _seconds(name, column, field, group.units.get(name))
     for name, column in columns.items():
         bare = re.split(r"[\s\[(]", name.strip().lower())[0].rpartition(".")[2]
-        if bare in _CLOCKS and isinstance(column, np.ndarray) and _mostly_rises(column):
-            seconds, unit = _scaled_epoch(column, group.units.get(name))
+        stem, _, suffix = bare.rpartition("_")
+        own = suffix if stem in _CLOCKS and suffix in _SUFFIXES else ""
+        if (bare in _CLOCKS or own) and isinstance(column, np.ndarray) and _mostly_rises(column):
+            stated = group.units.get(name)
+            seconds, unit = (_SUFFIXES[own] * column, own) if own and not stated else _scaled_epoch(column, stated)
             notes.append(f"{name}: taken as the time, in {unit}.")
             return name, seconds
     raise ValueError(
@@ -68,15 +82,55 @@ def _mostly_rises(column: np.ndarray) -> bool:
 
 
 def _scaled_epoch(column: np.ndarray, unit: str | None) -> tuple[np.ndarray, str]:
-    """Times in s: in the unit that the file states, else by their size, for counts since 1970; else taken as s."""
+    """Times in s: in the unit that the file states, else by their size, for counts since 1970; else taken as s.
+
+    Counts of days, as MATLAB and spreadsheets have them, are told by their size, and by rows that are closer than any
+    in seconds.
+    """
     if unit:
         try:
             return conversion("time", unit).convert(column), unit
         except ValueError:
             pass
-    largest = float(np.nanmax(np.abs(column)))
+    largest, least = float(np.nanmax(np.abs(column))), float(np.nanmin(column))
+    for low, high, since, whose in _DAYS:
+        if low < least and largest < high and float(np.nanmedian(np.abs(np.diff(column)))) < _QUICK:
+            return _DAY * (column - since), f"days as {whose} count them"
     factor, words = next(((f, words) for least, f, words in _EPOCHS if largest > least), (1.0, "seconds"))
     return factor * column, words
+
+
+def _moment(cell: str) -> datetime:
+    """A date, of ISO 8601 also with slashes, or as MATLAB writes it, 31-May-2024 12:00:00; raises ValueError."""
+    if _WITH_MONTH.match(cell):
+        return datetime.strptime(cell, "%d-%b-%Y %H:%M:%S.%f" if "." in cell else "%d-%b-%Y %H:%M:%S")
+    return datetime.fromisoformat(cell.replace("/", "-") if _WITH_SLASHES.match(cell) else cell)
+
+
+def _of_day(cells: list[str]) -> np.ndarray | None:
+    """Seconds since midnight of cells such as 13:05:20.5, NaN where empty; None if they are something else."""
+    seconds = np.full(len(cells), np.nan)
+    for row, cell in enumerate(cells):
+        if cell.strip():
+            try:
+                moment = time.fromisoformat(cell.strip())
+            except ValueError:
+                return None
+            seconds[row] = 3600.0 * moment.hour + 60.0 * moment.minute + moment.second + 1e-6 * moment.microsecond
+    return seconds if np.isfinite(seconds).any() else None
+
+
+def _with_dates(times: np.ndarray, columns: Mapping[str, Column], notes: list[str], name: str) -> np.ndarray:
+    """Times of day in s since 1970 by a column of dates, else since the first midnight, on through the next ones."""
+    dates = next((column for other, column in columns.items() if other.strip().lower() == "date"), None)
+    if isinstance(dates, list):
+        return _seconds("date", dates, "time") + times
+    known = np.flatnonzero(np.isfinite(times))
+    midnights = np.r_[0, np.cumsum(np.diff(times[known]) < -0.5 * _DAY)]
+    notes.append(f"{name}: taken as the time of day, without a date.")
+    result = times.copy()
+    result[known] += _DAY * midnights
+    return result
 
 
 def _seconds(name: str, column: Column, target: str, unit: str | None = None) -> np.ndarray:
@@ -88,7 +142,7 @@ def _seconds(name: str, column: Column, target: str, unit: str | None = None) ->
         if not cell.strip():
             continue
         try:
-            moment = datetime.fromisoformat(cell.strip())
+            moment = _moment(cell.strip())
         except ValueError as error:
             raise ValueError(
                 f"Column {name!r} needs numbers or dates such as 2024-05-31T12:00:00, got {cell!r} at row {row + 1} "

@@ -109,6 +109,9 @@ def in_order(stream: Stream, notes: list[str]) -> Stream:
         notes.append(f"{_counted(np.sum(~known), 'row')}{where} without a time left out.")
         stream = stream.rows(known)
     n = stream.time.size
+    if n > 2 and (np.diff(stream.time) < 0.0).all():
+        notes.append(f"The rows{where} run backwards in time and were turned round.")
+        stream = stream.rows(np.arange(n)[::-1])
     runs = np.zeros(n, dtype=int)
     if stream.labels is not None:
         runs[1:] = np.cumsum(stream.labels[1:] != stream.labels[:-1])

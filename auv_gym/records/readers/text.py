@@ -1,4 +1,4 @@
-"""Tables in text: a header, rows of numbers, columns divided by comma, semicolon or tab."""
+"""Tables in text: a header, rows of numbers, columns divided by comma, semicolon, tab or blanks."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from auv_gym.records.log import Column, Format, Group, Log, Scope
 from auv_gym.records.mapping import list_of
 from auv_gym.records.readers.opening import mapped
 
+_COMMENTS = (b"#", b"%")
+_FILLED_IN = (-999.0, -9999.0, -99999.0)  # what many write where they have no value
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 _BRACKETED = re.compile(r".*\S\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")  # Heading [deg], Depth (m)
 _COMMA = re.compile(r"\s*-?\d+,\d+(?:[eE][-+]?\d+)?\s*")
@@ -26,15 +28,18 @@ def _recognises(path: Path, head: bytes) -> bool:
 
 
 def _read(path: Path, scope: Scope) -> Log:
-    """The table in a text file.  Lines that begin with # are comments; a row of units may stand below the header."""
+    """The table in a text file.  Lines that begin with # or % are comments; a row of units may be below the header."""
     scope.progress(0.0, f"reading {path.name}")
     with closing(mapped(path)) as file:
         if file.find(b"\0") >= 0:
             raise ValueError("The file is binary, or has binary parts, not text: copy it again, or export it as CSV.")
         content = file[:].removeprefix(b"\xef\xbb\xbf")
-    if content.startswith(b"#") or b"\n#" in content:
-        content = b"\n".join(line for line in content.split(b"\n") if not line.startswith(b"#"))
+    if content.startswith(_COMMENTS) or any(b"\n" + mark in content for mark in _COMMENTS):
+        content = b"\n".join(line for line in content.split(b"\n") if not line.startswith(_COMMENTS))
     lines, ends = _first_lines(content)
+    if _is_spaced(lines):
+        content = b"\n".join(b";".join(line.split()) for line in content.splitlines())
+        lines, ends = _first_lines(content)
     if len(lines) < 3:
         raise ValueError(
             f"A header and at least 2 rows are needed, got {len(lines)} line{'s' * (len(lines) != 1)} in all: "
@@ -94,6 +99,12 @@ def _header(line: str, delimiter: str) -> list[str]:
 _END = "\0"  # the column behind a delimiter that ends each line
 
 
+def _is_spaced(lines: list[str]) -> bool:
+    """Whether blanks divide the columns: nothing else is in the header, and the rows have as many words."""
+    words = [len(line.split()) for line in lines]
+    return len(lines) == 3 and words[0] > 1 and not set(lines[0]) & set(",;\t") and len(set(words)) == 1
+
+
 def _are_units(below: list[str], following: str, delimiter: str) -> bool:
     """Whether the row under the header holds units: only text, where the next row has numbers in those columns."""
     given = [k for k, cell in enumerate(below) if cell.strip()]
@@ -143,6 +154,8 @@ def _columns(rows: bytes, header: list[str], delimiter: str) -> tuple[dict[str, 
         columns[name], note = (column, []) if isinstance(column, np.ndarray) else _column(name, column)
         notes += note
     columns.pop(_END, None)
+    columns, filled_in = _without_filled_in(columns)
+    notes += filled_in
     if commas:
         notes.append(f"Decimal commas are read as points in {list_of(commas, most=3)}.")
     return columns, notes
@@ -211,6 +224,20 @@ def _with_points(cells: list[str]) -> np.ndarray | None:
         return None
     column = numbers_or_text(cell.replace(",", ".") for cell in cells)
     return column if isinstance(column, np.ndarray) else None
+
+
+def _without_filled_in(columns: dict[str, Column]) -> tuple[dict[str, Column], list[str]]:
+    """The columns with -999 and the like as missing, where all other values are far above it; a line for each."""
+    result, notes = dict(columns), []
+    for name, column in columns.items():
+        for mark in _FILLED_IN if isinstance(column, np.ndarray) else ():
+            here = column == mark
+            if here.any() and not (column[~here] < 0.5 * mark).any():
+                result[name] = np.where(here, np.nan, column)
+                notes.append(
+                    f"{name}: {mark:g} stands for a missing value in {int(here.sum()):,} of {here.size:,} rows."
+                )
+    return result, notes
 
 
 def _filled(cells: list[str]) -> list[str]:

@@ -1,0 +1,45 @@
+"""Tables in text as other programs write them."""
+
+import numpy as np
+import pytest
+
+from auv_gym.records.reading import read_record
+
+ROWS = [(0.0, 10.0, 1.0), (1.0, 11.0, 1.5), (2.0, 12.5, 2.0), (3.0, 13.0, 2.5)]
+HEADER = ("time_s", "heading_deg", "depth_m")
+
+
+def text(mark: str, before: str = "") -> str:
+    lines = [mark.join(HEADER), *(mark.join(map(str, row)) for row in ROWS)]
+    return before + "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    "content",
+    [text(","), text("   "), text(" \t"), text(",", "% logged by X\n% in 2024\n"), text(" ", "# by X\n"), text("\t")],
+    ids=["comma", "blanks", "blanks and tabs", "comments as in MATLAB", "comments", "tab"],
+)
+def test_a_table_is_read_however_its_columns_are_divided(tmp_path, content):
+    path = tmp_path / "log.txt"
+    path.write_text(content)
+    record = read_record(path)
+    assert record.time.tolist() == [0.0, 1.0, 2.0, 3.0]
+    assert np.degrees(record["heading_rad"]) == pytest.approx([10.0, 11.0, 12.5, 13.0])
+    assert record["depth_m"].tolist() == [1.0, 1.5, 2.0, 2.5]
+
+
+@pytest.mark.parametrize("mark", ["-999", "-999.0", "-9999", "-99999.00"])
+def test_a_number_that_stands_for_none_is_missing(tmp_path, mark):
+    path = tmp_path / "log.csv"
+    path.write_text(text(",").replace("11.0,1.5", f"11.0,{mark}"))
+    record = read_record(path)
+    assert record["depth_m"].tolist() == [1.0, 1.5, 2.0, 2.5]  # filled in from its neighbours
+    assert f"depth_m: {float(mark):g} stands for a missing value in 1 of 4 rows." in record.notes
+
+
+def test_a_number_among_others_like_it_is_one(tmp_path):
+    path = tmp_path / "log.csv"
+    rpm = [-800.0, -999.0, -900.0, -700.0]
+    lines = ["time_s,heading_deg,propeller_rpm", *(f"{k},10,{n}" for k, n in enumerate(rpm))]
+    path.write_text("\n".join(lines) + "\n")
+    assert read_record(path)["propeller_rpm"].tolist() == rpm

@@ -1,0 +1,92 @@
+"""One log, its time written in all the ways that people write it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+
+from auv_gym.records.reading import read_record
+
+BEGIN = datetime(2024, 3, 10, 23, 59, 40, tzinfo=UTC)
+TIME = 0.5 * np.arange(120)  # over midnight
+HEADING = np.linspace(10.0, 40.0, TIME.size)
+
+
+def moments(form: str) -> list[str]:
+    return [(BEGIN + timedelta(seconds=float(t))).strftime(form) for t in TIME]
+
+
+def counted(scale: float, since: float = 0.0) -> list[str]:
+    return [f"{since + t / scale:.10f}" for t in TIME]
+
+
+def write(path, header: str, times: list[str]):
+    rows = [f"{t},{h}" for t, h in zip(times, HEADING, strict=True)]
+    path.write_text("\n".join([f"{header},heading_deg", *rows]) + "\n")
+    return path
+
+
+WAYS: dict[str, tuple[str, Callable[[], list[str]]]] = {
+    "ISO 8601": ("time", lambda: moments("%Y-%m-%dT%H:%M:%S.%fZ")),
+    "with slashes": ("Date Time", lambda: moments("%Y/%m/%d %H:%M:%S.%f")),
+    "as MATLAB writes it": ("timestamp", lambda: moments("%d-%b-%Y %H:%M:%S.%f")),
+    "of day": ("time", lambda: moments("%H:%M:%S.%f")),
+    "two columns": ("date,time", lambda: moments("%Y-%m-%d,%H:%M:%S.%f")),
+    "two columns, the other way round": ("Time,Date", lambda: moments("%H:%M:%S.%f,%Y-%m-%d")),
+    "milliseconds": ("timestamp_ms", lambda: counted(1e-3, 1.7e12)),
+    "microseconds": ("epoch_us", lambda: counted(1e-6, 1.7e15)),
+    "minutes": ("elapsed_min", lambda: counted(60.0)),
+    "MATLAB's days": ("datenum", lambda: counted(86400.0, 739321.9)),
+    "days of a spreadsheet": ("time", lambda: counted(86400.0, 45361.9)),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_time_in_any_way_is_the_same_time(tmp_path, way):
+    header, times = WAYS[way]
+    record = read_record(write(tmp_path / "log.csv", header, times()))
+    since = record.time - record.time[0]
+    assert since == pytest.approx(TIME, abs=2e-4)  # ten digits of a day
+    assert np.degrees(record["heading_rad"]) == pytest.approx(HEADING)
+
+
+@pytest.mark.parametrize("way", ["ISO 8601", "with slashes", "as MATLAB writes it", "two columns"])
+def test_dates_keep_the_moment_at_which_a_log_begins(tmp_path, way):
+    header, times = WAYS[way]
+    record = read_record(write(tmp_path / "log.csv", header, times()))
+    assert record.attrs["start_epoch_s"] == pytest.approx(BEGIN.timestamp())
+
+
+@pytest.mark.parametrize(
+    "since, whose, begins", [(739321.5, "MATLAB", "2024-03-10T12:00"), (45361.5, "spreadsheets", "2024-03-10T12:00")]
+)
+def test_days_are_counted_from_where_they_say(tmp_path, since, whose, begins):
+    record = read_record(write(tmp_path / "log.csv", "time", counted(86400.0, since)))
+    assert f"time: taken as the time, in days as {whose} count them." in record.notes
+    start = datetime.fromtimestamp(record.attrs["start_epoch_s"], UTC)
+    assert start.isoformat().startswith(begins)
+
+
+def test_seconds_since_boot_are_no_days(tmp_path):
+    record = read_record(write(tmp_path / "log.csv", "time", counted(1.0, 45361.5)))
+    assert record.time - record.time[0] == pytest.approx(TIME)
+
+
+def test_a_date_that_may_be_two_is_refused(tmp_path):
+    with pytest.raises(
+        ValueError, match=r"needs numbers or dates such as 2024-05-31T12:00:00, got '03/10/2024 23:59:40"
+    ):
+        read_record(write(tmp_path / "log.csv", "time", moments("%m/%d/%Y %H:%M:%S")))
+
+
+def test_a_log_that_runs_backwards_is_turned_round(tmp_path):
+    path = write(tmp_path / "log.csv", "time_s", counted(1.0))
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([header, *reversed(rows)]) + "\n")
+    record = read_record(path)
+    assert record.time == pytest.approx(TIME)
+    assert np.degrees(record["heading_rad"]) == pytest.approx(HEADING)
+    assert "The rows run backwards in time and were turned round." in record.notes
