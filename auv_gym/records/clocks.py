@@ -95,7 +95,7 @@ def _scaled_epoch(column: np.ndarray, unit: str | None) -> tuple[np.ndarray, str
     largest, least = float(np.nanmax(np.abs(column))), float(np.nanmin(column))
     for low, high, since, whose in _DAYS:
         if low < least and largest < high and float(np.nanmedian(np.abs(np.diff(column)))) < _QUICK:
-            return _DAY * (column - since), f"days as {whose} count them"
+            return _DAY * (column - since), f"days as counted by {whose}"
     factor, words = next(((f, words) for least, f, words in _EPOCHS if largest > least), (1.0, "seconds"))
     return factor * column, words
 

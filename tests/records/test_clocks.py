@@ -65,7 +65,7 @@ def test_dates_keep_the_moment_at_which_a_log_begins(tmp_path, way):
 )
 def test_days_are_counted_from_where_they_say(tmp_path, since, whose, begins):
     record = read_record(write(tmp_path / "log.csv", "time", counted(86400.0, since)))
-    assert f"time: taken as the time, in days as {whose} count them." in record.notes
+    assert f"time: taken as the time, in days as counted by {whose}." in record.notes
     start = datetime.fromtimestamp(record.attrs["start_epoch_s"], UTC)
     assert start.isoformat().startswith(begins)
 
