@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -13,14 +12,12 @@ from auv_gym.cli.options import logs
 from auv_gym.cli.options.console import output, progress_bar
 from auv_gym.cli.options.numbers import whole_number
 
-_FILE = "onset.json"
-
 
 @app.command()
 def onset(
     log: logs.Logs,
     vehicle: logs.Vehicle,
-    out: Annotated[Path, typer.Option(help=f"Folder for {_FILE}.")],
+    out: Annotated[Path, typer.Option(help="Folder for onset.json and onset.html.")],
     min_depth: logs.MinDepth = None,
     max_depth: logs.MaxDepth = None,
     resample: logs.Thinning = None,
@@ -36,17 +33,20 @@ def onset(
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, log)
 
-        from auv_gym.writing import write_text
         from identification.changes.onset import find_onsets
-        from identification.changes.wording import timeline_json, timeline_summary
+        from identification.changes.page import write_timeline
+        from identification.changes.wording import timeline_summary
+        from identification.pages.drawing import require_render
 
+        require_render()
         plant = logs.load_stated(vehicle, log[0])
         record = logs.read_cut(log, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
         found = find_onsets(
             record, plant, most=most, doubt=doubt, trust=trust, progress=lambda f, text: progress(0.05 + 0.9 * f, text)
         )
-        write_text(out / _FILE, json.dumps(timeline_json(found), indent=2) + "\n")
+        written = write_timeline(found, out)
     output.print()
     for line in timeline_summary(found):
         output.print(line, markup=False, soft_wrap=True)
-    output.print(str(out / _FILE), markup=False, soft_wrap=True)
+    for path in written.values():
+        output.print(str(path), markup=False, soft_wrap=True)

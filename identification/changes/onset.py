@@ -54,11 +54,16 @@ class Timed:
 
 @dataclass(frozen=True, eq=False)
 class Timeline:
-    """What `find_onsets` found; candidates: how many forms and times were tried; notes: on the log."""
+    """What `find_onsets` found.
+
+    candidates: how many forms and times were tried.  span: s, the times between which the log was searched, as it
+    counts.  notes: on the log.
+    """
 
     found: tuple[Timed, ...]
     candidates: int
     plant: Plant
+    span: tuple[float, float]
     notes: tuple[str, ...] = ()
 
 
@@ -91,7 +96,8 @@ def find_onsets(
     count = sum(f.count for f in forms) + 2 * len(spans_of(edges)) * len(may.effects)
     bench, state, rounds, times = _searched(known, forms, count, most, progress)
     state, rounds = settled(bench, known.nominal, state, rounds, count)
-    return Timeline(tuple(_timed(bench, state, rounds, times)), count, plant, tuple(log.record.notes))
+    span = (float(log.record.time[0]), float(log.record.time[-1]))
+    return Timeline(tuple(_timed(bench, state, rounds, times)), count, plant, span, tuple(log.record.notes))
 
 
 @dataclass(frozen=True)

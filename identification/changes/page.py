@@ -1,4 +1,4 @@
-"""The report of a comparison of missions, and the files that it writes."""
+"""The reports of a comparison of missions, of a series of them, and of when effects began; the files they are in."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ import numpy as np
 from auv_gym import __version__
 from auv_gym.writing import writable_folder, write_text
 from identification.changes.missions import Comparison, Unchanged
+from identification.changes.onset import GROWING, UNTIL, Timed, Timeline
 from identification.changes.series import Series
+from identification.changes.spans import OUTSIDE
 from identification.changes.wording import (
     as_json,
     named,
@@ -24,7 +26,11 @@ from identification.changes.wording import (
     size_of,
     summary,
     tied_words,
+    timeline_json,
+    timeline_summary,
+    when_words,
 )
+from identification.diagnosis.wording import for_people, interval, quantity
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
 from identification.pages.page import Table, amount, drawn, page, span, typeset
@@ -60,6 +66,95 @@ def write_series(found: Series, folder: str | os.PathLike) -> dict[str, Path]:
     """Write series.json and series.html; as `write_comparison`."""
     texts = {"series.json": json.dumps(series_json(found), indent=2) + "\n", "series.html": series_page(found)}
     return _written(texts, folder)
+
+
+def write_timeline(found: Timeline, folder: str | os.PathLike) -> dict[str, Path]:
+    """Write onset.json and onset.html; as `write_comparison`."""
+    return _written(
+        {"onset.json": json.dumps(timeline_json(found), indent=2) + "\n", "onset.html": timeline_page(found)}, folder
+    )
+
+
+def timeline_page(found: Timeline) -> str:
+    """When each effect acts, as the text of one HTML page, with one picture."""
+    rows = [
+        (
+            t.title if t.path.startswith("effects.") else f"change of {t.title}",
+            tuple(
+                typeset(text.replace("-", "−"))
+                for text in (quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
+            ),
+            when_words(t),
+            f"{t.evidence:.0f}",
+            tied_words(t.tied, found.plant) or "–",
+        )
+        for t in found.found
+    ]
+    pictures = [
+        drawn(
+            lambda: timeline_figure(found),
+            "onset",
+            "Size of each effect over the log, with its 95 % interval and those of the times at which it changes.",
+            "The size of each effect over the log. Blue band: its 95 % interval. Orange: the 95 % intervals of the "
+            "times at which it begins or ends.",
+        )
+        for _ in found.found[:1]
+    ]
+    text = (
+        f"Each effect is tried throughout the log, from and until each of 23 times, between and except between every "
+        f"two of them, and growing: {found.candidates} candidates in all. An effect is named by the rules of a "
+        "diagnosis, with a threshold for all of them."
+    )
+    content: dict[str, Any] = {
+        "title": f"{found.plant.name}: when effects act",
+        "eyebrow": f"a log of {found.span[1] - found.span[0]:.0f} s",
+        "found": timeline_summary(found),
+        "sections": [
+            Section(
+                "What is missing, and when",
+                [text],
+                [Table(("what", "size", "when", "evidence", "alternatives"), rows)] if rows else (),
+                pictures,
+            ),
+            Section("The log", found.notes or ("Nothing was left out, repaired or cut.",)),
+        ],
+        "version": __version__,
+    }
+    return page("models.html", content)
+
+
+def timeline_figure(found: Timeline) -> Figure:
+    """The size of each effect over the time of the log, a panel for each."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 1.7 * len(found.found) + 0.4), layout="constrained")
+    panels = figure.subplots(len(found.found), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, t in zip(panels, found.found, strict=True):
+        scale, unit = for_people(t.unit)
+        times, shares = _course(t, found.span)
+        axes.plot(times, scale * t.size.value * shares, color=AFTER)
+        low, high = (scale * limit * shares for limit in t.size.ci95)
+        axes.fill_between(times, low, high, color=AFTER, alpha=0.2, linewidth=0.0)
+        for one in (t.time, t.second):
+            if one is not None:
+                axes.axvspan(*one.ci95, color=BEFORE, alpha=0.25, linewidth=0.0)
+        axes.axhline(0.0, color=QUIET, linewidth=0.8)
+        axes.set_title(f"{t.title}{'' if unit == '1' else f', {typeset(unit)}'}", loc="left")
+    panels[-1].set_xlabel("time, s")
+    panels[-1].set_xlim(*found.span)
+    return figure
+
+
+def _course(t: Timed, over: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Times, s, and the share of an effect's size that acts then, for a line with steps."""
+    begin, end = over
+    if t.form == GROWING:
+        return np.array(over), np.array([0.0, 1.0])
+    edges = [one.value for one in (t.time, t.second) if one is not None]
+    first = float(t.form in (UNTIL, OUTSIDE) or not edges)
+    shares = [first if k % 2 == 0 else 1.0 - first for k in range(len(edges) + 1)]
+    times = np.array([begin, *np.repeat(edges, 2), end])
+    return times, np.repeat(shares, 2)
 
 
 def series_page(found: Series) -> str:

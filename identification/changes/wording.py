@@ -88,8 +88,23 @@ def timeline_json(found: Timeline) -> dict[str, Any]:
         "summary": timeline_summary(found),
         "found": [_plain(t) for t in found.found],
         "candidates": found.candidates,
+        "span": list(found.span),
         "notes": list(found.notes),
     }
+
+
+def when_words(t: Timed) -> tuple[str, str]:
+    """When an effect acts, and the 95 % intervals of its times: `from 396 s on`, `384 to 404 s`."""
+    times = [one for one in (t.time, t.second) if one is not None]
+    at = [f"{one.value:.0f}" for one in times]
+    limits = ", ".join(f"{one.ci95[0]:.0f} to {one.ci95[1]:.0f} s" for one in times)
+    if len(at) == 2:
+        return f"{'except ' if t.form == OUTSIDE else ''}between {at[0]} and {at[1]} s", limits
+    if at:
+        return f"{t.form} {at[0]} s{' on' if t.form == FROM else ''}", limits
+    if not t.steady:
+        return "not known: parts of the log contradict each other", ""
+    return "growing from zero to this size" if t.form else "throughout", ""
 
 
 def series_summary(found: Series) -> list[str]:

@@ -11,12 +11,17 @@ def quantity(value: float, unit: str, figures: int = 3) -> str:
     """A number with its unit, for people: angles in degrees, volumes in millilitres."""
     if not np.isfinite(value):
         return "not detectable"
-    if unit in ("rad", "rad/s", "rad/s^2"):
-        value, unit = float(np.rad2deg(value)), unit.replace("rad", "deg")
-    if unit.startswith("m^3"):
-        value, unit = 1e6 * value, unit.replace("m^3", "mL", 1)
+    scale, unit = for_people(unit)
+    value *= scale
     digits = f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:{'#' * (figures > 3)}.{figures}g}"
     return f"{digits} {'' if unit == '1' else unit}".strip()
+
+
+def for_people(unit: str) -> tuple[float, str]:
+    """By what numbers in a unit are multiplied for people, and the unit that they have then."""
+    if unit in ("rad", "rad/s", "rad/s^2"):
+        return float(np.rad2deg(1.0)), unit.replace("rad", "deg")
+    return (1e6, unit.replace("m^3", "mL", 1)) if unit.startswith("m^3") else (1.0, unit)
 
 
 def interval(limits: tuple[float, float], unit: str) -> str:

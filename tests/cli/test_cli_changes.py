@@ -97,7 +97,7 @@ def test_missions_without_a_change_and_a_log_without_an_onset(tmp_path, capsys):
     assert "These missions show no change." in capsys.readouterr().out
     assert json.loads((out / "changes.json").read_text())["changed"] == []
     assert main(["onset", files[0], "--vehicle", "slocum", "--out", str(out)]) == 0
-    assert "Nothing is missing" in capsys.readouterr().out
+    assert "no known effect is missing at any time" in capsys.readouterr().out
     assert json.loads((out / "onset.json").read_text())["found"] == []
 
 
