@@ -80,10 +80,7 @@ def timeline_page(found: Timeline) -> str:
     rows = [
         (
             t.title if t.path.startswith("effects.") else f"change of {t.title}",
-            tuple(
-                typeset(text.replace("-", "−"))
-                for text in (quantity(t.size.value, t.unit), interval(t.size.ci95, t.unit))
-            ),
+            (_typed(quantity(t.size.value, t.unit)), _typed(interval(t.size.ci95, t.unit))),
             when_words(t),
             f"{t.evidence:.0f}",
             tied_words(t.tied, found.plant) or "–",
@@ -289,8 +286,13 @@ def _steady(found: Comparison) -> Table:
 
 
 def _size(value: float, u: Unchanged) -> str:
-    """A change as pages print numbers: with a true minus sign and raised powers."""
-    return typeset(size_of(value, u).replace("-", "−"))
+    """A change as pages print numbers."""
+    return _typed(size_of(value, u))
+
+
+def _typed(text: str) -> str:
+    """A number and its unit with a true minus sign and raised powers."""
+    return typeset(text.replace("-", "−"))
 
 
 def change_figure(found: Comparison) -> Figure:

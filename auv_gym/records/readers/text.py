@@ -230,7 +230,9 @@ def _without_filled_in(columns: dict[str, Column]) -> tuple[dict[str, Column], l
     """The columns with -999 and the like as missing, where all other values are far above it; a line for each."""
     result, notes = dict(columns), []
     for name, column in columns.items():
-        for mark in _FILLED_IN if isinstance(column, np.ndarray) else ():
+        if not isinstance(column, np.ndarray):
+            continue
+        for mark in _FILLED_IN:
             here = column == mark
             if here.any() and not (column[~here] < 0.5 * mark).any():
                 result[name] = np.where(here, np.nan, column)
