@@ -19,6 +19,7 @@ from auv_gym.records.reading import Needs
 from auv_gym.records.record import Record
 
 _TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
+FEW = 0.01  # share of wild readings that are left out; more of them are a column's sign or unit
 _STILL = 1e-3  # of an input's usual size, below which it does not move
 _MOSTLY = 0.5  # share of commands beyond what thrusters take, from which they come in another unit
 _COMMAND_UNITS = (  # what commands of thrusters come in instead: least, most, and words
@@ -47,16 +48,15 @@ def needs_of(plant: Plant) -> Needs:
     return Needs(tuple(dict.fromkeys((family.leading, *(family.required or family.actuators)))), wanted, attack)
 
 
-def check_ranges(plant: Plant, record: Record) -> None:
-    """Raises if a channel leaves the range that the vehicle's family states for it, with where and how far."""
-    for name, (low, high) in plant.family.ranges.items():
-        if not record.has(name):
-            continue
-        least, most = (value_at(plant, edge) if isinstance(edge, str) else edge for edge in (low, high))
-        slack = _TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
+def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
+    """Raises if a channel leaves the range that the vehicle's family states for it, with where and how far.
+
+    few: share of the samples that may be beyond it, as single wild readings are; `described` leaves them out.
+    """
+    for name, (least, most, slack) in _ranges(plant, record).items():
         values, lowest, highest = record[name], least - slack, most + slack
         beyond = (values < lowest) | (values > highest)
-        if beyond.any():
+        if beyond.mean() > few:
             row = int(np.argmax(beyond))
             segment = next(k for k, s in enumerate(record.segments) if row < s.stop)
             label = record.labels[segment]
@@ -77,6 +77,26 @@ def check_ranges(plant: Plant, record: Record) -> None:
     _check_commands(plant, record)
 
 
+def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float]]:
+    """The least and most that the family states of each channel, and by how much a reading may be beyond them."""
+    found = {}
+    for name, edges in plant.family.ranges.items():
+        if record.has(name):
+            least, most = (value_at(plant, edge) if isinstance(edge, str) else edge for edge in edges)
+            found[name] = least, most, _TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
+    return found
+
+
+def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
+    """Masks of the few readings that are beyond their channel's range, by what they are."""
+    found = {}
+    for name, (least, most, slack) in _ranges(plant, record).items():
+        mask = (record[name] < least - slack) | (record[name] > most + slack)
+        if 0.0 < mask.mean() <= FEW:
+            found[f"where {name} is beyond {least:g} to {most:g} {channel(name).unit}"] = mask
+    return found
+
+
 def wrong_for(plant: Plant, record: Record) -> list[str]:
     """Sentences on what is wrong with a record as one of this vehicle, for a first look: what checks would raise.
 
@@ -85,7 +105,7 @@ def wrong_for(plant: Plant, record: Record) -> list[str]:
     if not all(record.has(name) for name in plant.family.required):
         return []
     try:
-        check_ranges(plant, record)
+        check_ranges(plant, record, FEW)
         check_excitation(plant, record)
     except ValueError as error:
         return [str(error)]
@@ -217,8 +237,8 @@ def described(plant: Plant, record: Record) -> Record:
         counted, shares = np.zeros(len(record), dtype=bool), []
         for words, mask in found.items():
             share, counted = float(np.mean(mask & ~counted)), counted | mask
-            shares += [f"{100.0 * share:.0f} % {words}"] if share > 0.0 else []
-        line = f"{100.0 * left_out.mean():.0f} % of the log is left out, since {plant.name} does not describe it: "
+            shares += [f"{_percent(share)} {words}"] if share > 0.0 else []
+        line = f"{_percent(left_out.mean())} of the log is left out, since {plant.name} does not describe it: "
         lines.append(f"{line}{', '.join(shares)}.")
         if left_out.all():
             raise ValueError(f"{lines[-1]} Check signs and units of depth, pitch and the inputs, or give a longer log.")
@@ -227,6 +247,11 @@ def described(plant: Plant, record: Record) -> Record:
     kept = record.select(~left_out) if left_out.any() else record
     new = [line for line in lines if line not in kept.notes]
     return kept.with_notes([*kept.notes, *new]) if new else kept
+
+
+def _percent(share: float) -> str:
+    """A share in percent, with a figure also where it is small."""
+    return f"{100.0 * share:.0f} %" if share >= 0.005 else f"{100.0 * share:.1g} %"
 
 
 def _not_described(plant: Plant, record: Record) -> dict[str, np.ndarray]:
@@ -243,4 +268,4 @@ def _not_described(plant: Plant, record: Record) -> dict[str, np.ndarray]:
         columns = {name: record[name][part] for name in names}
         for words, mask in plant.family.beyond(record.time[part], columns).items():
             found.setdefault(words, np.zeros(len(record), dtype=bool))[part] = mask
-    return found
+    return found | _wild(plant, record)

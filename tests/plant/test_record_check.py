@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from auv_gym.plant import load_vehicle
-from auv_gym.plant.record_check import check_excitation, check_ranges, needs_of
+from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described, needs_of
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.reading import Needs, read_record
 from auv_gym.records.record import Record
@@ -37,6 +37,22 @@ def test_a_piston_in_millimetres_for_a_part_of_the_log_is_refused_with_the_place
 def test_a_depth_above_the_surface_is_refused_by_diagnosis_and_fit(fit):
     with pytest.raises(ValueError, match=r"qiandao_float has depth from -5 to inf m; depth_m is -\d.*sign"):
         fit(_record(depth_m=-20.0 - 5.0 * np.sin(TIME / 60.0)))
+
+
+def test_a_few_wild_readings_are_left_out_and_more_are_refused():
+    depth = 20.0 + 5.0 * np.sin(TIME / 60.0)
+    wild = np.where(np.isin(np.arange(TIME.size), (100, 101, 500)), -300.0, depth)
+    check_ranges(FLOAT, _record(depth_m=wild), FEW)
+    kept = described(FLOAT, _record(depth_m=wild))
+    assert len(kept) == TIME.size - 3
+    assert kept["depth_m"].min() > 14.0
+    assert kept.notes[-1].endswith("0.3 % where depth_m is beyond -5 to inf m.")
+    many = np.where(np.arange(TIME.size) % 50 == 0, -300.0, depth)
+    assert len(described(FLOAT, _record(depth_m=many))) == TIME.size  # nothing is left out silently
+    with pytest.raises(ValueError, match=r"depth_m is -300 at 0 s \(18 of 858 samples are beyond\)"):
+        check_ranges(FLOAT, _record(depth_m=many), FEW)
+    with pytest.raises(ValueError, match=r"3 of 858 samples are beyond"):
+        check_ranges(FLOAT, _record(depth_m=wild))
 
 
 def test_a_dive_without_buoyancy_actions_is_refused():

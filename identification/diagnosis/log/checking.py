@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auv_gym.plant import Chart, Plant
-from auv_gym.plant.record_check import check_excitation, check_ranges, described
+from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described
 from auv_gym.records.record import Record
 from identification.deciding import LEAST_WINDOWS, MOST_GROWTH, MOST_PARTS, SETTLE_SHARE
 from identification.diagnosis.log.parts import Part, parts_of, windows_of
@@ -73,7 +73,7 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
 
     Raises ValueError if it is too short, lacks a channel, or does not excite the vehicle.
     """
-    check_ranges(plant, record)
+    check_ranges(plant, record, FEW)
     record = described(plant, record)
     left_out = _adrift(record, plant)
     record = record.without(left_out)
