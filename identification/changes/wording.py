@@ -71,9 +71,8 @@ def timed_words(t: Timed, plant: Plant) -> str:
         first, last = (f"{one.value:.0f} s ({one.ci95[0]:.0f} to {one.ci95[1]:.0f} s)" for one in (t.time, t.second))
         text += f", {'except ' if t.form == OUTSIDE else ''}between {first} and {last}."
     elif t.time is not None:
-        low, high = t.time.ci95
-        when = f"{t.form} {t.time.value:.0f} s{' on' if t.form == FROM else ''}"
-        text += f", {when} (95 % interval {low:.0f} to {high:.0f} s)."
+        when, limits = when_words(t)
+        text += f", {when} (95 % interval {limits})."
     elif not t.steady:
         text += ", but parts of the log contradict each other on its size: it is not known when it acts."
     else:
