@@ -53,9 +53,8 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
 
     few: share of the samples that may be beyond it, as single wild readings are; `described` leaves them out.
     """
-    for name, (least, most, slack) in _ranges(plant, record).items():
+    for name, (least, most, slack, beyond) in _ranges(plant, record).items():
         values, lowest, highest = record[name], least - slack, most + slack
-        beyond = (values < lowest) | (values > highest)
         if beyond.mean() > few:
             row = int(np.argmax(beyond))
             segment = next(k for k, s in enumerate(record.segments) if row < s.stop)
@@ -77,24 +76,24 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
     _check_commands(plant, record)
 
 
-def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float]]:
-    """The least and most that the family states of each channel, and by how much a reading may be beyond them."""
+def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float, np.ndarray]]:
+    """The least and most that the family states of each channel, by how much a reading may leave it, and which do."""
     found = {}
     for name, edges in plant.family.ranges.items():
         if record.has(name):
             least, most = (value_at(plant, edge) if isinstance(edge, str) else edge for edge in edges)
-            found[name] = least, most, _TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
+            slack = _TOLERANCE * (most - least) if np.isfinite(most - least) else 0.0
+            found[name] = least, most, slack, (record[name] < least - slack) | (record[name] > most + slack)
     return found
 
 
 def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
     """Masks of the few readings that are beyond their channel's range, by what they are."""
-    found = {}
-    for name, (least, most, slack) in _ranges(plant, record).items():
-        mask = (record[name] < least - slack) | (record[name] > most + slack)
-        if 0.0 < mask.mean() <= FEW:
-            found[f"where {name} is beyond {least:g} to {most:g} {channel(name).unit}"] = mask
-    return found
+    return {
+        f"where {name} is beyond {least:g} to {most:g} {channel(name).unit}": mask
+        for name, (least, most, _, mask) in _ranges(plant, record).items()
+        if 0.0 < mask.mean() <= FEW
+    }
 
 
 def wrong_for(plant: Plant, record: Record) -> list[str]:

@@ -66,7 +66,9 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> tuple[str,
         own = suffix if stem in _CLOCKS and suffix in _SUFFIXES else ""
         if (bare in _CLOCKS or own) and isinstance(column, np.ndarray) and _mostly_rises(column):
             stated = group.units.get(name)
-            seconds, unit = (_SUFFIXES[own] * column, own) if own and not stated else _scaled_epoch(column, stated)
+            seconds, unit = (
+                (_SUFFIXES[own] * column, own) if own and not stated else _scaled_epoch(bare, column, stated)
+            )
             notes.append(f"{name}: taken as the time, in {unit}.")
             return name, seconds
     raise ValueError(
@@ -81,11 +83,11 @@ def _mostly_rises(column: np.ndarray) -> bool:
     return known.size > 1 and float(np.mean(np.diff(known) > 0.0)) > 0.5
 
 
-def _scaled_epoch(column: np.ndarray, unit: str | None) -> tuple[np.ndarray, str]:
+def _scaled_epoch(called: str, column: np.ndarray, unit: str | None) -> tuple[np.ndarray, str]:
     """Times in s: in the unit that the file states, else by their size, for counts since 1970; else taken as s.
 
-    Counts of days, as MATLAB and spreadsheets have them, are told by their size, and by rows that are closer than any
-    in seconds.
+    Counts of days, as MATLAB and spreadsheets have them, are told by their size, and by their name or by rows that are
+    closer than any in seconds.
     """
     if unit:
         try:
@@ -94,7 +96,8 @@ def _scaled_epoch(column: np.ndarray, unit: str | None) -> tuple[np.ndarray, str
             pass
     largest, least = float(np.nanmax(np.abs(column))), float(np.nanmin(column))
     for low, high, since, whose in _DAYS:
-        if low < least and largest < high and float(np.nanmedian(np.abs(np.diff(column)))) < _QUICK:
+        quick = called == "datenum" or float(np.nanmedian(np.abs(np.diff(column)))) < _QUICK
+        if low < least and largest < high and quick:
             return _DAY * (column - since), f"days as counted by {whose}"
     factor, words = next(((f, words) for least, f, words in _EPOCHS if largest > least), (1.0, "seconds"))
     return factor * column, words

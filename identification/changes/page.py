@@ -30,6 +30,7 @@ from identification.changes.wording import (
     timeline_summary,
     when_words,
 )
+from identification.deciding import BLOCKS
 from identification.diagnosis.wording import for_people, interval, quantity
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
@@ -98,9 +99,9 @@ def timeline_page(found: Timeline) -> str:
         for _ in found.found[:1]
     ]
     text = (
-        f"Each effect is tried throughout the log, from and until each of 23 times, between and except between every "
-        f"two of them, and growing: {found.candidates} candidates in all. An effect is named by the rules of a "
-        "diagnosis, with a threshold for all of them."
+        f"Each effect is tried throughout the log, from and until each of {BLOCKS - 1} times, between and except "
+        f"between every two of them, and growing: {found.candidates} candidates in all. An effect is named by the rules of "
+        "a diagnosis, with a threshold for all of them."
     )
     content: dict[str, Any] = {
         "title": f"{found.plant.name}: when effects act",

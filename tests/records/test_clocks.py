@@ -70,6 +70,12 @@ def test_days_are_counted_from_where_they_say(tmp_path, since, whose, begins):
     assert start.isoformat().startswith(begins)
 
 
+def test_a_datenum_counts_days_however_far_apart_its_rows_are(tmp_path):
+    apart = [f"{739321.5 + k / 96:.10f}" for k in range(TIME.size)]
+    record = read_record(write(tmp_path / "log.csv", "datenum", apart))
+    assert record.time - record.time[0] == pytest.approx(900.0 * np.arange(TIME.size), abs=1e-3)
+
+
 def test_seconds_since_boot_are_no_days(tmp_path):
     record = read_record(write(tmp_path / "log.csv", "time", counted(1.0, 45361.5)))
     assert record.time - record.time[0] == pytest.approx(TIME)

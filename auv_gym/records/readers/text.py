@@ -17,7 +17,7 @@ from auv_gym.records.mapping import list_of
 from auv_gym.records.readers.opening import mapped
 
 _COMMENTS = (b"#", b"%")
-_FILLED_IN = (-999.0, -9999.0, -99999.0)  # what many write where they have no value
+_FILLED_IN = (-99999.0, -9999.0, -999.0)  # what many write where they have no value; one may be among another
 _MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 _BRACKETED = re.compile(r".*\S\s*[\[(]\s*([^\[\]()]+?)\s*[\])]")  # Heading [deg], Depth (m)
 _COMMA = re.compile(r"\s*-?\d+,\d+(?:[eE][-+]?\d+)?\s*")
@@ -235,7 +235,7 @@ def _without_filled_in(columns: dict[str, Column]) -> tuple[dict[str, Column], l
         for mark in _FILLED_IN:
             here = column == mark
             if here.any() and not (column[~here] < 0.5 * mark).any():
-                result[name] = np.where(here, np.nan, column)
+                column = result[name] = np.where(here, np.nan, column)
                 notes.append(
                     f"{name}: {mark:g} stands for a missing value in {int(here.sum()):,} of {here.size:,} rows."
                 )

@@ -37,6 +37,12 @@ def test_a_number_that_stands_for_none_is_missing(tmp_path, mark):
     assert f"depth_m: {float(mark):g} stands for a missing value in 1 of 4 rows." in record.notes
 
 
+def test_two_numbers_that_stand_for_none_are_both_missing(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(text(",").replace("11.0,1.5", "11.0,-999").replace("12.5,2.0", "12.5,-9999"))
+    assert read_record(path)["depth_m"].tolist() == pytest.approx([1.0, 1.5, 2.0, 2.5])
+
+
 def test_a_number_among_others_like_it_is_one(tmp_path):
     path = tmp_path / "log.csv"
     rpm = [-800.0, -999.0, -900.0, -700.0]
