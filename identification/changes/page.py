@@ -100,8 +100,8 @@ def timeline_page(found: Timeline) -> str:
     ]
     text = (
         f"Each effect is tried throughout the log, from and until each of {BLOCKS - 1} times, between and except "
-        f"between every two of them, and growing: {found.candidates} candidates in all. An effect is named by the rules of "
-        "a diagnosis, with a threshold for all of them."
+        f"between every two of them, and growing: {found.candidates} candidates in all. "
+        "An effect is named by the rules of a diagnosis, with a threshold for all of them."
     )
     content: dict[str, Any] = {
         "title": f"{found.plant.name}: when effects act",
