@@ -324,10 +324,12 @@ class Plant:
         """The runs into y; earlier: rows up to which actuators have moved by other vectors, and these."""
         after = np.empty((0, runs.rows, starts.shape[2])) if after is None else after
         until = np.array([row for row, _ in earlier], dtype=np.int64)
-        before = np.stack([own for _, own in earlier]) if earlier else np.empty((0, *vectors.shape))
+        count, parameters = vectors.shape
+        before = np.stack([own for _, own in earlier], axis=1) if earlier else np.empty((count, 0, parameters))
         windows = (runs.begin, runs.stop, c.carried, c.constant)
         times = (runs.times, runs.inputs, runs.first, runs.references, self.longest_step, runs.stride, runs.shares)
         corrected = (c.measured, c.gains, c.kicks, c.decays)
+        starts = np.ascontiguousarray(starts)  # each layout would be compiled for itself
         self.programs.rollout(vectors, starts, *windows, *times, *corrected, before, until, y, after)
 
     def pieces(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

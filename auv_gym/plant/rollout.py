@@ -314,14 +314,14 @@ def rollout(
     measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
     kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after the interval.
     decays: (rows, D), of the accelerations to the next row.
-    earlier: (E, S, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
+    earlier: (S, E, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
     y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.
     """
     n = times.shape[0]
     derived = np.empty(DERIVED + vectors.shape[1] - PARAMETERS)
     shaped, positions, none = np.empty((n, ACTUATORS)), np.empty((n, ACTUATORS)), np.empty((0, after.shape[2]))
     for s in range(vectors.shape[0]):
-        move_actuators(earlier[:, s], vectors[s], until, times, inputs, first, derived, shaped, positions)
+        move_actuators(earlier[s], vectors[s], until, times, inputs, first, derived, shaped, positions)
         along(
             derived, starts[min(s, starts.shape[0] - 1)], begin, stop, carried, constant, times, inputs, first,
             references, longest_step, stride, shares, shaped, positions, measured, gains, kicks, decays,
@@ -332,9 +332,11 @@ def rollout(
 def move_actuators(earlier, vector, until, times, inputs, first, derived, shaped, positions):
     """Shaped commands and actuator positions at all rows of a record, (n, ACTUATORS) each, see `drive`.
 
-    By parameters `earlier`, (E, n_parameters), up to the rows `until`, (E,), and then by `vector`, which is derived.
+    By parameters `earlier`, (E or more, n_parameters), up to the rows `until`, (E,), and then by `vector`, which is
+    derived.
     """
-    x, work, driven = np.empty(STATES + 2 * ACTUATORS + SENSORS), np.empty(WORK), 0
+    x, work = np.empty(STATES + 2 * ACTUATORS + SENSORS), np.empty(WORK)
+    driven = np.int64(0)  # a plain 0 would be a constant, for which numba compiles another `drive`
     for e in range(until.shape[0]):
         physics.derive(earlier[e], derived)
         last = min(until[e], times.shape[0])  # a change may lie beyond the record

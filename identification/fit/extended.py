@@ -54,7 +54,7 @@ def filtered(
     derived = np.empty(DERIVED + vectors.shape[1])
     shaped, positions = np.empty((n, ACTUATORS)), np.empty((n, ACTUATORS))
     last = vectors.shape[0] - 1
-    move_actuators(vectors[:last], vectors[last], until, times, inputs, first, derived, shaped, positions)
+    move_actuators(vectors, vectors[last], until, times, inputs, first, derived, shaped, positions)
     piece, row = 0, 0
     derive(vectors[0], derived)
     state, tried, moved_on = np.zeros(whole), np.empty((size + 1, whole)), np.empty((size + 1, whole))

@@ -85,7 +85,9 @@ class Stretches(Parameters):
         self.offsets = np.r_[0, np.cumsum(lengths)[:-1]].astype(int)
         self.signals = self.chart.signals(plant.outputs, means.values, self.rows)[:, self.columns]
         self.every, self._away = self.chart.readings(plant.outputs, means.values), means.away
-        self.measured, self.counts = self.every[:, self.columns], means.counts[:, self.columns]
+        # row by row in memory, as compiled code has them: picking columns turns them, and that is compiled for itself
+        picked = (values[:, self.columns] for values in (self.every, means.counts))
+        self.measured, self.counts = map(np.ascontiguousarray, picked)
         self.finite = np.isfinite(self.measured)
         self.stretch_of_row = np.repeat(np.arange(len(lengths)), lengths)
         self.counted = self.within(windows if counted is None else counted)

@@ -24,13 +24,15 @@ from controllers.trials.trial import NOISE, at_rest, level_flight, run_trial
 DEEP = 50.0  # m, where torpedoes start
 FILES = {"tethys": Path(__file__).parents[2] / "examples" / "vehicles" / "tethys.toml"}  # gains of vehicles in files
 ENTRIES = [(entry.vehicle, entry.dt) for entry in read_gains()]
-TORPEDOES = [entry for entry in ENTRIES if load_vehicle(FILES.get(entry[0], entry[0])).family.kind == "body"]
-LOOPS = [
-    pytest.param(e.vehicle, e.dt, kind, marks=[pytest.mark.slow] * (e.vehicle in FILES))  # a file's vehicle is compiled
-    for e in read_gains()
-    if (e.vehicle, e.dt) in TORPEDOES
-    for kind in e.loops
-]
+TORPEDOES = [entry for entry in ENTRIES if entry[0] in FILES or load_vehicle(entry[0]).family.kind == "body"]
+
+
+def compiled(vehicle: str, *others: object):
+    """A case, slow where the vehicle is compiled for this test only: that of a file."""
+    return pytest.param(vehicle, *others, marks=[pytest.mark.slow] * (vehicle in FILES))
+
+
+LOOPS = [compiled(e.vehicle, e.dt, kind) for e in read_gains() if (e.vehicle, e.dt) in TORPEDOES for kind in e.loops]
 # s after which depth, heading and speed are within 5 % of a step of `torpedo_run`, or two standard deviations of noise
 SETTLED = {
     ("heu_torpedo", 0.1): (30.0, 10.0, 5.0),
@@ -108,7 +110,7 @@ def test_a_torpedo_settles_with_noise(vehicle, dt, kind):
 
 
 @pytest.mark.parametrize("side", [0.8, 1.2])
-@pytest.mark.parametrize("vehicle, dt", TORPEDOES)
+@pytest.mark.parametrize("vehicle, dt", [compiled(*entry) for entry in TORPEDOES])
 def test_the_same_gains_hold_on_a_changed_vehicle(vehicle, dt, side):
     plant = load_vehicle(FILES.get(vehicle, vehicle), dt=dt)
     strength = "lift_slope" if vehicle in FILES else "moment"  # of a fin by its geometry, or by its coefficients

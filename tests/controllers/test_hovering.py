@@ -300,7 +300,14 @@ def test_a_sample_in_which_the_vehicle_swings_is_refused(kind):
 
 
 @pytest.mark.parametrize("task", ["StationKeeping", "Pose"])
-@pytest.mark.parametrize("name, kind", [("bluerov2_heavy", "pid"), ("bluerov2_heavy", "gpc"), ("bluerov2", "pid")])
+@pytest.mark.parametrize(
+    "name, kind",
+    [
+        ("bluerov2_heavy", "pid"),
+        ("bluerov2_heavy", "gpc"),
+        pytest.param("bluerov2", "pid", marks=pytest.mark.slow),  # whose environments are compiled for this test only
+    ],
+)
 def test_it_steers_the_environments_of_such_vehicles(task, name, kind):
     env = gymnasium.make(f"auv_gym/{task}-v0", vehicle=name, duration=40.0)
     act = pilot_for(env, kind).begin(env)

@@ -18,7 +18,7 @@ LEAVES = {
     "policy": {"policies", "policy.png"},
     "predictive_control": {"predictive_control.png"},
 }
-SLOW = {"policy"}
+SLOW = {"policy", "diagnosis"}  # the second is that of a tutorial, whose blocks are run, too
 named = pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 run = [pytest.param(path, marks=[pytest.mark.slow] * (path.stem in SLOW), id=path.stem) for path in SCRIPTS]
 

@@ -105,11 +105,8 @@ def test_a_next_experiment_that_fails_leaves_the_files_and_says_so(tmp_path, cap
     assert "The next experiment" in (tmp_path / "out" / "diagnosis.json").read_text()
 
 
-# ammonite is diagnosed every day by others, amadeus is of the same waters as sebastian
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param("ammonite", marks=pytest.mark.slow), pytest.param("amadeus", marks=pytest.mark.slow), "sebastian"],
-)
+@pytest.mark.slow  # others diagnose ammonite each time
+@pytest.mark.parametrize("name", ["ammonite", "amadeus", "sebastian"])
 def test_every_bundled_log_is_diagnosed_without_options(name, tmp_path):
     pytest.importorskip("dbdreader", reason="the extra `slocum` is not installed")
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
