@@ -70,6 +70,6 @@ def diagnose(
             return replace(trusting, asked=asked)
     known = timed("fitting what is known", lambda: fit_known(log, progress))
     searched = timed("searching effects", lambda: search_effects(log, known, progress))
-    found = timed("judging", lambda: judge(log, known, searched, source, progress))
+    found = timed("judging", lambda: judge(log, searched, source, progress))
     # with the channels that were not compared, and the rows that windows count
     return replace(found, record=described(plant, record), seconds=seconds)

@@ -51,4 +51,5 @@ class Averages:
             shares[samples] = (held[grouped] / counts[:, None]).reshape(len(samples), values.shape[1])
         time = record.time[grouped]
         away = time.mean(axis=1) - time[:, 0] if stride > 1 else np.zeros(len(grouped))
-        return cls(stride, whole, grouped[:, 0], samples, told, counts, shares, away)
+        rows = np.ascontiguousarray(grouped[:, 0])  # another layout in memory would be compiled for itself
+        return cls(stride, whole, rows, samples, told, counts, shares, away)

@@ -16,7 +16,7 @@ from identification.fit.filtering import NOTHING, Point
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.steps import MOST_MOVED, brisk, moved_by_steps
+from identification.fit.steps import brisk, suited
 from identification.fit.strides import stride_for
 from identification.fit.validation import fitted_runs
 from identification.fit.windows import free_run_windows
@@ -120,9 +120,9 @@ class GreyBox:
             )
         problem = brisk(given)
         point = self._likeliest(problem)
-        # the record may be more precise than a first guess of its noises tells
-        if problem is not given and moved_by_steps(given, problem, point) > MOST_MOVED:
-            problem, point = given, self._likeliest(given)
+        better = suited(given, problem, point)
+        if better is not problem:
+            problem, point = better, self._likeliest(better)
         return self._result(problem, point, paths, windows)
 
     def _likeliest(self, problem: PredictionErrors) -> Point:

@@ -39,6 +39,21 @@ def brisk(problem: PredictionErrors) -> PredictionErrors:
     return problem
 
 
+def suited(given: PredictionErrors, problem: PredictionErrors, point: Point) -> PredictionErrors:
+    """A problem in the longest steps, of its own or shorter ones, that hardly move the filter of a point.
+
+    given: the problem in the vehicle's own steps.  What a fit has found may be more precise than a first guess of its
+    noises tells: where hardly anything pushes the vehicle, its filter follows the model and not the readings, and the
+    error of each step stays in it.
+    """
+    if problem.plant.longest_step <= given.plant.longest_step:
+        return problem
+    shorter = (problem.record.sample_interval / parts for parts in _PARTS)
+    tried = (in_steps(given, s) for s in shorter if given.plant.longest_step < s < 0.99 * problem.plant.longest_step)
+    # False where a run is not finite
+    return next((one for one in (problem, *tried) if moved_by_steps(one, given, point) < MOST_MOVED), given)
+
+
 def in_steps(problem: PredictionErrors, longest: float) -> PredictionErrors:
     """The problem with its plant integrated in steps of at most so many seconds."""
     other = copy(problem)

@@ -38,7 +38,6 @@ from identification.diagnosis.search.candidates import Regression, candidates_of
 from identification.diagnosis.search.constancy import sizes_by_dive, steadiness
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.explanations import Explanations
-from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.remainder import passing_effect, what_is_left
 from identification.diagnosis.search.searching import Searched
 from identification.diagnosis.search.survival import chosen_without, survival
@@ -48,11 +47,12 @@ from identification.fit.residual import residual_summary
 from identification.fit.validation import FreeRuns, fitted_runs, free_runs, joined_runs, whiteness
 
 
-def judge(log: CheckedLog, known: Known, searched: Searched, source: str, progress: Progress) -> Diagnosis:
+def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) -> Diagnosis:
     """What is said of a record, its vehicle, and the effects that a search has found.
 
     source: of the record, for those who read the result.
     """
+    known = searched.known
     bench, record, asked, settle, plant = known.bench, log.record, log.asked, log.settle, known.plant
     nominal, state, left, count = searched.nominal, searched.state, searched.left, len(searched.candidates)
     rounds, survivals, dropped = [], [], dict[Trial, str]()

@@ -75,6 +75,8 @@ def attribute(
         assert made.chosen.state is not None
         state = made.chosen.state
         left = [c for c in left if c is not made.chosen.candidate]
+        if bench.in_suited_steps(state) is not bench:  # all that follows would be repeated
+            break
     return state, rounds
 
 

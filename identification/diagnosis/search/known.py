@@ -31,6 +31,15 @@ class Known:
         """The vehicle as given, in the steps of the fits."""
         return self.bench.plant
 
+    def in_suited_steps(self, state: State) -> Known:
+        """The same fits in shorter steps of integration if the present ones move the filter of a state, else these."""
+        bench = self.bench.in_suited_steps(state)
+        if bench is self.bench:
+            return self
+        given = bench.taken_over(self.given)
+        nominal = given if self.nominal is self.given else bench.taken_over(self.nominal)
+        return Known(bench, self.coefficients, given, nominal)
+
 
 def fit_known(log: CheckedLog, progress: Progress) -> Known:
     """The fits of a vehicle without effects; of a log that looks mislabelled nothing is refitted."""
@@ -44,7 +53,7 @@ def fit_known(log: CheckedLog, progress: Progress) -> Known:
     near = bench.fit(bench.plant, first, given, gain=TRIAL_GAIN)
     further = _further_coefficients(bench, near)
     nominal = bench.fit(near.plant, (*first, *further), near)
-    return Known(bench, (*first, *further), given, nominal)
+    return Known(bench, (*first, *further), given, nominal).in_suited_steps(nominal)
 
 
 def _first_coefficients(bench: Workbench, given: State) -> tuple[str, ...]:

@@ -21,10 +21,12 @@ from identification.diagnosis.search.workbench import State
 class Searched:
     """What a search found.
 
+    known: what was fitted before, in the steps of integration that suit what was found.
     nominal, state: without and with the effects; nominal is the vehicle as given where its refit is refuted.
     rounds: those that chose the effects, and the last one.  left: what the errors still hold.
     """
 
+    known: Known
     candidates: tuple[Candidate, ...]
     kinematics: Kinematics
     nominal: State
@@ -35,13 +37,20 @@ class Searched:
 
 
 def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
-    """Forward selection, what it chose confirmed, and second thoughts where something is left."""
+    """Forward selection, what it chose confirmed, and second thoughts where something is left.
+
+    Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
+    effect that is there leaves less noise than its absence.
+    """
     bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
     kinematics = kinematic_findings(log.record, bench.plant)
     candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
     state, rounds = attribute(
         bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
     )
+    suited = known.in_suited_steps(state)
+    if suited is not known:
+        return search_effects(log, suited, progress)
     state, rounds = settled(bench, nominal, state, rounds, len(candidates))
     library = library_of(state.plant)
     left = what_is_left(bench, state, library)
@@ -62,4 +71,7 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     if state is nominal and left and not what_is_left(bench, given, library):
         state = nominal = given  # what the errors refute is the refit, not the vehicle
         left = what_is_left(bench, given, library)
-    return Searched(tuple(candidates), kinematics, nominal, state, tuple(rounds), library, left)
+    suited = known.in_suited_steps(state)
+    if suited is not known:
+        return search_effects(log, suited, progress)
+    return Searched(known, tuple(candidates), kinematics, nominal, state, tuple(rounds), library, left)

@@ -12,7 +12,18 @@ import numpy as np
 from auv_gym.compiled import threads
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
-from identification.deciding import CLOSE, CLOSER, FINALISTS, HERE, LEAST_TRACE, PART_LEVEL, PRICE, SEEN, SHORT_LIST
+from identification.deciding import (
+    CLOSE,
+    CLOSER,
+    FINALISTS,
+    HERE,
+    HOPELESS,
+    LEAST_TRACE,
+    PART_LEVEL,
+    PRICE,
+    SEEN,
+    SHORT_LIST,
+)
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Regression, Screening, part_of
@@ -322,6 +333,7 @@ def judged(
     """The trial of a candidate fitted from a state near by."""
     after = bench.problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
     reached = State(bench.problem.plant_at(after, near.paths), near.paths, after)
+    reached = bench.likelier_from_given(reached, HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -19,7 +20,7 @@ from identification.estimate import half_width
 from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.steps import brisk
+from identification.fit.steps import brisk, suited
 from identification.fit.strides import stride_for
 from identification.fit.validation import free_runs
 
@@ -68,13 +69,35 @@ class Workbench:
         known = [p for p in plant.coefficients if plant.deviation(p, doubt) > 0.0]
         sought = [path for c in candidates_of(plant, record) if not c.period for path in c.paths]
         stride = stride_for(plant, record, pieces, known, sought, doubt=doubt)
-        self.problem = brisk(PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride))
+        self._as_stepped = PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride)
+        self.problem = brisk(self._as_stepped)
         self.plant = self.problem.plant
         self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)[:: self.problem.stride]
         self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
+        self._forget()
+
+    def _forget(self) -> None:
+        """Start without anything that is known of states."""
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
         self._as_given: WeakKeyDictionary[State, tuple[State, ...]] = WeakKeyDictionary()
+
+    def in_suited_steps(self, state: State) -> Workbench:
+        """A bench in shorter steps of integration if the present ones move the filter of a state, else itself."""
+        problem = suited(self._as_stepped, self.problem, state.point)
+        if problem is self.problem:
+            return self
+        other = copy(self)
+        other.problem, other.plant = problem, problem.plant
+        other._most = problem.work.done + MOST_WORK
+        other._forget()
+        return other
+
+    def taken_over(self, state: State) -> State:
+        """A state of a bench in other steps, fitted in those of this one."""
+        plant = replace(state.plant, longest_step=self.plant.longest_step)
+        point = self.problem.point(plant.vector, state.point.logs, state.point)
+        return self.fit(plant, state.paths, State(plant, state.paths, point))
 
     def goes_on(self, step: str) -> bool:
         """Whether there is time left for a step of the search, in words; `unfinished` lists what there was none for."""
@@ -114,11 +137,37 @@ class Workbench:
     def with_given(self, state: State) -> tuple[State, ...]:
         """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there."""
         if state not in self._as_given:
-            values = {p: value_at(self.plant, p) for p in state.paths if p in self.plant.coefficients}
-            far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
-            found = [self._renewed_at(replace_at(state.plant, values), state)] if far else []
+            plant = self._put_back(state)
+            found = [] if plant is None else [self._renewed_at(plant, state)]
             self._as_given[state] = tuple(one for one in found if one.finite)
         return self._as_given[state]
+
+    def _put_back(self, state: State) -> Plant | None:
+        """The vehicle of a state with its coefficients as given, None if the fit has taken none of them far away.
+
+        All of them: what is left of those that were moved together, as inertia and moments of one axis are, would be
+        another vehicle than either.
+        """
+        values = {p: value_at(self.plant, p) for p in state.paths if p in self.plant.doubted}
+        far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
+        return replace_at(state.plant, values) if far else None
+
+    def likelier_from_given(self, state: State, hopeless: float) -> State:
+        """The state, or what a fit reaches from its effects and the coefficients as given, whichever is likelier.
+
+        Coefficients that have paid for what was missing may lie in a valley of the likelihood that no fit leaves once
+        it is there.  hopeless: evidence by which that vehicle may be behind at first to be fitted.
+        """
+        plant = self._put_back(state)
+        if plant is None or not state.finite:
+            return state
+        point = self.problem.point(plant.vector, state.point.logs, state.point)
+        there = State(plant, state.paths, point)
+        if not there.finite or self.gain(there, state) > hopeless:
+            return state
+        point = self.problem.solve(plant, state.paths, point, ITERATIONS, gain=TRIAL_GAIN)
+        there = State(self.problem.plant_at(point, state.paths), state.paths, point)
+        return there if self.gain(state, there) > 0.0 else state
 
     def _renewed_at(self, plant: Plant, near: State) -> State:
         """A plant with the noises that suit it, nothing free."""

@@ -27,10 +27,13 @@ def changing(plant, paths, edge, shares):
 def test_programs_are_compiled_for_one_layout_in_memory(glider):
     """Another order of rows and columns would be compiled for itself, which takes ten seconds."""
     plant, record = glider
+    rollout = bind_family(plant.family).rollout
+    known = len(getattr(rollout, "signatures", []))  # of tests before; plain Python has none
     two = PredictionErrors(plant, record, record.segments)
     one = PredictionErrors(plant, record.without({*record.names} - {*plant.inputs, "heading_rad"}), record.segments)
     assert len(two.channels) > len(one.channels) == 1
-    for problem in (one, two):
+    for problem in (one, two, PredictionErrors(plant, record, record.segments, stride=5)):
+        assert problem.rows.flags.c_contiguous
         assert problem.measured.flags.c_contiguous
         assert problem.finite.flags.c_contiguous
         assert problem.counts.flags.c_contiguous
@@ -39,8 +42,7 @@ def test_programs_are_compiled_for_one_layout_in_memory(glider):
     windows = record.windows(100.0)
     moved = np.array([late.vector, replace_at(late, change("after", OFFSET), 0.05).vector])
     late.run_many(Runs.over(late, record, windows), moved, np.zeros((2, len(windows), len(plant.family.states))))
-    rollout = bind_family(plant.family).rollout
-    assert len(getattr(rollout, "signatures", [""])) == 1  # plain Python has none
+    assert len(getattr(rollout, "signatures", [])) <= max(known, 1)
 
 
 def errors_of(plant, record, values, near=None, stride=1):

@@ -6,10 +6,10 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.experiments.missions import run_mission
-from identification.fit import greybox
+from identification.fit import greybox, steps
 from identification.fit.greybox import GreyBox
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.steps import MOST_MOVED, brisk, in_steps, moved_by_steps
+from identification.fit.steps import MOST_MOVED, brisk, in_steps, moved_by_steps, suited
 from identification.fit.windows import free_run_windows
 
 
@@ -42,6 +42,20 @@ def test_steps_are_judged_where_the_filter_follows_the_record():
     assert brisk(far).plant.longest_step == pytest.approx(sample)
 
 
+def test_steps_are_judged_again_with_what_a_fit_has_found():
+    """Nothing pushes the vehicle: the filter follows the model, and the errors of steps stay in it."""
+    plant, problem = logged("remus100", 120.0)
+    faster = in_steps(problem, problem.record.sample_interval / 2.0)
+    point = problem.solve(plant, ())
+    assert problem.noise_at(point).process == {}
+    assert moved_by_steps(faster, problem, point) > MOST_MOVED
+    better = suited(problem, faster, point)
+    assert plant.longest_step <= better.plant.longest_step < faster.plant.longest_step
+    assert moved_by_steps(better, problem, point) < MOST_MOVED
+    assert suited(problem, better, point) is better
+    assert suited(problem, problem, point) is problem
+
+
 def test_steps_shorter_than_given_ones_are_not_tried():
     _, problem = logged("vt690")
     coarse = in_steps(problem, problem.record.sample_interval)
@@ -60,6 +74,6 @@ def test_longer_steps_move_no_estimate_and_are_not_kept_in_the_fitted_plant(monk
         assert abs(found[path].value - fine[path].value) < MOST_MOVED * fine[path].error
         assert found[path].value != fine[path].value != value_at(plant, path)
     monkeypatch.undo()
-    monkeypatch.setattr(greybox, "MOST_MOVED", 0.0)  # as if what they move mattered
+    monkeypatch.setattr(steps, "MOST_MOVED", 0.0)  # as if what they move mattered
     again = GreyBox(plant, free, window=20.0).fit(record)
     assert [again[path].value for path in free] == [fine[path].value for path in free]

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
+from identification.deciding import HOPELESS
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
@@ -44,6 +45,21 @@ def test_the_right_one_is_accepted_and_leads(tried):
     assert tried[OFFSET].objection == ""
     assert max(tried.values(), key=lambda t: t.total) is tried[OFFSET]
     assert value_at(tried[OFFSET].state.plant, OFFSET) == pytest.approx(0.05, abs=0.01)
+
+
+def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypatch):
+    bench, state, candidates = start
+    asked, better = [], []
+
+    def likelier(self: Workbench, reached: State, hopeless: float) -> State:
+        asked.append(hopeless)
+        better.append(replace(reached))
+        return better[-1]
+
+    monkeypatch.setattr(Workbench, "likelier_from_given", likelier)
+    (found,) = trials_of(bench, state, [c for c in candidates if OFFSET in c.paths], len(candidates), quiet)
+    assert asked == [HOPELESS]
+    assert found.state is better[0]
 
 
 def test_one_whose_step_promises_nothing_is_not_fitted(start):

@@ -13,6 +13,7 @@ from identification.diagnosis.search import workbench
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.steps import in_steps
 from tests.identification.gliders import QUICK
 
 OFFSET = "effects.rudder.offset"
@@ -183,3 +184,38 @@ def test_only_coefficients_that_went_far_are_tried_as_given(bench):
     assert given.paths == ()
     assert given.plant == QUICK
     assert bench.with_given(far) == (given,)  # made once
+
+
+def test_inertia_is_put_back_with_the_moments(torpedoes):
+    """All of one axis moved together are nearly the same vehicle; some of them are not."""
+    plant, record = load_vehicle("vt690"), torpedoes["vt690"].between(0.0, 40.0)
+    bench = Workbench(plant, record, parts_of(plant, record), 0.1)
+    paths = ("hull.yaw.ur", "parts.rudder.moment", "hull.i_zz", "hull.added_mass.n_rdot")
+    moved = replace_at(bench.plant, {p: 1.2 * value_at(plant, p) for p in paths})
+    assert bench._put_back(State(moved, paths, bench.problem.first_point())) == bench.plant
+
+
+def test_a_fit_begins_again_at_the_given_coefficients_if_these_are_likelier(bench, log):
+    path, true, _ = log
+    paths = QUICK.family.coefficients
+    there = bench.fit(replace_at(QUICK, path, 1.3 * value_at(QUICK, path)), ())  # where a fit might have stopped
+    stuck = replace(there, paths=paths)
+    better = bench.likelier_from_given(stuck, np.inf)
+    assert better.paths == paths
+    assert bench.gain(stuck, better) > 10.0
+    assert value_at(better.plant, path) == pytest.approx(value_at(true, path), rel=0.02)
+    assert bench.likelier_from_given(stuck, -np.inf) is stuck  # too far behind to be tried
+    assert bench.likelier_from_given(better, np.inf) is better
+
+
+def test_what_was_fitted_is_taken_over_into_shorter_steps(torpedoes, monkeypatch):
+    plant, record = load_vehicle("remus100"), torpedoes["remus100"]
+    monkeypatch.setattr(workbench, "brisk", lambda problem: in_steps(problem, 0.05))
+    bench = Workbench(plant, record, parts_of(plant, record), 0.1)
+    state = bench.fit(bench.plant, ())
+    finer = bench.in_suited_steps(state)
+    assert finer.plant.longest_step < bench.plant.longest_step
+    assert finer.in_suited_steps(state) is finer
+    taken = finer.taken_over(state)
+    assert taken.plant == finer.plant
+    assert finer.gain(taken, finer.fit(finer.plant, ())) == pytest.approx(0.0, abs=0.1)

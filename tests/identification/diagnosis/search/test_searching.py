@@ -1,0 +1,42 @@
+"""A search as a whole: that it is repeated where what it found asks for shorter steps of integration."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auv_gym.plant import load_vehicle
+from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.search import workbench
+from identification.diagnosis.search.known import Known, fit_known
+from identification.diagnosis.search.searching import search_effects
+from identification.experiments.heading_control import closed_loop
+from identification.experiments.missions import run_mission
+from identification.fit.steps import in_steps
+
+
+@pytest.mark.parametrize("asked_at", [1, 2])
+def test_it_is_repeated_in_the_steps_that_suit_what_was_found(monkeypatch, asked_at):
+    plant = load_vehicle("slocum")
+    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), plant, Asked())
+    known, asked = fit_known(log, lambda fraction, text: None), []
+    finer = replace(known)
+
+    def suited(self: Known, state) -> Known:
+        asked.append(self)
+        return finer if len(asked) == asked_at else self
+
+    monkeypatch.setattr(Known, "in_suited_steps", suited)
+    found = search_effects(log, known, lambda fraction, text: None)
+    assert found.known is finer
+    assert [one is finer for one in asked] == [False] * asked_at + [True] * 2
+
+
+def test_what_is_known_is_fitted_in_the_steps_that_suit_it(monkeypatch):
+    """An unstable vehicle that nothing pushes: a first guess of its noises allows longer steps than the log does."""
+    plant = load_vehicle("remus100")
+    log = check_log(run_mission(plant, np.random.default_rng(1), duration=60.0), plant, Asked(window=8.0, settle=2.0, doubt=0.0))
+    monkeypatch.setattr(workbench, "brisk", lambda problem: in_steps(problem, 0.05))
+    known = fit_known(log, lambda fraction, text: None)
+    assert known.plant.longest_step < 0.05
+    assert known.given.plant.longest_step == known.nominal.plant.longest_step == known.plant.longest_step
