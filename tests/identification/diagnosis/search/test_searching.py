@@ -35,7 +35,9 @@ def test_it_is_repeated_in_the_steps_that_suit_what_was_found(monkeypatch, asked
 def test_what_is_known_is_fitted_in_the_steps_that_suit_it(monkeypatch):
     """An unstable vehicle that nothing pushes: a first guess of its noises allows longer steps than the log does."""
     plant = load_vehicle("remus100")
-    log = check_log(run_mission(plant, np.random.default_rng(1), duration=60.0), plant, Asked(window=8.0, settle=2.0, doubt=0.0))
+    log = check_log(
+        run_mission(plant, np.random.default_rng(1), duration=60.0), plant, Asked(window=8.0, settle=2.0, doubt=0.0)
+    )
     monkeypatch.setattr(workbench, "brisk", lambda problem: in_steps(problem, 0.05))
     known = fit_known(log, lambda fraction, text: None)
     assert known.plant.longest_step < 0.05
