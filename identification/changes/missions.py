@@ -17,7 +17,7 @@ from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.search.attribution import Round, attribute, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, deviations_shown, screen
-from identification.diagnosis.search.known import fit_known
+from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change, changed
@@ -111,14 +111,14 @@ def compare_missions(
     courses = {BEFORE: Course((edge,), (1.0, 0.0)), AFTER: Course((edge,), (0.0, 1.0))}
     changing = ChangingPlant.of(log.plant, {BEFORE: may.paths, AFTER: [*may.coefficients, *may.paths]}, courses)
     known = fit_known(replace(log, plant=changing), progress)
-    bench = known.bench
     alone = [*may.refitted(known), *may.effects]
     candidates = [
         *may.effects,
         *(in_form(c, AFTER) for c in alone),
         *(in_form(c, BEFORE) for c in may.effects),
     ]
-    state, rounds = attribute(bench, known.nominal, candidates, most, (), lambda f, text: progress(0.1 + 0.7 * f, text))
+    known, state, rounds = _attributed(known, candidates, most, progress)
+    bench = known.bench
     state, rounds = settled(bench, known.nominal, state, rounds, len(candidates))
     progress(0.85, "sizing what has changed")
     found = [r for r in rounds if r.chosen is not None]
@@ -142,6 +142,16 @@ def compare_missions(
         {p: value_at(state.plant, p) for p in state.paths if not changed(p)[0]},
         tuple(log.record.notes),
     )
+
+
+def _attributed(
+    known: Known, candidates: Sequence[Candidate], most: int, progress: Progress
+) -> tuple[Known, State, list[Round]]:
+    """Forward selection in the steps of integration that suit what it finds; what is known in these, state, rounds."""
+    bench, nominal = known.bench, known.nominal
+    state, rounds = attribute(bench, nominal, candidates, most, (), lambda f, text: progress(0.1 + 0.7 * f, text))
+    suited = known.in_suited_steps(state)
+    return (known, state, rounds) if suited is known else _attributed(suited, candidates, most, progress)
 
 
 def _own_paths(made: Round, state: State) -> list[str]:

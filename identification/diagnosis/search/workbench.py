@@ -73,11 +73,11 @@ class Workbench:
         self.problem = brisk(self._as_stepped)
         self.plant = self.problem.plant
         self.block_of_row = block_numbers(record, self.problem.stretches, BLOCKS)[:: self.problem.stride]
-        self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
-        self._forget()
+        self._begin()
 
-    def _forget(self) -> None:
-        """Start without anything that is known of states."""
+    def _begin(self) -> None:
+        """Start to count the work, with nothing known of any state."""
+        self._most, self.unfinished = self.problem.work.done + MOST_WORK, list[str]()
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
         self._as_given: WeakKeyDictionary[State, tuple[State, ...]] = WeakKeyDictionary()
@@ -89,8 +89,7 @@ class Workbench:
             return self
         other = copy(self)
         other.problem, other.plant = problem, problem.plant
-        other._most = problem.work.done + MOST_WORK
-        other._forget()
+        other._begin()
         return other
 
     def taken_over(self, state: State) -> State:

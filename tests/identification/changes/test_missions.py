@@ -1,17 +1,20 @@
 """What has changed between missions: named on the side where it is, and not where it is on both."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from identification.changes import missions
 from identification.changes.joined import joined_sides
 from identification.changes.missions import Common, compare_missions, one_or_two
 from identification.changes.page import write_comparison
 from identification.changes.wording import summary, tied_words
 from identification.diagnosis.log.checking import Asked
+from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
 from identification.fit.changing import ChangingPlant, Course, change
@@ -47,6 +50,24 @@ def test_an_effect_on_both_sides_has_not_changed():
     found = compare_missions(mission(1, 0.05), mission(2, 0.05), load_vehicle("slocum"))
     assert found.changed == ()
     assert [c.path for c in found.common] == [OFFSET]
+
+
+def test_effects_are_sought_again_in_the_steps_that_suit_them(monkeypatch):
+    plant, asked, sought = load_vehicle("slocum"), [], []
+    sides = [closed_loop(plant, rng=np.random.default_rng(k), duration=300.0) for k in (1, 2)]
+
+    def suited(self, state):
+        asked.append(self)
+        return replace(self) if len(asked) == 2 else self  # asked first of what is known before the search
+
+    def attributed(bench, nominal, *given):
+        sought.append(nominal)
+        return nominal, []
+
+    monkeypatch.setattr(Known, "in_suited_steps", suited)
+    monkeypatch.setattr(missions, "attribute", attributed)
+    assert compare_missions(*sides, plant).changed == ()
+    assert len(sought) == 2
 
 
 def test_a_side_that_cannot_be_used_is_named():

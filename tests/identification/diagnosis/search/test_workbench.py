@@ -213,7 +213,9 @@ def test_what_was_fitted_is_taken_over_into_shorter_steps(torpedoes, monkeypatch
     monkeypatch.setattr(workbench, "brisk", lambda problem: in_steps(problem, 0.05))
     bench = Workbench(plant, record, parts_of(plant, record), 0.1)
     state = bench.fit(bench.plant, ())
+    bench.unfinished.append("a search")
     finer = bench.in_suited_steps(state)
+    assert finer.unfinished == []  # it has not begun
     assert finer.plant.longest_step < bench.plant.longest_step
     assert finer.in_suited_steps(state) is finer
     taken = finer.taken_over(state)
