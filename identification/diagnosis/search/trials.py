@@ -27,7 +27,7 @@ from identification.deciding import (
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Regression, Screening, part_of
-from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # of the short list
@@ -331,9 +331,7 @@ def judged(
     bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
 ) -> Trial:
     """The trial of a candidate fitted from a state near by."""
-    after = bench.problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
-    reached = State(bench.problem.plant_at(after, near.paths), near.paths, after)
-    reached = bench.likelier_from_given(reached, HOPELESS)
+    reached = bench.likelier_from_given(bench.tried(near), HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

@@ -130,8 +130,12 @@ class Workbench:
         settled = State(self.problem.plant_at(point, paths), tuple(paths), point)
         if self.gain(settled, rival) > hopeless:
             return settled
-        point = self.problem.solve(settled.plant, paths, point, ITERATIONS, gain=TRIAL_GAIN)
-        return State(self.problem.plant_at(point, paths), tuple(paths), point)
+        return self.tried(settled)
+
+    def tried(self, near: State) -> State:
+        """The likeliest state that a trial's fit reaches from a state."""
+        point = self.problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
+        return State(self.problem.plant_at(point, near.paths), near.paths, point)
 
     def with_given(self, state: State) -> tuple[State, ...]:
         """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there."""
@@ -164,8 +168,7 @@ class Workbench:
         there = State(plant, state.paths, point)
         if not there.finite or self.gain(there, state) > hopeless:
             return state
-        point = self.problem.solve(plant, state.paths, point, ITERATIONS, gain=TRIAL_GAIN)
-        there = State(self.problem.plant_at(point, state.paths), state.paths, point)
+        there = self.tried(there)
         return there if self.gain(state, there) > 0.0 else state
 
     def _renewed_at(self, plant: Plant, near: State) -> State:
