@@ -11,7 +11,7 @@ from auv_gym.param import replace_at, value_at
 from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
 from identification.diagnosis.search.stability import Selection, select
 from identification.diagnosis.search.trials import FIRST_ITERATIONS, side_by_side
-from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
+from identification.diagnosis.search.workbench import State, Workbench, tried
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
@@ -112,7 +112,7 @@ def _best(
     gains = {k: bench.gain(base, after) for k, after in first.items()}
     near = max(gains.values()) * (1.0 - NEAR) - TIE
     close = [k for k in first if gains[k] >= near]
-    fitted = side_by_side(lambda k: _fitted(problem, first[k]), close)
+    fitted = side_by_side(lambda k: tried(problem, first[k]), close)
     ended = {k: after for k, after in zip(close, fitted, strict=True) if after.finite}
     if not ended:
         return None
@@ -134,11 +134,6 @@ def _begun(problem: PredictionErrors, state: State, base: State, path: str, size
     best = max(finite, key=lambda p: problem.objective(p, paths))
     point = problem.descended(best, paths, FIRST_ITERATIONS)
     return State(problem.plant_at(point, paths), paths, point)
-
-
-def _fitted(problem: PredictionErrors, near: State) -> State:
-    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
-    return State(problem.plant_at(point, near.paths), near.paths, point)
 
 
 def _degree(path: str) -> float:

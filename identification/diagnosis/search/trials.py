@@ -27,7 +27,7 @@ from identification.deciding import (
 from identification.diagnosis.search.acceptance import Weighed, effect_size, weighed
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Regression, Screening, part_of
-from identification.diagnosis.search.workbench import State, Workbench
+from identification.diagnosis.search.workbench import State, Workbench, tried
 from identification.fit.parameters import kinked
 
 FIRST_ITERATIONS = 2  # of the short list
@@ -331,7 +331,7 @@ def judged(
     bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
 ) -> Trial:
     """The trial of a candidate fitted from a state near by."""
-    reached = bench.likelier_from_given(bench.tried(near), HOPELESS)
+    reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

@@ -46,6 +46,12 @@ class State:
         return bool(np.isfinite(self.point.scores).all())
 
 
+def tried(problem: PredictionErrors, near: State) -> State:
+    """The likeliest state that a trial's fit reaches from a state."""
+    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
+    return State(problem.plant_at(point, near.paths), near.paths, point)
+
+
 class Workbench:
     """A record in parts, and the fits made on it.
 
@@ -130,12 +136,7 @@ class Workbench:
         settled = State(self.problem.plant_at(point, paths), tuple(paths), point)
         if self.gain(settled, rival) > hopeless:
             return settled
-        return self.tried(settled)
-
-    def tried(self, near: State) -> State:
-        """The likeliest state that a trial's fit reaches from a state."""
-        point = self.problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
-        return State(self.problem.plant_at(point, near.paths), near.paths, point)
+        return tried(self.problem, settled)
 
     def with_given(self, state: State) -> tuple[State, ...]:
         """The state with its coefficients as the vehicle was given, if the fit has taken one of them far from there."""
@@ -168,7 +169,7 @@ class Workbench:
         there = State(plant, state.paths, point)
         if not there.finite or self.gain(there, state) > hopeless:
             return state
-        there = self.tried(there)
+        there = tried(self.problem, there)
         return there if self.gain(state, there) > 0.0 else state
 
     def _renewed_at(self, plant: Plant, near: State) -> State:
