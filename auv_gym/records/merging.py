@@ -49,12 +49,14 @@ class Merged:
     """Channels on one time base, which rises within each segment.
 
     intervals: s between the readings of measurements that come more rarely than the rows, by channel.
+    unread: (n,), rows without a reading of their own of a measurement that was read at the times of other rows.
     leading: the channel whose samples the time base is.  notes: a line each on what was done.
     """
 
     time: np.ndarray
     values: dict[str, np.ndarray]
     intervals: dict[str, float]
+    unread: dict[str, np.ndarray]
     segment: np.ndarray | None
     leading: str
     notes: list[str]
@@ -73,7 +75,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
     ordered = [in_order(stream, notes) for stream in streams if stream.time.size]
     ordered = _common_clock([stream for stream in ordered if stream.time.size], notes)
     if not ordered:
-        return Merged(np.empty(0), {}, {}, None, "", notes)
+        return Merged(np.empty(0), {}, {}, {}, None, "", notes)
     at, name = _base(ordered, leading)
     base = ordered[at]
     whole = not (channel(name).kind == "motion" and _is_sparse(base.values[name]))
@@ -81,6 +83,7 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
         base = base.rows(np.isfinite(base.values[name]))
     values: dict[str, np.ndarray] = {}
     intervals: dict[str, float] = {}
+    unread: dict[str, np.ndarray] = {}
     spacing = typical_interval(base.time, base.part)
     for number, stream in enumerate(ordered):
         apart: list[str] = []
@@ -91,11 +94,14 @@ def merged(streams: Sequence[Stream], leading: str | None = None) -> Merged:
             else:
                 apart.append(known)
         values |= _brought(stream, apart, base, spacing)
-        intervals |= _rarer(stream, apart, spacing)
+        rarer = _rarer(stream, apart, spacing)
+        read = {known: _read_at(stream, known, base, spacing) for known in rarer}
+        unread |= {known: ~rows for known, rows in read.items() if rows is not None}
+        intervals |= {known: interval for known, interval in rarer.items() if read[known] is None}
     if len(ordered) > 1:
         rate = f", {1.0 / spacing:.3g} Hz" if 0.0 < spacing < 1.0 else f", every {spacing:.3g} s"
         notes.append(f"All signals are given at the times of {name or base.name}{rate}.")
-    return Merged(base.time, values, intervals, _segments(base), name, notes)
+    return Merged(base.time, values, intervals, unread, _segments(base), name, notes)
 
 
 def in_order(stream: Stream, notes: list[str]) -> Stream:
@@ -278,6 +284,20 @@ def _rarer(stream: Stream, names: Iterable[str], spacing: float) -> dict[str, fl
         own = typical_interval(stream.time[known], stream.part[known])
         if own > RARER * spacing and not channel(name).held:
             found[name] = own
+    return found
+
+
+def _read_at(stream: Stream, name: str, base: Stream, spacing: float) -> np.ndarray | None:
+    """The rows of the base at whose times a channel was read, (n,); None unless all its readings are at such times."""
+    found = np.zeros(base.time.size, dtype=bool)
+    known = np.isfinite(stream.values[name])
+    for part in np.unique(base.part):
+        rows, times = np.flatnonzero(base.part == part), stream.time[known & (stream.part == part)]
+        times = times[(times > base.time[rows[0]] - spacing) & (times < base.time[rows[-1]] + spacing)]
+        after = np.searchsorted(base.time[rows], times - SAME * spacing).clip(max=rows.size - 1)
+        if (np.abs(base.time[rows[after]] - times) > SAME * spacing).any():
+            return None
+        found[rows[after]] = True
     return found
 
 

@@ -290,8 +290,9 @@ def assembled(
         attrs["derived"] = "; ".join(f"{name}: {words}" for name, words in derived.items())
     kept = needs.required or (joined.leading,)
     record = Record.from_arrays(
-        joined.time, values, joined.segment, attrs, long_runs=long_runs, required=kept, notes=notes
-    )
+        joined.time, values, joined.segment, attrs, long_runs=long_runs, required=kept, notes=notes,
+        unread=joined.unread,
+    )  # fmt: skip
     record = record.with_intervals({n: s for n, s in joined.intervals.items() if record.has(n)})
     cut = record.split_gaps(max_gap_s)
     gaps = len(cut.segments) - len(record.segments)

@@ -27,6 +27,7 @@ _COSTS = 0.1  # share of the samples; a channel that nobody requires is left out
 RARER = 1.5  # sample intervals between readings, from which on some samples hold none
 SAME = 1e-3  # sample interval within which stamps are of one time: seconds since 1970 are rounded to 0.2 us
 _LABELS, _NOTES, _INTERVAL = "segment_labels", "notes", "interval_s"
+_UNREAD = ".unread"  # after a channel's name: a variable that is 1 where its value stands between readings
 
 
 @final
@@ -36,8 +37,9 @@ class Record:
 
     dataset: dimension and coordinate time_s; float64 variables named as channels; an integer variable `segment`, one
     value per sample, that changes where a segment begins (absent: one segment).  Time may be uneven and may restart
-    with a segment.  Raises if time does not rise within a segment, if a segment has fewer than 2 samples, or if a
-    motion or input channel is not finite; other channels may hold NaN.  `from_arrays` repairs what can be repaired.
+    with a segment.  A variable `depth_m.unread` is 1 where the value of depth_m was filled in.  Raises if time does not
+    rise within a segment, if a segment has fewer than 2 samples, or if a motion or input channel is not finite; other
+    channels may hold NaN.  `from_arrays` repairs what can be repaired.
 
     Example:
 
@@ -66,14 +68,16 @@ class Record:
         long_runs: Literal["cut", "raise"] = "cut",
         required: Collection[str] | None = None,
         notes: Sequence[str] = (),
+        unread: Mapping[str, np.ndarray] | None = None,
     ) -> Record:
         """A record of equally long arrays, with angles unwrapped and missing values (NaN, infinities) dealt with.
 
         Up to `max_fill` missing samples in a row are filled: linearly, or for inputs, commands and flags with the last
-        value; the variable's attribute `filled` counts them.  Where a motion or input channel lacks longer, or at the
-        ends of a segment, those samples are dropped and the record is cut; its attribute `dropped` counts them
-        (long_runs "raise": a run longer than `max_fill` is an error).  Longer runs in other channels stay NaN.
-        Segments of a single sample go.  segment: one label per sample, of any type.
+        value; the variable's attribute `filled` counts them, and what is filled linearly is none of the `readings`.
+        Where a motion or input channel lacks longer, or at the ends of a segment, those samples are dropped and the
+        record is cut; its attribute `dropped` counts them (long_runs "raise": a run longer than `max_fill` is an
+        error).  Longer runs in other channels stay NaN.  Segments of a single sample go.
+        segment: one label per sample, of any type.  unread: by channel, where values stand between readings, (n,).
         required: where given, a motion or input channel that is not in it is left out if it would cost more than a
         tenth of the samples.  notes: lines that the record keeps, to which those on what was dropped are added.
         Raises if nothing is left.
@@ -84,6 +88,7 @@ class Record:
         _check_time(time, ids)
         slices = _slices(ids)
         variables: dict[str, Any] = {}
+        marks: dict[str, Any] = {}
         for name, column in columns.items():
             known = channel(name)
             finite = np.isfinite(column)
@@ -94,8 +99,13 @@ class Record:
             repaired = np.where(finite, column, np.nan)
             for part in slices:
                 repaired[part] = _repaired(time[part], repaired[part], known.angle, known.held, max_fill)
-            filled = int(np.isfinite(repaired).sum() - finite.sum())
+            between = np.isfinite(repaired) & ~finite
+            filled = int(between.sum())
             variables[name] = ("time_s", repaired, {"filled": filled} if filled else {})
+            if unread is not None and name in unread:
+                between = between | unread[name]
+            if between.any() and not known.held:
+                marks[name + _UNREAD] = ("time_s", between)
         missing, costly = _missing(variables, time.size, required)
         for name in costly:
             del variables[name]
@@ -104,6 +114,7 @@ class Record:
                 _check_runs(name, time, repaired, max_fill)
         if required is not None:
             notes = [*notes, *costly.values(), *_on_dropped(variables, missing)]
+        variables |= {name: mark for name, mark in marks.items() if name.removesuffix(_UNREAD) in variables}
         variables["segment"] = ("time_s", ids)
         kept = {_NOTES: list(notes)} if notes else {}
         dataset = _dataset(variables, time, {**(attrs or {}), **kept, _LABELS: labels})
@@ -123,7 +134,7 @@ class Record:
     @property
     def names(self) -> tuple[str, ...]:
         """The channels that are there."""
-        return tuple(str(name) for name in self.dataset.data_vars if name != "segment")
+        return tuple(name for name in map(str, self.dataset.data_vars) if _is_channel(name))
 
     @property
     def attrs(self) -> dict[str, Any]:
@@ -158,10 +169,20 @@ class Record:
     def interval_of(self, name: str) -> float:
         """Time between the readings of a channel, s: that between samples, or longer where it is interpolated."""
         self[name]
-        return max(self.sample_interval, float(self.dataset[name].attrs.get(_INTERVAL, 0.0)))
+        told = float(self.dataset[name].attrs.get(_INTERVAL, 0.0))
+        if name + _UNREAD in self.dataset:
+            time, read = self.time, self.readings(name)
+            apart = np.concatenate([np.diff(time[s][read[s]]) for s in self.segments])
+            told = float(np.median(apart)) if apart.size else self.duration_s
+        return max(self.sample_interval, told)
 
     def readings(self, name: str) -> np.ndarray:
-        """Which samples hold a reading of a channel, (n,): of several between two readings, one; all where none is."""
+        """Which samples hold a reading of a channel, (n,), and no value that was filled in.
+
+        Where it is known only how far readings are apart, one of the several samples between two; else all.
+        """
+        if name + _UNREAD in self.dataset:
+            return self.dataset[name + _UNREAD].values == 0
         held, interval = np.ones(len(self), dtype=bool), self.interval_of(name)
         if interval < RARER * self.sample_interval:
             return held
@@ -178,7 +199,7 @@ class Record:
 
     def has(self, name: str) -> bool:
         """Whether a channel is there."""
-        return name != "segment" and name in self.dataset.data_vars
+        return _is_channel(name) and name in self.dataset.data_vars
 
     def __getitem__(self, name: str) -> np.ndarray:
         """A copy of a channel's values, shape (n,), float64; raises on a channel that is not there."""
@@ -207,9 +228,9 @@ class Record:
         return matrix
 
     def with_channels(self, values: Mapping[str, Any]) -> Record:
-        """The record with these channels added or replaced; angles are taken as they are."""
+        """The record with these channels added or replaced; angles are taken as they are, all values as readings."""
         new = {name: ("time_s", _vector(name, column, len(self))) for name, column in values.items()}
-        return Record(self.dataset.assign(new))
+        return Record(_without_marks(self.dataset, values).assign(new))
 
     def with_intervals(self, seconds: Mapping[str, float]) -> Record:
         """The record, these channels told to be interpolated between readings that are so far apart, s."""
@@ -222,12 +243,24 @@ class Record:
             dataset.variables[name].attrs = {**dataset.variables[name].attrs, _INTERVAL: float(interval)}
         return Record(dataset)
 
+    def with_readings(self, held: Mapping[str, Any]) -> Record:
+        """The record, these channels told which samples hold a reading, (n,); other values were filled in."""
+        marks = {name: np.asarray(mask) for name, mask in held.items()}
+        for name, mask in marks.items():
+            self[name]
+            if mask.dtype != bool or mask.shape != (len(self),):
+                raise ValueError(
+                    f"with_readings needs one boolean per sample of {name!r}, shape ({len(self)},), got {mask.dtype} "
+                    f"of shape {mask.shape}."
+                )
+        return Record(self.dataset.assign({name + _UNREAD: ("time_s", ~mask) for name, mask in marks.items()}))
+
     def without(self, names: Iterable[str]) -> Record:
         """The record without these channels; raises on one that is not there."""
         names = [names] if isinstance(names, str) else list(names)
         for name in names:
             self[name]
-        return Record(self.dataset.drop_vars(names))
+        return Record(_without_marks(self.dataset, names).drop_vars(names))
 
     def with_notes(self, notes: Sequence[str], **attrs: Any) -> Record:
         """The record with these notes in place of its own, and with these attributes."""
@@ -308,6 +341,10 @@ class Record:
             own = self.interval_of(name)
             apart = {_INTERVAL: own} if dt < own and not held else {}
             variables[name] = ("time_s", np.concatenate(parts), {**self.dataset[name].attrs, **apart})
+            if dt < RARER * own and name + _UNREAD in self.dataset:
+                read = self.readings(name)
+                unread = [~_nearest(grid, time[o][read[o]]) for grid, o in zip(grids, origins)]
+                variables[name + _UNREAD] = ("time_s", np.concatenate(unread))
         if set(QUATERNION) <= set(variables):
             attitude = np.column_stack([self[name] for name in QUATERNION])
             turned = np.concatenate([interpolated(grid, time[o], attitude[o]) for grid, o in zip(grids, origins)])
@@ -407,6 +444,9 @@ def concat(records: Sequence[Record]) -> Record:
         name: ("time_s", np.concatenate([record[name] for record in records]), _common(name, records))
         for name in records[0].names
     }
+    for name in records[0].names:
+        if any(name + _UNREAD in record.dataset for record in records):
+            variables[name + _UNREAD] = ("time_s", np.concatenate([~record.readings(name) for record in records]))
     variables["segment"] = ("time_s", ids)
     first = records[0].attrs
     attrs: dict[str, Any] = {
@@ -418,6 +458,23 @@ def concat(records: Sequence[Record]) -> Record:
     attrs |= {FIXES: fixes} if fixes else {}
     attrs[_LABELS] = [label for record in records for label in record.labels]
     return Record(_dataset(variables, np.concatenate([record.time for record in records]), attrs))
+
+
+def _is_channel(name: str) -> bool:
+    """Whether a variable of a dataset is a signal."""
+    return name != "segment" and not name.endswith(_UNREAD)
+
+
+def _without_marks(dataset: xr.Dataset, names: Iterable[str]) -> xr.Dataset:
+    """The dataset without what says where values of these channels were filled in."""
+    return dataset.drop_vars([name + _UNREAD for name in names], errors="ignore")
+
+
+def _nearest(grid: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """Which times of an even grid, (m,), are the nearest to one of some times."""
+    found = np.zeros(grid.size, dtype=bool)
+    found[np.clip(np.round((time - grid[0]) / (grid[1] - grid[0])), 0, grid.size - 1).astype(int)] = True
+    return found
 
 
 def _dataset(variables: Mapping[str, Any], time: Any, attrs: Mapping[str, Any]) -> xr.Dataset:
@@ -589,7 +646,8 @@ def _nothing_left(dataset: xr.Dataset, mask: np.ndarray) -> str:
     size = dataset.sizes["time_s"]
     if size < 2:
         return f"A record needs at least 2 samples, got {size}: check that the file has rows below its header."
-    counts = {str(n): int(np.isfinite(v.values).sum()) for n, v in dataset.data_vars.items() if channel(str(n)).needed}
+    names = [name for name in map(str, dataset.data_vars) if _is_channel(name) and channel(name).needed]
+    counts = {name: int(np.isfinite(dataset[name].values).sum()) for name in names}
     fewest = min(counts, key=lambda name: counts[name], default="")
     if fewest and counts[fewest] < size and not mask.all():
         return (
@@ -617,7 +675,7 @@ def _checked(dataset: xr.Dataset) -> xr.Dataset:
         raise ValueError(f"Segment {int(np.argmin(lengths))} has a single sample: a segment needs at least 2.")
     variables: dict[str, Any] = {}
     for name, variable in dataset.data_vars.items():
-        if name == "segment":
+        if not _is_channel(str(name)):
             continue
         known, values = channel(str(name)), _vector(str(name), variable.values, time.size)
         bad = ~np.isfinite(values)
@@ -628,6 +686,10 @@ def _checked(dataset: xr.Dataset) -> xr.Dataset:
                 "Record.from_arrays, which fills short runs and cuts at long ones."
             )
         variables[str(name)] = ("time_s", values, {**variable.attrs, "units": known.unit, "long_name": known.label})
+        if f"{name}{_UNREAD}" in dataset:
+            marks = dataset[f"{name}{_UNREAD}"].values != 0
+            words = {"long_name": f"1 where {known.label} was filled in between readings"}
+            variables[f"{name}{_UNREAD}"] = ("time_s", marks.astype(np.int8), words)
     variables["segment"] = ("time_s", ids, {"long_name": "segment"})
     coordinate = ("time_s", time, {"units": "s", "long_name": CHANNELS["time_s"].label})
     return _dataset(variables, coordinate, {**dataset.attrs, _LABELS: labels})

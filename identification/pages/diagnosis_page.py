@@ -190,7 +190,8 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
 
 def _titles(d: Diagnosis) -> dict[str, str]:
     paths = [p for r in d.rounds for t in r.trials for p in t.candidate.paths]
-    paths += [*d.given.plant.coefficients, *(x.path for x in d.detectable), *(e.path for e in d.added)]
+    found = (*d.detectable, *d.coefficients, *d.added)  # added masses are no coefficients of the vehicle by themselves
+    paths += [*d.given.plant.coefficients, *(x.path for x in found)]
     return {p: spec_at(d.given.plant, p).title or p for p in paths}
 
 

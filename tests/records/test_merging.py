@@ -41,9 +41,29 @@ def test_what_is_measured_more_rarely_than_the_rows_is_told_with_its_interval():
     base = stream(
         np.arange(0, 10, 0.5), "imu", heading_rad=np.arange(20), pitch_rad=np.where(np.arange(20) % 3, np.nan, 0.1)
     )
-    rare = stream(np.arange(0, 10, 2.0), "depth", depth_m=np.arange(5), rudder_rad=np.arange(5))
+    rare = stream(np.arange(0, 10, 2.0) + 0.1, "depth", depth_m=np.arange(5), rudder_rad=np.arange(5))
     often = stream(np.arange(0, 10, 0.1), "gyro", r_radps=np.arange(100))
-    assert merged([base, rare, often], "heading_rad").intervals == pytest.approx({"pitch_rad": 1.5, "depth_m": 2.0})
+    found = merged([base, rare, often], "heading_rad")
+    assert found.intervals == pytest.approx({"depth_m": 2.0})
+    assert list(found.unread) == ["pitch_rad"]
+
+
+def test_what_was_read_at_the_times_of_some_rows_tells_nothing_at_the_others():
+    """Which rows these are is known, whether their cells are blank or another topic has fewer messages."""
+    every = np.arange(1, 20, 3)
+    cells = np.full(20, np.nan)
+    cells[every] = 0.1 * every
+    time = np.arange(0, 10, 0.5)
+    base = stream(time, "imu", heading_rad=np.arange(20), pitch_rad=cells)
+    dvl = stream(time[every] + 1e-7, "dvl", v_mps=0.1 * every)
+    late = stream(np.r_[time[every], 9.99], "sonar", depth_m=np.zeros(len(every) + 1))
+    outside = stream(np.r_[-9.9, time[every], 70.2], "gps", north_m=np.zeros(len(every) + 2))
+    found = merged([base, dvl, late, outside], "heading_rad")
+    for name in ("pitch_rad", "v_mps", "north_m"):
+        assert np.flatnonzero(~found.unread[name]).tolist() == every.tolist(), name
+    assert list(found.intervals) == ["depth_m"]  # one of its readings lies between rows
+    assert found.values["pitch_rad"][1:20] == pytest.approx(0.1 * np.arange(1, 20))
+    assert found.values["v_mps"][every] == pytest.approx(0.1 * every, abs=1e-6)
 
 
 def test_measurements_are_not_interpolated_across_a_gap():

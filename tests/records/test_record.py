@@ -102,6 +102,42 @@ def test_short_runs_are_filled_and_counted():
     assert "dropped" not in r.attrs
 
 
+def test_what_is_filled_in_between_readings_is_no_reading(tmp_path):
+    """A speed of half the rate, and a reading that is lost: the values between are drawn, and tell nothing."""
+    nan, time = np.nan, 0.1 * np.arange(8)
+    speed = [0.0, nan, 0.2, nan, 0.4, nan, 0.6, 0.7]
+    r = Record.from_arrays(
+        time,
+        {"depth_m": np.where(np.arange(8) == 5, nan, time), "u_dvl_mps": speed, "rudder_rad": [1, nan, *range(6)]},
+        unread={"depth_m": np.arange(8) == 2},
+    )
+    assert r.names == ("depth_m", "u_dvl_mps", "rudder_rad")
+    assert not r.has("u_dvl_mps.unread")
+    assert r["u_dvl_mps"] == pytest.approx(time)
+    read, deep = [True, False, True, False, True, False, True, True], [True, True, False, True, True, False, True, True]
+    assert r.readings("rudder_rad").all()  # a command holds
+    assert [r.interval_of(name) for name in r.names] == pytest.approx([0.1, 0.2, 0.1])
+    r.save(tmp_path / "log.nc")
+    for kept in (r, Record.load(tmp_path / "log.nc"), r.without("rudder_rad"), r.later(3.0), r.resample(0.1)):
+        assert kept.readings("u_dvl_mps").tolist() == read
+        assert kept.readings("depth_m").tolist() == deep
+    assert r.select(np.arange(8) > 2).readings("u_dvl_mps").tolist() == read[3:]
+    assert np.flatnonzero(r.resample(0.05).readings("depth_m")).tolist() == (2 * np.flatnonzero(deep)).tolist()
+    assert r.resample(0.4).readings("u_dvl_mps").all()  # what is coarser than the readings is made of them
+    plain = Record.from_arrays(time, {name: np.zeros(8) for name in r.names})
+    both = concat([plain, r])
+    assert both.readings("u_dvl_mps").tolist() == [True] * 8 + read
+    assert both.names == r.names
+    assert r.with_channels({"u_dvl_mps": np.zeros(8)}).readings("u_dvl_mps").all()
+    assert r.with_readings({"u_dvl_mps": np.array(deep)}).readings("u_dvl_mps").tolist() == deep
+    assert "u_dvl_mps" not in r.without(["u_dvl_mps"]).dataset
+    assert set(r.without(["u_dvl_mps"]).dataset.data_vars) == {"depth_m", "depth_m.unread", "rudder_rad", "segment"}
+    with pytest.raises(ValueError, match=r"one boolean per sample of 'depth_m', shape \(8,\), got float64"):
+        r.with_readings({"depth_m": np.ones(8)})
+    with pytest.raises(ValueError, match="no channel 'pitch_rad'"):
+        r.with_readings({"pitch_rad": np.ones(8, dtype=bool)})
+
+
 def test_long_runs_cut_the_record_where_the_channel_is_needed():
     depth = np.arange(20.0)
     depth[8:13] = np.nan

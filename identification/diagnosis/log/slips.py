@@ -105,8 +105,8 @@ def undone(record: Record, slip: Slip, plant: Plant) -> Record:
     mended = record.with_channels(values)
     if slip.clock != 1.0:
         mended = Record(mended.dataset.assign_coords(time_s=("time_s", record.time * slip.clock)))
-    intervals = {n: record.interval_of(read.get(n, n)) for n in record.names}
-    return mended.with_intervals({n: slip.clock * s for n, s in intervals.items() if s > record.sample_interval})
+    held = {name: record.readings(read.get(name, name)) for name in record.names}
+    return mended.with_readings({name: mask for name, mask in held.items() if not mask.all()})
 
 
 def slipped(record: Record, slip: Slip, plant: Plant) -> Record:

@@ -85,6 +85,21 @@ def test_rows_are_whole_and_means_are_of_the_readings_that_there_are():
     assert found.away.tolist() == [0.5] * 3
 
 
+@pytest.mark.parametrize("stride", [1, 3])
+def test_what_a_blank_cell_was_filled_with_is_no_reading(stride):
+    """A sensor of half the rate in a table of all rates has blanks; lines drawn over them are no measurement."""
+    time = 0.5 * np.arange(12)
+    blank = np.where(np.arange(12) % 2, np.nan, np.arange(12.0) ** 2)
+    record = Record.from_arrays(time, {"heading_rad": 0.1 * time, "r_radps": blank[:11].tolist() + [121.0]})
+    values = record.matrix(("heading_rad", "r_radps"))
+    assert values[3, 1] == 10.0  # between 4 and 16
+    found = Averages.of(record, ("heading_rad", "r_radps"), values, [slice(0, 12)], stride)
+    held = np.isfinite([*blank[:11], 121.0]).reshape(-1, stride)
+    assert found.counts[:, 1].tolist() == np.maximum(held.sum(axis=1), 1).tolist()
+    assert np.isfinite(found.values[:, 1]).tolist() == held.any(axis=1).tolist()
+    assert found.values[0, 1] == (0.0 if stride == 1 else 2.0)  # the mean of 0 and 4, without 1
+
+
 def test_single_samples_are_read_as_they_are():
     record = dense_log(0, 50)
     values = np.stack([record["heading_rad"], record["r_radps"]], axis=1)

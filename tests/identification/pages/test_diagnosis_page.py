@@ -168,6 +168,18 @@ def test_a_coefficient_that_moved_is_compared_with_the_vehicle_as_given(diagnosi
     assert f"{amount(c.value, c.unit)} instead of {amount(c.given, c.unit)}" in text
 
 
+def test_an_effect_is_compared_with_a_coefficient_that_a_first_fit_does_not_have(diagnosis, no_figures):
+    """Added masses and inertia are fitted in a second step; an effect that acts as one was a KeyError here."""
+    path = "effects.yaw.moment"  # a path with a title that is no coefficient of the vehicle, and nothing else's here
+    c = replace(diagnosis.coefficients[0], path=path, title="a moment")
+    moved = replace(diagnosis.effects[0], path="effects.rudder.gain", title="rudder gain", tied_with=(path,))
+    d = replace(
+        diagnosis, effects=(moved,), rounds=(), detectable=(), coefficients=(c,), verdict="tied",
+        tied=((moved.path, path),),
+    )  # fmt: skip
+    assert "rudder gain has exactly the same effect as constant yaw moment" in Outline(diagnosis_page(d)).text
+
+
 def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figures):
     pushed = Noise({"heading_rad": 0.01}, {"r_radps": (0.001, 20.0)})
     text = Outline(diagnosis_page(replace(diagnosis, noise=pushed, left=Left(("heading_rad",), ("heading_rad",))))).text

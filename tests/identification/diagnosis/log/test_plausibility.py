@@ -194,6 +194,8 @@ def test_a_mended_record_keeps_how_far_apart_its_readings_are(logs):
     assert (exchanged.interval_of("depth_m"), exchanged.interval_of("heading_rad")) == (20.0, log.sample_interval)
     slower = undone(log, Slip("", "", (), clock=2.0), glider)
     assert (slower.interval_of("heading_rad"), slower.sample_interval) == (40.0, 2.0 * log.sample_interval)
+    assert exchanged.readings("depth_m").tolist() == slower.readings("heading_rad").tolist()
+    assert exchanged.readings("depth_m").tolist() == log.readings("heading_rad").tolist()
 
 
 def test_degrees_taken_as_radians_are_unfolded(logs):
