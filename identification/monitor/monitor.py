@@ -179,12 +179,12 @@ class Monitor:
     def replay(self, record: Record) -> Iterator[Alarm | None]:
         """An alarm or None at each sample of a log but the first after each gap, where the filter begins anew."""
         record = described(self.learned.plant, record)
-        inputs, outputs, time = _columns(self.learned.plant, record)
+        inputs, outputs, read, time = _columns(self.learned.plant, record)
         for segment in record.segments:
             self.time = float(time[segment.start])
             self.begin(inputs[segment.start], outputs[segment.start])
             for k in range(segment.start + 1, segment.stop):
-                yield self._step(inputs[k - 1], outputs[k], float(time[k] - time[k - 1]))
+                yield self._step(inputs[k - 1], read[k], float(time[k] - time[k - 1]))
 
     def run(self, record: Record) -> list[Alarm]:
         """The alarms in a log."""
@@ -268,14 +268,16 @@ def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool
 
 def _followed(record: Record, plan: FilterPlan) -> Iterator[OnlineFilter]:
     """The filter after each sample of a log that counts."""
-    own, (inputs, outputs, time) = OnlineFilter(plan), _columns(plan.plant, record)
+    own, (inputs, outputs, read, time) = OnlineFilter(plan), _columns(plan.plant, record)
     for segment in record.segments:
         own.begin(inputs[segment.start], outputs[segment.start])
         for k in range(segment.start + 1, segment.stop):
-            if own.step(inputs[k - 1], outputs[k], float(time[k] - time[k - 1])):
+            if own.step(inputs[k - 1], read[k], float(time[k] - time[k - 1])):
                 yield own
 
 
-def _columns(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Inputs, outputs and times of a log."""
-    return inputs_of(plant, record), outputs_of(plant, record), record.time
+def _columns(plant: Plant, record: Record) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Inputs, outputs, those of the outputs that are readings (others NaN), and times of a log."""
+    outputs = outputs_of(plant, record)
+    held = [record.readings(name) if record.has(name) else np.zeros(len(record), bool) for name in plant.outputs]
+    return inputs_of(plant, record), outputs, np.where(np.stack(held, axis=1), outputs, np.nan), record.time

@@ -74,6 +74,23 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
         assert again.over == pytest.approx(found.over[k - 1], rel=1e-9)
 
 
+def test_what_stands_between_readings_is_none_to_a_monitor(slocum, clean):
+    """A compass of half the rate: the online filter meets its errors at its readings, and nothing in between."""
+    held = np.arange(len(clean)) % 2 == 0
+    coarse = clean.with_readings({"heading_rad": held})
+    monitor = Monitor.learn(coarse, slocum, noise=NOISE)
+    read = monitor.learned.present[:, slocum.outputs.index("heading_rad")]
+    assert abs(read.mean() - 0.5) < 0.01
+    inputs, outputs = inputs_of(slocum, coarse), outputs_of(slocum, coarse)
+    streamed = Monitor(monitor.learned, 1.0)
+    streamed.begin(inputs[0], outputs[0])
+    replayed = Monitor(monitor.learned, 1.0)
+    for k, _ in enumerate(replayed.replay(coarse.select(coarse.time <= 400.0)), 1):
+        told = dict(zip(slocum.outputs, outputs[k], strict=True)) | ({} if held[k] else {"heading_rad": np.nan})
+        streamed.step(inputs[k - 1], told)
+        assert streamed.over == pytest.approx(replayed.over, rel=1e-9), k
+
+
 def test_the_stretch_about_an_alarm_is_as_long_where_the_log_begins_just_before_it(slocum, clean, monkeypatch):
     monkeypatch.setattr("identification.monitor.monitor.find_onsets", lambda record, plant: np.ptp(record.time))
     monitor = Monitor.learn(clean, slocum, noise=NOISE)
