@@ -67,13 +67,13 @@ def weigh(
         return selected(bench, near, left, count, searched.kinematics.mismatches)
 
     def passes(other: Explanation) -> Explanation | None:
-        if _overruled(searched, rounds, other):
-            return None
+        # likelier than what was chosen, though one of its effects may be idle: what it is without that is likelier, too
         fitted = bench.fit(other.state.plant, other.state.paths, other.state)
         after, kept = confirmed(bench, nominal, fitted, other.rounds, count)
-        if len(kept) < len(other.rounds) or not all(told(made).holds for made in kept):
+        if not kept or not all(told(made).holds for made in kept):
             return None
-        return explanation(bench, after, kept)
+        made = explanation(bench, after, kept)
+        return None if _overruled(searched, rounds, made) else made
 
     found = explanations(bench, state, rounds, survivals, most, search)
     reported, found = likeliest(found, rounds, passes)

@@ -145,16 +145,16 @@ def likeliest(
 ) -> tuple[Explanation, Explanations]:
     """The set that is reported, and all that are left: the likeliest that passes the gate, or the chosen one.
 
-    passes: the set as it passes the gate, or None.  One that is likelier by no more than stopped fits may make it does
-    not take the chosen one's place.
+    passes: the set as it passes the gate, perhaps without effects that are idle in it, or None.  One that is likelier
+    by no more than stopped fits may make it does not take the chosen one's place.
     """
     own = next(s for s in found.sets if s.candidates == {r.chosen.candidate for r in first if r.chosen is not None})
     for other in found.sets:
         if other is own or other.cost >= own.cost - STOPPED:
             break
         passed = passes(other)
-        if passed is not None:
-            rest = found.without(other).sets
+        if passed is not None and passed.cost < own.cost - STOPPED:
+            rest = [s for s in found.without(other).sets if s.candidates != passed.candidates]
             return passed, Explanations(tuple(sorted((passed, *rest), key=lambda s: s.cost)))
         found = found.without(other)
     return own, found

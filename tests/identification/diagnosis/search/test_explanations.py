@@ -18,6 +18,7 @@ from identification.diagnosis.search.explanations import (
     STOPPED,
     Explanation,
     Explanations,
+    explanation,
     explanations,
     likeliest,
     tied_rounds,
@@ -243,6 +244,20 @@ def test_the_set_that_explains_more_than_the_chosen_one_is_reported_if_it_passes
     reported, left = likeliest(found, rounds, passing(C, D))
     assert reported.state.paths == (A, B)
     assert odds(left, A) == [1.0]
+
+
+def test_a_set_is_reported_without_what_is_idle_in_it_if_that_is_likelier_than_the_chosen_one():
+    """A fit that stopped in a valley, which the start with another effect did not: neither effect is there."""
+    rounds = [round_of(A), round_of(B, C, before=(A,))]
+    for alone, paths in ((130.0, (A,)), (90.0, (A, B))):
+        likely = {(A, B): 100.0, (A, C): 130.0, (A,): alone}
+
+        def passes(made: Explanation, likely=likely) -> Explanation:
+            return explanation(Sets(likely), state_of(PLANT, A), made.rounds[:1])  # type: ignore[arg-type]
+
+        reported, left = likeliest(weighed(likely, *rounds), rounds, passes)
+        assert reported.state.paths == paths
+        assert len({s.candidates for s in left.sets}) == len(left.sets)
 
 
 def test_what_stopped_fits_may_make_is_no_reason_to_report_another_set():

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search import workbench
+from identification.diagnosis.search.attribution import attribute
+from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.searching import search_effects
+from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import run_mission
 from identification.fit.steps import in_steps
@@ -30,6 +34,30 @@ def test_it_is_repeated_in_the_steps_that_suit_what_was_found(monkeypatch, asked
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known is finer
     assert [one is finer for one in asked] == [False] * asked_at + [True] * 2
+
+
+def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behind_they_are(monkeypatch):
+    """Coefficients that paid for an effect may stay where they went once it is there, and others then pay for that."""
+    plant = load_vehicle("slocum")
+    flown = replace_at(plant, "effects.rudder.offset", 0.05)
+    log = check_log(closed_loop(flown, rng=np.random.default_rng(3), duration=600.0), plant, Asked(most=1))
+    known, asked = fit_known(log, lambda fraction, text: None), []
+    fits = Workbench.likelier_from_given
+
+    def likelier(bench, state, hopeless):
+        found = fits(bench, state, hopeless)
+        if hopeless == np.inf:
+            found = replace(found)
+            asked.append((state, found))
+        return found
+
+    monkeypatch.setattr(Workbench, "likelier_from_given", likelier)
+    candidates = candidates_of(known.bench.plant, log.record)
+    state, rounds = attribute(known.bench, known.nominal, candidates, 1, [], lambda fraction, text: None)
+    assert rounds[0].chosen.candidate.paths == ("effects.rudder.offset",)
+    ((before, after),) = asked
+    assert before is rounds[0].chosen.state
+    assert state is after is rounds[1].before
 
 
 def test_what_is_known_is_fitted_in_the_steps_that_suit_it(monkeypatch):
