@@ -15,8 +15,9 @@ from auv_gym.records.log import Column, Group, Log, Scope
 from auv_gym.records.mapping import Source, load_mapping
 from auv_gym.records.naming import candidates
 from auv_gym.records.reading import Needs, Understood, assembled, command_for, find_log, open_log, understood
-from auv_gym.records.record import Record, gap_limit
+from auv_gym.records.record import Record
 from auv_gym.records.suspicions import suspicions
+from auv_gym.records.time_axis import gap_limit
 
 WHOLE = 8e6  # bytes; a slow format's file is read whole below, above it by its index and a sample
 SAMPLE = 2000  # samples of each signal, where a file is too large to read it all
@@ -27,7 +28,7 @@ class SignalLook:
     """What one column holds.
 
     channel: what it is taken as, '' where it is left out.  unit: of low and high.  samples: that have a value.
-    interval: median time between them, s.  gaps: how many intervals are gaps, see `auv_gym.records.record.gap_limit`.
+    interval: median time between them, s.  gaps: how many intervals are gaps, see `time_axis.gap_limit`.
     by: how it was recognised.
     """
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from auv_gym.channels import Channel, channel
 from auv_gym.records.attitude import ANGLES, QUATERNION, angles, from_angles, interpolated, turns_far
-from auv_gym.records.record import RARER, SAME, gap_limit
+from auv_gym.records.record import RARER
+from auv_gym.records.time_axis import SAME, gap_limit
 
 _LEADING = ("heading_rad", "depth_m")  # where no vehicle says which channel it cannot do without
 _SLOWEST = 10.0  # intervals of the base; a motion that is sampled more slowly says nothing of what it did in between,

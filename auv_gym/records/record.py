@@ -11,21 +11,19 @@ from typing import TYPE_CHECKING, Any, Literal, final
 
 import numpy as np
 
-from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, channel
+from auv_gym.channels import CHANNELS, channel
 from auv_gym.param import did_you_mean
 from auv_gym.records.attitude import ANGLES, QUATERNION, interpolated, interpolated_angles, turns_far
 from auv_gym.records.log import FIXES
+from auv_gym.records.mending import MAX_FILL, check_runs, missing_samples, on_dropped, repaired
+from auv_gym.records.time_axis import SAME, at_times, check_time, gap_limit, nearest, numbered, slices
 from auv_gym.writing import replacing
 
 if TYPE_CHECKING:
     import xarray as xr
 
 MOST_SAMPLES = 10_000_000  # that resample makes: 80 MB a channel
-MAX_FILL = 3  # samples; longer runs without a value are gaps
-_SHORTEST_GAP = 0.25  # s
-_COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
 RARER = 1.5  # sample intervals between readings, from which on some samples hold none
-SAME = 1e-3  # sample interval within which stamps are of one time: seconds since 1970 are rounded to 0.2 us
 _LABELS, _NOTES, _INTERVAL = "segment_labels", "notes", "interval_s"
 _UNREAD = ".unread"  # after a channel's name: a variable that is 1 where its value stands between readings
 
@@ -84,9 +82,9 @@ class Record:
         """
         time = _vector("time_s", time_s, None)
         columns = {name: _vector(name, column, time.size) for name, column in values.items()}
-        ids, labels = _numbered(segment, time.size)
-        _check_time(time, ids)
-        slices = _slices(ids)
+        ids, labels = numbered(segment, time.size)
+        check_time(time, ids)
+        parts = slices(ids)
         variables: dict[str, Any] = {}
         marks: dict[str, Any] = {}
         for name, column in columns.items():
@@ -96,24 +94,24 @@ class Record:
                 raise ValueError(
                     f"Channel {name!r} has no value in any of its {time.size} samples: leave it out, or check the log."
                 )
-            repaired = np.where(finite, column, np.nan)
-            for part in slices:
-                repaired[part] = _repaired(time[part], repaired[part], known.angle, known.held, max_fill)
-            between = np.isfinite(repaired) & ~finite
+            mended = np.where(finite, column, np.nan)
+            for part in parts:
+                mended[part] = repaired(time[part], mended[part], known.angle, known.held, max_fill)
+            between = np.isfinite(mended) & ~finite
             filled = int(between.sum())
-            variables[name] = ("time_s", repaired, {"filled": filled} if filled else {})
+            variables[name] = ("time_s", mended, {"filled": filled} if filled else {})
             if unread is not None and name in unread:
                 between = between | unread[name]
             if between.any() and not known.held:
                 marks[name + _UNREAD] = ("time_s", between)
-        missing, costly = _missing(variables, time.size, required)
+        missing, costly = missing_samples(variables, time.size, required)
         for name in costly:
             del variables[name]
-        for name, (_, repaired, _) in variables.items():
+        for name, (_, mended, _) in variables.items():
             if long_runs == "raise" and channel(name).needed:
-                _check_runs(name, time, repaired, max_fill)
+                check_runs(name, time, mended, max_fill)
         if required is not None:
-            notes = [*notes, *costly.values(), *_on_dropped(variables, missing)]
+            notes = [*notes, *costly.values(), *on_dropped(variables, missing)]
         variables |= {name: mark for name, mark in marks.items() if name.removesuffix(_UNREAD) in variables}
         variables["segment"] = ("time_s", ids)
         kept = {_NOTES: list(notes)} if notes else {}
@@ -149,7 +147,7 @@ class Record:
     @property
     def segments(self) -> list[slice]:
         """The segments, in order, as slices of the samples."""
-        return _slices(self.dataset["segment"].values)
+        return slices(self.dataset["segment"].values)
 
     @property
     def labels(self) -> list[str]:
@@ -337,13 +335,13 @@ class Record:
         variables: dict[str, Any] = {}
         for name in self.names:
             held = channel(name).held
-            parts = [_at(grid, time[o], self.dataset[name].values[o], held, dt) for grid, o in zip(grids, origins)]
+            parts = [at_times(grid, time[o], self.dataset[name].values[o], held, dt) for grid, o in zip(grids, origins)]
             own = self.interval_of(name)
             apart = {_INTERVAL: own} if dt < own and not held else {}
             variables[name] = ("time_s", np.concatenate(parts), {**self.dataset[name].attrs, **apart})
             if dt < RARER * own and name + _UNREAD in self.dataset:
                 read = self.readings(name)
-                unread = [~_nearest(grid, time[o][read[o]]) for grid, o in zip(grids, origins)]
+                unread = [~nearest(grid, time[o][read[o]]) for grid, o in zip(grids, origins)]
                 variables[name + _UNREAD] = ("time_s", np.concatenate(unread))
         if set(QUATERNION) <= set(variables):
             attitude = np.column_stack([self[name] for name in QUATERNION])
@@ -408,16 +406,6 @@ class Record:
         return np.concatenate([np.diff(time[part]) for part in self.segments])
 
 
-def gap_limit(intervals: np.ndarray) -> float:
-    """The time between two samples, s, above which a gap lies between them, of the intervals of a signal.
-
-    5 times the median interval, or 3 times the longest of the shorter 90 % where sampling is uneven; never less than
-    0.25 s, by which messages of fast sensors often arrive late.
-    """
-    uneven = 3.0 * float(np.quantile(intervals, 0.9, method="lower"))
-    return max(5.0 * float(np.median(intervals)), uneven, _SHORTEST_GAP)
-
-
 def concat(records: Sequence[Record]) -> Record:
     """Concatenate records with the same channels into one record; each segment keeps its own time.
 
@@ -470,13 +458,6 @@ def _without_marks(dataset: xr.Dataset, names: Iterable[str]) -> xr.Dataset:
     return dataset.drop_vars([name + _UNREAD for name in names], errors="ignore")
 
 
-def _nearest(grid: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Which times of an even grid, (m,), are the nearest to one of some times."""
-    found = np.zeros(grid.size, dtype=bool)
-    found[np.clip(np.round((time - grid[0]) / (grid[1] - grid[0])), 0, grid.size - 1).astype(int)] = True
-    return found
-
-
 def _dataset(variables: Mapping[str, Any], time: Any, attrs: Mapping[str, Any]) -> xr.Dataset:
     import xarray as xr  # not above: with pandas it takes as long to import as all that an environment needs
 
@@ -503,120 +484,6 @@ def _vector(name: str, values: Any, size: int | None) -> np.ndarray:
         wanted = f"({size},)" if size is not None else "(n,)"
         raise ValueError(f"Channel {name!r} needs one value per sample, shape {wanted}, got shape {column.shape}.")
     return column
-
-
-def _numbered(segment: Any, size: int) -> tuple[np.ndarray, list[str]]:
-    """Segments numbered from 0 in order of appearance, and their labels; a label that comes back is a new segment."""
-    if segment is None:
-        return np.zeros(size, dtype=np.int64), [""] * min(size, 1)
-    given = np.asarray(segment)
-    if given.shape != (size,):
-        raise ValueError(f"`segment` needs one label per sample, shape ({size},), got shape {given.shape}.")
-    if given.dtype.kind == "f" and not np.isfinite(given).all():
-        raise ValueError(f"`segment` has no label at row {int(np.argmin(np.isfinite(given))) + 1}: fill it in.")
-    begins = np.ones(size, dtype=bool)
-    begins[1:] = given[1:] != given[:-1]
-    return np.cumsum(begins) - 1, [_label(label) for label in given[begins]]
-
-
-def _label(label: Any) -> str:
-    return f"{label:g}" if isinstance(label, (float, np.floating)) else str(label)
-
-
-def _slices(ids: np.ndarray) -> list[slice]:
-    edges = np.flatnonzero(np.diff(ids)) + 1
-    return [slice(int(a), int(b)) for a, b in zip([0, *edges], [*edges, ids.size])] if ids.size else []
-
-
-def _check_time(time: np.ndarray, ids: np.ndarray) -> None:
-    if not np.isfinite(time).all():
-        raise ValueError(
-            f"Time is missing at row {int(np.argmin(np.isfinite(time))) + 1}: remove the row or fill it in."
-        )
-    bad = (np.diff(time) <= 0.0) & (np.diff(ids) == 0)
-    if bad.any():
-        row = int(np.argmax(bad)) + 1
-        happens, remedy = "goes backwards", "sort the rows"
-        if time[row] == time[row - 1]:
-            happens, remedy = "stands still", "remove the repeated row"
-        raise ValueError(
-            f"Time {happens} at row {row + 1}: {time[row]:.10g} s after {time[row - 1]:.10g} s; {remedy}, or mark a "
-            f"restart with a column {' or '.join(SEGMENT_COLUMNS)}."
-        )
-
-
-def _repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max_fill: int) -> np.ndarray:
-    """Values of one segment with angles unwrapped and short inner runs of NaN filled."""
-    finite = np.isfinite(values)
-    if finite.all() and not angle:
-        return values
-    known = np.flatnonzero(finite)
-    if known.size == 0:
-        return values
-    result = values.copy()
-    if angle:
-        result[known] = np.unwrap(values[known])
-    gaps = np.flatnonzero(np.diff(known) > 1)
-    for gap in gaps[np.diff(known)[gaps] - 1 <= max_fill]:
-        inner = slice(known[gap] + 1, known[gap + 1])
-        ends = [known[gap], known[gap + 1]]
-        result[inner] = result[ends[0]] if held else np.interp(time[inner], time[ends], result[ends])
-    return result
-
-
-def _missing(
-    variables: Mapping[str, Any], size: int, required: Collection[str] | None
-) -> tuple[np.ndarray, dict[str, str]]:
-    """Which samples have no value in a channel that needs one, and which channels cost too much, with a line each.
-
-    Channels that are not required come in the order of what each has lost.
-    """
-    lost = {name: ~np.isfinite(values) for name, (_, values, _) in variables.items() if channel(name).needed}
-    missing, costly = np.zeros(size, dtype=bool), {}
-    for name, here in lost.items():
-        if required is None or name in required:
-            missing |= here
-    if required is not None:
-        for name in sorted(set(lost) - set(required), key=lambda one: (int(lost[one].sum()), list(lost).index(one))):
-            cost, left = int((lost[name] & ~missing).sum()), int((~missing).sum())
-            if cost > _COSTS * left:
-                there = int((~lost[name] & ~missing).sum())
-                costly[name] = (
-                    f"{name}: left out, since it has values at {there:,} of {left:,} samples only; nothing requires it."
-                )
-            else:
-                missing |= lost[name]
-    return missing, costly
-
-
-def _on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
-    """A line on the samples that are dropped, and on the channels without a value there; none where all are kept."""
-    if not missing.any() or missing.all():
-        return []
-    lost = [n for n, (_, values, _) in variables.items() if channel(n).needed and not np.isfinite(values).all()]
-    share = 100.0 * missing.mean()
-    names = " or ".join(lost) if len(lost) < 3 else f"{', '.join(lost[:2])} or others"
-    return [
-        f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) were dropped, where {names} had no value; "
-        "the record is cut there."
-    ]
-
-
-def _check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) -> None:
-    missing = np.flatnonzero(~np.isfinite(values))
-    for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):
-        if run.size > max_fill:
-            raise ValueError(
-                f"Channel {name!r} has no value in {run.size} rows, {run[0] + 1} to {run[-1] + 1} "
-                f"({time[run[0]]:.10g} to {time[run[-1]]:.10g} s); up to {max_fill} in a row are filled in. "
-                "Remove these rows, or cut the record there (long_runs='cut', or no --refuse-gaps)."
-            )
-
-
-def _at(grid: np.ndarray, time: np.ndarray, values: np.ndarray, held: bool, dt: float) -> np.ndarray:
-    if not held:
-        return np.interp(grid, time, values)
-    return values[np.searchsorted(time, grid + SAME * dt, side="right") - 1]
 
 
 def _selected(dataset: xr.Dataset, mask: np.ndarray, note: str | None, breaks: np.ndarray | None = None) -> Record:
@@ -665,11 +532,11 @@ def _checked(dataset: xr.Dataset) -> xr.Dataset:
     if time.size < 2:
         raise ValueError(f"A record needs at least 2 samples, got {time.size}.")
     segment = dataset["segment"].values if "segment" in dataset.data_vars else None
-    ids, labels = _numbered(segment, time.size)
+    ids, labels = numbered(segment, time.size)
     given = dataset.attrs.get(_LABELS)
     if given is not None and np.size(given) == len(labels):
         labels = [str(label) for label in np.atleast_1d(given)]
-    _check_time(time, ids)
+    check_time(time, ids)
     lengths = np.bincount(ids)
     if lengths.min() < 2:
         raise ValueError(f"Segment {int(np.argmin(lengths))} has a single sample: a segment needs at least 2.")

@@ -1,0 +1,82 @@
+"""Values that are missing in the channels of a record: filled in, dropped, or refused."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from auv_gym.channels import channel
+
+MAX_FILL = 3  # samples; longer runs without a value are gaps
+_COSTS = 0.1  # share of the samples; a channel that nobody requires is left out if it would cost more
+
+
+def repaired(time: np.ndarray, values: np.ndarray, angle: bool, held: bool, max_fill: int) -> np.ndarray:
+    """Values of one segment with angles unwrapped and short inner runs of NaN filled."""
+    finite = np.isfinite(values)
+    if finite.all() and not angle:
+        return values
+    known = np.flatnonzero(finite)
+    if known.size == 0:
+        return values
+    result = values.copy()
+    if angle:
+        result[known] = np.unwrap(values[known])
+    gaps = np.flatnonzero(np.diff(known) > 1)
+    for gap in gaps[np.diff(known)[gaps] - 1 <= max_fill]:
+        inner = slice(known[gap] + 1, known[gap + 1])
+        ends = [known[gap], known[gap + 1]]
+        result[inner] = result[ends[0]] if held else np.interp(time[inner], time[ends], result[ends])
+    return result
+
+
+def missing_samples(
+    variables: Mapping[str, Any], size: int, required: Collection[str] | None
+) -> tuple[np.ndarray, dict[str, str]]:
+    """Which samples have no value in a channel that needs one, and which channels cost too much, with a line each.
+
+    Channels that are not required come in the order of what each has lost.
+    """
+    lost = {name: ~np.isfinite(values) for name, (_, values, _) in variables.items() if channel(name).needed}
+    missing, costly = np.zeros(size, dtype=bool), {}
+    for name, here in lost.items():
+        if required is None or name in required:
+            missing |= here
+    if required is not None:
+        for name in sorted(set(lost) - set(required), key=lambda one: (int(lost[one].sum()), list(lost).index(one))):
+            cost, left = int((lost[name] & ~missing).sum()), int((~missing).sum())
+            if cost > _COSTS * left:
+                there = int((~lost[name] & ~missing).sum())
+                costly[name] = (
+                    f"{name}: left out, since it has values at {there:,} of {left:,} samples only; nothing requires it."
+                )
+            else:
+                missing |= lost[name]
+    return missing, costly
+
+
+def on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
+    """A line on the samples that are dropped, and on the channels without a value there; none where all are kept."""
+    if not missing.any() or missing.all():
+        return []
+    lost = [n for n, (_, values, _) in variables.items() if channel(n).needed and not np.isfinite(values).all()]
+    share = 100.0 * missing.mean()
+    names = " or ".join(lost) if len(lost) < 3 else f"{', '.join(lost[:2])} or others"
+    return [
+        f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) were dropped, where {names} had no value; "
+        "the record is cut there."
+    ]
+
+
+def check_runs(name: str, time: np.ndarray, values: np.ndarray, max_fill: int) -> None:
+    """Raises ValueError where more than `max_fill` values in a row are missing."""
+    missing = np.flatnonzero(~np.isfinite(values))
+    for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):
+        if run.size > max_fill:
+            raise ValueError(
+                f"Channel {name!r} has no value in {run.size} rows, {run[0] + 1} to {run[-1] + 1} "
+                f"({time[run[0]]:.10g} to {time[run[-1]]:.10g} s); up to {max_fill} in a row are filled in. "
+                "Remove these rows, or cut the record there (long_runs='cut', or no --refuse-gaps)."
+            )
