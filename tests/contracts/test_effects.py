@@ -188,7 +188,7 @@ def change(name: str, path: str, probes: float) -> np.ndarray:
     return outputs(replace_at(vehicle(name), path, spec.neutral + probes * spec.probe), record) - neutral
 
 
-OF_THE_SAME_PARTS = ("bluerov2", "bluerov2_heavy", "heu_torpedo", "remus100", "vt690")
+OF_THE_SAME_PARTS = ("bluerov2", "bluerov2_heavy", "heu_torpedo", "npsauv", "vt690")
 
 
 def bare_form_of(name: str):

@@ -55,7 +55,9 @@ def test_without_a_current_nothing_to_do_costs_nothing():
     assert [reward for _, reward, *_ in steps] == pytest.approx([0.0] * 200, abs=1e-9)
 
 
-@pytest.mark.parametrize("vehicle", ["bluerov", SLOW, "bluerov2_heavy"])
+@pytest.mark.parametrize(
+    "vehicle", [*(pytest.param(n, marks=pytest.mark.slow) for n in ("bluerov", "bluerov2")), "bluerov2_heavy"]
+)
 def test_a_wrench_is_what_the_vehicle_feels(vehicle):
     """The change of velocity in a short first step, times the mass, over the step, without the thrusters' lag."""
     plant = load_vehicle(vehicle, dt=1e-4)
@@ -230,7 +232,11 @@ def test_waypoints_are_reached_by_thrusters(vehicle):
 
 @pytest.mark.parametrize(
     "task, vehicle",
-    [("Pose", "bluerov2_heavy"), pytest.param("Path", "bluerov2", marks=pytest.mark.slow), ("Path", "bluerov")],
+    [
+        ("Pose", "bluerov2_heavy"),
+        ("Path", "bluerov2_heavy"),
+        *(pytest.param("Path", name, marks=pytest.mark.slow) for name in ("bluerov", "bluerov2")),
+    ],
 )
 def test_a_picture_shows_the_goal_and_every_thruster(task, vehicle):
     pytest.importorskip("matplotlib")
