@@ -2,7 +2,8 @@
 
 A rotation vector, rad, points along the axis of a rotation and is as long as its angle.  Seen from a reference R, an
 attitude A is the vector of R^T A: its parts are small turns about the bow, the starboard and the downward axis where A
-is near R, wherever the bow points.  Quaternions are [eta, e1, e2, e3] as in `frames`.
+is near R, wherever the bow points.  What sensors tell of an attitude errs about level axes and the vertical.
+Quaternions are [eta, e1, e2, e3] as in `frames`.
 Source: Sola 2017, "Quaternion kinematics for the error-state Kalman filter", eqs. (101) and (105).
 """
 
@@ -46,6 +47,22 @@ def into_chart(reference, attitude):
     f0, f1, f2, f3 = quaternion_of(attitude[0], attitude[1], attitude[2])
     e0, e1, e2, e3 = reference[0], reference[1], reference[2], reference[3]
     attitude[0], attitude[1], attitude[2] = turn_between(e0, e1, e2, e3, f0, f1, f2, f3)
+
+
+@outlined
+def into_level_chart(reference, attitude):
+    """As `into_chart`, but about the level axes ahead and to starboard of the reference, and about the vertical.
+
+    Of these an inclinometer tells the first two and a compass the third, however far the vehicle is tilted.
+    """
+    into_chart(reference, attitude)
+    r11, r12, r13, r21, r22, r23, r31, r32, r33 = rotation_of(reference[0], reference[1], reference[2], reference[3])
+    a, b, c = attitude[0], attitude[1], attitude[2]
+    north, east = r11 * a + r12 * b + r13 * c, r21 * a + r22 * b + r23 * c
+    heading = atan2(r21, r11)
+    ch, sh = cos(heading), sin(heading)
+    attitude[0], attitude[1] = ch * north + sh * east, ch * east - sh * north
+    attitude[2] = r31 * a + r32 * b + r33 * c
 
 
 @outlined

@@ -2,8 +2,9 @@
 
 Near the vertical, heading and roll change without bound while the vehicle hardly turns, and jump by half a turn.  There
 a fit sees attitudes as rotation vectors from those that the record holds (`auv_gym.physics.rotations`): at each row the
-three states and the three outputs are small turns about the bow, the starboard and the downward axis, and the reading
-is zero.  All else about a fit stays as it is.
+three states are small turns about the bow, the starboard and the downward axis, the three outputs about the level axes
+ahead and to starboard and the vertical, since inclinometers and compasses err about these, and the reading is zero.
+All else about a fit stays as it is.
 """
 
 from __future__ import annotations

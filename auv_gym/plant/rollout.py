@@ -21,7 +21,7 @@ import numpy as np
 from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import lag_progress, travel
-from auv_gym.physics.rotations import into_chart, out_of_chart
+from auv_gym.physics.rotations import into_chart, into_level_chart, out_of_chart
 from auv_gym.records.attitude import ANGLES
 from auv_gym.vehicles.family import Family, RightHandSide
 
@@ -247,7 +247,7 @@ def along(
                 if single:
                     physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[row])
                     if charted:
-                        into_chart(references[k], y[row, SENSED : SENSED + 3])
+                        into_level_chart(references[k], y[row, SENSED : SENSED + 3])
                         into_chart(references[k], attitude)
                 elif m < last:
                     physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, out)

@@ -38,7 +38,7 @@ class Stretches(Parameters):
 
     windows: neighbouring ones are one stretch, which the filter goes through; of vehicles with `stepped` inputs each is
     a stretch.  A channel whose readings are all the same is taken as not measured.  Where the attitude turns far, its
-    states and readings are rotation vectors about the body axes, see `auv_gym.plant.Chart`.
+    states and readings are rotation vectors, see `auv_gym.plant.Chart`.
     States that nothing tells (`Family.resting`) are not pushed, and only those that commands move (`Family.driven`) are
     followed: what a change of another state does through the rest is missing in the linearised filter.
     process: whether accelerations may push the vehicle; without, each window starts anew, as a free run.

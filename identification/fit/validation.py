@@ -14,7 +14,7 @@ from auv_gym.records.attitude import ANGLES
 from auv_gym.records.record import Record
 from identification.fit.shooting import Shooting
 
-_TURNS = ("turn about the bow axis", "turn about the starboard axis", "turn about the downward axis")
+_TURNS = ("turn about the level axis ahead", "turn about the level axis to starboard", "turn about the vertical")
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,8 @@ class FreeRuns:
     scored: rows past the samples to which the initial states were fitted.  readings: (rows, C), see `Record.readings`;
     None if all are.  signals: (rows, C), where the attitude turns far (`auv_gym.plant.Chart`), what was measured as
     turns about the body axes: the residuals of roll, pitch and heading are then the turns from the model's attitude
-    to the measured one, about the bow, the starboard and the downward axis; else None.  The model's angles stay angles.
+    to the measured one, about the level axes ahead and to starboard and the vertical; else None.  The model's angles
+    stay angles.
     """
 
     channels: tuple[str, ...]

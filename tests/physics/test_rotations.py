@@ -8,7 +8,7 @@ from hypothesis import given, strategies as st
 from scipy.spatial.transform import Rotation
 
 from auv_gym.physics.frames import quaternion_of
-from auv_gym.physics.rotations import into_chart, out_of_chart, turn_between, turned
+from auv_gym.physics.rotations import into_chart, into_level_chart, out_of_chart, turn_between, turned
 
 turns = st.floats(-4.0, 4.0)
 angles = st.tuples(turns, turns, turns)
@@ -61,6 +61,26 @@ def test_angles_go_into_a_chart_and_out_of_it(reference, roll, pitch, heading):
     out_of_chart(e, seen)
     assert rotation_error(rotation(seen), rotation((roll, pitch, heading))) < 1e-14
     assert abs(seen[1]) <= 0.5 * math.pi
+
+
+@given(reference=angles, off=st.floats(-3.0, 3.0))
+def test_a_compass_errs_about_the_vertical_whatever_the_tilt(reference, off):
+    roll, pitch, heading = reference
+    seen = np.array([roll, pitch, heading + off])
+    into_level_chart(np.array(quaternion_of(*reference)), seen)
+    assert seen == pytest.approx([0.0, 0.0, off], abs=1e-12)
+
+
+@given(reference=angles, v=angles)
+def test_level_axes_are_those_of_the_reference_turned_by_its_heading(reference, v):
+    e = np.array(quaternion_of(*reference))
+    seen = np.array(v)
+    out_of_chart(e, seen)
+    into_level_chart(e, seen)
+    short = Rotation.from_rotvec(v).as_rotvec()  # of at most half a turn
+    ahead = rotation(reference).apply([1.0, 0.0, 0.0])
+    level = Rotation.from_euler("z", math.atan2(ahead[1], ahead[0])).inv() * rotation(reference)
+    assert rotation_error(Rotation.from_rotvec(seen), Rotation.from_rotvec(level.apply(short))) < 1e-12
 
 
 def rotation_error(one: Rotation, other: Rotation) -> float:

@@ -52,6 +52,21 @@ def test_parameters_are_recovered_through_the_vertical(logs):
     assert misses <= 3
 
 
+def test_a_compass_errs_about_the_vertical_and_an_inclinometer_about_level_axes():
+    """However far the vehicle is tilted: about body axes, the noise of each would come and go with the attitude."""
+    true, rng, noise = flown(TRUE, 4, seconds=30.0, noise=0.0).without(RATES), np.random.default_rng(4), (0.3, 0.3, 1.5)
+    attitude = Rotation.from_euler("ZYX", true.matrix(ATTITUDE[::-1]))
+    heading = Rotation.from_euler("z", true.matrix(ATTITUDE[2:]))
+    off = heading.apply(np.array(noise) * NOISE * rng.standard_normal((len(true), 3)))
+    read = (Rotation.from_rotvec(off) * attitude).as_euler("ZYX")[:, ::-1]
+    log = true.with_channels(dict(zip(ATTITUDE, read.T, strict=True)))
+    problem = PredictionErrors(TRUE, log, [slice(0, len(log))], process=False)
+    found = problem.noise_at(problem.solve(TRUE, ()))
+    # four standard errors of 300 readings, and what fitted starts take
+    wanted = dict(zip(ATTITUDE, NOISE * np.array(noise), strict=True))
+    assert found.measurement == pytest.approx(wanted, rel=0.2)
+
+
 def test_euler_angles_would_not_do(logs, monkeypatch):
     forced(monkeypatch, False)
     fit = fitted(logs[0])
@@ -150,12 +165,14 @@ def test_free_runs_tell_turns_and_show_angles(logs):
     angles = [runs.channels.index(name) for name in ATTITUDE]
     model, measured = runs.model[:, angles], log.matrix(ATTITUDE)[runs.rows]
     assert np.abs(model - measured).max() <= np.pi + 1e-9  # beside the log, row by row
-    turn = Rotation.from_euler("ZYX", model[:, ::-1]).inv() * Rotation.from_euler("ZYX", measured[:, ::-1])
-    back = Rotation.from_rotvec(runs.residual[:, angles])
+    seen = Rotation.from_euler("ZYX", measured[:, ::-1])
+    turn = Rotation.from_euler("ZYX", model[:, ::-1]).inv() * seen
+    level = Rotation.from_euler("z", measured[:, 2:]).inv() * seen
+    back = Rotation.from_rotvec(level.inv().apply(runs.residual[:, angles]))
     # seen from the measured attitude or from the model's, a turn has one vector
     assert (turn.inv() * back).magnitude().max() < 1e-9
     assert [runs.label(name) for name in ATTITUDE] == [
-        "turn about the bow axis", "turn about the starboard axis", "turn about the downward axis",
+        "turn about the level axis ahead", "turn about the level axis to starboard", "turn about the vertical",
     ]  # fmt: skip
     scores = runs.scores(log)
     kept = runs.residual[runs.scored, runs.channels.index("pitch_rad")]
