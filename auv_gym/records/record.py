@@ -180,7 +180,7 @@ class Record:
         Where it is known only how far readings are apart, one of the several samples between two; else all.
         """
         if name + _UNREAD in self.dataset:
-            return self.dataset[name + _UNREAD].values == 0
+            return (self.dataset[name + _UNREAD].values == 0) & np.isfinite(self.dataset[name].values)
         held, interval = np.ones(len(self), dtype=bool), self.interval_of(name)
         if interval < RARER * self.sample_interval:
             return held

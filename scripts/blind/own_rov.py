@@ -1,0 +1,195 @@
+"""A vehicle with thrusters, driven by hand, by code of its own: no compiled physics, and no effects of the project.
+
+Newton and Euler in body axes about the origin, Euler angles, RK4 at 100 Hz; thrust by the vehicle's table of commands
+after a lag of these.  A pilot pushes two sticks and asks for depths and headings, which loops of a few lines hold.
+Sensors as on such vehicles: a Doppler log of half the rate whose cells are blank in between, and sometimes for longer;
+a compass noisier than the inclinometers, so that attitudes err about the vertical and about level axes; depth in cm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import cos, exp, pi, sin, sqrt, tan
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.plant.thrusters import command_of_thrust, find_thrusters
+from auv_gym.records.record import Record
+from scripts.blind.own_forces import cross
+
+STEP, EVERY = 0.01, 10  # s, and steps to a sample
+TILT, HEADING, RATE, SPEED, DEPTH = 0.3 * pi / 180.0, 0.8 * pi / 180.0, 0.3 * pi / 180.0, 0.02, 0.01
+BLANK = 0.03  # share of the Doppler log's readings that are lost
+PUSHES = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.15])  # N and N m, RMS of random pushes of strength 1
+LASTING = 1.5  # s, their correlation time
+
+
+@dataclass(frozen=True, eq=False)
+class Rov:
+    """A vehicle in water that flows; effects that are read off it: current, thrusters' lost shares and lags.
+
+    State: [north east depth | roll pitch heading | u v w p q r], the velocities over ground.
+    """
+
+    plant: Plant
+
+    @cached_property
+    def mass(self) -> np.ndarray:
+        """(6, 6), with the added mass."""
+        hull = self.plant.hull
+        own, added = hull.mass, hull.added_mass
+        gravity = np.array([hull.x_g, hull.y_g, hull.z_g])
+        matrix = np.diag([own, own, own, hull.i_xx, hull.i_yy, hull.i_zz])
+        matrix[:3, 3:], matrix[3:, :3] = -own * _skew(gravity), own * _skew(gravity)
+        names = ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot")
+        return matrix - np.diag([getattr(added, name) for name in names])
+
+    @cached_property
+    def damping(self) -> np.ndarray:
+        """Linear and quadratic damping by axis, (2, 6)."""
+        axes = zip(("surge", "sway", "heave", "roll", "pitch", "yaw"), "uvwpqr", strict=True)
+        terms = [(getattr(self.plant.hull, axis), rate) for axis, rate in axes]
+        return np.array([[getattr(of, r) for of, r in terms], [getattr(of, f"{r}_{r}") for of, r in terms]])
+
+    @staticmethod
+    def damps(path: str) -> bool:
+        """Whether a coefficient is one of `damping`."""
+        own = zip(("surge", "sway", "heave", "roll", "pitch", "yaw"), "uvwpqr", strict=True)
+        return path in {f"hull.{axis}.{term}" for axis, r in own for term in (r, f"{r}_{r}")}
+
+    def rates(self, x: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        """dx/dt under a wrench, N and N m."""
+        hull, (roll, pitch, heading) = self.plant.hull, x[3:6]
+        current = self.plant.effects.current
+        turn = _rotation(roll, pitch, heading)
+        flow = turn.T @ np.array([current.north, current.east, 0.0])
+        through = x[6:12].copy()
+        through[:3] -= flow
+        linear, angular = (self.mass @ through)[:3], (self.mass @ through)[3:]
+        spin = x[9:12]
+        turned = np.concatenate([cross(spin, linear), cross(spin, angular) + cross(through[:3], linear)])
+        down = turn[2]
+        weight, buoyancy = hull.mass * hull.gravity * down, -hull.buoyancy * down
+        at, of = (np.array([getattr(hull, f"{axis}_{what}") for axis in "xyz"]) for what in "gb")
+        still = np.concatenate([weight + buoyancy, cross(at, weight) + cross(of, buoyancy)])
+        drag = (self.damping[0] + self.damping[1] * np.abs(through)) * through
+        moving = np.linalg.solve(self.mass, wrench + still + drag - turned)
+        moving[:3] -= cross(spin, flow)
+        p, q, r = spin
+        angles = (
+            p + tan(pitch) * (sin(roll) * q + cos(roll) * r),
+            cos(roll) * q - sin(roll) * r,
+            (sin(roll) * q + cos(roll) * r) / cos(pitch),
+        )
+        return np.concatenate([turn @ x[6:9], angles, moving])
+
+
+def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push: float = 0.3) -> Record:
+    """A log of a vehicle at 10 Hz; push: random pushes, over `PUSHES`.
+
+    Effects that it has: `effects.current`, of a thruster `lost` and `lag`, `effects.gyros.bias_p` and
+    `effects.dvl_ground.misalignment`.  Raises ValueError where it comes near the vertical.
+    """
+    rov, thrusters, parts = Rov(plant), find_thrusters(plant), plant.family.body.thrusters
+    lost = np.array([getattr(plant.effects, part.name).lost for part in parts])
+    lags = np.array([getattr(plant.parts, p.name).lag + getattr(plant.effects, p.name).lag for p in parts])
+    half, whole = (1.0 - np.exp(-share * STEP / lags) for share in (0.5, 1.0))
+    allocated, pilot = np.linalg.pinv(thrusters.wrench), Pilot(rng)
+    x, held, random = np.zeros(12), np.zeros(len(parts)), np.zeros(6)
+    x[2], command, rows = pilot.depth, np.zeros(len(parts)), []
+    keeps = exp(-STEP / LASTING)
+    for k in range(int(duration / STEP)):
+        if k % EVERY == 0:
+            thrusts = allocated @ pilot.wrench(k * STEP, x)
+            wanted = zip(thrusts.tolist(), thrusters.curves, thrusters.idle.tolist(), strict=True)
+            command = np.round(np.clip([command_of_thrust(*one) for one in wanted], -1.0, 1.0), 3)
+            rows.append([k * STEP, *_read(plant, x, k // EVERY, rng), *command])
+        middle, held = held + half * (command - held), held + whole * (command - held)
+        thrust = [np.interp(c, curve[:, 1], curve[:, 0]) for c, curve in zip(middle, thrusters.curves, strict=True)]
+        random = keeps * random + push * PUSHES * sqrt(1.0 - keeps * keeps) * rng.standard_normal(6)
+        wrench = thrusters.wrench @ ((1.0 - lost) * thrust) + random
+        k1 = rov.rates(x, wrench)
+        k2 = rov.rates(x + 0.5 * STEP * k1, wrench)
+        k3 = rov.rates(x + 0.5 * STEP * k2, wrench)
+        x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rov.rates(x + STEP * k3, wrench))
+        if not abs(x[4]) < 1.4:
+            raise ValueError(f"The run of {plant.name} came near the vertical after {k * STEP:.0f} s.")
+    names = (
+        "time_s", "roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps",
+        "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "depth_m", *thrusters.channels,
+    )  # fmt: skip
+    columns = dict(zip(names, np.array(rows).T, strict=True))
+    attrs = {"source": "simulated", "vehicle": plant.name}
+    return Record.from_arrays(columns.pop("time_s"), columns, attrs=attrs, max_fill=3)
+
+
+class Pilot:
+    """Sticks that change every few seconds, and loops that hold a depth, a heading and a level attitude."""
+
+    def __init__(self, rng: np.random.Generator):
+        self._rng, self._next, self._stick = rng, 0.0, np.zeros(2)
+        self.depth, self._heading, self._sums = 5.0, 0.0, np.zeros(2)
+
+    def wrench(self, time: float, x: np.ndarray) -> np.ndarray:
+        """What is asked of the thrusters, N and N m."""
+        rng = self._rng
+        if time >= self._next:
+            self._next = time + rng.uniform(3.0, 9.0)
+            self._stick = rng.uniform(-25.0, 25.0, 2) * (rng.random(2) < 0.7)
+            if rng.random() < 0.5:
+                self._heading += rng.uniform(-1.5, 1.5)
+            if rng.random() < 0.4:
+                self.depth = float(np.clip(self.depth + rng.uniform(-1.5, 1.5), 2.0, 10.0))
+        off = np.array([self.depth - x[2], (self._heading - x[5] + pi) % (2.0 * pi) - pi])
+        most = np.array([20.0, 3.0])
+        self._sums = np.clip(self._sums + STEP * EVERY * np.array([4.0, 0.5]) * off, -most, most)
+        heave = np.clip(40.0 * off[0] - 30.0 * x[8] + self._sums[0], -50.0, 50.0)
+        yaw = np.clip(6.0 * off[1] - 2.0 * x[11] + self._sums[1], -8.0, 8.0)
+        return np.array([*self._stick, heave, -x[3] - 0.5 * x[9], -x[4] - 0.5 * x[10], yaw])
+
+
+def _read(plant: Plant, x: np.ndarray, row: int, rng: np.random.Generator) -> list[float]:
+    """Attitude, rates, speeds over ground and depth, as the sensors give them."""
+    level = np.array([TILT, TILT, HEADING]) * rng.standard_normal(3)
+    c, s = cos(x[5]), sin(x[5])
+    seen = _of_vector(np.array([c * level[0] - s * level[1], s * level[0] + c * level[1], level[2]]))
+    angles = _angles(seen @ _rotation(*x[3:6]))
+    rates = x[9:12] + RATE * rng.standard_normal(3) + [plant.effects.gyros.bias_p, 0.0, 0.0]
+    turn = plant.effects.dvl_ground.misalignment
+    u, v, w = x[6:9]
+    speeds = np.array([cos(turn) * u + sin(turn) * v, cos(turn) * v - sin(turn) * u, w])
+    speeds += SPEED * rng.standard_normal(3)
+    if row % 2 or rng.random() < BLANK:
+        speeds[:] = np.nan
+    return [*angles, *rates, *speeds, float(np.round(x[2] + DEPTH * rng.standard_normal(), 2))]
+
+
+def _skew(a: np.ndarray) -> np.ndarray:
+    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+
+
+def _rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
+    """From body axes to north, east, down."""
+    cr, sr, cp, sp, ch, sh = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(heading), sin(heading)
+    return np.array([
+        [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
+        [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
+        [-sp, cp * sr, cp * cr],
+    ])  # fmt: skip
+
+
+def _of_vector(v: np.ndarray) -> np.ndarray:
+    """The rotation about a small vector, to second order."""
+    k = _skew(v)
+    return np.eye(3) + k + 0.5 * k @ k
+
+
+def _angles(turn: np.ndarray) -> tuple[float, float, float]:
+    """Roll, pitch and heading of a rotation."""
+    return (
+        float(np.arctan2(turn[2, 1], turn[2, 2])),
+        float(-np.arcsin(np.clip(turn[2, 0], -1.0, 1.0))),
+        float(np.arctan2(turn[1, 0], turn[0, 0])),
+    )
