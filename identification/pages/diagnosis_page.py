@@ -304,7 +304,7 @@ def _log_facts(d: Diagnosis) -> str:
         text += (
             " Missing samples were filled in: "
             + ", ".join(f"{c} of {channel(n).label}" for n, c in filled.items())
-            + "."
+            + ("; fits count none of them." if not any(channel(n).held for n in filled) else ".")
         )
     if record.attrs.get("derived"):
         text += f" Derived, not measured: {record.attrs['derived']}."

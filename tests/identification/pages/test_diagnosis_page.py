@@ -180,6 +180,14 @@ def test_an_effect_is_compared_with_a_coefficient_that_a_first_fit_does_not_have
     assert "rudder gain has exactly the same effect as constant yaw moment" in Outline(diagnosis_page(d)).text
 
 
+def test_what_was_filled_in_is_said(diagnosis, no_figures):
+    blank = np.where(np.arange(len(diagnosis.record)) == 5, np.nan, diagnosis.record["heading_rad"])
+    values = {name: diagnosis.record[name] for name in diagnosis.record.names} | {"heading_rad": blank}
+    record = Record.from_arrays(diagnosis.record.time, values)
+    text = Outline(diagnosis_page(replace(diagnosis, record=record))).text
+    assert "Missing samples were filled in: 1 of heading; fits count none of them." in text
+
+
 def test_random_pushes_are_said_and_what_they_leave_coloured(diagnosis, no_figures):
     pushed = Noise({"heading_rad": 0.01}, {"r_radps": (0.001, 20.0)})
     text = Outline(diagnosis_page(replace(diagnosis, noise=pushed, left=Left(("heading_rad",), ("heading_rad",))))).text
