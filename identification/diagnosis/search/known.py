@@ -43,7 +43,11 @@ class Known:
 
 def fit_known(log: CheckedLog, progress: Progress) -> Known:
     """The fits of a vehicle without effects; of a log that looks mislabelled nothing is refitted."""
-    bench = Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window)
+    return fitted_on(Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window), log, progress)
+
+
+def fitted_on(bench: Workbench, log: CheckedLog, progress: Progress) -> Known:
+    """The fits on a bench, in steps of integration that suit them."""
     progress(0.02, "filtering with the vehicle as given")
     given = bench.fit(bench.plant, ())
     first = _first_coefficients(bench, given)

@@ -21,7 +21,7 @@ from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import brisk, suited
-from identification.fit.strides import stride_for
+from identification.fit.strides import shorter_stride, stride_for
 from identification.fit.validation import free_runs
 
 ITERATIONS = 12  # of a trial's fit
@@ -59,6 +59,7 @@ class Workbench:
     found foretells the part from the others.
     plant: as given, integrated in the longest steps that hardly move its filter (`identification.fit.steps`).
     doubt: standard deviation of its coefficients, relative.  windows: of free runs, by default the parts' pieces.
+    stride: samples to a row, by default as many as lose little (`identification.fit.strides`).
     """
 
     def __init__(
@@ -68,13 +69,15 @@ class Workbench:
         parts: Sequence[Sequence[slice]],
         doubt: float = np.inf,
         windows: Sequence[slice] = (),
+        stride: int | None = None,
     ):
         pieces = sorted((piece for part in parts for piece in part), key=lambda w: w.start)
         self.windows = tuple(windows) or tuple(pieces)
         self.record, self.parts, self.doubt = record, tuple(parts), doubt
         known = [p for p in plant.coefficients if plant.deviation(p, doubt) > 0.0]
         sought = [path for c in candidates_of(plant, record) if not c.period for path in c.paths]
-        stride = stride_for(plant, record, pieces, known, sought, doubt=doubt)
+        if stride is None:
+            stride = stride_for(plant, record, pieces, known, sought, doubt=doubt)
         self._as_stepped = PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride)
         self.problem = brisk(self._as_stepped)
         self.plant = self.problem.plant
@@ -97,6 +100,14 @@ class Workbench:
         other.problem, other.plant = problem, problem.plant
         other._begin()
         return other
+
+    def in_shorter_rows(self, state: State) -> Workbench:
+        """A bench anew, in shorter rows, if the accelerations of a state move the vehicle within a row, else itself."""
+        stride = shorter_stride(self.problem, state.point)
+        if stride == self.problem.stride:
+            return self
+        given = self._as_stepped
+        return Workbench(given.plant, self.record, self.parts, self.doubt, self.windows, stride)
 
     def taken_over(self, state: State) -> State:
         """A state of a bench in other steps, fitted in those of this one."""
