@@ -78,6 +78,7 @@ def summary(results: Results) -> list[str]:
 def figure(results: Results) -> Figure:
     """Bars of the errors, a panel a unit; on a logarithmic axis where they differ too much to be seen on another."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     of = {unit: [] for unit in _UNITS}
     for log, said in results:
@@ -97,6 +98,10 @@ def figure(results: Results) -> Figure:
         sizes = [size for _, e in bars for size in (*e.stages, e.others) if size]
         if max(sizes) > _WIDE * min(sizes):
             panel.set_xscale("log")
+            panel.xaxis.set(
+                major_locator=LogLocator(subs=(1.0, 2.0, 5.0)), major_formatter=FuncFormatter(lambda x, _: f"{x:g}")
+            )
+            panel.xaxis.set_minor_formatter(NullFormatter())
         panel.invert_yaxis()
         panel.grid(visible=False, axis="y")
     panels[0].legend(ncols=4, loc="lower left", bbox_to_anchor=(0.0, 1.12))
