@@ -1,12 +1,13 @@
-"""Forces on a torpedo by code of its own, from the numbers of its coefficients: hull, fins, propeller, weight.
+"""Forces by code of its own, from the numbers of coefficients: on any hull, and on a torpedo's fins and propeller.
 
-Sources: Fossen 2021, eqs. (3.49), (4.6), (6.1), sec. 9.7; Healey and Lienard 1993 (cross flow, slipstream).
+Sources: Fossen 2021, eqs. (2.31), (2.39), (3.49), (4.6), (6.1), sec. 9.7; Healey and Lienard 1993 (cross flow,
+slipstream).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from math import atan2, cos, pi, sin, sqrt
+from math import atan2, cos, pi, sin, sqrt, tan
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,15 @@ from auv_gym.plant import Plant
 
 _AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 _SYMBOLS = "uvwpqr"
+DAMPING = {
+    f"hull.{axis}.{term}" for axis, r in zip(_AXES, _SYMBOLS, strict=True) for term in (r, f"{r}_{r}")
+}  # of each axis by its own velocity
 _STATIONS = np.linspace(-0.5, 0.5, 11)
 
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """A torpedo in numbers: mass matrices (6, 6), polynomials (6, n) over products of two velocities, and the tree."""
+    """A vehicle in numbers: mass matrices (6, 6), polynomials (6, n) over products of two velocities, and the tree."""
 
     tree: Any
     parts: Any
@@ -39,7 +43,7 @@ class Hull:
     def of(cls, plant: Plant) -> Hull:
         tree = plant.hull
         x, y, z = tree.x_g, tree.y_g, tree.z_g
-        lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        lever = skew(x, y, z)
         rigid = np.zeros((6, 6))
         rigid[:3, :3] = tree.mass * np.eye(3)
         rigid[:3, 3:], rigid[3:, :3] = -tree.mass * lever, tree.mass * lever
@@ -70,9 +74,16 @@ class Hull:
         )
 
     def force(self, nu: np.ndarray, angles: np.ndarray, fins: np.ndarray, drag: float) -> np.ndarray:
-        """Force and moment at a velocity ahead through the water, (6,).
+        """Force and moment on a torpedo at a velocity ahead through the water, (6,).
 
-        angles: roll, pitch, heading.  fins: rudder, stern plane, propulsion command.  drag: factor of surge damping.
+        fins: rudder, stern plane, propulsion command.  Else as `water`.
+        """
+        return self.water(nu, angles, drag) + self._fins(nu, fins) + self._drive(nu, fins)
+
+    def water(self, nu: np.ndarray, angles: np.ndarray, drag: float = 1.0) -> np.ndarray:
+        """Force and moment of water and weight on the hull at a velocity through the water, (6,).
+
+        angles: roll, pitch, heading.  drag: factor of surge damping.
         """
         other = nu[self.second]
         other = np.where(self.linear, 1.0, np.where(self.bent, np.abs(other), other))
@@ -82,7 +93,7 @@ class Hull:
         moment = self.momentum @ nu
         total[:3] -= cross(nu[3:], moment[:3])
         total[3:] -= cross(nu[3:], moment[3:]) + cross(nu[:3], moment[:3])
-        return total + self._weight(angles) + self._cross_flow(nu) + self._fins(nu, fins) + self._drive(nu, fins)
+        return total + self._weight(angles) + self._cross_flow(nu)
 
     def _weight(self, angles: np.ndarray) -> np.ndarray:
         t, (roll, pitch, _) = self.tree, angles
@@ -140,6 +151,33 @@ class Hull:
         total[3] += stream * slip.k_up * p
         total[4] += stream * (slip.m_uq * q + slip.m_uw * w + plane.moment * u * angle)
         return total
+
+
+def turned(angles: np.ndarray) -> np.ndarray:
+    """Rotation from body to north, east, down at roll, pitch and heading, (3, 3).  Source: Fossen 2021, eq. (2.31)."""
+    (a, b, c), (d, e, f) = np.cos(angles), np.sin(angles)
+    return np.array(
+        [
+            [c * b, c * e * d - f * a, c * e * a + f * d],
+            [f * b, f * e * d + c * a, f * e * a - c * d],
+            [-e, b * d, b * a],
+        ]
+    )
+
+
+def angle_rates(angles: np.ndarray, spin: np.ndarray) -> tuple[float, float, float]:
+    """Rates of roll, pitch and heading at body rates p, q, r.  Source: Fossen 2021, eq. (2.39)."""
+    (roll, pitch, _), (p, q, r) = angles, spin
+    return (
+        p + (sin(roll) * q + cos(roll) * r) * tan(pitch),
+        cos(roll) * q - sin(roll) * r,
+        (sin(roll) * q + cos(roll) * r) / cos(pitch),
+    )
+
+
+def skew(x: float, y: float, z: float) -> np.ndarray:
+    """The matrix of a cross product with [x y z] from the left, (3, 3)."""
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:

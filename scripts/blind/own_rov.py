@@ -8,16 +8,15 @@ a compass noisier than the inclinometers, so that attitudes err about the vertic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from math import cos, exp, pi, sin, sqrt, tan
+from functools import partial
+from math import cos, exp, pi, sin, sqrt
 
 import numpy as np
 
 from auv_gym.plant import Plant
 from auv_gym.plant.thrusters import command_of_thrust, find_thrusters
 from auv_gym.records.record import Record
-from scripts.blind.own_forces import cross
+from scripts.blind.own_forces import Hull, angle_rates, cross, skew, turned
 
 STEP, EVERY = 0.01, 10  # s, and steps to a sample
 TILT, HEADING, RATE, SPEED, DEPTH = 0.3 * pi / 180.0, 0.8 * pi / 180.0, 0.3 * pi / 180.0, 0.02, 0.01
@@ -26,64 +25,18 @@ PUSHES = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.15])  # N and N m, RMS of random p
 LASTING = 1.5  # s, their correlation time
 
 
-@dataclass(frozen=True, eq=False)
-class Rov:
-    """A vehicle in water that flows; effects that are read off it: current, thrusters' lost shares and lags.
+def rates(hull: Hull, current: np.ndarray, x: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """dx/dt of a vehicle under a wrench, N and N m, in water that flows, m/s to the north, east and down.
 
     State: [north east depth | roll pitch heading | u v w p q r], the velocities over ground.
     """
-
-    plant: Plant
-
-    @cached_property
-    def mass(self) -> np.ndarray:
-        """(6, 6), with the added mass."""
-        hull = self.plant.hull
-        own, added = hull.mass, hull.added_mass
-        gravity = np.array([hull.x_g, hull.y_g, hull.z_g])
-        matrix = np.diag([own, own, own, hull.i_xx, hull.i_yy, hull.i_zz])
-        matrix[:3, 3:], matrix[3:, :3] = -own * _skew(gravity), own * _skew(gravity)
-        names = ("x_udot", "y_vdot", "z_wdot", "k_pdot", "m_qdot", "n_rdot")
-        return matrix - np.diag([getattr(added, name) for name in names])
-
-    @cached_property
-    def damping(self) -> np.ndarray:
-        """Linear and quadratic damping by axis, (2, 6)."""
-        axes = zip(("surge", "sway", "heave", "roll", "pitch", "yaw"), "uvwpqr", strict=True)
-        terms = [(getattr(self.plant.hull, axis), rate) for axis, rate in axes]
-        return np.array([[getattr(of, r) for of, r in terms], [getattr(of, f"{r}_{r}") for of, r in terms]])
-
-    @staticmethod
-    def damps(path: str) -> bool:
-        """Whether a coefficient is one of `damping`."""
-        own = zip(("surge", "sway", "heave", "roll", "pitch", "yaw"), "uvwpqr", strict=True)
-        return path in {f"hull.{axis}.{term}" for axis, r in own for term in (r, f"{r}_{r}")}
-
-    def rates(self, x: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-        """dx/dt under a wrench, N and N m."""
-        hull, (roll, pitch, heading) = self.plant.hull, x[3:6]
-        current = self.plant.effects.current
-        turn = _rotation(roll, pitch, heading)
-        flow = turn.T @ np.array([current.north, current.east, 0.0])
-        through = x[6:12].copy()
-        through[:3] -= flow
-        linear, angular = (self.mass @ through)[:3], (self.mass @ through)[3:]
-        spin = x[9:12]
-        turned = np.concatenate([cross(spin, linear), cross(spin, angular) + cross(through[:3], linear)])
-        down = turn[2]
-        weight, buoyancy = hull.mass * hull.gravity * down, -hull.buoyancy * down
-        at, of = (np.array([getattr(hull, f"{axis}_{what}") for axis in "xyz"]) for what in "gb")
-        still = np.concatenate([weight + buoyancy, cross(at, weight) + cross(of, buoyancy)])
-        drag = (self.damping[0] + self.damping[1] * np.abs(through)) * through
-        moving = np.linalg.solve(self.mass, wrench + still + drag - turned)
-        moving[:3] -= cross(spin, flow)
-        p, q, r = spin
-        angles = (
-            p + tan(pitch) * (sin(roll) * q + cos(roll) * r),
-            cos(roll) * q - sin(roll) * r,
-            (sin(roll) * q + cos(roll) * r) / cos(pitch),
-        )
-        return np.concatenate([turn @ x[6:9], angles, moving])
+    turn, spin = turned(x[3:6]), x[9:12]
+    flow = turn.T @ current
+    through = x[6:12].copy()
+    through[:3] -= flow
+    moving = hull.inverse @ (wrench + hull.water(through, x[3:6]))
+    moving[:3] -= cross(spin, flow)
+    return np.concatenate([turn @ x[6:9], angle_rates(x[3:6], spin), moving])
 
 
 def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push: float = 0.3) -> Record:
@@ -92,7 +45,8 @@ def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push
     Effects that it has: `effects.current`, of a thruster `lost` and `lag`, `effects.gyros.bias_p` and
     `effects.dvl_ground.misalignment`.  Raises ValueError where it comes near the vertical.
     """
-    rov, thrusters, parts = Rov(plant), find_thrusters(plant), plant.family.body.thrusters
+    thrusters, parts, flows = find_thrusters(plant), plant.family.body.thrusters, plant.effects.current
+    moved = partial(rates, Hull.of(plant), np.array([flows.north, flows.east, 0.0]))
     lost = np.array([getattr(plant.effects, part.name).lost for part in parts])
     lags = np.array([getattr(plant.parts, p.name).lag + getattr(plant.effects, p.name).lag for p in parts])
     half, whole = (1.0 - np.exp(-share * STEP / lags) for share in (0.5, 1.0))
@@ -110,10 +64,10 @@ def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push
         thrust = [np.interp(c, curve[:, 1], curve[:, 0]) for c, curve in zip(middle, thrusters.curves, strict=True)]
         random = keeps * random + push * PUSHES * sqrt(1.0 - keeps * keeps) * rng.standard_normal(6)
         wrench = thrusters.wrench @ ((1.0 - lost) * thrust) + random
-        k1 = rov.rates(x, wrench)
-        k2 = rov.rates(x + 0.5 * STEP * k1, wrench)
-        k3 = rov.rates(x + 0.5 * STEP * k2, wrench)
-        x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rov.rates(x + STEP * k3, wrench))
+        k1 = moved(x, wrench)
+        k2 = moved(x + 0.5 * STEP * k1, wrench)
+        k3 = moved(x + 0.5 * STEP * k2, wrench)
+        x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + moved(x + STEP * k3, wrench))
         if not abs(x[4]) < 1.4:
             raise ValueError(f"The run of {plant.name} came near the vertical after {k * STEP:.0f} s.")
     names = (
@@ -122,7 +76,7 @@ def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push
     )  # fmt: skip
     columns = dict(zip(names, np.array(rows).T, strict=True))
     attrs = {"source": "simulated", "vehicle": plant.name}
-    return Record.from_arrays(columns.pop("time_s"), columns, attrs=attrs, max_fill=3)
+    return Record.from_arrays(columns.pop("time_s"), columns, attrs=attrs)
 
 
 class Pilot:
@@ -155,7 +109,7 @@ def _read(plant: Plant, x: np.ndarray, row: int, rng: np.random.Generator) -> li
     level = np.array([TILT, TILT, HEADING]) * rng.standard_normal(3)
     c, s = cos(x[5]), sin(x[5])
     seen = _of_vector(np.array([c * level[0] - s * level[1], s * level[0] + c * level[1], level[2]]))
-    angles = _angles(seen @ _rotation(*x[3:6]))
+    angles = _angles(seen @ turned(x[3:6]))
     rates = x[9:12] + RATE * rng.standard_normal(3) + [plant.effects.gyros.bias_p, 0.0, 0.0]
     turn = plant.effects.dvl_ground.misalignment
     u, v, w = x[6:9]
@@ -166,23 +120,9 @@ def _read(plant: Plant, x: np.ndarray, row: int, rng: np.random.Generator) -> li
     return [*angles, *rates, *speeds, float(np.round(x[2] + DEPTH * rng.standard_normal(), 2))]
 
 
-def _skew(a: np.ndarray) -> np.ndarray:
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
-
-
-def _rotation(roll: float, pitch: float, heading: float) -> np.ndarray:
-    """From body axes to north, east, down."""
-    cr, sr, cp, sp, ch, sh = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(heading), sin(heading)
-    return np.array([
-        [ch * cp, ch * sp * sr - sh * cr, ch * sp * cr + sh * sr],
-        [sh * cp, sh * sp * sr + ch * cr, sh * sp * cr - ch * sr],
-        [-sp, cp * sr, cp * cr],
-    ])  # fmt: skip
-
-
 def _of_vector(v: np.ndarray) -> np.ndarray:
     """The rotation about a small vector, to second order."""
-    k = _skew(v)
+    k = skew(*v.tolist())
     return np.eye(3) + k + 0.5 * k @ k
 
 

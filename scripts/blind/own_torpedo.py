@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, sin, tan
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from controllers.autopilots import autopilot
 from controllers.composed.excited import Excited
 from identification.experiments.manoeuvres import draw_manoeuvres, steered
 from scripts.blind.disturbances import Around, Slack, lopsided
-from scripts.blind.own_forces import Hull, cross
+from scripts.blind.own_forces import Hull, angle_rates, cross, turned
 
 _SUBSTEPS = 2
 SENSORS = {  # the outputs of each, in the order of a reading
@@ -128,7 +127,7 @@ class Body:
             rate = (target[i] - fins[i]) / max(lag, 1e-3)
             fastest = 1.0 / slowness if slowness > 0.0 else np.inf
             dx[12 + i] = min(max(rate, -fastest), fastest)
-        nu, turn = x[:6], _turned(x[9:12])
+        nu, turn = x[:6], turned(x[9:12])
         around = self.around
         drag = 1.0 if around.tripping is None else around.tripping.factor(bool(x[16]))
         force = self.hull.force(nu, x[9:12], fins, drag)
@@ -137,11 +136,7 @@ class Body:
             dx[17:19] = (x[6:8] - x[17:19]) / FOLLOW
         dx[:6] = self.hull.inverse @ force
         dx[6:9] = turn @ nu[:3]
-        roll, pitch, _ = x[9:12]
-        p, q, r = nu[3:]
-        dx[9] = p + (sin(roll) * q + cos(roll) * r) * tan(pitch)
-        dx[10] = cos(roll) * q - sin(roll) * r
-        dx[11] = (sin(roll) * q + cos(roll) * r) / cos(pitch)
+        dx[9:12] = angle_rates(x[9:12], nu[3:])
         return dx
 
     def _pull(self, x: np.ndarray, turn: np.ndarray, tether: Slack) -> np.ndarray:
@@ -150,15 +145,3 @@ class Body:
         distance = float(np.sqrt(line @ line))
         force = turn.T @ (tether.pull(distance) / max(distance, 1.0) * line)
         return np.concatenate([force, cross(np.array([-0.5 * self.hull.tree.length, 0.0, 0.0]), force)])
-
-
-def _turned(angles: np.ndarray) -> np.ndarray:
-    """Rotation from body to north, east, down at roll, pitch and heading, (3, 3).  Source: Fossen 2021, eq. (2.31)."""
-    (a, b, c), (d, e, f) = np.cos(angles), np.sin(angles)
-    return np.array(
-        [
-            [c * b, c * e * d - f * a, c * e * a + f * d],
-            [f * b, f * e * d + c * a, f * e * a - c * d],
-            [-e, b * d, b * a],
-        ]
-    )

@@ -19,7 +19,8 @@ import numpy as np
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
 from identification.diagnosis import as_json, diagnose
-from scripts.blind.own_rov import Rov, driven
+from scripts.blind.own_forces import DAMPING
+from scripts.blind.own_rov import driven
 from scripts.studies.harness import Found, Option, Sheet, Study
 
 VEHICLE = "bluerov2_heavy"
@@ -38,7 +39,7 @@ CASES: Mapping[str, Mapping[str, float]] = {
 def truth_of(case: str, rng: np.random.Generator) -> Plant:
     """The vehicle of a case, its damping drawn."""
     plant = load_vehicle(VEHICLE)
-    paths = [path for path in plant.coefficients if Rov.damps(path)]
+    paths = [path for path in plant.coefficients if path in DAMPING]
     factors = 1.0 + OFF * rng.standard_normal(len(paths))
     moved = {path: factor * value_at(plant, path) for path, factor in zip(paths, factors.tolist(), strict=True)}
     return replace_at(plant, {**moved, **CURRENT, **CASES[case]})
