@@ -14,6 +14,7 @@ from identification.fit.kalman import Pass, System, run_filter, slopes_of, start
 from identification.fit.kept import KeptSlopes
 from identification.fit.linearised import Linearised, at_once
 from identification.fit.parameters import moves_of
+from identification.fit.responses import Responses
 
 _SAME = 0.05  # of the log-likelihood: starts that bring less leave the path as it is
 _PASSES = 4  # of the filter, each from starts that the one before has fitted
@@ -291,7 +292,11 @@ class Filter(Linearised):
 
     def is_pushed(self, point: Point) -> bool:
         """Whether random accelerations have any part in a point."""
-        return bool(self._there(point.logs).any())
+        return bool(self.pushes(point).any())
+
+    def pushes(self, point: Point) -> np.ndarray:
+        """Which of the accelerations have a part in a point, (D,)."""
+        return self._there(point.logs)
 
     def _cost(self, logs: np.ndarray) -> float:
         """What accelerations must be worth to be there, of the log-likelihood."""
@@ -506,10 +511,9 @@ class Filter(Linearised):
         """Slopes by the paths of the errors that count, by responses where a point has any; (P, rows * C)."""
         known = None if point.system is None else point.system.responses
         many = [] if known is None else [p for p in paths if p in known.paths]
-        if not many or known is None or point.system is None:
+        if not many or known is None:
             return self.counted_slopes(point, paths)
-        numbers = (point.gains[:, self._moving], point.whiten, self._numbers(point.logs)[2])
-        soon = driven_slopes(point.system, *numbers, known.of(many))
+        soon = self._driven(point, known.of(many))
         found = np.empty((len(paths), *self.measured.shape))
         found[[p in known.paths for p in paths]] = soon
         rest = [p for p in paths if p not in known.paths]
@@ -522,12 +526,32 @@ class Filter(Linearised):
         The same as those of the vehicle itself to what responses are off by, at hardly any cost.
         """
         known = None if point.system is None else point.system.responses
-        if known is None or point.system is None or not set(paths) <= set(known.paths):
+        if known is None or not set(paths) <= set(known.paths):
             return None
-        later, numbers = known.of(paths), self._numbers(point.logs)[2]
-        shares = shares[:, None, None]
-        later = replace(later, onward=later.onward * shares, seen=later.seen * shares)
-        return driven_slopes(point.system, point.gains[:, self._moving], point.whiten, numbers, later)
+        later, shares = known.of(paths), shares[:, None, None]
+        return self._driven(point, replace(later, onward=later.onward * shares, seen=later.seen * shares))
+
+    def partly_slopes(self, point: Point, path: str, shares: np.ndarray) -> np.ndarray:
+        """Slopes by a path that changes by shares in each row, (P, rows), of a point with a system, (P, rows, C)."""
+        whole = self._responses(point.vector, point.path, (path,))
+        return self._driven(
+            point, Responses((path,) * len(shares), whole.onward * shares.T[:, None], whole.seen * shares.T[:, None])
+        )
+
+    def pushed_slopes(self, point: Point, axis: int, laws: np.ndarray) -> np.ndarray:
+        """Slopes by accelerations of the `axis`-th pushed state that follow laws, (P, rows), (P, rows, C).
+
+        Of a point with a system; an acceleration is that of a row until the next one begins.
+        """
+        assert point.system is not None
+        solid, laws = len(self.live), laws.T[:, None]
+        moved, seen = point.system.a[:, :, solid + axis, None], point.system.c[:, :, solid + axis, None]
+        return self._driven(point, Responses(("",) * laws.shape[2], moved * laws, seen * laws))
+
+    def _driven(self, point: Point, responses: Responses) -> np.ndarray:
+        assert point.system is not None
+        numbers = (point.gains[:, self._moving], point.whiten, self._numbers(point.logs)[2])
+        return driven_slopes(point.system, *numbers, responses)
 
     def descended(self, here: Point, paths: Sequence[str], iterations: int = _DESCENTS, exact: bool = False) -> Point:
         """The point of least squared errors over paths and starts, the filter's gains held; Levenberg and Marquardt.

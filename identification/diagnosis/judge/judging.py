@@ -75,16 +75,16 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         stays = [made.chosen is not None and made.chosen.candidate in kept for made in held]
         dropped |= {made.chosen: LEANS for made, stay in zip(held, stays, strict=True) if made.chosen and not stay}
         held, survivals = list(compress(held, stays)), list(compress(survivals, stays))
-        left = what_is_left(bench, state, searched.library)
+        left = what_is_left(bench, state)
     progress(0.82, "weighing what explains the log as well")
     weighed = weigh(known, searched, state, rounds, survivals, asked.most)
     if weighed.state is not state:
-        state, left = weighed.state, what_is_left(bench, weighed.state, searched.library)
+        state, left = weighed.state, what_is_left(bench, weighed.state)
     rounds, survivals = weighed.rounds, weighed.survivals
     differing = [d for d in (sizes_by_dive(bench, state, p) for p in plant.family.by_dive) if d is not None]
     dives = next((d for d in differing if d.path in state.paths), None)
     if dives is not None:
-        left = what_is_left(dives.bench, dives.state, searched.library)
+        left = what_is_left(dives.bench, dives.state)
     elif differing:  # an effect that the search has not found, since its mean does little
         left = replace(left, changes=left.changes or differing[0].path)
     sizes = bench.intervals(state)
@@ -114,7 +114,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         why |= {r.chosen.candidate.paths[0]: WORSE for r in rounds if r.chosen is not None}
         state, after, held, rounds, effects, tied = nominal, before, [], (), [], []
         weighed, sizes = Weighed(nominal, (), (), Explanations(())), bench.intervals(nominal)
-        left = what_is_left(bench, nominal, searched.library) or left
+        left = what_is_left(bench, nominal) or left
     rest = [] if log.slipped else candidates_of(state.plant, record)
     if rest and not left and dives is None:
         progress(0.86, "looking for an effect that acts in a part of the log")
@@ -149,10 +149,11 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         progress(0.88, "looking for a term that no effect is")
         discovery = Discovery(state.plant, state.paths, state)
         # a family may have no terms to choose from
-        if searched.library and bench.goes_on("looked for a term that no effect is"):
+        library = library_of(state.plant)
+        if library and bench.goes_on("looked for a term that no effect is"):
             discovery = extras.attempt(
                 "The search for a term that no effect is",
-                lambda: discover(bench, state, searched.library, rng, settle),
+                lambda: discover(bench, state, library, rng, settle),
                 discovery,
             )
         still: object = left
@@ -161,7 +162,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
             if explained_share(after, tried, many) < 0.0:
                 discovery = discovery.refused(state, WORSE.format(it="it"))
             else:
-                after, still = tried, what_is_left(bench, discovery.state, library_of(discovery.plant))
+                after, still = tried, what_is_left(bench, discovery.state)
         if still:
             habitat = extras.attempt(
                 "The description of what remains", lambda: residual_habitat(after.fitted, record, rng), None

@@ -60,7 +60,7 @@ def weigh(
         return survival(bench, made, made.before or nominal, count)
 
     def search(near: State, beside: Sequence[Trial]) -> Round | None:
-        if bench.followed > FEW_STATES or not what_is_left(bench, near, searched.library):
+        if bench.followed > FEW_STATES or not what_is_left(bench, near):
             return None
         used = {t.candidate for t in beside}
         left = [c for c in searched.candidates if c not in used]

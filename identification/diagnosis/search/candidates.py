@@ -226,10 +226,14 @@ class Regression:
         """Evidence that a move of the fitted parameters and starts promises by itself."""
         return float(self.residual @ self.residual - self.left @ self.left)
 
+    def beside(self, signatures: np.ndarray) -> np.ndarray:
+        """What fitted parameters and starts cannot imitate of signatures, (P, rows * C), as long as `left`."""
+        wide = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
+        return wide - (wide @ self.basis) @ self.basis.T
+
     def evidence_of(self, signatures: np.ndarray) -> float:
         """Evidence for a vehicle that may move by all of some signatures, (P, rows * C), at once."""
-        wide = np.hstack([signatures, np.zeros((len(signatures), len(self.fitted)))])
-        rest = wide - (wide @ self.basis) @ self.basis.T
+        rest = self.beside(signatures)
         told = rest @ self.left
         return float(told @ np.linalg.pinv(rest @ rest.T, rcond=1e-10, hermitian=True) @ told)
 
@@ -245,8 +249,7 @@ class Regression:
         What coefficients and starts can imitate is left out.  The effects are run at these sizes: no slope is scaled.
         """
         changes = self.problem.counted_flat(self.problem.columns_of(self.point, list(sizes.items())))
-        changes = np.hstack([changes, np.zeros((len(changes), len(self.fitted)))])
-        rest = np.linalg.norm(changes - (changes @ self.basis) @ self.basis.T, axis=1)
+        rest = np.linalg.norm(self.beside(changes), axis=1)
         return {path: float(size * one) for (path, size), one in zip(sizes.items(), rest, strict=True)}
 
     def of(self, candidates: Sequence[Candidate], vector: np.ndarray | None = None) -> list[Screening]:

@@ -113,7 +113,7 @@ def discover(
     settle = state.plant.settle if settle is None else settle
     terms, rejected, often, scales = [], [], {}, {}
     for _ in range(MOST_TERMS):
-        if terms and not what_is_left(bench, state, library_of(state.plant)):
+        if terms and not what_is_left(bench, state):
             break
         found, frequencies = search(bench, state, [p for p in library if p not in state.paths], rng)
         often = {p: max(f, often.get(p, 0.0)) for p, f in frequencies.items()} | {t.path: t.frequency for t in terms}

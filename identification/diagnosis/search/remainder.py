@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from identification.deciding import BLOCKS, CONTENDERS, EXCESS, FEW_STATES, LEFT, MOST_PARTS, SURE
-from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import Candidate, Regression, screen
+from identification.diagnosis.search.candidates import Candidate, Regression
 from identification.diagnosis.search.constancy import steadiness
+from identification.diagnosis.search.dependence import CLOCK, Dependence, clock_varies, dependence
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.parameters import moves_of
 from identification.fit.validation import whiteness
@@ -22,14 +22,13 @@ class Left:
     """What the filter's errors still hold, which noise would not.
 
     coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
-    others.  depends: the term of the library on which they depend most, or "".  changes: a coefficient or an effect in
-    which parts of the record contradict each other, or "".  passing: an effect that the whole record does not show, but
-    parts of it do, or "".
+    others.  depends: what they depend on most.  changes: a coefficient or an effect in which parts of the record
+    contradict each other, or "".  passing: an effect that the whole record does not show, but parts of it do, or "".
     """
 
     coloured: tuple[str, ...] = ()
     bursts: tuple[str, ...] = ()
-    depends: str = ""
+    depends: Dependence | None = None
     changes: str = ""
     passing: str = ""
 
@@ -37,12 +36,13 @@ class Left:
         return bool(self.coloured or self.bursts or self.depends or self.changes or self.passing)
 
 
-def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left:
+def what_is_left(bench: Workbench, state: State) -> Left:
     """What the errors of the filter hold that noise would not.
 
-    Process noise is taken to be random and steady: where it follows speeds, depths or angles, or comes in bursts, it is
-    an effect that nobody knows.  A coefficient that differs from one part of the record to the next is none.  Colour,
-    bursts, dependence and change are a test each, and each sees something in a share `LEFT` of the records without.
+    Process noise is taken to be random and steady: where it follows speeds, depths, angles or commands, or comes in
+    bursts, it is an effect that nobody knows.  A coefficient that differs from one part of the record to the next is
+    none, nor is a clock whose rate does.  Colour, bursts, dependence, change and clock are a test each, and each sees
+    something in a share `LEFT` of the records without.
     """
     problem, point = bench.problem, state.point
     fitted = bench.fitted_basis(state)
@@ -53,24 +53,12 @@ def what_is_left(bench: Workbench, state: State, library: Sequence[str]) -> Left
             coloured.append(name)
         if comes_in_bursts(errors, stretch, level):
             bursts.append(name)
-    depends = ""
-    if library:
-        terms = [Candidate(path, (path,)) for path in library]
-        unit, moves = problem.scaled(dict.fromkeys(library, 1.0)), [(p, 1e-6) for p in library]
-        columns = unit.columns_of(point, moves)
-        size = np.sqrt((columns**2).sum(axis=(1, 2)))
-        scales = {p: 1.0 / max(float(s), 1e-9) for p, s in zip(library, size, strict=True)}
-        # terms are neutral at zero, where forces go with them: these slopes, in the scales by which they are screened
-        own = problem.scaled(scales)
-        own.keep_columns(point, moves_of(library), columns * np.array([scales[p] for p in library])[:, None, None])
-        bar = threshold(len(library), level=LEFT)
-        best = screen(own, point, state.paths, terms, bar)
-        if best and best[0].evidence > bar:
-            depends = best[0].candidate.paths[0]
     own, changes = [p for p in state.paths if p in state.plant.doubted], ""
     if own and (least := steadiness(bench, state, own, quietly=False, level=LEFT)).probability < LEFT:
         changes = least.path
-    return Left(tuple(coloured), tuple(bursts), depends, changes)
+    elif clock_varies(bench, state):
+        changes = CLOCK
+    return Left(tuple(coloured), tuple(bursts), dependence(bench, state), changes)
 
 
 def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidate]) -> str:

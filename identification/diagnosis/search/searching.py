@@ -9,7 +9,6 @@ from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
 from identification.diagnosis.search.candidates import Candidate, candidates_of
-from identification.diagnosis.search.discovery import library_of
 from identification.diagnosis.search.known import Known, fitted_on
 from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.swaps import Reconsidering
@@ -32,7 +31,6 @@ class Searched:
     nominal: State
     state: State
     rounds: tuple[Round, ...]
-    library: tuple[str, ...]
     left: Left
 
 
@@ -53,8 +51,7 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     if suited is not known:
         return search_effects(log, suited, progress)
     state, rounds = settled(bench, nominal, state, rounds, len(candidates))
-    library = library_of(state.plant)
-    left = what_is_left(bench, state, library)
+    left = what_is_left(bench, state)
     second = Reconsidering(bench, candidates, most, kinematics.mismatches)
     again = state
     if rounds and (left or bench.problem.is_pushed(state.point)) and bench.goes_on("tried pairs of effects"):
@@ -68,14 +65,14 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
         again, rounds = confirmed(bench, nominal, again, rounds, len(candidates))
         if again is not state:
             state = again
-            left = what_is_left(bench, state, library)
-    if state is nominal and left and not what_is_left(bench, given, library):
+            left = what_is_left(bench, state)
+    if state is nominal and left and not what_is_left(bench, given):
         state = nominal = given  # what the errors refute is the refit, not the vehicle
-        left = what_is_left(bench, given, library)
+        left = what_is_left(bench, given)
     suited = known.in_suited_steps(state)
     if suited is not known:
         return search_effects(log, suited, progress)
     shorter = bench.in_shorter_rows(state) if left else bench
     if shorter is not bench:
         return search_effects(log, fitted_on(shorter, log, progress), progress)
-    return Searched(known, tuple(candidates), kinematics, nominal, state, tuple(rounds), library, left)
+    return Searched(known, tuple(candidates), kinematics, nominal, state, tuple(rounds), left)

@@ -17,7 +17,7 @@ from identification.diagnosis.judge.judgement import (
 )
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import remainder
-from identification.diagnosis.search.discovery import library_of
+from identification.diagnosis.search.dependence import Dependence
 from identification.diagnosis.search.remainder import Left, comes_in_bursts, is_coloured, what_is_left
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.missions import run_mission
@@ -95,7 +95,7 @@ def test_channels_share_the_probability_of_a_false_flag(channels, flagged, monke
     bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((*shape, 0)))
     errors = np.random.default_rng(4).standard_normal(shape)
     state = SimpleNamespace(point=point_of(np.zeros(100), errors=errors), paths=())
-    assert bool(what_is_left(bench, state, ())) is flagged
+    assert bool(what_is_left(bench, state)) is flagged
 
 
 def test_what_is_left_is_said_by_channel():
@@ -105,11 +105,11 @@ def test_what_is_left_is_said_by_channel():
     errors = np.stack([white, white + slow], axis=1)
     bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((20_000, 2, 0)))
     state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
-    found = what_is_left(bench, state, ())
+    found = what_is_left(bench, state)
     assert found == Left(("heading_rad",))
     assert found
     assert not Left()
-    assert Left(depends="effects.discovered.yaw.r")
+    assert Left(depends=Dependence("r_radps", "heading_rad", False))
 
 
 def test_errors_that_come_in_bursts_are_left():
@@ -118,7 +118,7 @@ def test_errors_that_come_in_bursts_are_left():
     bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((20_000, 1, 0)))
     errors = (white * (1.0 + 0.5 * slow))[:, None]
     state = SimpleNamespace(point=point_of(np.zeros(20_000), errors=errors), paths=())
-    assert what_is_left(bench, state, ()) == Left(bursts=("r_radps",))
+    assert what_is_left(bench, state) == Left(bursts=("r_radps",))
 
 
 def test_colour_is_that_from_reading_to_reading():
@@ -129,7 +129,7 @@ def test_colour_is_that_from_reading_to_reading():
     problem = SimpleNamespace(channels=("depth_m",), stretch_of_row=np.repeat(np.arange(200), 500), finite=seen)
     bench = SimpleNamespace(problem=problem, fitted_basis=lambda state: np.zeros((100_000, 1, 0)))
     state = SimpleNamespace(point=point_of(np.zeros(100_000), errors=errors), paths=())
-    assert what_is_left(bench, state, ()) == Left(("depth_m",))
+    assert what_is_left(bench, state) == Left(("depth_m",))
 
 
 def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are_white():
@@ -140,10 +140,9 @@ def test_pushes_that_follow_the_vehicles_motion_are_left_although_the_errors_are
         record = run_mission(replace_at(plant, term, size), np.random.default_rng(2), duration=900.0)
         bench = Workbench(plant, record, parts_of(plant, record), 0.1)
         state = bench.fit(plant, plant.family.coefficients)
-        left[size] = what_is_left(bench, state, library_of(plant))
+        left[size] = what_is_left(bench, state)
         assert ("r_radps" in bench.problem.noise_at(state.point).process) == (size > 0.0)
-        assert not what_is_left(bench, state, ())
-    assert left == {0.0: Left(), 0.02: Left(depends=term)}
+    assert left == {0.0: Left(), 0.02: Left(depends=Dependence("r_radps", "heading_rad", False))}
 
 
 def stage(residual, readings=None):

@@ -124,8 +124,8 @@ def test_a_weaker_effect_of_which_parts_contradict_each_other_is_not_named_and_t
 def test_a_coefficient_that_changes_half_way_is_left():
     """Of all coefficients at once: the rudder's, which nothing else may pay for."""
     given = value_at(load_vehicle("slocum"), "hull.n_delta")
-    assert what_is_left(*fitted(300.0, "hull.n_delta", 1.5 * given, ()), ()).changes == "hull.n_delta"
-    assert what_is_left(*fitted(300.0, "hull.n_delta", given, ()), ()) == Left()
+    assert what_is_left(*fitted(300.0, "hull.n_delta", 1.5 * given, ())).changes == "hull.n_delta"
+    assert what_is_left(*fitted(300.0, "hull.n_delta", given, ())) == Left()
 
 
 def dived(airs, also=(AIR,)):
@@ -150,7 +150,7 @@ def test_dives_with_another_trapped_air_each_get_their_own_and_dives_alike_do_no
     for size, true in zip(found.sizes, airs, strict=True):
         assert size.value == pytest.approx(true, abs=3e-6)  # a probe is 1e-5
         assert size.ci95[0] < size.value < size.ci95[1]
-    assert not what_is_left(found.bench, found.state, ())
+    assert not what_is_left(found.bench, found.state)
     assert sizes_by_dive(*dived((5e-5, 5e-5, 5e-5)), AIR) is None
 
 

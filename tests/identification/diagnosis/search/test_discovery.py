@@ -100,7 +100,7 @@ def test_a_search_repeats_to_the_last_digit():
 @pytest.mark.parametrize("left", [False, True])
 def test_a_second_term_is_sought_where_something_is_left(monkeypatch, left):
     asked, real = [], discovery.search
-    monkeypatch.setattr(discovery, "what_is_left", lambda bench, state, library: Left(changes="x" if left else ""))
+    monkeypatch.setattr(discovery, "what_is_left", lambda bench, state: Left(changes="x" if left else ""))
     monkeypatch.setattr(discovery, "search", lambda *args: asked.append(args) or real(*args))
     found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0))
     assert [t.path for t in found.terms] == [f"{YAW}sin_2heading"]
@@ -121,7 +121,7 @@ def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
         return Found(true, State(problem.plant_at(point, paths), paths, point), 1.0, (), scales), {}
 
     monkeypatch.setattr(discovery, "search", blind_at_first)
-    monkeypatch.setattr(discovery, "what_is_left", lambda bench, state, library: Left(changes="x"))
+    monkeypatch.setattr(discovery, "what_is_left", lambda bench, state: Left(changes="x"))
     found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0))
     assert len(asked) == 2
     assert [t.path for t in found.terms] == [true]

@@ -49,7 +49,7 @@ def test_it_is_repeated_in_shorter_rows_where_something_is_left(monkeypatch, lef
         return shorter
 
     monkeypatch.setattr(Workbench, "in_shorter_rows", in_shorter_rows)
-    monkeypatch.setattr(searching, "what_is_left", lambda bench, state, library: left)
+    monkeypatch.setattr(searching, "what_is_left", lambda bench, state: left)
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known.bench is (shorter if left else known.bench)
     assert asked == ([known.bench, shorter] if left else [])

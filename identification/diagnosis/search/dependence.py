@@ -1,0 +1,166 @@
+"""Whether what random accelerations explain follows a signal: a speed, a depth, a command, the time, or their past."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from auv_gym.channels import channel
+from auv_gym.records.attitude import ANGLES
+from identification.deciding import FEW_STATES, LEFT
+from identification.diagnosis.search.candidates import Regression
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.filtering import Point
+from identification.fit.prediction_errors import PredictionErrors
+
+TIME = "time_s"
+CLOCK = "effects.clock.rate"
+_PIECES, _FEWER = 8, 4  # into which the range of a signal is cut, and that of vehicles with many states
+_ORDERS = (1, 2, 3)  # of the harmonics of an angle that goes round
+_STILL = 0.01  # deviations of a signal, below which a row's change is none
+_CLOCK_PARTS = (12, 24)  # of a record, in each of which its clock may have another rate
+_LEAST_REST = 1e-3  # share of a signature beside what is fitted, below which it shows nothing
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """What follows what: a velocity (or position) that is pushed, and the signal that the push depends on.
+
+    remembers: whether it depends on what the signal did before, as with hysteresis, play or sticking.
+    """
+
+    pushed: str
+    signal: str
+    remembers: bool
+
+
+def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependence | None:
+    """The surest dependence of what pushes the vehicle on a signal, None if chance would do as well.
+
+    A push that follows a signal is no noise, whatever its law: steps and ramps at eighths of the signal's range, its
+    square and its size, harmonics of an angle, switches with hysteresis, and the direction of the last motion.  Each is
+    tried as an acceleration of each velocity, by a regression of the prediction errors, alone and, by signal, together.
+    Evidence is the smaller one of that with errors of one size, and of that with errors of any size (White 1980,
+    Econometrica 48): errors that are merely larger at times show nothing.
+    Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
+    level: probability of a dependence where there is none.
+    """
+    problem, point = bench.problem, state.point
+    if point.system is None:
+        return None
+    few = bench.followed <= FEW_STATES
+    axes = np.arange(len(problem.pushed)) if few else np.flatnonzero(problem.pushes(point))
+    regression = Regression(problem, point, state.paths, 0.0)
+    begins = np.zeros(len(problem.rows), dtype=bool)
+    begins[problem.offsets] = True
+    alone: list[tuple[float, Dependence]] = []
+    together: list[tuple[float, Dependence]] = []
+    for name, values in signals_of(problem, point).items():
+        for remembers, laws in enumerate(laws_of(name, values, begins, _PIECES if few else _FEWER)):
+            for axis in axes if laws else ():
+                told = Dependence(problem.pushed[axis], name, bool(remembers))
+                signatures = problem.counted_flat(problem.pushed_slopes(point, int(axis), np.array(laws)))
+                singly, (evidence, directions) = _evidence(regression, signatures)
+                alone += [(float(chi2.sf(e, 1)), told) for e in singly]
+                if directions:
+                    together.append((float(chi2.sf(evidence, directions)), told))
+    chances = [(len(tried) * chance, told) for tried in (alone, together) for chance, told in tried]
+    chance, told = min(chances, key=lambda item: item[0], default=(1.0, None))
+    return told if chance < 0.5 * level else None
+
+
+def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
+    """Whether the clock of a record surely had different rates in different parts of it.
+
+    The time stamps then disagree with the motion in all channels at once, which accelerations can only imitate.
+    """
+    problem, point = bench.problem, state.point
+    if point.system is None or CLOCK not in problem.index:
+        return False
+    regression, chances, rows = Regression(problem, point, state.paths, 0.0), [], len(problem.rows)
+    for parts in _CLOCK_PARTS:
+        part = np.arange(rows) * parts // rows
+        within = (part == np.arange(parts)[:, None]).astype(float)
+        signatures = problem.counted_flat(problem.partly_slopes(point, CLOCK, within))
+        _, (evidence, directions) = _evidence(regression, signatures)
+        chances.append(float(chi2.sf(evidence, directions)) if directions else 1.0)
+    return len(chances) * min(chances) < level
+
+
+def signals_of(problem: PredictionErrors, point: Point) -> dict[str, np.ndarray]:
+    """What a push may follow, by channel, (rows,): the states along the filter's path, logged commands, the time."""
+    family, record, rows = problem.plant.family, problem.record, problem.rows
+    found = {n: point.path[:, i] for i, n in enumerate(family.states) if i in problem.live}
+    if problem.chart.on:  # these are rotation vectors then
+        found = {n: values for n, values in found.items() if n not in ANGLES}
+    found |= {n: record[n][rows] for n in problem.plant.inputs if record.has(n)} | {TIME: record.time[rows]}
+    known = {n: np.nan_to_num(values) for n, values in found.items()}
+    return {n: values for n, values in known.items() if np.ptp(values) > 0.0}
+
+
+def laws_of(
+    name: str, values: np.ndarray, begins: np.ndarray, pieces: int
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Laws by which a push may follow a signal, (rows,) each: of its present value, and of its past.
+
+    begins: rows in which a stretch begins.  pieces: of the signal's range.
+    """
+    if channel(name).angle and np.ptp(values) > np.pi:
+        return [law(order * values) for order in _ORDERS for law in (np.sin, np.cos)], []
+    unit = np.std(values)
+    present, past = [values / unit, ((values - values.mean()) / unit) ** 2], [_direction(values, begins)]
+    signed = values.min() < 0.0 < values.max()
+    if signed:
+        present += [np.abs(values) / unit, values * np.abs(values) / unit**2]
+    edges = np.quantile(values, np.arange(1, pieces) / pieces)
+    present += [(values > edge).astype(float) for edge in edges]
+    present += [np.maximum(values - edge, 0.0) / unit for edge in edges[1::2]]
+    for size in (values, np.abs(values))[: 1 + signed]:
+        edges = np.quantile(size, np.arange(1, pieces) / pieces)
+        past += [_switched(size, low, high, begins) for low, high in zip(edges[:-2:2], edges[2::2], strict=True)]
+    return present, past
+
+
+def _switched(values: np.ndarray, low: float, high: float, begins: np.ndarray) -> np.ndarray:
+    """1 from where values are above `high` until they are at `low`, else 0."""
+    events = np.where(values > high, 1.0, np.where(values <= low, 0.0, np.nan))
+    return _held(np.where(begins & np.isnan(events), values > 0.5 * (low + high), events))
+
+
+def _direction(values: np.ndarray, begins: np.ndarray) -> np.ndarray:
+    """The sign of the last change, 0 where there was none yet."""
+    changes = np.where(begins, 0.0, np.diff(values, prepend=values[0]))
+    moved = np.abs(changes) > _STILL * np.std(values)
+    return _held(np.where(moved, np.sign(changes), np.where(begins, 0.0, np.nan)))
+
+
+def _held(events: np.ndarray) -> np.ndarray:
+    """Values with each that is NaN replaced by the last one before it."""
+    known = ~np.isnan(events)
+    return events[np.maximum.accumulate(np.where(known, np.arange(len(events)), 0))]
+
+
+def _evidence(regression: Regression, signatures: np.ndarray) -> tuple[list[float], tuple[float, int]]:
+    """Evidence for each of some signatures, (P, n), alone, and for all at once with the number of their directions.
+
+    Those of which next to nothing is left beside what is fitted are left out.
+    """
+    size = np.linalg.norm(signatures, axis=1)
+    scaled = signatures[size > 0.0] / size[size > 0.0, None]
+    rest = regression.beside(scaled)
+    left = np.einsum("ij,ij->i", rest, rest)
+    rest, left = rest[left > _LEAST_REST], left[left > _LEAST_REST]
+    if not len(rest):
+        return [], (0.0, 0)
+    squares = regression.left**2
+    told = (rest @ regression.left) ** 2
+    singly = np.minimum(told / left, told / np.maximum((rest**2) @ squares, 1e-30))
+    values, vectors = np.linalg.eigh(rest @ rest.T)
+    kept = values > _LEAST_REST
+    base = vectors[:, kept].T @ rest
+    shares = base @ regression.left
+    plain = float((shares**2 / values[kept]).sum())
+    robust = float(shares @ np.linalg.pinv((base * squares) @ base.T, hermitian=True) @ shares)
+    return singly.tolist(), (min(plain, robust), int(kept.sum()))

@@ -1,0 +1,122 @@
+"""Whether random accelerations follow a signal, and whether a clock's rate varies."""
+
+import numpy as np
+import pytest
+
+from auv_gym import load_vehicle
+from identification.diagnosis.log.parts import parts_of
+from identification.diagnosis.search import dependence as module
+from identification.diagnosis.search.dependence import clock_varies, dependence, laws_of, signals_of
+from identification.diagnosis.search.workbench import Workbench
+from identification.experiments.heading_control import closed_loop
+from scripts.blind.logs import Conditions
+from scripts.blind.outside import glider_outside, slipped_clock
+
+PLANT = load_vehicle("slocum")
+CALM = Conditions(1.0, 1.0, 600.0)
+
+
+def fitted(record):
+    bench = Workbench(PLANT, record, parts_of(PLANT, record), 0.1)
+    return bench, bench.fit(PLANT, PLANT.family.coefficients)
+
+
+def drawn(cause, size, seed):
+    return glider_outside(PLANT, cause, size, CALM, np.random.default_rng(seed), np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return fitted(drawn("", 1.0, 5))
+
+
+@pytest.fixture(scope="module")
+def lopsided():
+    return fitted(drawn("side", 3.0, 5))
+
+
+def test_an_actuator_that_is_stronger_to_one_side_shows_and_noise_does_not(clean, lopsided):
+    found = dependence(*lopsided)
+    assert found is not None
+    assert (found.pushed, found.signal) in {("r_radps", "rudder_rad"), ("r_radps", "r_radps")}
+    assert dependence(*clean) is None
+
+
+def test_the_level_is_shared_by_all_that_is_tried(clean):
+    """At a level of one, everything would show; at the level that is asked for, next to nothing by chance."""
+    assert dependence(*clean, level=1e9) is not None
+    rng, false = np.random.default_rng(11), 0
+    for _ in range(12):
+        false += dependence(*fitted(closed_loop(PLANT, rng=rng, duration=600.0))) is not None
+    assert false == 0  # 12 at 0.5 % each
+
+
+def test_only_what_pushes_a_vehicle_with_many_states_is_asked_for(lopsided, monkeypatch):
+    bench, state = lopsided
+    monkeypatch.setattr(module, "FEW_STATES", 0)
+    monkeypatch.setattr(bench.problem, "pushes", lambda point: np.array([False] * len(bench.problem.pushed)))
+    assert dependence(bench, state) is None
+
+
+def test_errors_that_are_merely_larger_at_times_show_nothing():
+    """Evidence by errors of one size would be above any bar: half of the rows have ten times the deviation."""
+    rng, rows, count, false = np.random.default_rng(0), 600, 300, 0
+    larger = np.arange(rows) % 20 < 1
+    bar = 10.8  # 0.1 % of chi-square
+    for _ in range(count):
+        regression = Regressed(rng.standard_normal(rows) * np.where(larger, 10.0, 1.0))
+        (evidence,), _ = module._evidence(regression, np.where(larger, 1.0, 0.0)[None] - larger.mean())
+        false += evidence > bar
+    assert false <= 3
+
+
+class Regressed:
+    def __init__(self, errors):
+        self.left = errors / errors.std()
+
+    def beside(self, signatures):
+        return signatures
+
+
+def test_a_clock_whose_rate_varies_shows(clean):
+    bench, state = clean
+    assert not clock_varies(bench, state)
+    record = slipped_clock(drawn("", 1.0, 5), 2.0, 90.0, np.random.default_rng(3))
+    assert clock_varies(*fitted(record))
+
+
+def test_slopes_by_a_law_are_those_of_an_effect_that_follows_it(clean):
+    """A yaw moment that acts in the second half, as an acceleration and as the effect itself."""
+    bench, state = clean
+    problem, point = bench.problem, state.point
+    later = (np.arange(len(problem.rows)) > len(problem.rows) // 2).astype(float)
+    (pushed,) = problem.pushed_slopes(point, problem.pushed.index("r_radps"), later[None])
+    (effect,) = problem.partly_slopes(point, "effects.yaw.moment", later[None])
+    cosine = np.sum(pushed * effect) / np.sqrt(np.sum(pushed**2) * np.sum(effect**2))
+    assert cosine > 0.999
+    (whole,) = problem.partly_slopes(point, "effects.yaw.moment", np.ones((1, len(problem.rows))))
+    known = problem.columns_of(point, [("effects.yaw.moment", 1e-4)])[0]
+    np.testing.assert_allclose(whole, known, atol=1e-3 * np.abs(known).max())
+
+
+def test_laws_of_a_signal():
+    depth = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 3.0, 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0])
+    begins = np.zeros(13, dtype=bool)
+    begins[0] = True
+    switched = module._switched(depth, 0.5, 2.5, begins)
+    assert switched.tolist() == [0, 0, 0, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0]
+    direction = module._direction(depth, begins)
+    assert direction.tolist() == [0, 1, 1, 1, 1, -1, -1, -1, -1, 1, 1, -1, -1]
+    begins[9] = True  # nothing is remembered of another stretch
+    assert module._direction(np.where(np.arange(13) == 9, 0.0, depth), begins)[9] == 0.0
+    present, past = laws_of("depth_m", depth, begins, 4)
+    assert {len(law) for law in (*present, *past)} == {13}
+    assert past
+    around, nothing = laws_of("heading_rad", np.linspace(0.0, 20.0, 50), np.zeros(50, dtype=bool), 8)
+    assert (len(around), nothing) == (6, [])
+
+
+def test_signals_are_states_commands_and_the_time(clean):
+    bench, state = clean
+    names = set(signals_of(bench.problem, state.point))
+    assert {"heading_rad", "r_radps", "rudder_rad", "time_s"} <= names
