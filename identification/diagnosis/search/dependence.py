@@ -41,7 +41,7 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
 
     A push that follows a signal is no noise, whatever its law: steps and ramps at eighths of the signal's range, its
     square and its size, harmonics of an angle, switches with hysteresis, and the direction of the last motion.  Each is
-    tried as an acceleration of each velocity, by a regression of the prediction errors, alone and, by signal, together.
+    tried as an acceleration of each velocity, by a regression of the prediction errors.
     Evidence is the smaller one of that with errors of one size, and of that with errors of any size (White 1980,
     Econometrica 48): errors that are merely larger at times show nothing.
     Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
@@ -55,20 +55,16 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     regression = Regression(problem, point, state.paths, 0.0)
     begins = np.zeros(len(problem.rows), dtype=bool)
     begins[problem.offsets] = True
-    alone: list[tuple[float, Dependence]] = []
-    together: list[tuple[float, Dependence]] = []
+    chances: list[tuple[float, Dependence]] = []
     for name, values in signals_of(problem, point).items():
         for remembers, laws in enumerate(laws_of(name, values, begins, _PIECES if few else _FEWER)):
             for axis in axes if laws else ():
                 told = Dependence(problem.pushed[axis], name, bool(remembers))
                 signatures = problem.counted_flat(problem.pushed_slopes(point, int(axis), np.array(laws)))
-                singly, (evidence, directions) = _evidence(regression, signatures)
-                alone += [(float(chi2.sf(e, 1)), told) for e in singly]
-                if directions:
-                    together.append((float(chi2.sf(evidence, directions)), told))
-    chances = [(len(tried) * chance, told) for tried in (alone, together) for chance, told in tried]
+                evidence = _evidence(regression, _rest(regression, signatures))
+                chances += [(chance, told) for chance in chi2.sf(evidence, 1).tolist()]
     chance, told = min(chances, key=lambda item: item[0], default=(1.0, None))
-    return told if chance < 0.5 * level else None
+    return told if len(chances) * chance < level else None
 
 
 def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
@@ -83,9 +79,8 @@ def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
     for parts in _CLOCK_PARTS:
         part = np.arange(rows) * parts // rows
         within = (part == np.arange(parts)[:, None]).astype(float)
-        signatures = problem.counted_flat(problem.partly_slopes(point, CLOCK, within))
-        _, (evidence, directions) = _evidence(regression, signatures)
-        chances.append(float(chi2.sf(evidence, directions)) if directions else 1.0)
+        rest = _rest(regression, problem.counted_flat(problem.partly_slopes(point, CLOCK, within)))
+        chances.append(_chance(regression, rest))
     return len(chances) * min(chances) < level
 
 
@@ -142,25 +137,29 @@ def _held(events: np.ndarray) -> np.ndarray:
     return events[np.maximum.accumulate(np.where(known, np.arange(len(events)), 0))]
 
 
-def _evidence(regression: Regression, signatures: np.ndarray) -> tuple[list[float], tuple[float, int]]:
-    """Evidence for each of some signatures, (P, n), alone, and for all at once with the number of their directions.
-
-    Those of which next to nothing is left beside what is fitted are left out.
-    """
+def _rest(regression: Regression, signatures: np.ndarray) -> np.ndarray:
+    """Signatures, (P, n), scaled, beside what is fitted, without those of which next to nothing is left then."""
     size = np.linalg.norm(signatures, axis=1)
-    scaled = signatures[size > 0.0] / size[size > 0.0, None]
-    rest = regression.beside(scaled)
-    left = np.einsum("ij,ij->i", rest, rest)
-    rest, left = rest[left > _LEAST_REST], left[left > _LEAST_REST]
-    if not len(rest):
-        return [], (0.0, 0)
-    squares = regression.left**2
+    rest = regression.beside(signatures[size > 0.0] / size[size > 0.0, None])
+    return rest[np.einsum("ij,ij->i", rest, rest) > _LEAST_REST]
+
+
+def _evidence(regression: Regression, rest: np.ndarray) -> np.ndarray:
+    """Evidence for each of some signatures, (P, n), beside what is fitted, see `dependence`."""
     told = (rest @ regression.left) ** 2
-    singly = np.minimum(told / left, told / np.maximum((rest**2) @ squares, 1e-30))
+    one_size = np.maximum(np.einsum("ij,ij->i", rest, rest), 1e-30)
+    any_size = np.maximum((rest**2) @ regression.left**2, 1e-30)
+    return np.minimum(told / one_size, told / any_size)
+
+
+def _chance(regression: Regression, rest: np.ndarray) -> float:
+    """The probability of as much evidence for all of some signatures, (P, n), at once, see `dependence`."""
+    if not len(rest):
+        return 1.0
     values, vectors = np.linalg.eigh(rest @ rest.T)
     kept = values > _LEAST_REST
     base = vectors[:, kept].T @ rest
-    shares = base @ regression.left
-    plain = float((shares**2 / values[kept]).sum())
-    robust = float(shares @ np.linalg.pinv((base * squares) @ base.T, hermitian=True) @ shares)
-    return singly.tolist(), (min(plain, robust), int(kept.sum()))
+    told = base @ regression.left
+    one_size = float((told**2 / values[kept]).sum())
+    any_size = float(told @ np.linalg.pinv((base * regression.left**2) @ base.T, hermitian=True) @ told)
+    return float(chi2.sf(min(one_size, any_size), kept.sum()))
