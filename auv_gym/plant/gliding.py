@@ -16,6 +16,7 @@ from auv_gym.plant import Plant, without_effects
 from auv_gym.plant.cruise import command_ranges, jacobian, resting_commands
 
 PITCH = 0.5  # rad, at which it usually climbs and, bow down, dives
+DEPTH = 30.0  # m, where it usually glides
 _MOMENT = 1e-3  # s, over which accelerations are taken: in steady motion they are zero over any time
 _FASTEST = 20.0  # m/s, above every glide
 _MOVE = 0.2  # m/s, rad or m, the most that a guess is moved at a time
@@ -133,6 +134,22 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
         )
     x, commands = motion(unknown)
     return Glide(x, commands, pitch, float(unknown[5]))
+
+
+def usual_glide(plant: Plant, side: float, depth: float = DEPTH, lift: float = 1.0, turned: float = 0.0) -> Glide:
+    """The steady dive (side -1) or climb (side 1) at the usual pitch, straight with `turned` 0 rad; raises as above.
+
+    lift: share of what the engine can move to either side of neutral.
+    """
+    volume = neutral_volume(plant, depth) + side * lift * engine_half(plant, depth)
+    return steady_glide(plant, volume, side * PITCH, depth, turned)
+
+
+def engine_half(plant: Plant, depth: float) -> float:
+    """The volume, m^3, that a plant's engine can move to both sides of neutral at a depth, m."""
+    neutral = neutral_volume(plant, depth)
+    low, _, high = command_ranges(plant)[find_masses(plant).volume]
+    return float(min(neutral - low, high - neutral))
 
 
 def _at(plant: Plant, depth: float) -> np.ndarray:

@@ -11,8 +11,8 @@ from auv_gym.envs.kind import ScaledTask
 from auv_gym.envs.options import check_number, check_waypoints
 from auv_gym.envs.tasks import Task
 from auv_gym.plant import Plant, without_effects
-from auv_gym.plant.cruise import command_limits, command_middles, command_ranges
-from auv_gym.plant.gliding import PITCH, find_masses, neutral_volume, steady_glide
+from auv_gym.plant.cruise import command_limits, command_middles
+from auv_gym.plant.gliding import engine_half, find_masses, usual_glide
 
 
 def scale(
@@ -37,10 +37,7 @@ def scale(
     check_number("hotel", hotel, "W", at_least=0.0)
     check_number("pump_efficiency", pump_efficiency, "1", above=0.0)
     family, masses, middle = plant.family, find_masses(plant), 0.5 * bottom
-    neutral = neutral_volume(plant, middle)
-    low, _, high = command_ranges(plant)[masses.volume]
-    half = min(neutral - low, high - neutral)
-    down, up = (steady_glide(plant, neutral + side * half, side * PITCH, middle) for side in (-1.0, 1.0))
+    half, (down, up) = engine_half(plant, middle), (usual_glide(plant, side, middle) for side in (-1.0, 1.0))
     speed = 0.5 * (down.speed * cos(down.path) + up.speed * cos(up.path))
     yo = bottom / abs(down.speed * sin(down.path)) + bottom / abs(up.speed * sin(up.path))
     length, own = speed * yo, float(plant.hull.length)
