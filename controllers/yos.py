@@ -106,10 +106,10 @@ class Yo:
         return command, YoMemory(climbing, engine, pitch_sum, heading_sum)
 
     def _heading(self, reading: Mapping[str, float], target: Mapping[str, float]) -> float | None:
-        """The wanted heading, rad: the one that is asked for, or that of the place."""
-        if "north_m" in target:
-            return atan2(target["east_m"] - reading["east_m"], target["north_m"] - reading["north_m"])
-        return target.get("heading_rad")
+        """The wanted heading, rad: the one that is asked for, or else that of the place."""
+        if "heading_rad" in target or "north_m" not in target:
+            return target.get("heading_rad")
+        return atan2(target["east_m"] - reading["east_m"], target["north_m"] - reading["north_m"])
 
 
 def _clamped(

@@ -15,7 +15,7 @@ import numpy as np
 from auv_gym.plant import Plant, without_effects
 from auv_gym.plant.cruise import command_ranges, jacobian, resting_commands
 
-PITCH = 0.5  # rad, at which it usually climbs and, bow down, dives
+PITCH = 0.4  # rad, at which it usually climbs and, bow down, dives, as gliders that fly by a polar
 DEPTH = 30.0  # m, where it usually glides
 _MOMENT = 1e-3  # s, over which accelerations are taken: in steady motion they are zero over any time
 _FASTEST = 20.0  # m/s, above every glide
