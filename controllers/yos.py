@@ -118,7 +118,5 @@ def _clamped(
     """A command with its integral part within its limits, and the sum, which rests where it would push beyond one."""
     summed = total + error * dt
     wanted = base + gain * summed
-    if (wanted > high and gain * error > 0.0) or (wanted < low and gain * error < 0.0):
-        summed = total
-        wanted = base + gain * total
-    return min(max(wanted, low), high), summed
+    beyond = (wanted > high and gain * error > 0.0) or (wanted < low and gain * error < 0.0)
+    return min(max(wanted, low), high), total if beyond else summed

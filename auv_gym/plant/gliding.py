@@ -21,7 +21,7 @@ _MOMENT = 1e-3  # s, over which accelerations are taken: in steady motion they a
 _FASTEST = 20.0  # m/s, above every glide
 _MOVE = 0.2  # m/s, rad or m, the most that a guess is moved at a time
 _STEADY = 1e-7  # m/s^2 and rad/s^2 that may be left over
-_WANTED = {"volume": "one that changes its volume", "slide": "a mass that slides", "turn": "a mass that turns"}
+_WANTED = {"volume": "that changes its volume", "slide": "that slides in it", "turn": "that turns in it"}
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def find_masses(plant: Plant) -> Masses:
     for inside, wanted in _WANTED.items():
         if inside not in moved:
             raise ValueError(
-                f"A glide needs a part that is {wanted}, which {plant.name!r} has not: its inputs are "
+                f"A glide needs a part {wanted}, which {plant.name!r} has not: its inputs are "
                 f"{', '.join(plant.inputs) or 'none'}."
             )
     return Masses(*(plant.inputs.index(moved[inside][0]) for inside in _WANTED))
@@ -125,15 +125,16 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
         low, high = (middle, high) if faster else (low, middle)
     unknown = _solved(residual, np.array([low, *np.zeros(5)]))
     least, _, most = command_ranges(clean)[masses.slide]
+    glide = Glide(*motion(unknown), pitch, float(unknown[5]))
     found = np.isfinite(unknown).all() and np.abs(residual(unknown)).max() < _STEADY and unknown[0] > 0.0
-    if not found or not least <= unknown[4] <= most:
+    # a stalled vehicle that sinks bow up is steady, too
+    if not found or not least <= unknown[4] <= most or glide.path * pitch <= 0.0:
         raise ValueError(
             f"{plant.name!r} has no steady glide at a pitch of {pitch:.3g} rad with a volume of {volume:.4g} m^3: "
             f"{clean.inputs[masses.slide]} goes from {least:g} to {most:g} m. Check its lift, its drag and the masses, "
             "or take another pitch."
         )
-    x, commands = motion(unknown)
-    return Glide(x, commands, pitch, float(unknown[5]))
+    return glide
 
 
 def usual_glide(plant: Plant, side: float, depth: float = DEPTH, lift: float = 1.0, turned: float = 0.0) -> Glide:
