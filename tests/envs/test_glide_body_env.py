@@ -1,10 +1,15 @@
 """Glide with a glider in six degrees of freedom: its tables, laws of its motion, its energy, and the operators' rule."""
 
 import re
+import warnings
 from itertools import pairwise
 
+import gymnasium
 import numpy as np
 import pytest
+from gymnasium.utils.env_checker import check_env
+
+import auv_gym.envs  # noqa: F401  (registers)
 
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.vector_env import TaskVectorEnv
@@ -211,6 +216,22 @@ def test_the_rule_arrives_and_the_episode_ends_without_a_penalty():
     assert min(rewards) > -8.0  # the pump at the bottom
     where = np.array([infos[-1]["state"][name] for name in ("north_m", "east_m")])
     assert np.linalg.norm(where - [200.0, 500.0]) < env.episodes.settings["radius"] + 1.0
+
+
+def test_gymnasium_finds_no_fault_and_its_pictures_change(monkeypatch):
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr("auv_gym.rendering.Window.show", lambda window, picture: None)  # no display is needed
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make("auv_gym/Glide-v0", vehicle="seawing").unwrapped)
+    env = made(render_mode="rgb_array")
+    env.reset(seed=0)
+    first = env.render()
+    run(env, [[-0.5, 0.2, 0.4]] * 30)
+    later = env.render()
+    assert first.shape == later.shape == (600, 960, 3)
+    assert (first != later).any()
+    env.close()
 
 
 @pytest.mark.slow  # it compiles the programs of many
