@@ -97,6 +97,16 @@ def test_it_settles_on_a_heading_with_noise(heading):
         assert low <= run[name].min() <= run[name].max() <= high
 
 
+def test_a_large_turn_in_a_climb_does_not_roll_it_over():
+    steps = {"heading_rad": [(0.0, 0.0), (280.0, 2.0)]}  # s, rad: it climbs by then
+    start = at_rest(SEAWING, {"depth_m": 20.0, "heading_rad": 0.0})
+    run = run_trial(SEAWING, PILOT, steps, 360.0, start=start)
+    rows = run["time_s"] >= 280.0
+    assert (np.diff(run["depth_m"][rows]) < -0.1).all()
+    assert 0.2 < np.abs(run["roll_rad"][rows]).max() < 0.5
+    assert off(run, 0.0)[-1] > 0.2  # and it turns to the right side
+
+
 @pytest.mark.parametrize(
     "effects",
     [
