@@ -1,7 +1,7 @@
-"""Yos of a glider in six degrees of freedom, as its operators would have it fly: engine, place and angle of its battery.
+"""Yos of a glider in six degrees of freedom, by its engine and the place and angle of its battery.
 
-A body that its volume and masses move, see `auv_gym.plant.gliding`; `controllers.gliding` has gliders that fly by a
-polar.
+It is a body that its volume and masses move, see `auv_gym.plant.gliding`; for gliders that fly by a polar, see
+`controllers.gliding`.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ _UNDER_WAY = 0.4  # of the engine's way from neutral, below which a glider hardl
 class Leg:
     """How a dive or a climb is flown.
 
-    volume: m^3, of the engine.  slide: m, where the battery gives the pitch, rad.  per_pitch: m per rad, how far it
-    slides for more.  per_turn: rad of the battery's angle per rad of heading error, negative where a turn to starboard
-    takes a negative angle.  angle: rad, its largest angle.
+    volume: of the engine, m^3.  slide: position of the battery that gives the pitch, m.  pitch: set point, rad.
+    per_pitch: proportional gain, m of battery position per rad of pitch error.  per_turn: proportional gain, rad of
+    battery angle per rad of heading error, negative if a negative angle turns to starboard.  angle: largest one, rad.
     """
 
     volume: float
@@ -34,7 +34,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class YoMemory:
-    """Memory of a Yo: whether it climbs, m^3 where its engine is by its rate (None: not known), sums of errors, s."""
+    """Memory of a Yo: whether it climbs, the engine's volume by its rate, m^3 (None: unknown), error sums, rad s."""
 
     climbing: bool = False
     engine: float | None = None
@@ -46,11 +46,11 @@ class YoMemory:
 class Yo:
     """The operators' rule: yos between two depths, on a heading or towards a place, with the battery by two PI loops.
 
-    The engine changes over at the depths `top` and `apogee`, m. The pitch set point follows the engine, since a glider
-    that is still heavy must not raise its bow. The sign of the turn follows it, too. Both loops clamp their integrals
-    against windup, and the heading's starts anew in each dive and climb.
-    channels: of engine, place and angle of the battery.  dive, climb: see `Leg`.  rate: m^3/s of the engine.  low,
-    high: m, ends of the battery's way.  pitch_time, heading_time: s, integral times.
+    The engine reverses at the depths `top` and `apogee`, m. The pitch set point follows the volume of the engine,
+    because a glider that raises its bow while it is still heavy stalls. The sign of the turn follows it, too. Both
+    integrals are clamped against windup, and the integral of the heading error restarts in each dive and climb.
+    channels: of engine, battery position and battery angle.  dive, climb: see `Leg`.  rate: of the engine, m^3/s.  low,
+    high: limits of the battery's position, m.  pitch_time, heading_time: s, integral times.
     """
 
     channels: tuple[str, str, str]
@@ -76,9 +76,9 @@ class Yo:
     def act(
         self, state: YoMemory, reading: Mapping[str, float], target: Mapping[str, float]
     ) -> tuple[dict[str, float], YoMemory]:
-        """reading: depth_m, pitch_rad, heading_rad, dt_s, for a place north_m and east_m.  target: a heading or a place.
+        """reading: depth_m, pitch_rad, heading_rad, dt_s, and north_m and east_m to fly to a place.
 
-        Without either the glider keeps straight on; the depth of a place is left alone.
+        target: heading_rad, or a place, whose depth is ignored; without either, the battery stays upright.
         """
         dt, depth = reading["dt_s"], reading["depth_m"]
         climbing = depth > self.top if state.climbing else depth >= self.apogee
@@ -93,14 +93,22 @@ class Yo:
         wanted = share * self.climb.pitch if share > 0.0 else -share * self.dive.pitch
         error = wanted - reading["pitch_rad"]
         base = middle + abs(share) * (leg.slide - middle) + leg.per_pitch * error
-        slide, pitch_sum = _clamped(base, leg.per_pitch / self.pitch_time, state.pitch_sum, error, dt, self.low, self.high)
+        slide, pitch_sum = _clamped(
+            base, leg.per_pitch / self.pitch_time, state.pitch_sum, error, dt, self.low, self.high
+        )
 
         heading = self._heading(reading, target)
         angle, heading_sum = 0.0, 0.0
         if heading is not None and abs(share) > _UNDER_WAY:
             error = wrapped(heading - reading["heading_rad"])
             angle, heading_sum = _clamped(
-                leg.per_turn * error, leg.per_turn / self.heading_time, state.heading_sum, error, dt, -leg.angle, leg.angle
+                leg.per_turn * error,
+                leg.per_turn / self.heading_time,
+                state.heading_sum,
+                error,
+                dt,
+                -leg.angle,
+                leg.angle,
             )
         command = dict(zip(self.channels, (told, slide, angle), strict=True))
         return command, YoMemory(climbing, engine, pitch_sum, heading_sum)

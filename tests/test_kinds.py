@@ -52,7 +52,8 @@ def test_volume_and_masses_glide_unless_another_part_steers_drives_or_pushes():
 @pytest.mark.parametrize("kinds", LAYERS)
 def test_a_kind_that_a_layer_does_not_know_is_refused_with_what_to_add(kinds):
     with pytest.raises(
-        ValueError, match=r"vehicles of kind body, float, glide, glide_body, glider, hover, got family 'crab' of kind 'walker'"
+        ValueError,
+        match=r"vehicles of kind body, float, glide, glide_body, glider, hover, got family 'crab' of kind 'walker'",
     ) as e:
         kinds.of(replace(FAMILIES["glider"], name="crab", kind="walker"))
     assert f"{kinds._package}.walker with an object KIND" in str(e.value)
@@ -62,7 +63,8 @@ def test_the_refusal_reaches_those_who_ask_for_a_controller_or_a_mission():
     glider = load_vehicle("slocum")
     walker = replace(glider, family=replace(glider.family, kind="walker"))
     with pytest.raises(
-        ValueError, match="Controllers know vehicles of kind body, float, glide, glide_body, glider, hover, got family 'glider'"
+        ValueError,
+        match="Controllers know vehicles of kind body, float, glide, glide_body, glider, hover, got family 'glider'",
     ):
         autopilot(walker)
     with pytest.raises(ValueError, match="There are experiments with vehicles of kind"):

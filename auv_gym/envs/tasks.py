@@ -4,9 +4,9 @@ Sizes are in units of the vehicle, so that they fit one of any size: a length, a
 Those of a torpedo are its own length and its cruise speed (see `plant.cruise`); those of a float are its speed at full
 travel and how far that takes it in a time of its own (see `plant.float_engine`). A glider has its nominal speed and its
 steady turn at full rudder, and its times are in s. A vehicle that thrusters move has its own length, and the speed
-and the rate of turn that they can give it. A glider that flies has its speed over ground at a usual pitch and all of
-its engine, and how far that takes it in a yo, down to the bottom and up again; so has one in six degrees of freedom that its volume
-and masses move.
+and the rate of turn that they can give it. A glider that flies, and one in six degrees of freedom that its volume and
+masses move, has its speed over ground at a usual pitch and all of its engine, and how far that takes it in a yo, down
+to the bottom and up again.
 """
 
 from __future__ import annotations

@@ -44,8 +44,8 @@ def _placed(
         raise ValueError(f"The gains of {plant.name!r} follow from its steady glides: leave out gains=.")
     if set(targets) != {"heading_rad"} and set(targets) != set(_PLACE):
         raise ValueError(
-            f"An autopilot of {plant.name!r} flies yos on heading_rad, or to north_m, east_m and depth_m together: name "
-            f"either, got {', '.join(targets)}."
+            f"An autopilot of {plant.name!r} flies yos on heading_rad, or to north_m, east_m and depth_m together: "
+            f"name either, got {', '.join(targets)}."
         )
     if not (0.0 < top < apogee and 0.0 < lift <= 1.0 and 0.1 <= pitch <= 1.2):
         raise ValueError(
@@ -64,7 +64,7 @@ def _placed(
     poles = linearise(plant, [slide], ["pitch_rad"], at=(glide.state, glide.commands)).poles()
     slowest = plant.dt / -log(float(np.abs(poles).max()))
     return Yo(
-        channels=tuple(plant.inputs[k] for k in (masses.volume, masses.slide, masses.turn)),
+        channels=(plant.inputs[masses.volume], slide, plant.inputs[masses.turn]),
         dive=dive,
         climb=climb,
         top=top,

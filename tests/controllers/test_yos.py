@@ -47,7 +47,9 @@ def test_its_gains_follow_from_the_published_equations():
         turned = steady(leg.volume, leg.slide, 0.02, near)
         turn = np.sign(turned[5]) * np.linalg.norm(turned[3:6]) / 0.02
         assert 1.0 / (leg.per_turn * 30.0) == pytest.approx(turn, rel=0.05)  # a slope over 0.05 rad, one over 0.02
-        pitch = steady(leg.volume, leg.slide + 1e-3, 0.0, guess)[7] - steady(leg.volume, leg.slide - 1e-3, 0.0, guess)[7]
+        pitch = (
+            steady(leg.volume, leg.slide + 1e-3, 0.0, guess)[7] - steady(leg.volume, leg.slide - 1e-3, 0.0, guess)[7]
+        )
         assert leg.per_pitch == pytest.approx(0.5 * 2e-3 / pitch, rel=0.1)
     assert PILOT.dive.per_turn > 0.0 > PILOT.climb.per_turn  # it turns to the other side in a climb
 

@@ -1,4 +1,4 @@
-"""Glide with a glider in six degrees of freedom: its tables, laws of its motion, its energy, and the operators' rule."""
+"""Glide with a glider in six degrees of freedom: its tables, laws of motion, its energy, and the operators' rule."""
 
 import re
 import warnings
@@ -10,7 +10,6 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import auv_gym.envs  # noqa: F401  (registers)
-
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.envs.vector_env import TaskVectorEnv
 from auv_gym.param import replace_at
@@ -112,7 +111,9 @@ def test_it_is_the_plant_simulated_with_the_same_commands():
     simulated = plant.run(record, record.segments, start[None, :])
     for name in ("depth_m", "north_m", "heading_rad", "pitch_rad", "r_radps"):
         read = [info["reading"][name] for info in infos]
-        np.testing.assert_allclose(simulated[:, plant.outputs.index(name)], read, atol=1e-6, err_msg=name)  # a float32 kept it
+        np.testing.assert_allclose(
+            simulated[:, plant.outputs.index(name)], read, atol=1e-6, err_msg=name
+        )  # a float32 kept it
 
 
 def test_a_turn_to_port_is_the_mirror_of_one_to_starboard():
@@ -130,7 +131,10 @@ def test_a_turn_to_port_is_the_mirror_of_one_to_starboard():
 
 @pytest.mark.parametrize(
     "action, words, at",
-    [([1.0, -0.5, 0.0], "surfaced: depth_m is -0", 0.0), ([-1.0, 0.5, 0.0], "touched the bottom: depth_m is 4.* 40", 40.0)],
+    [
+        ([1.0, -0.5, 0.0], "surfaced: depth_m is -0", 0.0),
+        ([-1.0, 0.5, 0.0], "touched the bottom: depth_m is 4.* 40", 40.0),
+    ],
 )
 def test_an_episode_ends_at_the_surface_and_at_the_bottom_with_the_worst_of_the_rest(action, words, at):
     env = made(bottom=40.0)
@@ -164,7 +168,9 @@ def test_energy_is_pump_work_over_efficiency_and_hotel_load():
 
 
 def test_terms_of_place_and_progress_are_of_the_true_motion_over_ground():
-    env = made(waypoints=[(5000.0, 0.0, 0.0)], effects={"effects.current.east": 0.2, "effects.sampling.position.noise": 30.0})
+    env = made(
+        waypoints=[(5000.0, 0.0, 0.0)], effects={"effects.current.east": 0.2, "effects.sampling.position.noise": 30.0}
+    )
     steps = run(env, [[-0.8, 0.2, 0.0]] * 40, start={"heading_rad": 0.0, "depth_m": 15.0, "east_m": 0.0})
     wanted, scale = env.episodes.settings["path_speed"], env.episodes.settings["error_scale"]
     for (*_, before), (*_, after) in pairwise(steps):
@@ -205,7 +211,9 @@ def test_the_operators_rule_flies_yos_below_the_surface_to_its_waypoints(yos):
     assert np.mean(rewards) > -0.5
     # without a rudder, still on the way to the waypoint after the first dive
     last = infos[-1]
-    bearing = np.arctan2(last["target"]["east_m"] - last["state"]["east_m"], last["target"]["north_m"] - last["state"]["north_m"])
+    bearing = np.arctan2(
+        last["target"]["east_m"] - last["state"]["east_m"], last["target"]["north_m"] - last["state"]["north_m"]
+    )
     assert abs(np.remainder(bearing - last["state"]["heading_rad"] + np.pi, 2 * np.pi) - np.pi) < 0.1
 
 
@@ -259,7 +267,10 @@ def test_many_are_each_the_single_one_with_its_seed_and_actions():
         ({"pump_efficiency": 0.0}, "pump_efficiency needs a number above 0"),
         ({"waypoints": [(1.0, 2.0)]}, "waypoints needs one or more rows"),
         ({"actions": ["battery_m"]}, "bottom and waypoints and hotel and pump_efficiency, got 'actions'"),
-        ({"vehicle": "remus100"}, "such as 'seaglider' or a glider in six degrees of freedom .*'seawing', got 'remus100'"),
+        (
+            {"vehicle": "remus100"},
+            "such as 'seaglider' or a glider in six degrees of freedom .*'seawing', got 'remus100'",
+        ),
         ({"vehicle": replace_at(load_vehicle("seawing"), "hull.mass", 60.0)}, "cannot take it down and up"),
         ({"model": load_vehicle("seaglider", dt=1.0)}, "model= needs"),
     ],

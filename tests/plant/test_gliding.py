@@ -55,7 +55,9 @@ def test_the_neutral_volume_carries_what_weighs_more_than_the_water_displaced():
 
 
 def test_effects_do_not_change_the_glide():
-    changed = replace_at(SEAWING, {"effects.load.payload": 0.2, "effects.ballast.offset": 1e-4, "effects.wings.lost": 0.3})
+    changed = replace_at(
+        SEAWING, {"effects.load.payload": 0.2, "effects.ballast.offset": 1e-4, "effects.wings.lost": 0.3}
+    )
     one, other = (usual_glide(plant, -1.0) for plant in (SEAWING, changed))
     np.testing.assert_array_equal(one.state, other.state)
 

@@ -30,7 +30,7 @@ def _yos(
     duration: float = 3600.0,
     compass_noise: float = COMPASS,
     depth_noise: float = DEPTH_NOISE,
-    **flown: float,
+    **flown: Any,
 ) -> Record:
     """flown: settings of the autopilot. Where the plant's own `effects.sampling` has noise, that stands."""
     noise = {**{name: NOISE[name] for name in _SENSORS}, "compass": compass_noise, "depth": depth_noise}
