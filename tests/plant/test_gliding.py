@@ -75,6 +75,11 @@ def test_its_inputs_are_found_by_what_they_move():
         (lambda: usual_glide(load_vehicle("slocum"), -1.0), "needs a part that changes its volume, which 'slocum'"),
         (lambda: neutral_volume(replace_at(SEAWING, "hull.mass", 60.0), DEPTH), "cannot take it down and up at 30 m"),
         (lambda: steady_glide(SEAWING, -4e-4, -1.4, DEPTH), "no steady glide at a pitch of -1.4 rad .* battery_m goes"),
+        # it would need 12 mm forward
+        (
+            lambda: usual_glide(replace_at(SEAWING, "parts.battery.forth", 0.01), -1.0),
+            "battery_m goes from -0.05 to 0.01",
+        ),
         (lambda: steady_glide(SEAWING, -4e-4, 0.5, DEPTH), "no steady glide at a pitch of 0.5 rad"),
     ],
 )
