@@ -77,7 +77,10 @@ def find_masses(plant: Plant) -> Masses:
 
 
 def neutral_volume(plant: Plant, depth: float) -> float:
-    """The volume, m^3, with which a plant without its effects rests level at a depth, m; raises where there is none."""
+    """The volume, m^3, with which a plant without its effects rests level at a depth, m.
+
+    Raises if the engine does not reach it.
+    """
     clean, masses = without_effects(plant), find_masses(plant)
     names = clean.family.states
     moved, roll = [masses.volume, masses.slide], names.index("roll_rad")
@@ -93,15 +96,16 @@ def neutral_volume(plant: Plant, depth: float) -> float:
     if not 0.0 < share < 1.0:
         raise ValueError(
             f"The engine of {plant.name!r} cannot take it down and up at {depth:g} m: it goes from {low:g} to {high:g} "
-            f"m^3, and would be neutral at {low + share * (high - low):.4g}: check hull.mass, hull.buoyancy and masses."
+            "m^3, where no volume is neutral: check hull.mass, hull.buoyancy and the masses."
         )
     return float(low + share * (high - low))
 
 
 def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned: float = 0.0) -> Glide:
-    """The steady glide with a volume, m^3, at a pitch, rad, at a depth, m, with the mass turned by an angle, rad.
+    """The steady glide of a plant without its effects, with a volume, m^3, at a pitch, rad, and a depth, m.
 
-    Straight with the mass upright; raises where no place of the mass that slides gives this pitch.
+    turned: angle of the mass that turns, rad: 0 gives a straight glide, others a spiral.  Raises where no position of
+    the mass that slides gives this pitch.  Six equations of motion with all accelerations zero, by Newton's method.
     """
     clean, masses = without_effects(plant), find_masses(plant)
     roll_at = clean.family.states.index("roll_rad")
@@ -127,8 +131,8 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
     least, _, most = command_ranges(clean)[masses.slide]
     glide = Glide(*motion(unknown), pitch, float(unknown[5]))
     found = np.isfinite(unknown).all() and np.abs(residual(unknown)).max() < _STEADY and unknown[0] > 0.0
-    # a stalled vehicle that sinks bow up is steady, too
-    if not found or not least <= unknown[4] <= most or glide.path * pitch <= 0.0:
+    # the mass stops at the end of its way, where no pitch beyond is steady; a stall, sinking bow up, is steady, too
+    if not found or glide.path * pitch <= 0.0:
         raise ValueError(
             f"{plant.name!r} has no steady glide at a pitch of {pitch:.3g} rad with a volume of {volume:.4g} m^3: "
             f"{clean.inputs[masses.slide]} goes from {least:g} to {most:g} m. Check its lift, its drag and the masses, "
@@ -137,13 +141,13 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
     return glide
 
 
-def usual_glide(plant: Plant, side: float, depth: float = DEPTH, lift: float = 1.0, turned: float = 0.0) -> Glide:
-    """The steady dive (side -1) or climb (side 1) at the usual pitch, straight with `turned` 0 rad; raises as above.
+def usual_glide(plant: Plant, side: float, depth: float = DEPTH) -> Glide:
+    """The straight steady dive (side -1) or climb (side 1) at the usual pitch and with all of the engine, at a depth, m.
 
-    lift: share of what the engine can move to either side of neutral.
+    Raises where there is none, as `neutral_volume` and `steady_glide` do.
     """
-    volume = neutral_volume(plant, depth) + side * lift * engine_half(plant, depth)
-    return steady_glide(plant, volume, side * PITCH, depth, turned)
+    volume = neutral_volume(plant, depth) + side * engine_half(plant, depth)
+    return steady_glide(plant, volume, side * PITCH, depth)
 
 
 def engine_half(plant: Plant, depth: float) -> float:
