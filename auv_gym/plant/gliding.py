@@ -142,7 +142,7 @@ def steady_glide(plant: Plant, volume: float, pitch: float, depth: float, turned
 
 
 def usual_glide(plant: Plant, side: float, depth: float = DEPTH) -> Glide:
-    """The straight steady dive (side -1) or climb (side 1) at the usual pitch and with all of the engine, at a depth, m.
+    """The straight steady dive (side -1) or climb (side 1) at the usual pitch, with all of the engine, at a depth, m.
 
     Raises where there is none, as `neutral_volume` and `steady_glide` do.
     """
