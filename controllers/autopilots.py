@@ -127,6 +127,8 @@ def gpc_autopilot(
     """
     kind = KINDS.of(plant.family)
     makers = kind.plans
+    if not makers:
+        raise ValueError(f"There is no predictive control of vehicles like {plant.name!r}: take kind 'pid'.")
     names = kind.targets if targets is None else tuple(targets)
     unknown = [name for name in names if name not in makers]
     if unknown or not names:

@@ -19,7 +19,8 @@ from identification.planning import next_experiment
 
 LAYERS = (ENVIRONMENTS, STEADY, CONTROL, EXPERIMENTS)
 THRUSTER = Part("t1", "thruster", "share")
-FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]), compose([THRUSTER]))
+MASSES = [Part("battery", "moving_mass", "both"), Part("ballast", "buoyancy_engine")]
+FAMILIES_OF_ALL_KINDS = (*FAMILIES.values(), compose([]), compose([THRUSTER]), compose(MASSES))
 
 
 @pytest.mark.parametrize("kinds", LAYERS)
@@ -37,10 +38,22 @@ def test_thrusters_hover_unless_another_part_steers_or_drives_by_its_role():
     assert compose([tether, engine]).kind == "body"
 
 
+def test_volume_and_masses_glide_unless_another_part_steers_drives_or_pushes():
+    slides, turns = Part("trim", "moving_mass", "slides"), Part("keel", "moving_mass", "turns")
+    assert compose([*MASSES, Part("wings", "wings")]).kind == "glide_body"
+    assert compose([slides, turns, MASSES[1]]).kind == "glide_body"
+    assert compose([*MASSES, THRUSTER]).kind == "hover"
+    for other in (Part("rudder", "fin", "yaw"), Part("propeller", "propeller", "voltage")):
+        assert compose([*MASSES, other]).kind == "body"
+    for fewer in (MASSES[:1], MASSES[1:], [slides, MASSES[1]], [turns, MASSES[1]]):
+        assert compose(fewer).kind == "body"
+
+
 @pytest.mark.parametrize("kinds", LAYERS)
 def test_a_kind_that_a_layer_does_not_know_is_refused_with_what_to_add(kinds):
     with pytest.raises(
-        ValueError, match=r"vehicles of kind body, float, glide, glider, hover, got family 'crab' of kind 'walker'"
+        ValueError,
+        match=r"vehicles of kind body, float, glide, glide_body, glider, hover, got family 'crab' of kind 'walker'",
     ) as e:
         kinds.of(replace(FAMILIES["glider"], name="crab", kind="walker"))
     assert f"{kinds._package}.walker with an object KIND" in str(e.value)
@@ -50,7 +63,8 @@ def test_the_refusal_reaches_those_who_ask_for_a_controller_or_a_mission():
     glider = load_vehicle("slocum")
     walker = replace(glider, family=replace(glider.family, kind="walker"))
     with pytest.raises(
-        ValueError, match="Controllers know vehicles of kind body, float, glide, glider, hover, got family 'glider'"
+        ValueError,
+        match="Controllers know vehicles of kind body, float, glide, glide_body, glider, hover, got family 'glider'",
     ):
         autopilot(walker)
     with pytest.raises(ValueError, match="There are experiments with vehicles of kind"):

@@ -23,6 +23,7 @@ SAMPLES = {
     "hover": 12,
     "float": 25,
     "glide": 25,
+    "glide_body": 12,
 }  # one of a torpedo takes plain Python some milliseconds
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
@@ -92,7 +93,7 @@ def trajectory(plant: Plant) -> np.ndarray:
         columns |= {"supply_V": 15.0 + np.cos(k)}
         plant = replace(plant, longest_step=0.5 * plant.dt)
         start |= {"u_mps": 0.2, "v_mps": 0.1, "w_mps": -0.1, "p_radps": 0.1, "depth_m": 4.0, "pitch_rad": 0.1}
-    elif not plant.family.body.piloted:
+    elif plant.family.body.glides:
         columns = {"ballast_m3": -4e-4 * np.cos(0.1 * k), "battery_m": 0.03 * np.sin(0.2 * k), "battery_rad": 0.02 * k}
         start |= {"u_mps": 0.4, "v_mps": 0.1, "w_mps": -0.1, "p_radps": 0.1, "depth_m": 50.0, "pitch_rad": 0.1}
     else:

@@ -4,13 +4,14 @@ Sizes are in units of the vehicle, so that they fit one of any size: a length, a
 Those of a torpedo are its own length and its cruise speed (see `plant.cruise`); those of a float are its speed at full
 travel and how far that takes it in a time of its own (see `plant.float_engine`). A glider has its nominal speed and its
 steady turn at full rudder, and its times are in s. A vehicle that thrusters move has its own length, and the speed
-and the rate of turn that they can give it. A glider that flies has its speed over ground at a usual pitch and all of
-its engine, and how far that takes it in a yo, down to the bottom and up again.
+and the rate of turn that they can give it. A glider that flies, and one in six degrees of freedom that its volume and
+masses move, has its speed over ground at a usual pitch and all of its engine, and how far that takes it in a yo, down
+to the bottom and up again.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, pi, radians
 from typing import Any, Literal
 
@@ -367,6 +368,26 @@ GLIDE = Task(
     duration=16.0,  # yos
     current=0.4,
 )
+
+# Gliders in six degrees of freedom, which their volume and masses move
+INSIDE = ("volume", "slide", "turn")  # stand for the vehicle's own channels, by what they move, see `Command.inside`
+WATER = 60.0  # m, depth of the water by default: a Seawing needs 10 m to turn from a dive to a climb
+DIVE_START = (0.2, 0.5)  # of the depth of the water, where an episode starts in a dive
+HOTEL, PUMP_EFFICIENCY = 0.5, 0.25  # W, and 1: chosen, as those of `vehicles.glide_steering` for want of published ones
+TURN_RATE = 0.2  # of the speed over the vehicle's own length: a rate of turn that is large
+
+GLIDE_BODY = replace(
+    GLIDE,
+    vehicle="seawing",
+    actions=INSIDE,
+    observed=(
+        *(o for o in GLIDE.observed if o.source not in (*GLIDE.actions, "current_along", "current_across")),
+        *_RATES,
+        *(Observed(name, name) for name in INSIDE),
+    ),
+    current=0.15,
+)
+GLIDE = replace(GLIDE, forms=(GLIDE_BODY,))
 
 TASKS = {
     task.name: task

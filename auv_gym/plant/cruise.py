@@ -106,7 +106,7 @@ def find_cruise(plant: Plant) -> Cruise:
     unknown = np.array([low, *np.zeros(6)])
     for _ in range(30):
         # least squares, because roll is arbitrary in a hull without stiffness there
-        move = np.linalg.lstsq(_jacobian(residual, unknown), residual(unknown), rcond=1e-10)[0]
+        move = np.linalg.lstsq(jacobian(residual, unknown), residual(unknown), rcond=1e-10)[0]
         unknown = unknown - move * min(1.0, 0.2 * abs(unknown[0]) / max(np.abs(move).max(), 1e-12))
         if not np.isfinite(unknown).all() or np.abs(move).max() < 1e-10:
             break
@@ -131,7 +131,7 @@ def find_cruise(plant: Plant) -> Cruise:
             fins[fin] += limits[fin] * deviation[-1]
             return deviation[:-1] + change(moved, fins)[at]
 
-        both = _jacobian(motion, np.zeros(len(at) + 1))
+        both = jacobian(motion, np.zeros(len(at) + 1))
         return limits[fin] * _linear_quadratic_gains(both[:, :-1], both[:, -1], np.array(weights))
 
     depth_weight = 1.0 / (_DEPTH_ERROR * clean.hull.length)
@@ -173,7 +173,7 @@ def resting_commands(plant: Plant) -> np.ndarray:
     return np.concatenate([command_ranges(plant)[:, 1], shared])
 
 
-def _jacobian(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+def jacobian(f: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
     """The Jacobian of f at x by central differences."""
     steps = 1e-5 * np.eye(x.size)
     return np.array([(f(x + step) - f(x - step)) / 2e-5 for step in steps]).T

@@ -131,9 +131,12 @@ KINDS = {kind.family: kind for kind in _KINDS}
 
 
 def kind_of(plant: Plant) -> Kind:
-    """The kind of a vehicle."""
+    """The kind of a vehicle; raises where no blind logs are made of it."""
     family = plant.family
-    return KINDS[family.name if family.body is None else family.kind]
+    name = family.name if family.body is None else family.kind
+    if name not in KINDS:
+        raise ValueError(f"Blind logs are made of vehicles of {', '.join(KINDS)}, got {plant.name!r}, a {name}.")
+    return KINDS[name]
 
 
 def known(vehicle: str) -> Plant:

@@ -171,9 +171,10 @@ class Case:
     effects: dict
     noise: str
     computed: tuple = ()  # readings that the environment computes itself
+    vehicle: str | None = None
 
     def make(self, **options):
-        return TaskEnv(self.name, **options)
+        return TaskEnv(self.name, **{"vehicle": self.vehicle, **options})
 
     def noisy(self, size=0.1):
         return {f"effects.sampling.{self.noise}.noise": size}
@@ -221,6 +222,19 @@ CASES = {
         },
         "depth",
         computed=("depth_rate_mps", "north_m", "east_m", "current_north_mps", "current_east_mps"),
+    ),
+    "glide_body": Case(
+        "Glide",
+        {
+            "effects.current.north": 0.05,
+            "effects.ballast.dead_time": 2.0,
+            "effects.battery.turn.lag": 2.0,
+            "effects.wings.lost": 0.1,
+            "effects.compass.lag": 3.0,
+        },
+        "depth",
+        computed=("depth_rate_mps",),
+        vehicle="seawing",
     ),
 }
 every_kind = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
@@ -371,7 +385,7 @@ def preset(name: str):
     return pytest.param(name, marks=pytest.mark.slow) if name in ("bluerov", "bluerov2") else name
 
 
-@pytest.mark.parametrize("vehicle", [preset(n) for n in sorted({*list_vehicles()} - {"seawing"})])  # no environment
+@pytest.mark.parametrize("vehicle", [preset(n) for n in sorted(list_vehicles())])
 def test_random_steps_of_a_preset_stay_finite(vehicle):
     plant = load_vehicle(vehicle)
     name = next(case.name for case in CASES.values() if case.make().episodes.kind is KINDS.of(plant.family))
@@ -396,6 +410,7 @@ for task, options in (
     ("FloatDepth", {"vehicle": "mermaid"}),
     ("Pose", {"effects": {"effects.t3.lost": 0.5, "effects.sampling.compass.noise": 0.02}}),
     ("Glide", {"effects": {"effects.volume.offset": 2e-5, "effects.sampling.depth.noise": 0.2}}),
+    ("Glide", {"vehicle": "seawing", "effects": {"effects.sampling.depth.noise": 0.2}}),
     ("GliderHeading", {"compass_noise": 0.02, "randomise": {"effects.yaw.moment": (-0.01, 0.01)}}),
 ):
     env = TaskEnv(task, **options)

@@ -66,6 +66,17 @@ EFFECTS = {
         "effects.depth.scale": 0.01,
         "effects.depth.lag": 1.0,
     },
+    "glide_body": {
+        "effects.ballast.gain": 0.9,
+        "effects.ballast.dead_time": 1.5,
+        "effects.battery.slide.gain": 0.9,
+        "effects.battery.turn.lag": 2.0,
+        "effects.current.north": 0.1,
+        "effects.load.payload": 0.05,
+        "effects.compass.deviation_sin": 0.05,
+        "effects.gyros.lag": 0.3,
+        "effects.depth.scale": 0.01,
+    },
     "glide": {
         "effects.engine.gain": 0.9,
         "effects.engine.lag": 10.0,
@@ -86,20 +97,18 @@ EFFECTS = {
     },
 }
 # what other steps change: a float's are of seconds, within which a lagging depth sensor takes its motion as even
-CUT_STEPS = {"glider": 1e-6, "body": 1e-6, "hover": 1e-6, "float": 1e-4, "glide": 1e-4}
-MOVED = {"glider": "heading_rad", "body": "heading_rad", "hover": "heading_rad", "float": "depth_m", "glide": "depth_m"}
+CUT_STEPS = {"glider": 1e-6, "body": 1e-6, "hover": 1e-6, "float": 1e-4, "glide": 1e-4, "glide_body": 1e-6}
+MOVED = {
+    **dict.fromkeys(("glider", "body", "hover", "glide_body"), "heading_rad"),
+    **dict.fromkeys(("float", "glide"), "depth_m"),
+}
 
 
 def with_effects(plant: Plant) -> Plant:
     return replace_at(plant, EFFECTS[plant.family.kind])
 
 
-# what no autopilot moves has no motion that it is linear about; see tests/vehicles/body/test_seawing.py
-PRESETS = {
-    name: plant
-    for name, plant in ((name, load_vehicle(name)) for name in sorted(list_vehicles()))
-    if plant.family.body is None or plant.family.body.piloted
-}
+PRESETS = {name: load_vehicle(name) for name in sorted(list_vehicles())}
 MODELS = {**PRESETS, **{f"{name} with effects": with_effects(plant) for name, plant in PRESETS.items()}}
 
 
@@ -112,9 +121,9 @@ def excited(model: Model, samples: int = 40) -> Record:
     """From rest; all commands rest at first, as they count as having been before a model's initial state."""
     rows = [commands(model, 0.0, 0.0)] * 2 + [commands(model, 0.3 * np.sin(0.8 * k)) for k in range(2, samples)]
     given = dict(zip(model.inputs, np.transpose(rows), strict=True))
-    deep = {"float": 8.0, "glide": 150.0}
+    deep = {"float": 8.0, "glide": 150.0, "glide_body": 30.0}
     at_depth = {"depth_m": np.full(samples, deep[model.family.kind])} if model.family.kind in deep else {}
-    named = {name: given[name] for name in model.family.required}
+    named = {name: given[name] for name in model.family.required or model.family.actuators}
     return Record.from_arrays(model.dt * np.arange(samples), {**named, **at_depth})
 
 
@@ -126,7 +135,7 @@ def commands(model: Model, moved: float, running: float = 1.0) -> np.ndarray:
     constants = {**model.constants, "rudder_rad": moved, "oil_volume_m3": -1e-4 * moved}
     if model.family.kind == "body":
         constants[model.inputs[find_helm(model).drive]] = running * model.parts.propeller.design
-    if model.family.kind == "hover":
+    if model.family.kind in ("hover", "glide_body"):
         low, rest, high = command_ranges(model).T
         pushed = rest + 0.5 * (high - low) * moved * np.cos(np.arange(rest.size))
         constants |= dict(zip(model.inputs, pushed.tolist(), strict=False))

@@ -96,6 +96,14 @@ class Body:
                 roles[command.role] = (*roles.get(command.role, ()), part_.channel(i))
         return roles
 
+    def by_inside(self) -> dict[str, tuple[str, ...]]:
+        """The channels that move each thing inside of the hull, see `Command.inside`, in the order of the inputs."""
+        moved: dict[str, tuple[str, ...]] = {}
+        for part_, i, command in self.commands:
+            if command.inside:
+                moved[command.inside] = (*moved.get(command.inside, ()), part_.channel(i))
+        return moved
+
     @property
     def thrusters(self) -> tuple[Part, ...]:
         """The parts that push along a line by their command alone."""
@@ -112,9 +120,19 @@ class Body:
         return bool(self.thrusters) and not self.by_role()
 
     @property
+    def glides(self) -> bool:
+        """Whether its volume, and masses that slide and turn in it, do everything: no part steers, drives or pushes."""
+        return {"volume", "slide", "turn"} <= self.by_inside().keys() and not self.by_role() and not self.thrusters
+
+    @property
     def piloted(self) -> bool:
-        """Whether autopilots and environments know how to move it: by fins and a drive, or by thrusters alone."""
-        return self.steered or self.hovers
+        """Whether autopilots and environments know how to move it: by fins and a drive, thrusters or masses alone."""
+        return self.steered or self.hovers or self.glides
+
+    @property
+    def kind(self) -> str:
+        """The kind of the vehicle, by what moves it."""
+        return "hover" if self.hovers else "glide_body" if self.glides else "body"
 
     def required(self) -> tuple[str, ...]:
         """The channels that a record must have; a second part of a role, such as bow planes, rests where it lacks."""
@@ -203,7 +221,7 @@ def _composed(parts: tuple[Part, ...]) -> Family:
     first_of_kind = [slot.parts[0] for slot in slots]
     return Family(
         name="body",
-        kind="hover" if body.hovers else "body",
+        kind=body.kind,
         program=program,
         title="six degrees of freedom, a hull and its parts",
         body=body,

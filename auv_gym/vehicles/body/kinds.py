@@ -22,6 +22,7 @@ from auv_gym.param import did_you_mean
 # No force: x + -0.0 is x in all bits, and so a compiler leaves the sum out, which it must not with 0.0.
 NONE = -0.0
 Role = Literal["", "yaw", "pitch", "surge"]
+Inside = Literal["", "volume", "slide", "turn"]
 
 
 class Motion(NamedTuple):
@@ -85,7 +86,8 @@ class Command:
     autopilots and environments use it for: "yaw", "pitch", "surge".  limits: from the part's parameters, the lowest and
     the highest command, in the channel's unit.  rest: the parameter that is the command at which the part rests; it
     rests at `idle` without one.  required: whether a record must have it; one that may lack is at rest.  design: the
-    parameter that is the command at the design speed.
+    parameter that is the command at the design speed.  inside: what it moves in the hull rather than in the water: the
+    volume that the vehicle displaces, or a mass that slides or turns.
     """
 
     suffix: str
@@ -96,6 +98,7 @@ class Command:
     design: str = ""
     channel: str = ""
     idle: float = 0.0
+    inside: Inside = ""
 
 
 class Sketch(NamedTuple):

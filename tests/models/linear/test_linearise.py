@@ -139,8 +139,6 @@ def test_a_float_is_linear_near_rest(vehicle):
 
 def test_every_preset_has_a_linear_form():
     for name in list_vehicles():
-        if name == "seawing":  # it has no level flight, see tests/vehicles/body/test_seawing.py
-            continue
         model = linearise(load_vehicle(name))
         assert np.abs(model.b).max() > 0.0, name
 

@@ -6,11 +6,10 @@ from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 from auv_gym.envs.task_env import TaskEnv
-from auv_gym.models.linear import linearise
 from auv_gym.plant import Plant, load_vehicle
+from auv_gym.plant.cruise import find_cruise
 from auv_gym.plant.record_check import needs_of
 from controllers.autopilots import autopilot
-from identification.experiments.missions import run_mission
 
 
 def skew(r) -> np.ndarray:
@@ -122,15 +121,17 @@ def test_ten_steady_glides_lie_on_the_published_polar():
     assert 0.2 < min(speeds) < max(speeds) < 0.8  # m/s
 
 
-def mission(plant: Plant):
-    return run_mission(plant, np.random.default_rng(0))
-
-
 @pytest.mark.parametrize(
-    "make", [lambda plant: TaskEnv("Depth", plant), lambda p: autopilot(p, "gpc"), linearise, mission]
+    "make, words",
+    [
+        (lambda plant: TaskEnv("Depth", plant), "take an environment for a glider in six degrees of freedom"),
+        (lambda plant: autopilot(plant, "gpc"), "no predictive control of vehicles like 'seawing': take kind 'pid'"),
+        (lambda plant: autopilot(plant, "s_plane"), "S-plane control is there for"),
+        (find_cruise, "needs a part that steers in yaw, which 'seawing' has not"),
+    ],
 )
-def test_what_needs_fins_or_thrusters_refuses_it_in_words(make):
-    with pytest.raises(ValueError, match="needs a part that steers in yaw, which 'seawing' has not"):
+def test_what_needs_fins_or_thrusters_refuses_it_in_words(make, words):
+    with pytest.raises(ValueError, match=words):
         make(load_vehicle("seawing"))
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.envs.kernel import path
+from auv_gym.envs.kernel import path, pump
 from auv_gym.envs.kernel.layout import Layout
 from auv_gym.envs.kind import EnvKind, View
 from auv_gym.envs.kinds.glide import hooks
@@ -14,9 +14,9 @@ from auv_gym.envs.kinds.glide.scale import prepare, scale
 
 
 def _view(episodes: Any, row: np.ndarray) -> View:
-    from auv_gym.envs.kinds.glide.view import GlideView  # with matplotlib, so not before a picture is wanted
+    from auv_gym.envs.yos import YoView  # with matplotlib, so not before a picture is wanted
 
-    return GlideView(episodes, row)
+    return YoView(episodes, row)
 
 
 KIND = EnvKind(
@@ -33,12 +33,12 @@ KIND = EnvKind(
             "position": ("north_m", "east_m"),
         },
         plan={
-            **path.PLAN, "limit": "actuators", "middle": "actuators", "action_of": "actuators",
-            "bottom": 1, "engine_rate": 1, "pump": 1, "hotel": 1, "usual_power": 1, "usual_attack": 1,
+            **path.PLAN, **pump.PLAN, "limit": "actuators", "middle": "actuators", "action_of": "actuators",
+            "bottom": 1, "usual_attack": 1,
         },
         # flown: through the water since the last fix, m.  drift: velocity of the water as the last dive showed it, m/s
-        row={**path.ROW, "engine": 1, "last_depth": 1, "fix": 2, "fix_time": 1, "flown": 2, "drift": 2},
-        shown={"reached": 1, "energy": 1},
+        row={**path.ROW, **pump.ROW, "last_depth": 1, "fix": 2, "fix_time": 1, "flown": 2, "drift": 2},
+        shown={"reached": 1, **pump.SHOWN},
     ),
     hooks=hooks.HOOKS,
     scale=scale,

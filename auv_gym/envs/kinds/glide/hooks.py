@@ -7,6 +7,7 @@ from math import cos, pi, sin, tan
 from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import NO_REASON, OWN
 from auv_gym.envs.kernel.path import begin_path, go_on, leg_axes, look_along, path_terms
+from auv_gym.envs.kernel.pump import energy_term
 from auv_gym.envs.kernel.targets import ages, doubt, pass_time, put_constants, steps_left
 
 # Why an episode was terminated.
@@ -24,21 +25,13 @@ _FLAT = 0.1  # rad of pitch, below which a glider turns round and makes no way
 
 
 def command(plan, t, e):
-    """The commands of an action into e.command, and what pump and hotel load cost over the step into e.term.
-
-    e.engine: where the engine is by its rate, m^3.  The pump works against the pressure where the glider is.
-    """
+    """The commands of an action into e.command, and what pump and hotel load cost over the step into e.term."""
     for j in range(ACTUATORS):
         a = int(t.action_of[j])
         if a >= 0:
             share = min(max(e.action[a], -1.0), 1.0)
             e.command[j], e.features[SHARES + j] = t.middle[j] + share * t.limit[j], share
-    most = t.engine_rate * t.dt
-    move = min(max(e.command[IN_BUOYANCY_VOLUME] - e.engine, -most), most)
-    e.engine += move
-    energy = t.pump * max(e.features[READ_DEPTH], 0.0) * max(move, 0.0) + t.hotel * t.dt
-    e.energy += energy
-    e.term[1] = -t.weight[1] * energy / (t.usual_power * t.dt)
+    e.term[1] = energy_term(e.command[IN_BUOYANCY_VOLUME], e.features[READ_DEPTH], t, e)
 
 
 def beyond(x, t):

@@ -99,7 +99,9 @@ KIND = PartKind(
     parameters=BuoyancyEngine,
     effects=BuoyancyEngineEffects,
     order=50,
-    commands=(Command("m3", lambda engine: (engine.low, engine.high), rest="neutral", required=False),),
+    commands=(
+        Command("m3", lambda engine: (engine.low, engine.high), rest="neutral", required=False, inside="volume"),
+    ),
     force=force,
     shape=shape,
     times=times,

@@ -1,4 +1,4 @@
-"""The track and the yos of a glider, as a scene to draw."""
+"""The track and the yos of a glider, as a scene to draw; what gliders of several kinds share."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from auv_gym.envs.track import current_of
 from auv_gym.rendering import Scene, Target
 
 
-class GlideView:
+class YoView:
     """Follows one environment, whose row it reads."""
 
     def __init__(self, episodes: Episodes, row: np.ndarray):

@@ -1,0 +1,64 @@
+"""What is a glider's own in six degrees of freedom in a step: its volume and masses, its energy; see `kernel.hooks`."""
+
+from __future__ import annotations
+
+from auv_gym.envs.kernel.body import ARRIVED, beyond, doubt, place
+from auv_gym.envs.kernel.hooks import Hooks
+from auv_gym.envs.kernel.path import begin_path, go_on, look_along, path_terms
+from auv_gym.envs.kernel.pump import energy_term
+from auv_gym.envs.kernel.targets import ages, pass_time, steps_left
+
+# Open in the templates, which are compiled.
+ACTUATORS = SHARES = ACROSS = SINKING = ENGINE = 0
+NORTH = EAST = DEPTH = HEADING = READ_NORTH = READ_EAST = READ_DEPTH = READ_HEADING = 0
+
+
+def command(plan, t, e):
+    """The commands of an action into e.command, and what pump and hotel load cost over the step into e.term."""
+    for j in range(ACTUATORS):
+        a = int(t.action_of[j])
+        if a >= 0:
+            share = min(max(e.action[a], -1.0), 1.0)
+            e.command[j], e.features[SHARES + j] = t.middle[j] + share * t.limit[j], share
+    e.term[1] = energy_term(e.command[ENGINE], e.features[READ_DEPTH], t, e)
+
+
+def score(x, before, t, e):
+    """The reward terms of the true place beside the leg, and of the way made good along it, both from above."""
+    north, east = x[NORTH] - before[NORTH], x[EAST] - before[EAST]
+    e.term[0], e.term[2] = path_terms(x[NORTH], x[EAST], 0.0, north, east, 0.0, t, e)
+
+
+def aim(plan, x, t, e, row):
+    """The next leg where a waypoint is reached; e.reason where it was the last."""
+    if go_on(plan, x[NORTH], x[EAST], 0.0, t, e, row):
+        e.reason = ARRIVED
+
+
+def look(t, e, row):
+    """The rate of change of the measured depth, and the leg as the readings show it, into the features."""
+    f = e.features
+    f[SINKING] = (f[READ_DEPTH] - e.last_depth) / t.dt if e.step > 0.0 else 0.0
+    e.last_depth = f[READ_DEPTH]
+    look_along(f[READ_NORTH], f[READ_EAST], 0.0, f[READ_HEADING], e, ACROSS)
+
+
+def set_out(plan, x, t, e, row):
+    """The first leg of an episode; the engine stands where the first commands have it."""
+    e.engine, e.energy = e.command[ENGINE], 0.0
+    begin_path(plan, x[NORTH], x[EAST], 0.0, x[HEADING], t, e, row)
+
+
+HOOKS = Hooks(
+    command=command,
+    beyond=beyond,
+    score=score,
+    aim=aim,
+    look=look,
+    pass_time=pass_time,
+    steps_left=steps_left,
+    ages=ages,
+    place=place,
+    set_out=set_out,
+    doubt=doubt,
+)
