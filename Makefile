@@ -17,6 +17,9 @@ export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
 
 TYPES := $(BIN)/pyright --pythonpath $(BIN)/python
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
+# pip would write bytecode on one core, and that of the packages' own tests, too; what is no Python 3 does not compile.
+INSTALL := $(PIP) install --no-compile -c constraints.txt
+BYTECODE := $(BIN)/python -m compileall -qq -j 0 -x '/tests?/' $(VENV)/lib || true
 
 .PHONY: demo docs test test-slow lint style format install slocum-cache clean
 .DEFAULT_GOAL := test
@@ -25,7 +28,7 @@ demo: $(VENV)/.installed-demo
 	$(BIN)/auv-gym diagnose slocum:ammonite --vehicle slocum --min-depth 10 --out $(DEMO_OUT)
 	@echo "The report: $(CURDIR)/$(DEMO_OUT)/report.html"
 
-# Types are checked on one core while the other one compiles.
+# Types are checked beside compiling, which takes longer.
 test: style $(VENV)/.slocum-cache
 	@$(TYPES) & types=$$!; $(BIN)/python -m tests.warm_cache; compiled=$$?; wait $$types && exit $$compiled
 	$(BIN)/python -m pytest
@@ -67,12 +70,14 @@ $(BIN)/python:
 
 $(VENV)/.installed-demo: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing auv-gym and what the demo needs; this takes a minute or two the first time"
-	@$(PIP) install -e '.[render,slocum]' -c constraints.txt
+	@$(INSTALL) -e '.[render,slocum]'
+	@$(BYTECODE)
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(BIN)/python
 	@echo "Installing auv-gym with its development tools; this takes a minute or two the first time"
-	@$(PIP) install -e '.[dev]' -c constraints.txt
+	@$(INSTALL) -e '.[dev]'
+	@$(BYTECODE)
 	@touch $@ $(VENV)/.installed-demo
 
 $(VENV)/.slocum-cache: $(VENV)/.installed-dev

@@ -48,8 +48,8 @@ def comparisons(tree: ast.Module) -> Iterator[int]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
-            others = set().union(*(strings_in(side) for side in sides if not is_of_a_vehicle(side)))
-            if any(map(is_of_a_vehicle, sides)) and others & NAMES:
+            asked = [is_of_a_vehicle(side) for side in sides]
+            if any(asked) and NAMES & set().union(*(strings_in(s) for s, is_it in zip(sides, asked) if not is_it)):
                 yield node.lineno
         elif (
             isinstance(node, ast.Match)

@@ -179,7 +179,7 @@ def test_a_log_much_finer_than_the_vehicles_step_is_brought_to_it():
 
 def test_a_log_in_degrees_ends_with_the_command_that_shows_it(tmp_path, capsys):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
-    record = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(3), duration=1200.0)
+    record = closed_loop(load_vehicle("slocum"), rng=np.random.default_rng(3), duration=600.0)
     wrong = record.with_channels({name: np.degrees(record[name]) for name in ("heading_rad", "rudder_rad")})
     wrong.save(tmp_path / "log.nc")
     code = main(["diagnose", str(tmp_path / "log.nc"), "--vehicle", "slocum", "--out", str(tmp_path / "out")])

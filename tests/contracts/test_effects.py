@@ -8,6 +8,7 @@ import pytest
 from bare_families import bare
 
 from auv_gym.effects import BodyEffects
+from auv_gym.model import inputs_of
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.plant.cruise import command_ranges, find_helm
@@ -171,8 +172,18 @@ def rich_record(plant: Plant) -> Record:
     return makers[plant.family.kind](plant)
 
 
-def outputs(plant: Plant, record: Record, kind: str = "") -> np.ndarray:
-    return plant.run(record, record.segments, np.array([STARTS[kind or plant.family.kind]]))
+def outputs(plant: Plant, record: Record) -> np.ndarray:
+    return plant.run(record, record.segments, np.array([STARTS[plant.family.kind]]))
+
+
+def stepped(plant: Plant, record: Record, start: list[float]) -> np.ndarray:
+    """Outputs of a plant that is stepped by hand: of a bare family less is compiled for it than for `outputs`."""
+    inputs = inputs_of(plant, record)
+    x, read = plant.settled(np.array(start), inputs[0]), []
+    for u in inputs:
+        read.append(plant.output(x))
+        x = plant.step(x, u)
+    return np.array(read)
 
 
 @lru_cache
@@ -203,8 +214,10 @@ def test_neutral_effects_are_the_identity_bit_for_bit(name):
     # the bare family does not limit its steps to what is stable: of a vehicle that spins they are shorter anyway
     plant = replace(plant, longest_step=STEPS.get(plant.family.kind, plant.longest_step))
     neutral = replace_at(plant, {path: spec_at(plant, path).neutral for path in effect_paths(plant)})
-    record, kind = rich_record(plant), plant.family.kind
-    assert np.array_equal(outputs(neutral, record), outputs(replace(neutral, family=bare(plant.family)), record, kind))
+    record, start = rich_record(plant), STARTS[plant.family.kind]
+    without = stepped(replace(neutral, family=bare(plant.family)), record, start)
+    assert np.isfinite(without).all()
+    assert np.array_equal(stepped(neutral, record, start), without)
 
 
 @pytest.mark.parametrize("name, path", SHOWING)

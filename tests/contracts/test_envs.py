@@ -64,21 +64,29 @@ def test_same_seed_same_rollout(name):
     assert not np.array_equal(first[0], other[0])
 
 
-@every
-def test_same_seed_same_rollout_in_another_process(name):
+@pytest.fixture(scope="module")
+def elsewhere():
+    """Five observations of every environment, as another process has them, by name."""
     code = (
-        "import gymnasium, auv_gym.envs, numpy as np\n"
-        f"env = gymnasium.make({name!r})\n"
-        "env.reset(seed=5)\n"
-        "draws = np.random.default_rng(1)\n"
-        "print([env.step(draws.uniform(-1, 1, env.action_space.shape))[0].tobytes().hex() for _ in range(5)])"
+        "import sys, gymnasium, auv_gym.envs, numpy as np\n"
+        "for name in sys.argv[1:]:\n"
+        "    env = gymnasium.make(name)\n"
+        "    env.reset(seed=5)\n"
+        "    draws = np.random.default_rng(1)\n"
+        "    print([env.step(draws.uniform(-1, 1, env.action_space.shape))[0].tobytes().hex() for _ in range(5)])"
     )
-    there = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
+    run = [sys.executable, "-c", code, *ENVIRONMENTS]
+    lines = subprocess.run(run, capture_output=True, text=True, check=True).stdout.splitlines()
+    return dict(zip(ENVIRONMENTS, lines, strict=True))
+
+
+@every
+def test_same_seed_same_rollout_in_another_process(name, elsewhere):
     env = gymnasium.make(name)
     env.reset(seed=5)
     draws = np.random.default_rng(1)
     here = [env.step(draws.uniform(-1, 1, env.action_space.shape))[0].tobytes().hex() for _ in range(5)]
-    assert there == str(here)
+    assert elsewhere[name] == str(here)
 
 
 @every

@@ -1,5 +1,7 @@
 """What holds for every model that an environment may step: each preset, bare and with effects on, and linear models."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -229,16 +231,16 @@ BELLS = Narx(
     sway=np.ones(3),
 )  # fmt: skip
 LINEAR = {
-    **{f"{name} linearised": linearise(plant) for name, plant in PRESETS.items()},
-    "polynomial": NOISY,
-    "state space": NOISY.to_state_space(),
-    "bells": BELLS,  # not linear, but it shares what is tested of these
+    **{f"{name} linearised": partial(linearise, plant) for name, plant in PRESETS.items()},
+    "polynomial": lambda: NOISY,
+    "state space": NOISY.to_state_space,
+    "bells": lambda: BELLS,  # not linear, but it shares what is tested of these
 }
 
 
-@pytest.fixture(params=LINEAR.values(), ids=LINEAR)
+@pytest.fixture(scope="module", params=LINEAR)
 def linear(request) -> Model:
-    return request.param
+    return LINEAR[request.param]()
 
 
 def moving(model: Model, samples: int = 40) -> Record:

@@ -99,7 +99,7 @@ def test_action_for_takes_a_wrench_or_commands():
     hover = find_hover(by_wrench.plant)
     wanted = {axis: held + 0.25 * most for held, (axis, most) in zip(hover.wrench, hover.largest.items(), strict=True)}
     np.testing.assert_allclose(by_wrench.action_for(wanted), 0.25)
-    pulses = TaskEnv("StationKeeping", "bluerov")
+    pulses = TaskEnv("StationKeeping", "bluerov", render_mode="rgb_array")  # its step is not compiled at once
     assert pulses.action_for(dict.fromkeys(pulses.episodes.actions, 1700.0)) == pytest.approx([0.5] * 6)
 
 

@@ -211,7 +211,7 @@ def test_a_clean_log_says_what_it_could_have_shown():
     )
 
 
-@pytest.mark.parametrize("shape", ["square", "wander"])
+@pytest.mark.parametrize("shape", [pytest.param("square", marks=pytest.mark.slow), "wander"])
 def test_a_push_outside_the_library_is_told_as_one_and_gets_no_name(shape):
     plant = load_vehicle("ganeshblue")
     rng = np.random.default_rng(11)

@@ -34,11 +34,14 @@ def names(diagnosis) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    "wrong, effects",
-    [(0.0, {"current__east": 0.05}), pytest.param(0.1, {"load__net_buoyancy": 0.6}, marks=pytest.mark.slow)],
+    "wrong, duration, effects",
+    [
+        (0.0, 40.0, {"current__east": 0.05}),
+        pytest.param(0.1, 60.0, {"load__net_buoyancy": 0.6}, marks=pytest.mark.slow),
+    ],
 )
-def test_a_torpedo_lacks_what_was_put_in(wrong, effects):
-    given, record = torpedo_log(2, wrong=wrong, **effects)
+def test_a_torpedo_lacks_what_was_put_in(wrong, duration, effects):
+    given, record = torpedo_log(2, wrong=wrong, duration=duration, **effects)
     found = diagnose(record, given, window=10.0)
     assert found.verdict in ("named", "tied")
     assert f"effects.{next(iter(effects)).replace('__', '.')}" in names(found)

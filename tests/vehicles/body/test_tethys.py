@@ -1,18 +1,18 @@
 """The hybrid LRAUV Tethys, which is a file only: it trims, glides, swims, and is flown, fitted and diagnosed."""
 
+import json
 import os
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from auv_gym.plant.cruise import command_ranges, find_cruise
+from auv_gym.plant.cruise import command_ranges
 from identification.diagnosis import diagnose
 from identification.experiments.missions import run_mission
 from identification.fit.greybox import GreyBox
@@ -27,13 +27,7 @@ def log():
     return run_mission(replace_at(load_vehicle(FILE), "effects.ballast.offset", BIAS), np.random.default_rng(20261122))
 
 
-def test_it_trims_at_the_speed_at_which_thrust_and_drag_balance():
-    cruise = find_cruise(load_vehicle(FILE))
-    n = 300.0 * np.pi / 30.0
-    assert cruise.speed == pytest.approx(np.sqrt(0.0068992 * n**2 / 6.228), rel=1e-4)
-    assert cruise.commands[3:].tolist() == [500e-6, 0.0]  # ballast and battery rest
-
-
+@pytest.mark.slow
 def test_its_battery_trims_the_pitch_at_rest():
     """The centre of gravity lies below the centre of buoyancy when nothing moves, so that tan(pitch) = -x/z of it."""
     plant = load_vehicle(FILE)
@@ -47,6 +41,7 @@ def test_its_battery_trims_the_pitch_at_rest():
     assert x[10] == pytest.approx(-np.arctan2(ahead, hull.mass * hull.z_g), abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("down", [1.0, -1.0])
 def test_it_glides_down_and_up_without_its_propeller(down):
     plant = load_vehicle(FILE)
@@ -62,10 +57,18 @@ def test_it_glides_down_and_up_without_its_propeller(down):
     assert down * x[10] < -0.1  # bow first
 
 
-FLOWN = """
+# What takes plain Python seconds, while its composition of parts would be compiled for a minute.
+PLAIN = """
+import json
 import sys
 import gymnasium
 import numpy as np
+from auv_gym.plant import load_vehicle
+from auv_gym.plant.cruise import find_cruise
+from tests.vehicles.body.coefficient_effects import acting
+
+cruise = find_cruise(load_vehicle(sys.argv[1]))
+told = {"speed": cruise.speed, "commands": cruise.commands.tolist(), "flown": [], "acting": acting(sys.argv[1])}
 for task in ("Depth", "Heading"):
     env = gymnasium.make(f"auv_gym/{task}-v0", vehicle=sys.argv[1])
     first, _ = env.reset(seed=4)
@@ -76,27 +79,46 @@ for task in ("Depth", "Heading"):
     vector = gymnasium.make_vec(f"auv_gym/{task}-v0", 3, vectorization_mode="vector_entry_point", vehicle=sys.argv[1])
     seen, _ = vector.reset(seed=4)
     assert np.array_equal(seen[0], first) and seen.shape == (3, *first.shape)
-    print(task)
+    told["flown"].append(task)
+actions = ["stern_plane_rad", "ballast_m3", "battery_m"]
+env = gymnasium.make("auv_gym/Depth-v0", vehicle=sys.argv[1], actions=actions)
+env.reset(seed=0)
+moved = [env.step(np.array(action, np.float32))[4] for action in ([0.0, 1.0, -1.0], [0.0, 0.0, 0.0])]
+told["commanded"] = [{name: info["command"][name] for name in actions} for info in moved]
+print(json.dumps(told))
 """
 
 
-def test_the_environments_fly_it():
-    # in plain Python, which takes seconds: its own composition of parts would be compiled for half a minute
+@pytest.fixture(scope="module")
+def plain():
+    """What the program above tells of it."""
     environment = {**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(FILE.parents[2])}
-    run = [sys.executable, "-c", FLOWN, str(FILE)]
+    run = [sys.executable, "-c", PLAIN, str(FILE)]
     done = subprocess.run(run, env=environment, capture_output=True, text=True, check=False)
-    assert done.stdout.split() == ["Depth", "Heading"], done.stderr
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
 
 
-def test_its_ballast_is_an_action_over_its_range():
-    env = gymnasium.make("auv_gym/Depth-v0", vehicle=str(FILE), actions=["stern_plane_rad", "ballast_m3", "battery_m"])
-    env.reset(seed=0)
-    info = env.step(np.array([0.0, 1.0, -1.0], np.float32))[4]
-    assert info["command"]["ballast_m3"] == pytest.approx(955e-6)
-    assert info["command"]["battery_m"] == pytest.approx(-0.03)
-    info = env.step(np.array([0.0, 0.0, 0.0], np.float32))[4]
-    assert info["command"]["ballast_m3"] == pytest.approx(0.5 * (80e-6 + 955e-6))
-    assert info["command"]["battery_m"] == 0.0
+def test_it_trims_at_the_speed_at_which_thrust_and_drag_balance(plain):
+    n = 300.0 * np.pi / 30.0
+    assert plain["speed"] == pytest.approx(np.sqrt(0.0068992 * n**2 / 6.228), rel=1e-4)
+    assert plain["commands"][3:] == [500e-6, 0.0]  # ballast and battery rest
+
+
+def test_the_environments_fly_it(plain):
+    assert plain["flown"] == ["Depth", "Heading"]
+
+
+def test_an_effect_that_is_reported_as_a_coefficient_does_what_the_coefficient_does(plain):
+    assert plain["acting"] >= 4  # most of them act
+
+
+def test_its_ballast_is_an_action_over_its_range(plain):
+    most, middle = plain["commanded"]
+    assert most["ballast_m3"] == pytest.approx(955e-6)
+    assert most["battery_m"] == pytest.approx(-0.03)
+    assert middle["ballast_m3"] == pytest.approx(0.5 * (80e-6 + 955e-6))
+    assert middle["battery_m"] == 0.0
 
 
 @pytest.mark.slow
@@ -130,6 +152,7 @@ def test_a_clean_log_of_it_needs_nothing():
     assert diagnose(run_mission(plant, np.random.default_rng(5)), plant).verdict in ("none", "coefficients")
 
 
+@pytest.mark.slow
 def test_the_step_may_be_halved():
     """A minute with all five actuators moving, with half its step and with a quarter of it."""
     plant, rng = load_vehicle(FILE), np.random.default_rng(3)
