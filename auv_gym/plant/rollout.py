@@ -209,7 +209,7 @@ def along(
     push = np.empty(pushed)
     error, out = np.empty(OUTPUTS), np.empty(OUTPUTS)
     corrected, single = gains.shape[0] > 0, stride == 1
-    charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0
+    charted = ATTITUDE >= 0 and SENSED >= 0 and references.shape[0] > 0  # rows are then of one sample
     attitude = x[ATTITUDE : ATTITUDE + 3]  # Euler angles, but while something is added to them in the row's chart
     row = 0
     for w in range(begin.shape[0]):
@@ -236,14 +236,7 @@ def along(
             last, chart = k + stride, k
             # a free run ends with its last row
             goes_on = last < n and first[last] != last and (last < stop[w] or after.shape[0] > 0)
-            duration = times[last] - times[k] if goes_on else 0.0
             for m in range(k, last if single else last + 1):
-                if m == k and not single:
-                    duration = duration if goes_on else stride * (times[k + 1] - times[k])
-                    for c in range(OUTPUTS):
-                        y[row, c] = 0.0
-                    for j in range(pushed):
-                        x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
                 if single:
                     physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, y[row])
                     if charted:
@@ -252,10 +245,9 @@ def along(
                 elif m < last:
                     physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, out)
                     for c in range(OUTPUTS):
-                        y[row, c] += shares[m, c] * out[c]
+                        y[row, c] = shares[m, c] * out[c] + (y[row, c] if m > k else 0.0)
                 else:
                     for j in range(pushed):
-                        x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
                         push[j] *= decays[row, j]
                 if corrected and (single or m == last):
                     for c in range(OUTPUTS):
@@ -270,18 +262,18 @@ def along(
                             for j in range(pushed):
                                 push[j] += gains[row, size + j, c] * error[c]
                 if m + 1 < last or (m < last and goes_on):
-                    if single:
-                        for j in range(pushed):
-                            x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
-                        if charted:
-                            out_of_chart(references[k], attitude)
+                    duration = times[m + 1] - times[m]
+                    for j in range(pushed):
+                        x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
+                    if charted:
+                        out_of_chart(references[k], attitude)
                     interval(x, inputs[m], shaped, times, first[m], m, times[m], times[m + 1], longest_step, p, work)
-                    if single:
-                        if charted:
-                            chart = last
-                            into_chart(references[chart], attitude)
-                        for j in range(pushed):
-                            x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                    if charted:
+                        chart = last
+                        into_chart(references[chart], attitude)
+                    for j in range(pushed):
+                        x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                        if single:
                             push[j] *= decays[row, j]
             if after.shape[0] > 0:
                 for i in range(STATES):
@@ -312,7 +304,7 @@ def rollout(
     stride: samples of a row, of which windows are whole multiples.  Outputs of a row of several are the sums of theirs
     by `shares`, (n, OUTPUTS); it is corrected at its end, where the next row begins.
     measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
-    kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after the interval.
+    kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after each sample's interval.
     decays: (rows, D), of the accelerations to the next row.
     earlier: (S, E, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
     y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.

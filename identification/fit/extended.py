@@ -34,7 +34,7 @@ def nudge(state, live, probes, tried):
 
 def filtered(
     vectors, until, begin, stop, carried, constant, times, inputs, first, references, longest_step, stride, shares,
-    starts, roots, measured, finite, counts, columns, live, probes, pushed, kicks, durations, decays,
+    starts, roots, measured, finite, counts, columns, live, probes, pushed, kicks, row_kicks, durations, decays,
     variances, deviations, correlation, path, a, c, y, after,
 ):  # fmt: skip
     """The filter of a vehicle through the stretches of a record, of which are kept its path and the slopes along it.
@@ -44,6 +44,7 @@ def filtered(
     roots: (W, n, n), transposed, of the covariances of the live states (n,) with which stretches begin.
     measured: (rows, C), finite, counts: see `identification.fit.kalman.System`; columns: (C,), among the outputs.
     probes: (n,), by which live states are moved.  pushed: (D,), the live states that accelerations push, see `kicks`.
+    row_kicks: (D, 3), the shares of an acceleration that a row feels on average, and that act before and after it.
     decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
     path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples those before a
     row's readings, which are known when it ends.  a: (rows, n, n) and c: (rows, C, n), slopes of the next row's live
@@ -95,8 +96,7 @@ def filtered(
                 for j in range(size):
                     slopes[m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
                 for d in range(pushes):
-                    within = kicks[d, 1] * durations[row] if stride > 1 else 0.0
-                    slopes[m, size + d] = within * slopes[m, pushed[d]]
+                    slopes[m, size + d] = row_kicks[d, 0] * durations[row] * slopes[m, pushed[d]]
             mean[:] = 0.0
             gains[:, :] = 0.0
             whiten[:, :] = 0.0
@@ -127,8 +127,8 @@ def filtered(
                     onward[j, i] = a[row, i, j]
             for d in range(pushes):
                 for i in range(size):
-                    onward[size + d, i] = durations[row] * kicks[d, 1] * onward[pushed[d], i]
-                onward[size + d, pushed[d]] += durations[row] * kicks[d, 2]
+                    onward[size + d, i] = durations[row] * row_kicks[d, 1] * onward[pushed[d], i]
+                onward[size + d, pushed[d]] += durations[row] * row_kicks[d, 2]
             for i in range(STATES + SENSORS):
                 state[i] = moved_on[0, i]
             for j in range(total):

@@ -50,7 +50,8 @@ class Linearised(Stretches):
                 vectors, until, runs.begin, runs.stop, self.carried, self._shared, runs.times, runs.inputs, runs.first,
                 runs.references, plant.longest_step, runs.stride, runs.shares, np.ascontiguousarray(starts[:, own]),
                 roots, self.measured, self.finite, self.counts, self.columns, live, self._probes(live),
-                np.searchsorted(live, self._pushed[there]), np.ascontiguousarray(self.kicks[there]), self.durations,
+                np.searchsorted(live, self._pushed[there]), np.ascontiguousarray(self.kicks[there]),
+                np.ascontiguousarray(self.row_kicks[there]), self.durations,
                 np.exp(-self.durations[:, None] / times[there]), variances, deviations[there], times[there],
                 found, a, c, seen, after,
             )  # fmt: skip
@@ -74,14 +75,13 @@ class Linearised(Stretches):
         kicked = np.zeros((rows, solid, pushed))
         for d, i in enumerate(self._pushed):
             j = int(np.flatnonzero(live == i)[0])
-            kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
-            kicked[:, j, d] += self.kicks[d, 2]
+            kicked[:, :, d] = self.row_kicks[d, 1] * a[:, :, j]
+            kicked[:, j, d] += self.row_kicks[d, 2]
         kicked *= self.durations[:, None, None]
-        felt = np.zeros((rows, c.shape[1], pushed))  # within a row
-        if self.stride > 1:
-            for d, i in enumerate(self._pushed):
-                j = int(np.flatnonzero(live == i)[0])
-                felt[:, :, d] = (self.kicks[d, 1] * self.durations)[:, None] * c[:, :, j]
+        felt = np.zeros((rows, c.shape[1], pushed))  # on average within a row
+        for d, i in enumerate(self._pushed):
+            j = int(np.flatnonzero(live == i)[0])
+            felt[:, :, d] = (self.row_kicks[d, 0] * self.durations)[:, None] * c[:, :, j]
         moves = np.concatenate([a, kicked], axis=2) if self.stride > 1 else None
         for j in np.flatnonzero(live >= len(self._shared)):  # a sensor without a lag has no state that lasts
             if np.median(np.abs(a[:, j, j] - 1.0)) < 1e-9:

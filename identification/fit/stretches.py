@@ -122,6 +122,7 @@ class Stretches(Parameters):
         self.pushed = tuple(names) if self.process else ()
         self._pushed = np.array([family.states.index(n) for n in self.pushed], dtype=int)
         self.kicks = np.array([[i, 0.5, 0.5] for i in self._pushed]).reshape(-1, 3)
+        self.row_kicks = np.zeros((len(self._pushed), 3))
 
     def _begin(self, readings: np.ndarray, samples: np.ndarray, guess: np.ndarray | None) -> None:
         """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales.
@@ -161,7 +162,7 @@ class Stretches(Parameters):
         self._push_what_lasts(set(self.live.tolist()))
         kept = np.isin(self._pushed, self.live)
         self.pushed = tuple(n for n, k in zip(self.pushed, kept, strict=True) if k)
-        self._pushed, self.kicks = self._pushed[kept], self.kicks[kept]
+        self._pushed, self.kicks, self.row_kicks = self._pushed[kept], self.kicks[kept], self.row_kicks[kept]
         drop = self._size + np.flatnonzero(~kept)
         self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
         self._balance_kicks(np.delete(path, drop, axis=1))
@@ -227,16 +228,21 @@ class Stretches(Parameters):
         """Shares of an acceleration before and after a sample, with which one that is held over it acts as it should.
 
         A velocity that decays to a share f of itself moves by (f - 1) / ln f of what the acceleration alone would do,
-        and what it moves by 1/(1 - f) + 1/ln f of what a whole push at the beginning would.
+        and what it moves by 1/(1 - f) + 1/ln f of what a whole push at the beginning would.  row_kicks: (D, 3), the
+        same of a row, the first on average within it: by what its mean outputs show of a push at its beginning.
         """
         if not len(self._pushed):
             return
         a = self._slopes(self.plant.vector, path, self._pushed)[0]
         for d in range(len(self._pushed)):
             f = float(np.clip(np.median(a[:, d, d]), 1e-6, 1e6))
-            f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
-            before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
-            self.kicks[d, 1:] = before, (f - 1.0) / np.log(f) - before * f
+            self.row_kicks[d, 1:] = _shares_of_push(f)
+            decay = f ** (1.0 / self.stride)
+            self.kicks[d, 1:] = before, after = _shares_of_push(decay)
+            moved, kept = np.zeros(self.stride), decay ** np.arange(self.stride)
+            for m in range(1, self.stride):
+                moved[m] = decay * (moved[m - 1] + before) + after
+            self.row_kicks[d, 0] = moved.sum() / (self.stride * kept.sum())
 
     @property
     def _moving(self) -> np.ndarray:
@@ -322,3 +328,10 @@ def _seen(a: np.ndarray, c: np.ndarray) -> np.ndarray:
         if np.array_equal(more, seen):
             return np.flatnonzero(seen)
         seen = more
+
+
+def _shares_of_push(f: float) -> tuple[float, float]:
+    """See `Stretches._balance_kicks`."""
+    f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
+    before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
+    return before, (f - 1.0) / np.log(f) - before * f

@@ -24,9 +24,6 @@ _LEAST_OF_WINDOW = 8  # rows
 _STRIDES, _REFERENCE = (20, 15, 10, 7, 5, 4, 3), 2
 _JUDGED, _PIECES = 1500, 6  # samples by which strides are judged, and the pieces of a longer record that they are in
 _ABOUT_CORNERS = 1.0  # scales over which slopes are taken where an effect has a corner: a smaller one does nothing
-# of the deviation of a row's mean reading, that what accelerations do within the row may be off by: a tenth of the
-# variance, so that errors stay as good as white
-_MOST_MISREAD = 0.3
 _SEEN = 1e-4  # share of a parameter's slopes that must remain beside the others' for it to count
 _NOTHING = 1e-12  # of squared slopes, below which they are rounding
 
@@ -85,28 +82,6 @@ def stride_for(
         return bool(np.all(lost <= np.where(plain, _MOST_OF_PLAIN, MOST_LOST) * told))
 
     return _longest(sorted(tried), loses_little, least)
-
-
-def shorter_stride(problem: PredictionErrors, point: Point) -> int:
-    """The problem's stride, or a shorter one if accelerations as they were found move the vehicle within a row.
-
-    A filter of rows lets an acceleration act before and after the readings of a row, and not between them: the mean of
-    a velocity is off by what it gains in half a sample.  Where that is not little beside the noise of the mean, errors
-    are correlated and the noises wrong, however little the longer rows lose.
-    """
-    noise, stride = problem.noise_at(point), problem.stride
-    if stride == 1 or not noise.process:
-        return stride
-    half, most = 0.5 * problem.record.sample_interval, float(stride)
-    for pushed, (rms, _) in noise.process.items():
-        of = next((n for n in (pushed, problem.plant.family.nearly.get(pushed, "")) if n in noise.measurement), None)
-        if of is not None and rms > 0.0:
-            most = min(most, (_MOST_MISREAD * noise.measurement[of] / (half * rms)) ** 2)
-    samples = len(problem.rows) * stride
-    tried = [s for s in _STRIDES if s <= stride]
-    if most >= stride or not tried:
-        return stride
-    return max(_least(samples, tried), *(s for s in tried if s <= most), 1)
 
 
 def _least(samples: int, tried: Sequence[int]) -> int:

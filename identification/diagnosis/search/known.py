@@ -42,12 +42,11 @@ class Known:
 
 
 def fit_known(log: CheckedLog, progress: Progress) -> Known:
-    """The fits of a vehicle without effects; of a log that looks mislabelled nothing is refitted."""
-    return fitted_on(Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window), log, progress)
+    """The fits of a vehicle without effects, in steps of integration that suit them.
 
-
-def fitted_on(bench: Workbench, log: CheckedLog, progress: Progress) -> Known:
-    """The fits on a bench, in steps of integration that suit them."""
+    Of a log that looks mislabelled nothing is refitted.
+    """
+    bench = Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window)
     progress(0.02, "filtering with the vehicle as given")
     given = bench.fit(bench.plant, ())
     first = _first_coefficients(bench, given)

@@ -9,7 +9,7 @@ from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
 from identification.diagnosis.search.candidates import Candidate, candidates_of
-from identification.diagnosis.search.known import Known, fitted_on
+from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import Progress
@@ -38,8 +38,7 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
-    effect that is there leaves less noise than its absence.  So it is where something is left, and what pushes the
-    vehicle moves it within the rows in which the record is read: errors may be correlated for that alone.
+    effect that is there leaves less noise than its absence.
     """
     bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
     kinematics = kinematic_findings(log.record, bench.plant)
@@ -72,7 +71,4 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     suited = known.in_suited_steps(state)
     if suited is not known:
         return search_effects(log, suited, progress)
-    shorter = bench.in_shorter_rows(state) if left else bench
-    if shorter is not bench:
-        return search_effects(log, fitted_on(shorter, log, progress), progress)
     return Searched(known, tuple(candidates), kinematics, nominal, state, tuple(rounds), left)

@@ -21,7 +21,7 @@ from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.intervals import ByPart, Information, information_of, interval_of, told_by_part
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.steps import brisk, suited
-from identification.fit.strides import shorter_stride, stride_for
+from identification.fit.strides import stride_for
 from identification.fit.validation import free_runs
 
 ITERATIONS = 12  # of a trial's fit
@@ -100,14 +100,6 @@ class Workbench:
         other.problem, other.plant = problem, problem.plant
         other._begin()
         return other
-
-    def in_shorter_rows(self, state: State) -> Workbench:
-        """A bench anew, in shorter rows, if the accelerations of a state move the vehicle within a row, else itself."""
-        stride = shorter_stride(self.problem, state.point)
-        if stride == self.problem.stride:
-            return self
-        given = self._as_stepped
-        return Workbench(given.plant, self.record, self.parts, self.doubt, self.windows, stride)
 
     def taken_over(self, state: State) -> State:
         """A state of a bench in other steps, fitted in those of this one."""

@@ -1,8 +1,6 @@
 """Readings averaged over rows of samples: exact in what they are compared with, and at nearly no loss."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,9 +13,9 @@ from identification.fit.averaging import Averages
 from identification.fit.filtering import Point
 from identification.fit.intervals import information_of
 from identification.fit.kalman import start_slopes
-from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.strides import _longest, shorter_stride, stride_for
+from identification.fit.strides import _longest, stride_for
+from identification.fit.validation import whiteness
 
 DT = 0.1  # s
 GLIDER = replace(load_vehicle("slocum"), dt=DT, window=60.0)
@@ -249,28 +247,16 @@ def test_no_record_has_more_rows_than_a_fit_could_get_through(monkeypatch):
     assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 20
 
 
-@pytest.mark.parametrize(
-    "rms, rows, stride",
-    [
-        (0.0, 500, 10),
-        # 0.05 s times this is less than 0.3 of 0.001 over the root of 10; of 4, but not of 5; and not of 3
-        (0.0018, 500, 10),
-        (0.0028, 500, 4),
-        (0.0050, 500, 1),
-        (0.0050, 3000, 10),  # 30,000 samples: shorter rows would be too many
-    ],
-)
-def test_rows_are_shorter_where_accelerations_move_the_vehicle_within_them(rms, rows, stride):
-    problem: Any = SimpleNamespace(
-        stride=10,
-        rows=np.arange(rows),
-        record=SimpleNamespace(sample_interval=0.1),
-        plant=SimpleNamespace(family=SimpleNamespace(nearly={"u_mps": "u_dvl_mps"})),
-        noise_at=lambda point: Noise(
-            {"u_dvl_mps": 0.001, "r_radps": 1.0}, {"u_mps": (rms, 2.0), "r_radps": (0.01, 2.0), "w_mps": (9.0, 2.0)}
-        ),
-    )
-    assert shorter_stride(problem, cast("Point", None)) == stride
+@pytest.mark.parametrize("stride", [4, 10])
+def test_what_pushes_a_vehicle_within_a_row_leaves_its_errors_white(stride):
+    """An acceleration that gains more between two readings than their mean is noisy: it acts at each of them."""
+    log, plant = dense_log(5, push=0.02), replace_at(GLIDER, {OFFSET: 0.03})
+    problem = PredictionErrors(plant, log, whole(log), stride=stride)
+    point = problem.solve(plant, ())
+    for errors in point.errors.T:  # 0.17 where half of it acts before the row and half after it
+        assert abs(whiteness(errors, problem.stretch_of_row).correlation[0]) < 0.06
+    size, _ = problem.noise_at(point).process["r_radps"]
+    assert size == pytest.approx(0.02, rel=0.1)
 
 
 def test_the_longest_rows_that_lose_little_are_found_in_halves():

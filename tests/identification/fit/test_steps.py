@@ -35,7 +35,8 @@ def test_steps_are_judged_where_the_filter_follows_the_record():
     """A vehicle that is top-heavy leaves the readings of a log without roll and rates, and steps then move it far."""
     plant, whole = logged("vt690")
     few = whole.record.without([n for n in whole.channels if not n.endswith(("dvl_mps", "pitch_rad", "depth_m"))])
-    far = PredictionErrors(replace_at(plant, "effects.load.z_g", -0.01), few, [slice(0, len(few))], doubt=0.1, stride=5)
+    heavy = replace_at(plant, "effects.load.z_g", -0.015)
+    far = PredictionErrors(heavy, few, [slice(0, len(few))], doubt=0.1, stride=5)
     first, sample = far.first_point(), far.record.sample_interval
     assert not far.keeps_to_readings(first)
     assert moved_by_steps(in_steps(far, sample), far, first) > 1.0

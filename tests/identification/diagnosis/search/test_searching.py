@@ -8,11 +8,10 @@ import pytest
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.search import searching, workbench
+from identification.diagnosis.search import workbench
 from identification.diagnosis.search.attribution import attribute
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.known import Known, fit_known
-from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.searching import search_effects
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
@@ -35,38 +34,6 @@ def test_it_is_repeated_in_the_steps_that_suit_what_was_found(monkeypatch, asked
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known is finer
     assert [one is finer for one in asked] == [False] * asked_at + [True] * 2
-
-
-@pytest.mark.parametrize("left", [Left(), Left(("heading_rad",))])
-def test_it_is_repeated_in_shorter_rows_where_something_is_left(monkeypatch, left):
-    plant = load_vehicle("slocum")
-    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), plant, Asked())
-    known = fit_known(log, lambda fraction, text: None)
-    shorter, asked = Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window, 1), []
-
-    def in_shorter_rows(bench, state):
-        asked.append(bench)
-        return shorter
-
-    monkeypatch.setattr(Workbench, "in_shorter_rows", in_shorter_rows)
-    monkeypatch.setattr(searching, "what_is_left", lambda bench, state: left)
-    found = search_effects(log, known, lambda fraction, text: None)
-    assert found.known.bench is (shorter if left else known.bench)
-    assert asked == ([known.bench, shorter] if left else [])
-
-
-def test_a_bench_in_shorter_rows_reads_the_same_record(monkeypatch):
-    plant = load_vehicle("slocum")
-    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), plant, Asked())
-    bench = Workbench(log.plant, log.record, log.parts, log.asked.doubt, log.every_window, 3)
-    state = bench.fit(bench.plant, ())
-    monkeypatch.setattr(workbench, "shorter_stride", lambda problem, point: 3)
-    assert bench.in_shorter_rows(state) is bench
-    monkeypatch.setattr(workbench, "shorter_stride", lambda problem, point: 1)
-    other = bench.in_shorter_rows(state)
-    assert (other.problem.stride, bench.problem.stride) == (1, 3)
-    assert (other.parts, other.windows, other.doubt) == (bench.parts, bench.windows, bench.doubt)
-    assert other.record is bench.record
 
 
 def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behind_they_are(monkeypatch):
