@@ -370,7 +370,7 @@ def left_sentence(d: Diagnosis) -> str:
     if left.depends:
         of, pushed = channel(left.depends.signal).label, channel(left.depends.pushed).label
         law = f"past changes of {of}" if left.depends.remembers else of
-        shown.append(f"depend on {law}, as if something that follows it acted on {pushed}")
+        shown.append(f"depend on {law} (acting on {pushed})")
     text = f"One-step prediction errors {listed(shown)}. " if shown else ""
     if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
