@@ -17,6 +17,7 @@ from scripts.reproduce.armax.__main__ import main
 from scripts.reproduce.armax.models import DEPTH, PITCH, Verified
 from scripts.reproduce.armax.study import TAKEN, Row, reached
 
+pytestmark = pytest.mark.slow  # a study; others of this folder run by default
 CONTROLLERS = ("GPC, true linear form", f"GPC, {TAKEN}")
 
 

@@ -47,6 +47,8 @@ from scripts.reproduce.float.tables import (
     shown,
 )
 
+pytestmark = pytest.mark.slow  # a study; others of this folder run by default
+
 GUIDE = Path(__file__).parents[3] / "docs" / "recursive.md"
 SEEDS = 2
 NUMBER = re.compile(r"-?\d[\d.]*(?:e[-+]\d+)?")
