@@ -23,18 +23,18 @@ STATES = SENSORS = ACTUATORS = OUTPUTS = DERIVED = 0  # DERIVED: of what follows
 
 
 @compiled
-def nudge(state, live, probes, tried):
-    """A state and, for each live one (n,), the state with that moved by its probe, into tried, (n + 1, F)."""
+def nudge(state, moved, probes, tried):
+    """A state and, for each that is moved, (m,), the state with that moved by its probe, into tried, (m + 1, F)."""
     for j in range(tried.shape[0]):
         for i in range(tried.shape[1]):
             tried[j, i] = state[i]
         if j > 0:
-            tried[j, live[j - 1]] += probes[j - 1]
+            tried[j, moved[j - 1]] += probes[j - 1]
 
 
 def filtered(
     vectors, until, begin, stop, carried, constant, times, inputs, first, references, longest_step, stride, shares,
-    starts, roots, measured, finite, counts, columns, live, probes, pushed, kicks, row_kicks, durations, decays,
+    starts, roots, measured, finite, counts, columns, moved, probes, pushed, kicks, durations, decays,
     variances, deviations, correlation, path, a, c, y, after,
 ):  # fmt: skip
     """The filter of a vehicle through the stretches of a record, of which are kept its path and the slopes along it.
@@ -43,14 +43,15 @@ def filtered(
     begin to shares, starts: see `auv_gym.plant.rollout.rollout`; starts (W, F), F = STATES + SENSORS + D.
     roots: (W, n, n), transposed, of the covariances of the live states (n,) with which stretches begin.
     measured: (rows, C), finite, counts: see `identification.fit.kalman.System`; columns: (C,), among the outputs.
-    probes: (n,), by which live states are moved.  pushed: (D,), the live states that accelerations push, see `kicks`.
-    row_kicks: (D, 3), the shares of an acceleration that a row feels on average, and that act before and after it.
+    moved: the live states, (n,), and with a stride of several samples the accelerations after them, (n + D,); probes:
+    by which they are moved.  pushed: (D,), the live states that accelerations push, see `kicks`.
     decays: (rows, D).  variances: (C,); deviations, correlation: (D,), of the accelerations, s.
     path: (rows, F), where the slopes are taken: the filtered states, or with a stride of several samples those before a
     row's readings, which are known when it ends.  a: (rows, n, n) and c: (rows, C, n), slopes of the next row's live
     states and of the row's outputs; y: (rows, C) and after: (rows, F), from the path itself.
     """
-    n, size, count, pushes = times.shape[0], live.shape[0], columns.shape[0], kicks.shape[0]
+    n, size, count, pushes = times.shape[0], a.shape[1], columns.shape[0], kicks.shape[0]
+    live, many = moved[:size], moved.shape[0] + 1
     total, whole = size + pushes, STATES + SENSORS + pushes
     derived = np.empty(DERIVED + vectors.shape[1])
     shaped, positions = np.empty((n, ACTUATORS)), np.empty((n, ACTUATORS))
@@ -58,12 +59,12 @@ def filtered(
     move_actuators(vectors, vectors[last], until, times, inputs, first, derived, shaped, positions)
     piece, row = 0, 0
     derive(vectors[0], derived)
-    state, tried, moved_on = np.zeros(whole), np.empty((size + 1, whole)), np.empty((size + 1, whole))
-    seen, none, unread = np.empty((size + 1, OUTPUTS)), np.empty((0, whole)), np.empty((0, OUTPUTS))
-    free, held = np.empty((0, whole, OUTPUTS)), np.ones((size + 1, pushes))
-    one, other, anew = np.empty(size + 1, np.int64), np.empty(size + 1, np.int64), np.zeros(size + 1, np.bool_)
+    state, tried, moved_on = np.zeros(whole), np.empty((many, whole)), np.empty((many, whole))
+    seen, none, unread = np.empty((many, OUTPUTS)), np.empty((0, whole)), np.empty((0, OUTPUTS))
+    free, held = np.empty((0, whole, OUTPUTS)), np.ones((many, pushes))
+    one, other, anew = np.empty(many, np.int64), np.empty(many, np.int64), np.zeros(many, np.bool_)
     root, wide, mean = np.zeros((total, total)), np.zeros((total + pushes, total)), np.zeros(total)
-    error, column, gain, moved = np.zeros(count), np.zeros(total), np.zeros(total), np.zeros(total)
+    error, column, gain, room = np.zeros(count), np.zeros(total), np.zeros(total), np.zeros(total)
     reflector, share_of, forcing = np.zeros(total + pushes), np.zeros(total), np.zeros(size)
     gains, whiten, innovations = np.zeros((total, count)), np.zeros((count, count)), np.zeros(count)
     slopes, onward = np.zeros((count, total)), np.zeros((total, size))
@@ -86,17 +87,15 @@ def filtered(
                 derive(vectors[piece], derived)
             one[:] = k
             other[:] = k + stride
-            nudge(state, live, probes, tried)
+            nudge(state, moved, probes, tried)
             along(
                 derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
                 shares, shaped, positions, unread, free, kicks, held, seen, none if stride == 1 else moved_on,
             )  # fmt: skip
             for m in range(count):
                 error[m] = measured[row, m] - seen[0, columns[m]] if finite[row, m] else 0.0
-                for j in range(size):
+                for j in range(many - 1):  # an acceleration does nothing to a single reading
                     slopes[m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
-                for d in range(pushes):
-                    slopes[m, size + d] = row_kicks[d, 0] * durations[row] * slopes[m, pushed[d]]
             mean[:] = 0.0
             gains[:, :] = 0.0
             whiten[:, :] = 0.0
@@ -108,7 +107,7 @@ def filtered(
                     state[live[i]] += mean[i]
                 for d in range(pushes):
                     state[STATES + SENSORS + d] += mean[size + d]
-                nudge(state, live, probes, tried)
+                nudge(state, moved, probes, tried)
                 along(
                     derived, tried, one, other, anew, constant, times, inputs, first, references, longest_step, stride,
                     shares, shaped, positions, unread, free, kicks, held, seen, moved_on,
@@ -127,8 +126,11 @@ def filtered(
                     onward[j, i] = a[row, i, j]
             for d in range(pushes):
                 for i in range(size):
-                    onward[size + d, i] = durations[row] * row_kicks[d, 1] * onward[pushed[d], i]
-                onward[size + d, pushed[d]] += durations[row] * row_kicks[d, 2]
+                    onward[size + d, i] = durations[row] * kicks[d, 1] * onward[pushed[d], i]
+                onward[size + d, pushed[d]] += durations[row] * kicks[d, 2]
+            for j in range(size, many - 1):
+                for i in range(size):
+                    onward[j, i] = (moved_on[j + 1, live[i]] - moved_on[0, live[i]]) / probes[j]
             for i in range(STATES + SENSORS):
                 state[i] = moved_on[0, i]
             for j in range(total):
@@ -143,7 +145,7 @@ def filtered(
                         onward[i, j] = 0.0
             mean[:] = 0.0
             held_for = (durations[row], deviations, correlation)
-            to_next_row(root, mean, onward, forcing, *held_for, wide, moved, reflector, share_of)
+            to_next_row(root, mean, onward, forcing, *held_for, wide, room, reflector, share_of)
             row += 1
 
 

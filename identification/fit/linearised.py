@@ -44,14 +44,15 @@ class Linearised(Stretches):
         found, seen = np.empty((rows, own.size)), np.empty(self.measured.shape)
         a, c = np.empty((rows, live.size, live.size)), np.empty((rows, self.measured.shape[1], live.size))
         until, vectors = plant.pieces(vector)
-        self.work.add((1 + len(live)) * rows * self.stride)
+        pushing = np.flatnonzero(there if self.stride > 1 else there[:0])
+        moved, probes = np.r_[live, states + np.arange(len(pushing))], self._probes(np.r_[live, states + pushing])
+        self.work.add((1 + len(moved)) * rows * self.stride)
         with np.errstate(all="ignore"):  # of one that runs away
             program_of(plant)(
                 vectors, until, runs.begin, runs.stop, self.carried, self._shared, runs.times, runs.inputs, runs.first,
                 runs.references, plant.longest_step, runs.stride, runs.shares, np.ascontiguousarray(starts[:, own]),
-                roots, self.measured, self.finite, self.counts, self.columns, live, self._probes(live),
-                np.searchsorted(live, self._pushed[there]), np.ascontiguousarray(self.kicks[there]),
-                np.ascontiguousarray(self.row_kicks[there]), self.durations,
+                roots, self.measured, self.finite, self.counts, self.columns, moved, probes,
+                np.searchsorted(live, self._pushed[there]), np.ascontiguousarray(self.kicks[there]), self.durations,
                 np.exp(-self.durations[:, None] / times[there]), variances, deviations[there], times[there],
                 found, a, c, seen, after,
             )  # fmt: skip
@@ -72,16 +73,15 @@ class Linearised(Stretches):
         """The system of slopes along a path, and of the outputs and next states from there, see `_slopes`."""
         live, solid, pushed = self.live, len(self.live), len(self.pushed)
         rows = len(self.rows)
-        kicked = np.zeros((rows, solid, pushed))
-        for d, i in enumerate(self._pushed):
-            j = int(np.flatnonzero(live == i)[0])
-            kicked[:, :, d] = self.row_kicks[d, 1] * a[:, :, j]
-            kicked[:, j, d] += self.row_kicks[d, 2]
-        kicked *= self.durations[:, None, None]
-        felt = np.zeros((rows, c.shape[1], pushed))  # on average within a row
-        for d, i in enumerate(self._pushed):
-            j = int(np.flatnonzero(live == i)[0])
-            felt[:, :, d] = (self.row_kicks[d, 0] * self.durations)[:, None] * c[:, :, j]
+        if self.stride > 1:
+            kicked, felt = self._slopes(vector, path, live, self._size + np.arange(pushed))[:2]
+        else:
+            kicked, felt = np.zeros((rows, solid, pushed)), np.zeros((rows, c.shape[1], pushed))
+            for d, i in enumerate(self._pushed):
+                j = int(np.flatnonzero(live == i)[0])
+                kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
+                kicked[:, j, d] += self.kicks[d, 2]
+            kicked *= self.durations[:, None, None]
         moves = np.concatenate([a, kicked], axis=2) if self.stride > 1 else None
         for j in np.flatnonzero(live >= len(self._shared)):  # a sensor without a lag has no state that lasts
             if np.median(np.abs(a[:, j, j] - 1.0)) < 1e-9:

@@ -122,7 +122,6 @@ class Stretches(Parameters):
         self.pushed = tuple(names) if self.process else ()
         self._pushed = np.array([family.states.index(n) for n in self.pushed], dtype=int)
         self.kicks = np.array([[i, 0.5, 0.5] for i in self._pushed]).reshape(-1, 3)
-        self.row_kicks = np.zeros((len(self._pushed), 3))
 
     def _begin(self, readings: np.ndarray, samples: np.ndarray, guess: np.ndarray | None) -> None:
         """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales.
@@ -162,7 +161,7 @@ class Stretches(Parameters):
         self._push_what_lasts(set(self.live.tolist()))
         kept = np.isin(self._pushed, self.live)
         self.pushed = tuple(n for n, k in zip(self.pushed, kept, strict=True) if k)
-        self._pushed, self.kicks, self.row_kicks = self._pushed[kept], self.kicks[kept], self.row_kicks[kept]
+        self._pushed, self.kicks = self._pushed[kept], self.kicks[kept]
         drop = self._size + np.flatnonzero(~kept)
         self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
         self._balance_kicks(np.delete(path, drop, axis=1))
@@ -228,21 +227,16 @@ class Stretches(Parameters):
         """Shares of an acceleration before and after a sample, with which one that is held over it acts as it should.
 
         A velocity that decays to a share f of itself moves by (f - 1) / ln f of what the acceleration alone would do,
-        and what it moves by 1/(1 - f) + 1/ln f of what a whole push at the beginning would.  row_kicks: (D, 3), the
-        same of a row, the first on average within it: by what its mean outputs show of a push at its beginning.
+        and what it moves by 1/(1 - f) + 1/ln f of what a whole push at the beginning would.
         """
         if not len(self._pushed):
             return
         a = self._slopes(self.plant.vector, path, self._pushed)[0]
         for d in range(len(self._pushed)):
-            f = float(np.clip(np.median(a[:, d, d]), 1e-6, 1e6))
-            self.row_kicks[d, 1:] = _shares_of_push(f)
-            decay = f ** (1.0 / self.stride)
-            self.kicks[d, 1:] = before, after = _shares_of_push(decay)
-            moved, kept = np.zeros(self.stride), decay ** np.arange(self.stride)
-            for m in range(1, self.stride):
-                moved[m] = decay * (moved[m - 1] + before) + after
-            self.row_kicks[d, 0] = moved.sum() / (self.stride * kept.sum())
+            f = float(np.clip(np.median(a[:, d, d]), 1e-6, 1e6)) ** (1.0 / self.stride)
+            f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
+            before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
+            self.kicks[d, 1:] = before, (f - 1.0) / np.log(f) - before * f
 
     @property
     def _moving(self) -> np.ndarray:
@@ -276,14 +270,16 @@ class Stretches(Parameters):
         carried = np.zeros(count, dtype=bool) if rows else self.carried
         return Correction(self.every, gains, self.kicks, decays, carried, self._shared)
 
-    def _slopes(self, vector: np.ndarray, path: np.ndarray, live: np.ndarray):
-        """Slopes of the next row's live states (rows, n, n) and of the channels (rows, C, n), outputs and next states.
+    def _slopes(self, vector: np.ndarray, path: np.ndarray, live: np.ndarray, moved: np.ndarray | None = None):
+        """Slopes of the next row's live states (rows, n, m) and of the channels (rows, C, m), outputs and next states.
 
-        From the states of a path, (rows, F), one row on.
+        By what is moved, (m,), of states, sensors and accelerations, by default the live states; from the states of a
+        path, (rows, F), one row on.
         """
-        probes = self._probes(live)
-        starts = np.repeat(path[None], len(live) + 1, axis=0)
-        for j, (i, probe) in enumerate(zip(live, probes, strict=True), start=1):
+        moved = live if moved is None else moved
+        probes = self._probes(moved)
+        starts = np.repeat(path[None], len(moved) + 1, axis=0)
+        for j, (i, probe) in enumerate(zip(moved, probes, strict=True), start=1):
             starts[j, :, i] += probe
         none = np.empty((0, path.shape[1], len(self.plant.outputs)))
         decays = np.ones((len(self.rows), len(self.kicks)))
@@ -295,10 +291,12 @@ class Stretches(Parameters):
             c = ((y[1:] - y[0])[:, :, self.columns] / probes[:, None, None]).transpose(1, 2, 0)
         return a, c, y[0][:, self.columns], after[0]
 
-    def _probes(self, live: np.ndarray) -> np.ndarray:
-        """By how much states are moved for their slopes."""
-        names = (*self.plant.family.states, *self.plant.family.sensors)
-        return np.array([_SMALL if names[i].endswith("m3") else _PROBE for i in live])
+    def _probes(self, moved: np.ndarray) -> np.ndarray:
+        """By how much states are moved for their slopes, and accelerations so that they move a state by as much."""
+        family, row = self.plant.family, float(np.median(self.durations))
+        names = (*family.states, *family.sensors, *self.pushed)
+        sizes = [_SMALL if names[i].endswith("m3") else _PROBE for i in moved]
+        return np.array(sizes) / np.where(np.asarray(moved) < self._size, 1.0, row)
 
 
 def _varies(readings: np.ndarray) -> bool:
@@ -328,10 +326,3 @@ def _seen(a: np.ndarray, c: np.ndarray) -> np.ndarray:
         if np.array_equal(more, seen):
             return np.flatnonzero(seen)
         seen = more
-
-
-def _shares_of_push(f: float) -> tuple[float, float]:
-    """See `Stretches._balance_kicks`."""
-    f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
-    before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
-    return before, (f - 1.0) / np.log(f) - before * f

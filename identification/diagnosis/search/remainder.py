@@ -45,6 +45,8 @@ def what_is_left(bench: Workbench, state: State) -> Left:
     something in a share `LEFT` of the records without.
     """
     problem, point = bench.problem, state.point
+    if not np.isfinite(point.scores).all():  # a filter that is lost explains nothing
+        return Left(tuple(problem.channels))
     fitted = bench.fitted_basis(state)
     coloured, bursts, level = [], [], LEFT / len(problem.channels)
     for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True)):

@@ -112,6 +112,12 @@ def test_what_is_left_is_said_by_channel():
     assert Left(depends=Dependence("r_radps", "heading_rad", False))
 
 
+def test_a_filter_that_is_lost_leaves_everything():
+    bench = SimpleNamespace(problem=SimpleNamespace(channels=("depth_m", "heading_rad")))
+    state = SimpleNamespace(point=point_of(np.full(50, -np.inf)), paths=())
+    assert what_is_left(bench, state) == Left(("depth_m", "heading_rad"))
+
+
 def test_errors_that_come_in_bursts_are_left():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
     problem = SimpleNamespace(channels=("r_radps",), stretch_of_row=stretch, finite=np.ones((20_000, 1), dtype=bool))
