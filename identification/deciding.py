@@ -154,7 +154,14 @@ RIVAL = 0.1
 # Search: whether something is left, and terms for it
 
 LEFT = 0.005
-"""Probability that one of five tests sees something left where nothing is.  Source: convention, 2.5 % for all five."""
+"""Probability that one of six tests sees something left where nothing is.  Source: convention, 3 % for all six."""
+PIECES = 8
+"""Pieces of a signal's range, at whose edges a law may step, switch or rise that process noise follows.
+Source: convention."""
+FEWER_PIECES = 4
+"""The same for vehicles with many states.  Source: computing time."""
+CLOCK_PARTS = 24
+"""Parts of a log, in each of which its clock may have another rate; half as many are tried, too.  Source: convention."""
 EXCESS = 0.01
 """Share of the variance that the colour of errors must predict.  Source: convention."""
 STABLE = 0.8

@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from auv_gym.channels import channel
 from auv_gym.records.attitude import ANGLES
-from identification.deciding import FEW_STATES, LEFT
+from identification.deciding import CLOCK_PARTS, FEW_STATES, FEWER_PIECES, LEFT, PIECES
 from identification.diagnosis.search.candidates import Regression
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.filtering import Point
@@ -17,10 +17,8 @@ from identification.fit.prediction_errors import PredictionErrors
 
 TIME = "time_s"
 CLOCK = "effects.clock.rate"
-_PIECES, _FEWER = 8, 4  # into which the range of a signal is cut, and that of vehicles with many states
 _ORDERS = (1, 2, 3)  # of the harmonics of an angle that goes round
 _STILL = 0.01  # deviations of a signal, below which a row's change is none
-_CLOCK_PARTS = (12, 24)  # of a record, in each of which its clock may have another rate
 _LEAST_REST = 1e-3  # share of a signature beside what is fitted, below which it shows nothing
 
 
@@ -57,7 +55,7 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     begins[problem.offsets] = True
     chances: list[tuple[float, Dependence]] = []
     for name, values in signals_of(problem, point).items():
-        for remembers, laws in enumerate(laws_of(name, values, begins, _PIECES if few else _FEWER)):
+        for remembers, laws in enumerate(laws_of(name, values, begins, PIECES if few else FEWER_PIECES)):
             for axis in axes if laws else ():
                 told = Dependence(problem.pushed[axis], name, bool(remembers))
                 signatures = problem.counted_flat(problem.pushed_slopes(point, int(axis), np.array(laws)))
@@ -76,7 +74,7 @@ def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
     if point.system is None or CLOCK not in problem.index:
         return False
     regression, chances, rows = Regression(problem, point, state.paths, 0.0), [], len(problem.rows)
-    for parts in _CLOCK_PARTS:
+    for parts in (CLOCK_PARTS // 2, CLOCK_PARTS):
         part = np.arange(rows) * parts // rows
         within = (part == np.arange(parts)[:, None]).astype(float)
         rest = _rest(regression, problem.counted_flat(problem.partly_slopes(point, CLOCK, within)))
