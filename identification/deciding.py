@@ -161,7 +161,8 @@ Source: convention."""
 FEWER_PIECES = 4
 """The same for vehicles with many states.  Source: computing time."""
 CLOCK_PARTS = 24
-"""Parts of a log, in each of which its clock may have another rate; half as many are tried, too.  Source: convention."""
+"""Parts of a log, in each of which its clock may have another rate; half as many are tried, too.
+Source: convention."""
 EXCESS = 0.01
 """Share of the variance that the colour of errors must predict.  Source: convention."""
 STABLE = 0.8
