@@ -166,7 +166,7 @@ def test_a_current_needs_a_track_to_be_seen():
 def test_a_refit_that_leaves_what_the_given_vehicle_does_not_is_no_cause(monkeypatch):
     """The vehicle as given explains the log; what is left was left by the coefficients that were fitted to it."""
 
-    def left(bench, state, library):
+    def left(bench, state):
         return Left(("heading_rad",) if state.paths else ())
 
     plant, log = load_vehicle("slocum"), log_of(seed=3)
