@@ -146,13 +146,16 @@ def usual_glide(plant: Plant, side: float, depth: float = DEPTH) -> Glide:
 
     Raises where there is none, as `neutral_volume` and `steady_glide` do.
     """
-    volume = neutral_volume(plant, depth) + side * engine_half(plant, depth)
-    return steady_glide(plant, volume, side * PITCH, depth)
+    neutral = neutral_volume(plant, depth)
+    return steady_glide(plant, neutral + side * _half_about(plant, neutral), side * PITCH, depth)
 
 
 def engine_half(plant: Plant, depth: float) -> float:
     """The volume, m^3, that a plant's engine can move to both sides of neutral at a depth, m."""
-    neutral = neutral_volume(plant, depth)
+    return _half_about(plant, neutral_volume(plant, depth))
+
+
+def _half_about(plant: Plant, neutral: float) -> float:
     low, _, high = command_ranges(plant)[find_masses(plant).volume]
     return float(min(neutral - low, high - neutral))
 

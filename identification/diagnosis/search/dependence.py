@@ -50,6 +50,8 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
         return None
     few = bench.followed <= FEW_STATES
     axes = np.arange(len(problem.pushed)) if few else np.flatnonzero(problem.pushes(point))
+    if not len(axes):
+        return None
     regression = Regression(problem, point, state.paths, 0.0)
     begins = np.zeros(len(problem.rows), dtype=bool)
     begins[problem.offsets] = True

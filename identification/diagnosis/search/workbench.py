@@ -59,7 +59,6 @@ class Workbench:
     found foretells the part from the others.
     plant: as given, integrated in the longest steps that hardly move its filter (`identification.fit.steps`).
     doubt: standard deviation of its coefficients, relative.  windows: of free runs, by default the parts' pieces.
-    stride: samples to a row, by default as many as lose little (`identification.fit.strides`).
     """
 
     def __init__(
@@ -69,15 +68,13 @@ class Workbench:
         parts: Sequence[Sequence[slice]],
         doubt: float = np.inf,
         windows: Sequence[slice] = (),
-        stride: int | None = None,
     ):
         pieces = sorted((piece for part in parts for piece in part), key=lambda w: w.start)
         self.windows = tuple(windows) or tuple(pieces)
         self.record, self.parts, self.doubt = record, tuple(parts), doubt
         known = [p for p in plant.coefficients if plant.deviation(p, doubt) > 0.0]
         sought = [path for c in candidates_of(plant, record) if not c.period for path in c.paths]
-        if stride is None:
-            stride = stride_for(plant, record, pieces, known, sought, doubt=doubt)
+        stride = stride_for(plant, record, pieces, known, sought, doubt=doubt)
         self._as_stepped = PredictionErrors(plant, record, pieces, doubt=doubt, stride=stride)
         self.problem = brisk(self._as_stepped)
         self.plant = self.problem.plant
