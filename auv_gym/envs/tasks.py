@@ -341,6 +341,30 @@ BOTTOM, SHALLOWEST = 200.0, 30.0  # m, depth of the water by default, and the le
 YOS = (2.0, 4.0)  # of a leg, in lengths, which are yos
 ARRIVAL = 0.33  # lengths; operators of Seagliders call 2 km reached, of the 6 km that a dive to 1000 m covers
 
+
+def yo_plan(
+    length: float, path_speed: float, slowness: float, pump: float, pumping: float, hotel: float
+) -> dict[str, Any]:
+    """What a plan says of the legs of a glider's yos and of their energy, in SI.
+
+    length: m, that a yo leads; path_speed: m/s, the most along a leg.  slowness: of the engine, s/m^3.  pump: J for a
+    m^3 at a depth of 1 m.  pumping: W, of the pump over a usual yo.  hotel: W, of all else.
+    """
+    return {
+        "follows_path": 1.0,
+        "leg": [k * length for k in YOS],
+        "turn": pi,
+        "slope": 0.0,
+        "path_speed": path_speed,
+        "radius": ARRIVAL * length,
+        "target_band": (0.0, 0.0),
+        "engine_rate": 1.0 / slowness if slowness > 0.0 else 1.0,
+        "pump": pump,
+        "hotel": hotel,
+        "usual_power": pumping + hotel,
+    }
+
+
 GLIDE = Task(
     name="Glide",
     vehicle="seaglider",

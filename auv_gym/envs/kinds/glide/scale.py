@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, pi, sin
+from math import cos, sin
 
 import numpy as np
 
@@ -80,18 +80,8 @@ def scale(
         shortest=tasks.YOS[0] * length / (2.0 * speed),
         least_dt=plant.dt,
         plan={
-            "follows_path": 1.0,
-            "leg": [k * length for k in tasks.YOS],
-            "turn": pi,
-            "slope": 0.0,
-            "path_speed": speed + largest,
-            "radius": tasks.ARRIVAL * length,
-            "target_band": (0.0, 0.0),
+            **tasks.yo_plan(length, speed + largest, slowness, pump, pump * bottom * 2.0 * half / yo, steering.hotel),
             "bottom": bottom,
-            "engine_rate": 1.0 / slowness if slowness > 0.0 else 1.0,
-            "pump": pump,
-            "hotel": steering.hotel,
-            "usual_power": pump * bottom * 2.0 * half / yo + steering.hotel,
             "usual_attack": 0.5 * (abs(down.attack) + abs(up.attack)),
             **ranged,
         },

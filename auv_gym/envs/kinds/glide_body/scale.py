@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import cos, pi, sin
+from math import cos, sin
 
 from auv_gym.envs import tasks
 from auv_gym.envs.kernel.body import START
@@ -75,17 +75,7 @@ def scale(
             "action_of": [actions.index(name) if name in actions else -1 for name in family.actuators],
             "start_depth": [k * bottom for k in tasks.DIVE_START],
             "depth_limit": bottom,
-            "follows_path": 1.0,
-            "leg": [k * length for k in tasks.YOS],
-            "turn": pi,
-            "slope": 0.0,
-            "path_speed": speed + largest,
-            "radius": tasks.ARRIVAL * length,
-            "target_band": (0.0, 0.0),
-            "engine_rate": 1.0 / slowness if slowness > 0.0 else 1.0,
-            "pump": pump,
-            "hotel": hotel,
-            "usual_power": pump * bottom * 2.0 * half / yo + hotel,
+            **tasks.yo_plan(length, speed + largest, slowness, pump, pump * bottom * 2.0 * half / yo, hotel),
         },
         tables={"waypoints": check_waypoints(waypoints) * [1.0, 1.0, 0.0]},
     )  # fmt: skip
