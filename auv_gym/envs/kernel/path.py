@@ -11,6 +11,7 @@ from auv_gym.envs.kernel.layout import CHANGE_DRAWS, START_DRAWS
 PLAN = {
     "follows_path": 1, "leg": 2, "turn": 1, "slope": 1, "path_speed": 1, "radius": 1, "waypoints_at": 1, "waypoints": 1,
 }  # fmt: skip
+NORTH = EAST = 0  # open in the template, which is compiled
 # the leg of a path: where it starts, the waypoint after its end, and directions
 ROW = {"origin": 3, "next": 3, "course": 1, "sink": 1, "length": 1, "next_course": 1, "next_sink": 1}
 GEOMETRY = (
@@ -132,3 +133,9 @@ def look_along(north, east, depth, heading, e, at):
     f[at], f[at + 1], f[at + 2] = across, below, e.length - along
     f[at + 3], f[at + 4], f[at + 5] = sin(turn), cos(turn), e.sink
     f[at + 6], f[at + 7], f[at + 8] = sin(next_turn), cos(next_turn), e.next_sink
+
+
+def score_from_above(x, before, t, e):
+    """The reward terms of the true place beside the leg, and of the way made good along it, both from above."""
+    north, east = x[NORTH] - before[NORTH], x[EAST] - before[EAST]
+    e.term[0], e.term[2] = path_terms(x[NORTH], x[EAST], 0.0, north, east, 0.0, t, e)

@@ -6,7 +6,7 @@ from math import cos, pi, sin, tan
 
 from auv_gym.envs.kernel.hooks import Hooks
 from auv_gym.envs.kernel.layout import NO_REASON, OWN
-from auv_gym.envs.kernel.path import begin_path, go_on, leg_axes, look_along, path_terms
+from auv_gym.envs.kernel.path import begin_path, go_on, leg_axes, look_along, score_from_above
 from auv_gym.envs.kernel.pump import energy_term
 from auv_gym.envs.kernel.targets import ages, doubt, pass_time, put_constants, steps_left
 
@@ -39,12 +39,6 @@ def beyond(x, t):
     if x[DEPTH] > t.bottom:
         return GROUNDED, x[DEPTH]
     return NO_REASON, 0.0
-
-
-def score(x, before, t, e):
-    """The reward terms of the true place beside the leg, and of the way made good along it, both from above."""
-    north, east = x[NORTH] - before[NORTH], x[EAST] - before[EAST]
-    e.term[0], e.term[2] = path_terms(x[NORTH], x[EAST], 0.0, north, east, 0.0, t, e)
 
 
 def aim(plan, x, t, e, row):
@@ -105,7 +99,7 @@ def set_out(plan, x, t, e, row):
 HOOKS = Hooks(
     command=command,
     beyond=beyond,
-    score=score,
+    score=score_from_above,
     aim=aim,
     look=look,
     pass_time=pass_time,

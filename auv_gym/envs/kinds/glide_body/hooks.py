@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from auv_gym.envs.kernel.body import ARRIVED, beyond, doubt, place
 from auv_gym.envs.kernel.hooks import Hooks
-from auv_gym.envs.kernel.path import begin_path, go_on, look_along, path_terms
+from auv_gym.envs.kernel.path import begin_path, go_on, look_along, score_from_above
 from auv_gym.envs.kernel.pump import energy_term
 from auv_gym.envs.kernel.targets import ages, pass_time, steps_left
 
@@ -21,12 +21,6 @@ def command(plan, t, e):
             share = min(max(e.action[a], -1.0), 1.0)
             e.command[j], e.features[SHARES + j] = t.middle[j] + share * t.limit[j], share
     e.term[1] = energy_term(e.command[ENGINE], e.features[READ_DEPTH], t, e)
-
-
-def score(x, before, t, e):
-    """The reward terms of the true place beside the leg, and of the way made good along it, both from above."""
-    north, east = x[NORTH] - before[NORTH], x[EAST] - before[EAST]
-    e.term[0], e.term[2] = path_terms(x[NORTH], x[EAST], 0.0, north, east, 0.0, t, e)
 
 
 def aim(plan, x, t, e, row):
@@ -52,7 +46,7 @@ def set_out(plan, x, t, e, row):
 HOOKS = Hooks(
     command=command,
     beyond=beyond,
-    score=score,
+    score=score_from_above,
     aim=aim,
     look=look,
     pass_time=pass_time,
