@@ -86,17 +86,24 @@ class Noises(Filter):
         less[len(self.channels) + d] = np.log(LEAST_PROCESS * self.unit[d])
         return less
 
-    def _guessed(self, system: System, logs: np.ndarray, which: Iterable[int]) -> np.ndarray:
-        """The noises, each of these accelerations in turn the likeliest of the first guesses, or as it was."""
+    def _guessed(self, system: System, logs: np.ndarray, which: Iterable[int], weaker: bool) -> np.ndarray:
+        """The noises, each of these accelerations in turn the likeliest of the first guesses, of none, or as it was.
+
+        weaker: of the guesses below what it was, else of all.
+        """
         best = self._likelihood(system, logs)
         for d in which:
             strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
-            for share in _FIRST_GUESSES[_FIRST_GUESSES > _FAINT]:
-                more = logs.copy()
-                more[[strength, time]] = np.log(share * self.unit[d]), self.slowness[0]
-                reached = self._likelihood(system, more)
+            tried = [self._without_one(logs, d)]
+            for guess in np.log(_FIRST_GUESSES[_FIRST_GUESSES > _FAINT] * self.unit[d]):
+                if weaker and guess >= logs[strength]:
+                    continue
+                tried.append(logs.copy())
+                tried[-1][[strength, time]] = guess, self.slowness[0]
+            for other in tried:
+                reached = self._likelihood(system, other)
                 if reached > best:
-                    logs, best = more, reached
+                    logs, best = other, reached
         return logs
 
     def better_noise(
@@ -123,7 +130,7 @@ class Noises(Filter):
         logs = np.clip(point.logs, *limits.T)
         value, made = self._noise_pass(point, logs, fresh)
         slope = self._noise_slopes(point, logs, made, fresh) / unit
-        other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope)
+        other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope, fresh)
         if other is not logs:
             logs, inverse, (value, made) = other, np.eye(logs.size), self._noise_pass(point, other)
             slope = self._noise_slopes(point, logs, made) / unit
@@ -159,15 +166,19 @@ class Noises(Filter):
         first, pushed = len(self.channels), len(self.pushed)
         faint = np.flatnonzero(~self._there(logs, _FAINT) & (slope[first : first + pushed] > 0.0))
         assert point.system is not None
-        return self._guessed(point.system, logs, faint) if faint.size else logs
+        return self._guessed(point.system, logs, faint, weaker=False) if faint.size else logs
 
-    def _faded(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
-        """The noises without those accelerations that would be likelier weaker, and likelier still not there at all."""
+    def _faded(self, point: Point, logs: np.ndarray, slope: np.ndarray, fresh: bool) -> np.ndarray:
+        """The noises without those accelerations that would be likelier weaker, and likelier still not there at all.
+
+        In a fresh search one that is far too strong is not given up before weaker ones are tried.
+        """
         assert point.system is not None
         first, pushed = len(self.channels), len(self.pushed)
-        return self._thinned(
-            point.system, logs, np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < 0.0))
-        )
+        which = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < 0.0))
+        if fresh and which.size:
+            return self._guessed(point.system, logs, which, weaker=True)
+        return self._thinned(point.system, logs, which)
 
     def _thinned(self, system: System, logs: np.ndarray, which: np.ndarray) -> np.ndarray:
         """The noises without those of these accelerations whose absence the linearised filter finds likelier."""

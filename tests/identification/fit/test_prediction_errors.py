@@ -201,6 +201,19 @@ def test_accelerations_that_a_filter_does_without_are_brought_back(pushed):
     assert problem._there(problem.better_noise(point)[0]).any()
 
 
+def test_an_acceleration_that_is_far_too_strong_is_not_given_up_before_weaker_ones_are_tried():
+    """The likeliest of one strength for all axes may be far too strong for one: none is likelier, its own likelier."""
+    log, plant = glider_log(0, push=0.0012), replace_at(GLIDER, {OFFSET: 0.03})
+    problem = PredictionErrors(plant, log, whole(log))
+    strong, first = problem.first_noise(), len(problem.channels)
+    strong[first] = np.log(30.0 * problem.unit[0])
+    point = problem.point(plant.vector, strong)
+    assert point.system is not None
+    none = problem._without_one(strong, 0)
+    assert problem._likelihood(point.system, none) > problem._likelihood(point.system, strong)
+    assert problem._there(problem.better_noise(point)[0]).all()
+
+
 def test_a_wrong_start_is_corrected_and_costs_no_likelihood(pushed):
     problem = PredictionErrors(GLIDER, pushed, whole(pushed))
     logs = problem.solve(GLIDER, ()).logs
