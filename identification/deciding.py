@@ -160,6 +160,8 @@ PIECES = 8
 Source: convention."""
 FEWER_PIECES = 4
 """The same for vehicles with many states.  Source: computing time."""
+WEIGHED = 4
+"""Likeliest laws that are weighed with noises of their own where none is sure otherwise.  Source: computing time."""
 CLOCK_PARTS = 24
 """Parts of a log, in each of which its clock may have another rate; half as many are tried, too.
 Source: convention."""

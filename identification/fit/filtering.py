@@ -513,7 +513,7 @@ class Filter(Linearised):
         many = [] if known is None else [p for p in paths if p in known.paths]
         if not many or known is None:
             return self.counted_slopes(point, paths)
-        soon = self._driven(point, known.of(many))
+        soon = self.slopes_by(point, known.of(many))
         found = np.empty((len(paths), *self.measured.shape))
         found[[p in known.paths for p in paths]] = soon
         rest = [p for p in paths if p not in known.paths]
@@ -529,26 +529,26 @@ class Filter(Linearised):
         if known is None or not set(paths) <= set(known.paths):
             return None
         later, shares = known.of(paths), shares[:, None, None]
-        return self._driven(point, replace(later, onward=later.onward * shares, seen=later.seen * shares))
+        return self.slopes_by(point, replace(later, onward=later.onward * shares, seen=later.seen * shares))
 
-    def partly_slopes(self, point: Point, path: str, shares: np.ndarray) -> np.ndarray:
-        """Slopes by a path that changes by shares in each row, (P, rows), of a point with a system, (P, rows, C)."""
+    def partly(self, point: Point, path: str, shares: np.ndarray) -> Responses:
+        """Responses to a path that changes by shares in each row, (P, rows)."""
         whole = self._responses(point.vector, point.path, (path,))
-        return self._driven(
-            point, Responses((path,) * len(shares), whole.onward * shares.T[:, None], whole.seen * shares.T[:, None])
-        )
+        shares = shares.T[:, None]
+        return Responses((path,) * shares.shape[2], whole.onward * shares, whole.seen * shares)
 
-    def pushed_slopes(self, point: Point, axis: int, laws: np.ndarray) -> np.ndarray:
-        """Slopes by accelerations of the `axis`-th pushed state that follow laws, (P, rows), (P, rows, C).
+    def pushed_by(self, point: Point, axis: int, laws: np.ndarray) -> Responses:
+        """Responses to accelerations of the `axis`-th pushed state that follow laws, (P, rows).
 
         Of a point with a system; an acceleration is that of a row until the next one begins.
         """
         assert point.system is not None
         solid, laws = len(self.live), laws.T[:, None]
         moved, seen = point.system.a[:, :, solid + axis, None], point.system.c[:, :, solid + axis, None]
-        return self._driven(point, Responses(("",) * laws.shape[2], moved * laws, seen * laws))
+        return Responses(("",) * laws.shape[2], moved * laws, seen * laws)
 
-    def _driven(self, point: Point, responses: Responses) -> np.ndarray:
+    def slopes_by(self, point: Point, responses: Responses) -> np.ndarray:
+        """Slopes of the predictions by what has these responses, (P, rows, C), of a point with a system."""
         assert point.system is not None
         numbers = (point.gains[:, self._moving], point.whiten, self._numbers(point.logs)[2])
         return driven_slopes(point.system, *numbers, responses)

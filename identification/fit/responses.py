@@ -26,9 +26,9 @@ class Responses:
 
     def of(self, paths: Sequence[str]) -> Responses:
         """Those of some of the paths."""
-        own = [self.paths.index(p) for p in paths]
-        return (
-            self
-            if tuple(paths) == self.paths
-            else replace(self, paths=tuple(paths), onward=self.onward[:, :, own], seen=self.seen[:, :, own])
-        )
+        return self if tuple(paths) == self.paths else self.at([self.paths.index(p) for p in paths])
+
+    def at(self, own: Sequence[int]) -> Responses:
+        """Some of them, by their numbers."""
+        paths = tuple(self.paths[k] for k in own)
+        return replace(self, paths=paths, onward=self.onward[:, :, own], seen=self.seen[:, :, own])

@@ -97,11 +97,17 @@ def yo_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, movin
 
 
 def heaved(record: Record, rate: np.ndarray) -> Record:
-    """Dives in water that moves down at a rate, m/s, (n,), at each sample; its density moves along with it."""
-    moved = np.zeros(len(record))
+    """Dives in water that moves down at a rate, m/s, (n,), at each sample; its density moves along with it.
+
+    A dive ends where that brings it to the surface.
+    """
+    moved, under = np.zeros(len(record)), np.ones(len(record), dtype=bool)
     for part in record.segments:
         moved[part] = np.r_[0.0, np.cumsum(rate[part][:-1] * np.diff(record.time[part]))]
-    return record.with_channels({"depth_m": record["depth_m"] + moved})
+        depth = record["depth_m"][part] + moved[part]
+        deepest = int(np.argmax(depth))
+        under[part.start + deepest : part.stop] = np.minimum.accumulate(depth[deepest:]) > 0.0
+    return record.with_channels({"depth_m": record["depth_m"] + moved}).select(under)
 
 
 def sea_log(plant: Plant, conditions: Conditions, rng: np.random.Generator, moving: Any = None) -> Record:

@@ -18,7 +18,7 @@ from scripts.blind.cases import KINDS, PERIOD_OF, Case, Undrawn, detectable_size
 from scripts.blind.diagnosing import diagnose_folder
 from scripts.blind.disturbances import Around, Slack, Sticking, Tripping, slipped
 from scripts.blind.kinds import kind_of, log_of, outside_log
-from scripts.blind.logs import Conditions
+from scripts.blind.logs import Conditions, heaved
 from scripts.blind.outside import excess
 from scripts.blind.own_float import OwnSwim
 from scripts.blind.own_glider import OwnGlider
@@ -291,3 +291,13 @@ def test_logs_of_vehicles_with_thrusters_are_drawn_when_they_are_asked_for():
     whole = log_of(plant, Conditions(1.0, 1.0, 5.0), 0)
     assert attitude | {"u_mps", "north_m", "depth_m", "heading_cmd_rad"} <= set(whole.names)
     assert not any(name.startswith("excitation") or name.endswith("_Nm") for name in whole.names)
+
+
+def test_water_that_rises_ends_a_dive_at_the_surface():
+    depth = np.array([1.0, 20.0, 40.0, 20.0, 5.0, 1.0])
+    time = 10.0 * np.arange(12)
+    dives = Record.from_arrays(time, {"depth_m": np.r_[depth, depth]}, segment=np.repeat([0, 1], 6))
+    moved = heaved(dives, np.full(12, -0.05))
+    assert [part.stop - part.start for part in moved.segments] == [5, 5]
+    assert moved["depth_m"].tolist() == pytest.approx([1.0, 19.5, 39.0, 18.5, 3.0] * 2)
+    assert heaved(dives, np.full(12, 0.05))["depth_m"][-1] == pytest.approx(3.5)

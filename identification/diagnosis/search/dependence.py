@@ -9,11 +9,13 @@ from scipy.stats import chi2
 
 from auv_gym.channels import channel
 from auv_gym.records.attitude import ANGLES
-from identification.deciding import CLOCK_PARTS, FEW_STATES, FEWER_PIECES, LEFT, PIECES
+from identification.deciding import CLOCK_PARTS, FEW_STATES, FEWER_PIECES, LEFT, PIECES, WEIGHED
+from identification.diagnosis.search.beside_noise import weigh
 from identification.diagnosis.search.candidates import Regression
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.filtering import Point
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.responses import Responses
 
 TIME = "time_s"
 CLOCK = "effects.clock.rate"
@@ -42,6 +44,7 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     tried as an acceleration of each velocity, by a regression of the prediction errors.
     Evidence is the smaller one of that with errors of one size, and of that with errors of any size (White 1980,
     Econometrica 48): errors that are merely larger at times show nothing.
+    Where none is sure so, the likeliest ones are weighed with noises of their own, see `beside_noise.py`.
     Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
     level: probability of a dependence where there is none.
     """
@@ -55,16 +58,25 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     regression = Regression(problem, point, state.paths, 0.0)
     begins = np.zeros(len(problem.rows), dtype=bool)
     begins[problem.offsets] = True
-    chances: list[tuple[float, Dependence]] = []
+    found: list[tuple[float, Dependence, Responses]] = []
     for name, values in signals_of(problem, point).items():
         for remembers, laws in enumerate(laws_of(name, values, begins, PIECES if few else FEWER_PIECES)):
             for axis in axes if laws else ():
                 told = Dependence(problem.pushed[axis], name, bool(remembers))
-                signatures = problem.counted_flat(problem.pushed_slopes(point, int(axis), np.array(laws)))
-                evidence = _evidence(regression, _rest(regression, signatures))
-                chances += [(chance, told) for chance in chi2.sf(evidence, 1).tolist()]
-    chance, told = min(chances, key=lambda item: item[0], default=(1.0, None))
-    return told if len(chances) * chance < level else None
+                terms = problem.pushed_by(point, int(axis), np.array(laws))
+                evidence = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
+                found += [(float(e), told, terms.at([k])) for k, e in enumerate(evidence) if e > 0.0]
+    found = sorted(found, key=lambda one: -one[0])
+    share = level / max(len(found), 1)
+    for evidence, told, _ in found[:1]:
+        if chi2.sf(evidence, 1) < share:
+            return told
+    weighed = [
+        (weigh(problem, point, state.paths, terms, share).chance, told)
+        for _, told, terms in (found[:WEIGHED] if problem.is_pushed(point) else ())
+    ]
+    chance, told = min(weighed, key=lambda one: one[0], default=(1.0, None))
+    return told if chance < share else None
 
 
 def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
@@ -79,8 +91,8 @@ def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
     for parts in (CLOCK_PARTS // 2, CLOCK_PARTS):
         part = np.arange(rows) * parts // rows
         within = (part == np.arange(parts)[:, None]).astype(float)
-        rest = _rest(regression, problem.counted_flat(problem.partly_slopes(point, CLOCK, within)))
-        chances.append(_chance(regression, rest))
+        terms = problem.partly(point, CLOCK, within)
+        chances.append(_chance(regression, problem.counted_flat(problem.slopes_by(point, terms))))
     return len(chances) * min(chances) < level
 
 
@@ -137,27 +149,24 @@ def _held(events: np.ndarray) -> np.ndarray:
     return events[np.maximum.accumulate(np.where(known, np.arange(len(events)), 0))]
 
 
-def _rest(regression: Regression, signatures: np.ndarray) -> np.ndarray:
-    """Signatures, (P, n), scaled, beside what is fitted, without those of which next to nothing is left then."""
+def _evidence(regression: Regression, signatures: np.ndarray) -> np.ndarray:
+    """Evidence for each of some signatures, (P, n), beside what is fitted, see `dependence`; 0 if nothing is left."""
+    size = np.maximum(np.linalg.norm(signatures, axis=1), 1e-300)
+    rest = regression.beside(signatures / size[:, None])
+    told, one_size = (rest @ regression.left) ** 2, np.einsum("ij,ij->i", rest, rest)
+    any_size = (rest**2) @ regression.left**2
+    evidence = told / np.maximum(np.maximum(one_size, any_size), 1e-30)
+    return np.where(one_size > _LEAST_REST, evidence, 0.0)
+
+
+def _chance(regression: Regression, signatures: np.ndarray) -> float:
+    """The probability of as much evidence for all of some signatures, (P, n), at once, see `dependence`."""
     size = np.linalg.norm(signatures, axis=1)
     rest = regression.beside(signatures[size > 0.0] / size[size > 0.0, None])
-    return rest[np.einsum("ij,ij->i", rest, rest) > _LEAST_REST]
-
-
-def _evidence(regression: Regression, rest: np.ndarray) -> np.ndarray:
-    """Evidence for each of some signatures, (P, n), beside what is fitted, see `dependence`."""
-    told = (rest @ regression.left) ** 2
-    one_size = np.maximum(np.einsum("ij,ij->i", rest, rest), 1e-30)
-    any_size = np.maximum((rest**2) @ regression.left**2, 1e-30)
-    return np.minimum(told / one_size, told / any_size)
-
-
-def _chance(regression: Regression, rest: np.ndarray) -> float:
-    """The probability of as much evidence for all of some signatures, (P, n), at once, see `dependence`."""
-    if not len(rest):
-        return 1.0
     values, vectors = np.linalg.eigh(rest @ rest.T)
     kept = values > _LEAST_REST
+    if not kept.any():
+        return 1.0
     base = vectors[:, kept].T @ rest
     told = base @ regression.left
     one_size = float((told**2 / values[kept]).sum())

@@ -90,11 +90,11 @@ def test_slopes_by_a_law_are_those_of_an_effect_that_follows_it(clean):
     bench, state = clean
     problem, point = bench.problem, state.point
     later = (np.arange(len(problem.rows)) > len(problem.rows) // 2).astype(float)
-    (pushed,) = problem.pushed_slopes(point, problem.pushed.index("r_radps"), later[None])
-    (effect,) = problem.partly_slopes(point, "effects.yaw.moment", later[None])
+    (pushed,) = problem.slopes_by(point, problem.pushed_by(point, problem.pushed.index("r_radps"), later[None]))
+    (effect,) = problem.slopes_by(point, problem.partly(point, "effects.yaw.moment", later[None]))
     cosine = np.sum(pushed * effect) / np.sqrt(np.sum(pushed**2) * np.sum(effect**2))
     assert cosine > 0.999
-    (whole,) = problem.partly_slopes(point, "effects.yaw.moment", np.ones((1, len(problem.rows))))
+    (whole,) = problem.slopes_by(point, problem.partly(point, "effects.yaw.moment", np.ones((1, len(problem.rows)))))
     known = problem.columns_of(point, [("effects.yaw.moment", 1e-4)])[0]
     np.testing.assert_allclose(whole, known, atol=1e-3 * np.abs(known).max())
 

@@ -1,0 +1,127 @@
+"""How much likelier a record is with a linear term of unknown size, the noises sought anew beside it.
+
+Random accelerations grow to take the part of whatever is missing.  Weighed against such noises, what is missing counts
+for little: at most for as many readings as the noises leave independent.  So a term is weighed by the ratio of the
+likelihoods, each with the noises that suit it best.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import expm1, sqrt
+
+import numpy as np
+from scipy import stats
+
+from identification.diagnosis.search.candidates import Regression
+from identification.fit.filtering import Point
+from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.responses import Responses
+
+_TURNS, _GAIN = 6, 0.1  # of size and noises, and the gain of the log-likelihood below which they end
+_NOISE_STEPS = 40
+_SMALL_STEP = 0.05  # of the logarithm of a noise, for slopes
+_LEAST_INFORMATION = 1e-3  # of a noise's logarithm
+_MOST = 500.0  # of the evidence over the degrees of freedom: its exponential is finite
+_LEAST_REST = 1e-3  # of a term's squared length beside what is fitted, below which it shows nothing
+
+
+@dataclass(frozen=True)
+class Weight:
+    """Twice the gain in log-likelihood by a term, and the degrees of freedom of the noises.
+
+    The noises are estimated as if from so many independent readings (Satterthwaite 1946, Biometrics Bulletin 2).
+    """
+
+    evidence: float
+    freedom: float
+
+    @property
+    def chance(self) -> float:
+        """The probability of as much where the term is not there.
+
+        With few degrees of freedom a likelihood ratio is larger by chance: one of a regression corresponds to Student's
+        t (Kendall and Stuart 1979, ch. 24).
+        """
+        if self.freedom <= 1.0:
+            return 1.0
+        if not np.isfinite(self.freedom):
+            return float(stats.chi2.sf(self.evidence, 1))
+        rest = self.freedom - 1.0
+        t = sqrt(rest * expm1(min(max(self.evidence, 0.0) / self.freedom, _MOST)))
+        return float(2.0 * stats.t.sf(t, rest))
+
+
+def weigh(
+    problem: PredictionErrors, point: Point, paths: Sequence[str], term: Responses, enough: float = 1.0
+) -> Weight:
+    """The weight of a term by which readings and the next row's states move, beside fitted paths and starts.
+
+    By the filter that is linearised about the point's path; size and noises are sought in turns.  Errors that are
+    larger where the term acts than the filter says lower the evidence by as much (White 1980, Econometrica 48).
+    enough: the chance above which degrees of freedom are not asked for, and are infinite: they only make it greater.
+    """
+    renewed = problem.with_noise(point, problem.better_noise(point, _NOISE_STEPS)[0])
+    without = max(_likelihood(problem, one, Regression(problem, one, paths, 0.0)) for one in (point, renewed))
+    here, best, trust = point, -np.inf, 0.0
+    for _ in range(_TURNS):
+        regression = Regression(problem, here, paths, 0.0)
+        plain = _likelihood(problem, here, regression)
+        size, evidence, trusted = _sized(regression, problem.counted_flat(problem.slopes_by(here, term))[0])
+        without = max(without, plain)
+        if plain + 0.5 * evidence < best + _GAIN:
+            break
+        best, trust = plain + 0.5 * evidence, trusted
+        here = problem.with_noise(point, problem.better_noise(_beside(here, term, size), _NOISE_STEPS)[0])
+    weight = Weight(2.0 * (best - without) * trust, np.inf)
+    return weight if weight.chance > enough else replace(weight, freedom=_freedom(problem, renewed, term))
+
+
+def _likelihood(problem: PredictionErrors, point: Point, regression: Regression) -> float:
+    """The log-likelihood of a point after a step of its fitted paths and starts, with what is known of the noises."""
+    return problem.objective(point, ()) + 0.5 * regression.regained
+
+
+def _sized(regression: Regression, signature: np.ndarray) -> tuple[float, float, float]:
+    """The likeliest size of a term, the evidence for it, and the share of this that errors of any size leave.
+
+    With the term's part still in the errors: one that acts in few rows would take theirs away.
+    """
+    (rest,) = regression.beside(signature[None])
+    told, precision = float(rest @ regression.left), float(rest @ rest)
+    if precision <= _LEAST_REST * float(signature @ signature):
+        return 0.0, 0.0, 1.0
+    return told / precision, told**2 / precision, min(1.0, precision / float(rest**2 @ regression.left**2))
+
+
+def _beside(point: Point, term: Responses, size: float) -> Point:
+    """A point with what a term of a size does taken off its system."""
+    system = point.system
+    assert system is not None
+    forcing, error = system.forcing - size * term.onward[:, :, 0], system.error - size * term.seen[:, :, 0]
+    return replace(point, system=replace(system, forcing=forcing, error=error))
+
+
+def _freedom(problem: PredictionErrors, point: Point, term: Responses) -> float:
+    """Degrees of freedom of a point's noises, as far as the precision of a term depends on them.
+
+    The noises' information is that of the likelihood's slopes; the term's precision is that of the linearised filter.
+    """
+    logs = point.logs
+    moved = [*range(len(problem.channels)), *problem.pushing(point)]
+    slope, precision = problem.noise_slopes(point, logs)[1], _precision(problem, point, term)
+    information, changes = np.zeros((len(moved), len(moved))), np.zeros(len(moved))
+    for k, i in enumerate(moved):
+        there = logs.copy()
+        there[i] += _SMALL_STEP
+        information[k] = (slope - problem.noise_slopes(point, there)[1])[moved] / _SMALL_STEP
+        changes[k] = (_precision(problem, problem.with_noise(point, there), term) - precision) / _SMALL_STEP
+    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+    told = vectors.T @ changes
+    return float(2.0 / max(told @ (told / np.maximum(values, _LEAST_INFORMATION)), 1e-12))
+
+
+def _precision(problem: PredictionErrors, point: Point, term: Responses) -> float:
+    """The logarithm of a term's precision if nothing else were fitted."""
+    return float(np.log(max(np.sum(problem.counted_flat(problem.slopes_by(point, term)) ** 2), 1e-300)))
