@@ -154,7 +154,10 @@ RIVAL = 0.1
 # Search: whether something is left, and terms for it
 
 LEFT = 0.005
-"""Probability that one of six tests sees something left where nothing is.  Source: convention, 3 % for all six."""
+"""Probability that one of seven tests sees something left where nothing is.  Source: convention, 3.5 % for all."""
+GUST_PARTS = 16
+"""Parts of a log in which random accelerations may be stronger; halves and quarters of so many are tried, too.
+Source: convention."""
 PIECES = 8
 """Pieces of a signal's range, at whose edges a law may step, switch or rise that process noise follows.
 Source: convention."""

@@ -198,6 +198,18 @@ class Noises(Filter):
         value, made = self._noise_pass(point, logs)
         return value, self._noise_slopes(point, logs, made)
 
+    def slopes_in_parts(self, point: Point, parts: int) -> np.ndarray:
+        """Slopes by its noises of the log-likelihood of equal parts of the rows, without priors, (parts, C + 2 D).
+
+        Of a point with a system, linearised about its path.
+        """
+        assert point.system is not None
+        numbers, part = self._numbers(point.logs), np.arange(len(self.rows)) * parts // len(self.rows)
+        made = run_filter(point.system, *numbers)
+        self.work.add(parts * FILTERED * len(self.rows))
+        within = [self.counted * (part == k) for k in range(parts)]
+        return np.array([slopes_of(point.system, made, weights, *numbers).noises for weights in within])
+
     def _noise_pass(self, point: Point, logs: np.ndarray, every: bool = False) -> tuple[float, Pass]:
         """Log-likelihood of noises with their prior, and its pass; every: see `_numbers`."""
         assert point.system is not None

@@ -116,7 +116,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         weighed, sizes = Weighed(nominal, (), (), Explanations(())), bench.intervals(nominal)
         left = what_is_left(bench, nominal) or left
     rest = [] if log.slipped else candidates_of(state.plant, record)
-    if rest and not left and dives is None:
+    if rest and not replace(left, gusts=()) and dives is None:
         progress(0.86, "looking for an effect that acts in a part of the log")
         left = replace(left, passing=passing_effect(bench, state, rest))
     regression = Regression(bench.problem, state.point, state.paths, threshold(count))

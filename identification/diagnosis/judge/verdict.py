@@ -372,6 +372,11 @@ def left_sentence(d: Diagnosis) -> str:
         law = f"past changes of {of}" if left.depends.remembers else of
         shown.append(f"depend on {law} (acting on {pushed})")
     text = f"One-step prediction errors {listed(shown)}. " if shown else ""
+    if left.gusts:
+        pushed = listed([channel(name).label for name in left.gusts])
+        text += (
+            f"Random accelerations ({pushed}) are stronger at some times than at others: something acts now and then. "
+        )
     if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         text += f"The {title} differs between parts of the log: something changed during the log. "

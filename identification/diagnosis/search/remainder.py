@@ -12,6 +12,7 @@ from identification.deciding import BLOCKS, CONTENDERS, EXCESS, FEW_STATES, LEFT
 from identification.diagnosis.search.candidates import Candidate, Regression
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.dependence import CLOCK, Dependence, clock_varies, dependence
+from identification.diagnosis.search.gusts import gusts
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.parameters import moves_of
 from identification.fit.validation import whiteness
@@ -22,18 +23,20 @@ class Left:
     """What the filter's errors still hold, which noise would not.
 
     coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
-    others.  depends: what they depend on most.  changes: a coefficient or an effect in which parts of the record
-    contradict each other, or "".  passing: an effect that the whole record does not show, but parts of it do, or "".
+    others.  gusts: velocities that are pushed harder at some times.  depends: what they depend on most.  changes: a
+    coefficient or an effect in which parts of the record contradict each other, or "".  passing: an effect that the
+    whole record does not show, but parts of it do, or "".
     """
 
     coloured: tuple[str, ...] = ()
     bursts: tuple[str, ...] = ()
+    gusts: tuple[str, ...] = ()
     depends: Dependence | None = None
     changes: str = ""
     passing: str = ""
 
     def __bool__(self) -> bool:
-        return bool(self.coloured or self.bursts or self.depends or self.changes or self.passing)
+        return bool(self.coloured or self.bursts or self.gusts or self.depends or self.changes or self.passing)
 
 
 def what_is_left(bench: Workbench, state: State) -> Left:
@@ -41,8 +44,8 @@ def what_is_left(bench: Workbench, state: State) -> Left:
 
     Process noise is taken to be random and steady: where it follows speeds, depths, angles or commands, or comes in
     bursts, it is an effect that nobody knows.  A coefficient that differs from one part of the record to the next is
-    none, nor is a clock whose rate does.  Colour, bursts, dependence, change and clock are a test each, and each sees
-    something in a share `LEFT` of the records without.
+    none, nor is a clock whose rate does.  Colour, bursts, gusts, dependence, change and clock are a test each, and each
+    sees something in a share `LEFT` of the records without.
     """
     problem, point = bench.problem, state.point
     if not np.isfinite(point.scores).all():  # a filter that is lost explains nothing
@@ -60,7 +63,7 @@ def what_is_left(bench: Workbench, state: State) -> Left:
         changes = least.path
     elif clock_varies(bench, state):
         changes = CLOCK
-    return Left(tuple(coloured), tuple(bursts), dependence(bench, state), changes)
+    return Left(tuple(coloured), tuple(bursts), gusts(problem, point), dependence(bench, state), changes)
 
 
 def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidate]) -> str:

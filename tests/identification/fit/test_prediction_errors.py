@@ -29,8 +29,13 @@ PATHS = (*COEFFICIENTS, OFFSET)
 PIECES = 16  # of a sample, in which the truth is pushed: its yaw rate decays to an eighth within one
 
 
-def glider_log(seed: int, push: float = 0.006, tau: float = 15.0, rows: int = 500, **changes: float) -> Record:
-    """A glider that a random yaw acceleration pushes, rad/s^2 and s, steered by a random telegraph."""
+def glider_log(
+    seed: int, push: float = 0.006, tau: float = 15.0, rows: int = 500, gust: float = 1.0, **changes: float
+) -> Record:
+    """A glider that a random yaw acceleration pushes, rad/s^2 and s, steered by a random telegraph.
+
+    gust: by how much more it is pushed from row 200 to 260.
+    """
     plant: Plant = replace(replace_at(GLIDER, {OFFSET: 0.03} | changes), dt=GLIDER.dt / PIECES)
     rng, hold = np.random.default_rng(seed), 25
     inputs = np.zeros((rows, len(plant.inputs)))
@@ -39,12 +44,13 @@ def glider_log(seed: int, push: float = 0.006, tau: float = 15.0, rows: int = 50
     at, x, pushed = plant.family.states.index("r_radps"), plant.initial(np.full(len(plant.outputs), np.nan)), 0.0
     decay, readings = np.exp(-GLIDER.dt / tau), []
     pushed = push * rng.standard_normal()
-    for u in inputs:
+    for k, u in enumerate(inputs):
         readings.append(plant.output(x))
+        kick = 0.5 * plant.dt * pushed * (gust if 200 <= k < 260 else 1.0)
         for _ in range(PIECES):
-            x[at] += 0.5 * plant.dt * pushed
+            x[at] += kick
             x = plant.step(x, u)
-            x[at] += 0.5 * plant.dt * pushed
+            x[at] += kick
         pushed = decay * pushed + push * np.sqrt(1.0 - decay**2) * rng.standard_normal()
     y = np.array(readings)
     channels = {n: y[:, plant.outputs.index(n)] + s * rng.standard_normal(rows) for n, s in SENSORS.items()}

@@ -1,0 +1,43 @@
+"""Whether what pushes a vehicle is stronger at some times than at others."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2
+
+from identification.deciding import GUST_PARTS, LEFT
+from identification.fit.filtering import Point
+from identification.fit.prediction_errors import PredictionErrors
+
+_SMALL_STEP = 0.05  # of the logarithm of a strength, for its information
+
+
+def gusts(problem: PredictionErrors, point: Point, level: float = LEFT) -> tuple[str, ...]:
+    """The velocities whose random accelerations are surely stronger in some part of the record than throughout.
+
+    By the slopes of the log-likelihood of equal parts by an acceleration's strength (a score test; Rao 1948,
+    Proceedings of the Cambridge Philosophical Society 44).  With an information of n/2 in a part, twice the slope and n
+    is distributed nearly as chi-square with n degrees of freedom, and exactly where the acceleration is read directly.
+    level: probability of a yes where they are steady, shared among all accelerations and parts.
+    """
+    if point.system is None or not problem.is_pushed(point):
+        return ()
+    strengths = [len(problem.channels) + int(d) for d in np.flatnonzero(problem.pushes(point))]
+    slopes = problem.slopes_in_parts(point, GUST_PARTS)[:, strengths]
+    informations, found = np.array([_information(problem, point, i) for i in strengths]), []
+    tried = [slopes.reshape(-1, together, len(strengths)).sum(axis=1) for together in (1, 2, 4)]
+    count = len(strengths) * sum(len(one) for one in tried)
+    for k, (i, information) in enumerate(zip(strengths, informations, strict=True)):
+        freedoms = [2.0 * information / len(one) for one in tried]
+        chances = [chi2.sf(2.0 * s[:, k].max() + n, n) for s, n in zip(tried, freedoms, strict=True) if n > 0.0]
+        if count * min(chances, default=1.0) < level:
+            found.append(problem.pushed[i - len(problem.channels)])
+    return tuple(found)
+
+
+def _information(problem: PredictionErrors, point: Point, i: int) -> float:
+    """The information of the record on the logarithm of a noise."""
+    near = np.repeat(point.logs[None], 2, axis=0)
+    near[:, i] += [-_SMALL_STEP, _SMALL_STEP]
+    weaker, stronger = (problem.noise_slopes(point, logs)[1][i] for logs in near)
+    return (weaker - stronger) / (2.0 * _SMALL_STEP)
