@@ -15,11 +15,12 @@ from identification.diagnosis.search.candidates import Regression
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.filtering import Point
 from identification.fit.prediction_errors import PredictionErrors
-from identification.fit.responses import Responses
 
 TIME = "time_s"
 CLOCK = "effects.clock.rate"
 _ORDERS = (1, 2, 3)  # of the harmonics of an angle that goes round
+_FAINT = 4.0  # evidence below which a law is not weighed: two standard errors
+_LEADS = (1, 2, 4, 8, 16)  # rows by which commands come later
 _STILL = 0.01  # deviations of a signal, below which a row's change is none
 _LEAST_REST = 1e-3  # share of a signature beside what is fitted, below which it shows nothing
 
@@ -45,6 +46,8 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     Evidence is the smaller one of that with errors of one size, and of that with errors of any size (White 1980,
     Econometrica 48): errors that are merely larger at times show nothing.
     Where none is sure so, the likeliest ones are weighed with noises of their own, see `beside_noise.py`.
+    A controller that steers against pushes, by more than what was logged, makes commands follow them.  So a law of a
+    command counts only if it tells more than the same law of commands that come later, see `_answers`.
     Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
     level: probability of a dependence where there is none.
     """
@@ -58,25 +61,40 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     regression = Regression(problem, point, state.paths, 0.0)
     begins = np.zeros(len(problem.rows), dtype=bool)
     begins[problem.offsets] = True
-    found: list[tuple[float, Dependence, Responses]] = []
+    found: list[tuple[float, Dependence, int, np.ndarray]] = []
     for name, values in signals_of(problem, point).items():
         for remembers, laws in enumerate(laws_of(name, values, begins, PIECES if few else FEWER_PIECES)):
             for axis in axes if laws else ():
                 told = Dependence(problem.pushed[axis], name, bool(remembers))
                 terms = problem.pushed_by(point, int(axis), np.array(laws))
                 evidence = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
-                found += [(float(e), told, terms.at([k])) for k, e in enumerate(evidence) if e > 0.0]
-    found = sorted(found, key=lambda one: -one[0])
-    share = level / max(len(found), 1)
-    for evidence, told, _ in found[:1]:
-        if chi2.sf(evidence, 1) < share:
-            return told
-    weighed = [
-        (weigh(problem, point, state.paths, terms, share).chance, told)
-        for _, told, terms in (found[:WEIGHED] if problem.is_pushed(point) else ())
-    ]
+                found += [(float(e), told, int(axis), law) for e, law in zip(evidence, laws, strict=True) if e > 0.0]
+    found, share, weighed = sorted(found, key=lambda one: -one[0]), level / max(len(found), 1), []
+    for evidence, told, axis, law in found:
+        if len(weighed) == WEIGHED or evidence < _FAINT:
+            break
+        sure = chi2.sf(evidence, 1) < share
+        if (sure or problem.is_pushed(point)) and not _answers(problem, regression, told, evidence, axis, law):
+            if sure:
+                return told
+            term = problem.pushed_by(point, axis, law[None])
+            weighed.append((weigh(problem, point, state.paths, term, share).chance, told))
     chance, told = min(weighed, key=lambda one: one[0], default=(1.0, None))
     return told if chance < share else None
+
+
+def _answers(
+    problem: PredictionErrors, regression: Regression, told: Dependence, evidence: float, axis: int, law: np.ndarray
+) -> bool:
+    """Whether a law of a command tells less than the same law of later commands: these answer what has pushed."""
+    if told.signal not in problem.plant.inputs:
+        return False
+    rows, stretch = np.arange(len(law)), problem.stretch_of_row
+    last = np.r_[problem.offsets[1:], len(law)][stretch] - 1
+    later = np.array([law[np.minimum(rows + lead, last)] for lead in _LEADS])
+    point = regression.point
+    signatures = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, axis, later)))
+    return float(_evidence(regression, signatures).max()) > evidence
 
 
 def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:

@@ -1,12 +1,14 @@
 """Whether random accelerations follow a signal, and whether a clock's rate varies."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from auv_gym import load_vehicle
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import dependence as module
-from identification.diagnosis.search.dependence import clock_varies, dependence, laws_of, signals_of
+from identification.diagnosis.search.dependence import Dependence, clock_varies, dependence, laws_of, signals_of
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
 from scripts.blind.logs import Conditions
@@ -72,10 +74,36 @@ def test_errors_that_are_merely_larger_at_times_show_nothing():
 
 class Regressed:
     def __init__(self, errors):
-        self.left = errors / errors.std()
+        self.left, self.point = errors / errors.std(), None
 
     def beside(self, signatures):
         return signatures
+
+
+@pytest.mark.parametrize("ahead, answers", [(2, True), (0, False), (-1, False)])
+def test_commands_that_answer_pushes_are_told_from_those_that_push(ahead, answers):
+    """A controller sees more than the log has: what it does next tells of the push better than what it did."""
+    rng, rows = np.random.default_rng(0), 2000
+    command = np.convolve(rng.standard_normal(rows), np.ones(6) / 6.0, mode="same")
+    problem = SimpleNamespace(
+        plant=SimpleNamespace(inputs=("rudder_rad",)),
+        stretch_of_row=np.repeat([0, 1], rows // 2),
+        offsets=np.array([0, rows // 2]),
+        pushed_by=lambda point, axis, laws: laws,
+        slopes_by=lambda point, terms: terms,
+        counted_flat=lambda slopes: slopes,
+    )
+    regression = Regressed(np.roll(command, -ahead) + rng.standard_normal(rows))
+    evidence = float(module._evidence(regression, command[None])[0])
+    told = Dependence("r_radps", "rudder_rad", False)
+    assert module._answers(problem, regression, told, evidence, 0, command) is answers
+    heading = Dependence("r_radps", "heading_rad", False)  # the filter's own states know of no later push
+    assert not module._answers(problem, regression, heading, evidence, 0, command)
+
+
+def test_a_law_that_answers_is_not_said(lopsided, monkeypatch):
+    monkeypatch.setattr(module, "_answers", lambda *args: True)
+    assert dependence(*lopsided) is None
 
 
 def test_a_clock_whose_rate_varies_shows(clean):
