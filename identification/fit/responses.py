@@ -32,3 +32,9 @@ class Responses:
         """Some of them, by their numbers."""
         paths = tuple(self.paths[k] for k in own)
         return replace(self, paths=paths, onward=self.onward[:, :, own], seen=self.seen[:, :, own])
+
+
+def together(some: Sequence[Responses]) -> Responses:
+    """Several as one, in their order."""
+    onward, seen = (np.concatenate([getattr(r, name) for r in some], axis=2) for name in ("onward", "seen"))
+    return Responses(tuple(p for r in some for p in r.paths), onward, seen)

@@ -54,33 +54,44 @@ class Weight:
 
 
 def weigh(
-    problem: PredictionErrors, point: Point, paths: Sequence[str], term: Responses, enough: float = 1.0
-) -> Weight:
-    """The weight of a term by which readings and the next row's states move, beside fitted paths and starts.
+    problem: PredictionErrors, point: Point, paths: Sequence[str], terms: Responses, enough: float = 1.0
+) -> tuple[Weight, ...]:
+    """The weight of each of some terms alone, by which readings and the next row's states move, beside fitted paths.
 
     By the filter that is linearised about the point's path; size and noises are sought in turns.  Errors that are
     larger where the term acts than the filter says lower the evidence by as much (White 1980, Econometrica 48).
     enough: the chance above which degrees of freedom are not asked for, and are infinite: they only make it greater.
     """
+    first = Regression(problem, point, paths, 0.0)
     renewed = problem.with_noise(point, problem.better_noise(point, _NOISE_STEPS)[0])
-    without = max(_likelihood(problem, one, Regression(problem, one, paths, 0.0)) for one in (point, renewed))
-    here, best, trust = point, -np.inf, 0.0
+    without = max(_likelihood(first), _likelihood(Regression(problem, renewed, paths, 0.0)))
+    found = []
+    for k in range(len(terms.paths)):
+        term = terms.at([k])
+        weight = Weight(_evidence(first, term, without), np.inf)
+        found.append(weight if weight.chance > enough else replace(weight, freedom=_freedom(problem, renewed, term)))
+    return tuple(found)
+
+
+def _evidence(first: Regression, term: Responses, without: float) -> float:
+    """Twice the gain in log-likelihood by a term, from a regression of the point; without: the most without it."""
+    problem, point, regression = first.problem, first.point, first
+    best, trust = -np.inf, 0.0
     for _ in range(_TURNS):
-        regression = Regression(problem, here, paths, 0.0)
-        plain = _likelihood(problem, here, regression)
+        here, plain = regression.point, _likelihood(regression)
         size, evidence, trusted = _sized(regression, problem.counted_flat(problem.slopes_by(here, term))[0])
         without = max(without, plain)
         if plain + 0.5 * evidence < best + _GAIN:
             break
         best, trust = plain + 0.5 * evidence, trusted
-        here = problem.with_noise(point, problem.better_noise(_beside(here, term, size), _NOISE_STEPS)[0])
-    weight = Weight(2.0 * (best - without) * trust, np.inf)
-    return weight if weight.chance > enough else replace(weight, freedom=_freedom(problem, renewed, term))
+        there = problem.with_noise(point, problem.better_noise(_beside(here, term, size), _NOISE_STEPS)[0])
+        regression = Regression(problem, there, first.fitted, 0.0)
+    return 2.0 * (best - without) * trust
 
 
-def _likelihood(problem: PredictionErrors, point: Point, regression: Regression) -> float:
+def _likelihood(regression: Regression) -> float:
     """The log-likelihood of a point after a step of its fitted paths and starts, with what is known of the noises."""
-    return problem.objective(point, ()) + 0.5 * regression.regained
+    return regression.problem.objective(regression.point, ()) + 0.5 * regression.regained
 
 
 def _sized(regression: Regression, signature: np.ndarray) -> tuple[float, float, float]:

@@ -15,6 +15,7 @@ from identification.diagnosis.search.candidates import Regression
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.filtering import Point
 from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.responses import together
 
 TIME = "time_s"
 CLOCK = "effects.clock.rate"
@@ -69,18 +70,20 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
                 terms = problem.pushed_by(point, int(axis), np.array(laws))
                 evidence = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
                 found += [(float(e), told, int(axis), law) for e, law in zip(evidence, laws, strict=True) if e > 0.0]
-    found, share, weighed = sorted(found, key=lambda one: -one[0]), level / max(len(found), 1), []
+    found, share, likely = sorted(found, key=lambda one: -one[0]), level / max(len(found), 1), []
     for evidence, told, axis, law in found:
-        if len(weighed) == WEIGHED or evidence < _FAINT:
+        if len(likely) == WEIGHED or evidence < _FAINT:
             break
         sure = chi2.sf(evidence, 1) < share
         if (sure or problem.is_pushed(point)) and not _answers(problem, regression, told, evidence, axis, law):
             if sure:
                 return told
-            term = problem.pushed_by(point, axis, law[None])
-            weighed.append((weigh(problem, point, state.paths, term, share).chance, told))
-    chance, told = min(weighed, key=lambda one: one[0], default=(1.0, None))
-    return told if chance < share else None
+            likely.append((told, problem.pushed_by(point, axis, law[None])))
+    if not likely:
+        return None
+    weights = weigh(problem, point, state.paths, together([term for _, term in likely]), share)
+    chances = [weight.chance for weight in weights]
+    return likely[int(np.argmin(chances))][0] if min(chances) < share else None
 
 
 def _answers(

@@ -56,7 +56,7 @@ def test_what_random_accelerations_have_taken_over_weighs_more_with_noises_of_it
     """Rising water below some depth: the accelerations have grown for it, and are weaker beside it."""
     bench, state = layered
     assert bench.problem.is_pushed(state.point)
-    weight = weigh(bench.problem, state.point, state.paths, below(bench, state))
+    (weight,) = weigh(bench.problem, state.point, state.paths, below(bench, state))
     assert weight.chance < 1e-5
     assert np.isfinite(weight.freedom)
     found = dependence(bench, state)
@@ -71,20 +71,22 @@ def test_the_search_of_dependences_needs_the_weights(layered, monkeypatch):
 
 def test_what_is_not_there_weighs_next_to_nothing(still):
     bench, state = fitted(still)
-    assert weigh(bench.problem, state.point, state.paths, below(bench, state)).chance > 1e-3
+    (weight,) = weigh(bench.problem, state.point, state.paths, below(bench, state))
+    assert weight.chance > 1e-3
 
 
 def test_degrees_of_freedom_are_asked_for_only_where_they_may_matter(layered, monkeypatch):
     bench, state = layered
     monkeypatch.setattr(beside_noise, "_freedom", lambda *args: pytest.fail("asked for"))
-    assert weigh(bench.problem, state.point, state.paths, below(bench, state), 0.0).freedom == np.inf
+    (weight,) = weigh(bench.problem, state.point, state.paths, below(bench, state), 0.0)
+    assert weight.freedom == np.inf
 
 
 def test_a_term_that_starts_and_coefficients_imitate_weighs_nothing(layered):
     bench, state = layered
     (path,) = state.paths[:1]
     own = bench.problem.partly(state.point, path, np.ones((1, len(bench.problem.rows))))
-    weight = weigh(bench.problem, state.point, state.paths, own)
+    (weight,) = weigh(bench.problem, state.point, state.paths, own)
     assert weight.evidence == pytest.approx(0.0, abs=0.5)
 
 
@@ -95,7 +97,7 @@ def test_one_wild_row_is_not_taken_for_a_term_that_acts_there(still):
     depth[row:] += 1.0  # m, once
     bench, state = fitted(still.with_channels({"depth_m": depth}))
     there = (bench.problem.rows == row - 1).astype(float)[None]
-    weight = weigh(bench.problem, state.point, state.paths, bench.problem.pushed_by(state.point, 0, there))
+    (weight,) = weigh(bench.problem, state.point, state.paths, bench.problem.pushed_by(state.point, 0, there))
     assert weight.evidence < 3.0
 
 
@@ -110,6 +112,6 @@ def test_weights_of_what_is_not_there_have_the_distribution_that_is_said():
         problem = PredictionErrors(plant, log, whole(log))
         point = problem.solve(plant, ())
         later = (np.arange(len(problem.rows)) > 250).astype(float)[None]
-        chances.append(weigh(problem, point, (), problem.pushed_by(point, 0, later)).chance)
+        chances += [weight.chance for weight in weigh(problem, point, (), problem.pushed_by(point, 0, later))]
     assert stats.kstest(chances, "uniform").pvalue > 0.01
     assert min(chances) > 1e-4
