@@ -136,7 +136,10 @@ def namespace(functions: Any) -> Any:
 
 def for_vector(program: Any) -> Callable[[np.ndarray], Any]:
     """A compiled program of one contiguous float64 vector, without the look-up of its argument's type at each call."""
-    return ready(program).compile("(float64[::1],)") if JIT else program
+    if not JIT:
+        return program
+    types_: Any = import_module("numba.core.types")
+    return ready(program).compile((types_.float64[::1],))  # the cache would keep what a string says apart
 
 
 def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:

@@ -27,6 +27,8 @@ from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.frozen_rollouts import roll_out
 
+_UNFITTED = ("bluerov2",)  # its sisters are
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compile the programs of all presets, or of some."""
@@ -69,7 +71,7 @@ def warm(name: str) -> None:
     gc.set_threshold(50_000, 20, 20)  # a compiler makes so many objects: at the default this is a tenth of its time
     plant = load_vehicle(name)
     record = flown(plant)
-    if plant.family.body is not None and not plant.family.body.piloted:
+    if name in _UNFITTED or (plant.family.body is not None and not plant.family.body.piloted):
         return
     problem = PredictionErrors(plant, record, record.segments)
     point = problem.point(plant.vector, problem.better_noise(problem.first_point(), 1)[0])

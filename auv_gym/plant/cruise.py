@@ -184,12 +184,17 @@ def _linear_quadratic_gains(a: np.ndarray, b: np.ndarray, weights: np.ndarray) -
 
     The Riccati equation is solved by doubling.  Source: Anderson and Moore 1979, Optimal Filtering, sec. 6.7.
     """
-    closed, reach, cost, one = a, np.outer(b, b), np.diag(weights**2), np.eye(b.size)
+    closed, reach, cost = a, np.outer(b, b), np.diag(weights**2)
     for _ in range(60):
-        inverse = np.linalg.inv(one + reach @ cost)
-        more = closed.T @ cost @ inverse @ closed
-        reach = reach + closed @ inverse @ reach @ closed.T
-        closed, cost = closed @ inverse @ closed, cost + more
+        closed, reach, cost, more = _doubled(closed, reach, cost)
         if np.abs(more).max() < 1e-12 * np.abs(cost).max():
             break
     return b @ cost @ a / (1.0 + b @ cost @ b)
+
+
+def _doubled(closed: np.ndarray, reach: np.ndarray, cost: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Closed loop, reach of the command and cost over twice as many steps, and by how much the cost is more."""
+    inverse = np.linalg.inv(np.eye(len(reach)) + reach @ cost)
+    more = closed.T @ cost @ inverse @ closed
+    reach = reach + closed @ inverse @ reach @ closed.T
+    return closed @ inverse @ closed, reach, cost + more, more

@@ -30,12 +30,15 @@ _NUMBERS = {
     "parts.port": "y=-0.15",
     "parts.starboard": "y=0.15",
     "parts.top": "z=-0.1 to_x=0.0 to_y=1.0",
-    "parts.bottom": "z=0.1 to_x=0.0 to_y=1.0",  # six thrusters, as bluerov2 has: its programs need not be compiled anew
+    "parts.bottom": "z=0.1 to_x=0.0 to_y=1.0",
+    "parts.spare": "",  # eight thrusters, as bluerov2_heavy has: its programs need not be compiled anew
+    "parts.idle": "",
 }
 DAMPING = ("hull.roll.p", "hull.pitch.q", "hull.yaw.r")
 ATTITUDE, RATES = ("roll_rad", "pitch_rad", "heading_rad"), ("p_radps", "q_radps", "r_radps")
 NOISE = 0.02  # rad about each axis, and rad/s
-INPUTS = ("bow_share", "stern_share", "port_share", "starboard_share", "top_share", "bottom_share")
+MOVED = ("bow_share", "stern_share", "port_share", "starboard_share", "top_share", "bottom_share")
+INPUTS = (*MOVED, "spare_share", "idle_share")
 
 
 def tumbler() -> Plant:
@@ -53,7 +56,8 @@ def flown(plant: Plant, seed: int, seconds: float = 60.0, strength: float = 0.2,
     rng, count = np.random.default_rng(seed), int(seconds / plant.dt)
     held = np.repeat(rng.choice([-1.0, 0.0, 1.0], (count // 8 + 1, 3)), 8, axis=0)[:count] * strength
     pitch, yaw, roll = held.T
-    commands = dict(zip(INPUTS, (pitch, -pitch, yaw, -yaw, roll, 0.0 * roll), strict=True))
+    none = 0.0 * roll
+    commands = dict(zip(INPUTS, (pitch, -pitch, yaw, -yaw, roll, none, none, none), strict=True))
     true = simulate(plant, Record.from_arrays(plant.dt * np.arange(count), commands))
     attitude = Rotation.from_euler("ZYX", true.matrix(ATTITUDE[::-1]))
     read = (attitude * Rotation.from_rotvec(noise * rng.standard_normal((count, 3)))).as_euler("ZYX")[:, ::-1]

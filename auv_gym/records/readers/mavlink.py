@@ -11,6 +11,7 @@ import struct
 from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -75,7 +76,7 @@ def _read(path: Path, scope: Scope) -> Log:
     `BATTERY_STATUS[1]` or `NAMED_VALUE_FLOAT[PilotGain]`.
     """
     try:
-        from pymavlink.dialects.v20 import ardupilotmega
+        ardupilotmega = import_module("pymavlink.dialects.v20.ardupilotmega")  # 20,000 lines, which nobody types
     except ImportError as error:
         raise missing_extra("Telemetry logs (.tlog)", "pymavlink", "ardupilot") from error
     messages = {number: _Message.of(message) for number, message in ardupilotmega.mavlink_map.items()}

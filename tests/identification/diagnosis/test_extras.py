@@ -29,14 +29,25 @@ def broken(*arguments, **settings):
     raise KeyError("heading_rad")
 
 
-def test_every_extra_may_fail_and_the_result_stays(log, monkeypatch):
-    whole = diagnose(log, load_vehicle("slocum"))
+@pytest.fixture(scope="module")
+def whole(log):
+    """Its diagnosis."""
+    return diagnose(log, load_vehicle("slocum"))
+
+
+@pytest.fixture(scope="module")
+def found(log):
+    """Its diagnosis without any extra."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        for name in ("closed_loop", "residual_habitat", "discover"):
+            monkeypatch.setattr(judging, name, broken)
+        return diagnose(log, load_vehicle("slocum"))
+
+
+def test_every_extra_may_fail_and_the_result_stays(whole, found):
     assert whole.verdict == "unexplained"
     assert whole.failures == ()
     assert whole.loops
-    for name in ("closed_loop", "residual_habitat", "discover"):
-        monkeypatch.setattr(judging, name, broken)
-    found = diagnose(log, load_vehicle("slocum"))
     assert found.verdict == whole.verdict
     assert found.unexplained
     assert [e.path for e in found.effects] == [e.path for e in whole.effects]
@@ -49,17 +60,15 @@ def test_every_extra_may_fail_and_the_result_stays(log, monkeypatch):
     assert all("KeyError: 'heading_rad' (test_extras.py, line" in f.why for f in found.failures)
 
 
-def test_a_picture_that_cannot_be_drawn_is_said_on_the_page_and_in_the_file(log, tmp_path, monkeypatch):
+def test_a_picture_that_cannot_be_drawn_is_said_on_the_page_and_in_the_file(found, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
-    monkeypatch.setattr(judging, "closed_loop", broken)
-    result = diagnose(log, load_vehicle("slocum"))
     drawn = figures.svg
 
     def svg(draw, d, name, label):
         return broken() if name == "growth" else drawn(draw, d, name, label)
 
     monkeypatch.setattr(figures, "svg", svg)
-    paths = write_diagnosis(result, tmp_path)
+    paths = write_diagnosis(found, tmp_path)
     page, content = Outline(paths["report.html"].read_text()), json.loads(paths["diagnosis.json"].read_text())
     assert page.faults == []
     for what in ("The closed loop with each model", "The picture 'growth'"):
@@ -68,16 +77,15 @@ def test_a_picture_that_cannot_be_drawn_is_said_on_the_page_and_in_the_file(log,
     assert "None" not in page.text
 
 
-def test_without_a_page_the_other_files_are_there_and_an_old_page_is_not(log, tmp_path, monkeypatch):
+def test_without_a_page_the_other_files_are_there_and_an_old_page_is_not(whole, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
-    result = diagnose(log, load_vehicle("slocum"))
     (tmp_path / "report.html").write_text("of an earlier diagnosis")
     monkeypatch.setattr("identification.pages.diagnosis_page._facts", broken)
-    paths = write_diagnosis(result, tmp_path)
+    paths = write_diagnosis(whole, tmp_path)
     assert set(paths) == {"diagnosis.json", "vehicle.toml"}
     assert {p.name for p in tmp_path.iterdir()} == set(paths)
     content = json.loads(paths["diagnosis.json"].read_text())
-    assert content["verdict"] == result.verdict
+    assert content["verdict"] == whole.verdict
     assert [failure["what"] for failure in content["failures"]] == ["The report"]
 
 

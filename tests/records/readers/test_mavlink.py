@@ -194,7 +194,7 @@ def test_any_cut_of_telemetry_and_any_bytes_after_it_are_read_or_refused(tmp_pat
 
 def test_without_the_library_only_telemetry_is_refused(tmp_path, monkeypatch):
     of_autopilot, telemetry = saved(tmp_path, HEAD + body(3)), tlog(tmp_path)
-    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
+    monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20.ardupilotmega", None)
     assert dataflash.FORMAT.read(of_autopilot, Scope()).groups
     with pytest.raises(ValueError, match=r"pymavlink, which is not installed: `pip install auv-gym\[ardupilot\]`"):
         FORMAT.read(telemetry, Scope())
