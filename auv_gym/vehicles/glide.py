@@ -72,12 +72,13 @@ _AT_SURFACE, _CALM, _KEPT = 2.0, 0.5, 4  # s: step at the surface; m/s, fastest 
 
 
 @compiled
-def water_velocity(time, water):
-    """Velocity of the water down, m/s: steady, and an internal wave at a time, s."""
+def water_velocity(depth, time, water):
+    """Velocity of the water down, m/s, at a depth, m, and a time, s: steady, and an internal wave."""
+    steady = water.current + water.current_with_depth * max(depth, 0.0)
     if water.heave_sin == 0.0 and water.heave_cos == 0.0:  # the usual case, without the trigonometry
-        return water.current
+        return steady
     phase = 2.0 * pi / water.heave_period * time
-    return water.current + water.heave_sin * sin(phase) + water.heave_cos * cos(phase)
+    return steady + water.heave_sin * sin(phase) + water.heave_cos * cos(phase)
 
 
 @compiled
@@ -151,7 +152,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
 @compiled
 def carry(x, speed, path, heading, time, p, dx):
     """The slopes of depth, depth rate, north and east into dx, of a flight on a true heading, rad."""
-    rate = water_velocity(time, p.effects.water) - speed * sin(path)
+    rate = water_velocity(x[0], time, p.effects.water) - speed * sin(path)
     if x[0] <= 0.0:  # afloat
         rate = max(rate, 0.0)
     dx[0] = rate

@@ -64,7 +64,8 @@ class PolarEffects:
 
 @dataclass(frozen=True)
 class GlideWaterEffects:
-    """The water: velocity down, an internal wave's heave, salinity that the CTD reads wrong, and stratification.
+    """The water: velocity down, which may grow with depth, an internal wave's heave, salinity that the CTD reads wrong,
+    and stratification.
 
     salinity: a fouled conductivity cell reads some tenths too low.  gradient: of the density, where it is assumed;
     a density that was measured has it already.
@@ -72,6 +73,14 @@ class GlideWaterEffects:
 
     current: float = param(
         0.0, "m/s", "vertical velocity of the water, down", bounds=(-0.5, 0.5), probe=2e-3, apart=_BOTH
+    )
+    current_with_depth: float = param(
+        0.0,
+        "1/s",
+        "vertical velocity of the water with depth, down",
+        bounds=(-2e-3, 2e-3),
+        probe=1e-5,
+        apart=f"{_PACE}, and {_DEEP}",
     )
     heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)

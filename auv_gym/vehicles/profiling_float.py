@@ -62,14 +62,19 @@ def moving_mass(hull):
 
 
 @compiled
-def heave(time, water):
-    """Velocity of the water down, m/s, and its acceleration, m/s^2: steady current and internal wave at a time, s."""
-    if water.heave_sin == 0.0 and water.heave_cos == 0.0:  # the usual case, without the trigonometry
-        return water.current, 0.0
-    rate = 2.0 * pi / water.heave_period
-    s, c = sin(rate * time), cos(rate * time)
-    velocity = water.current + water.heave_sin * s + water.heave_cos * c
-    return velocity, rate * (water.heave_sin * c - water.heave_cos * s)
+def heave(depth, time, water):
+    """Velocity of the water down, m/s, and its acceleration, m/s^2, at a depth, m, and a time, s.
+
+    Of a steady current, which may grow with depth and is then accelerated along its way, and of an internal wave.
+    """
+    growth = water.current_with_depth if depth > 0.0 else 0.0
+    velocity, wave = water.current + growth * depth, 0.0
+    if water.heave_sin != 0.0 or water.heave_cos != 0.0:  # the usual case goes without the trigonometry
+        rate = 2.0 * pi / water.heave_period
+        s, c = sin(rate * time), cos(rate * time)
+        velocity += water.heave_sin * s + water.heave_cos * c
+        wave = rate * (water.heave_sin * c - water.heave_cos * s)
+    return velocity, wave + growth * velocity
 
 
 @compiled
@@ -151,7 +156,7 @@ def derivative(x, actuators, inputs, p, dx, scratch):
     """
     hull = p.hull
     time = inputs[4] + x[3]
-    water, acceleration = heave(time, p.effects.water)
+    water, acceleration = heave(x[0], time, p.effects.water)
     lift = lifting_volume(x[0], x[2], actuators[0], actuators[1], time, inputs, p)
     force = -hull.density * GRAVITY * lift - p.effects.tether.pull
     found = p.effects.discovered.heave

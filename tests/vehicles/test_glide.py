@@ -70,6 +70,17 @@ def test_a_run_is_steady_flight_over_ground(glider):
     assert found == pytest.approx(np.array([20.0, 0.0, 0.0]) + np.outer(record.time, rates), abs=1e-8)
 
 
+def test_water_may_sink_faster_with_depth(glider):
+    plant = replace_at(glider, {"hull.compressibility": 0.0, "hull.expansion": 0.0})
+    record, growth = dive(plant), 1e-4
+    still = run(plant, record)
+    rate = (still[-1, 0] - still[0, 0]) / record.duration_s
+    found = run(replace_at(plant, "effects.water.current_with_depth", growth), record)
+    depth = (20.0 + rate / growth) * np.exp(growth * record.time) - rate / growth
+    assert found[:, 0] == pytest.approx(depth, abs=1e-6)
+    assert np.array_equal(found[:, 1:], still[:, 1:])
+
+
 def test_pressure_warmth_air_and_a_leak_change_the_buoyancy_as_they_say(glider):
     """Each against the engine's volume that does the same."""
     hull, depth = glider.hull, 150.0

@@ -122,6 +122,17 @@ def test_a_neutral_float_goes_with_an_internal_wave(drag):
     assert found[:, 1] == pytest.approx(0.01 + 0.03 * np.sin(phase) - 0.02 * np.cos(phase), abs=1e-8)
 
 
+@pytest.mark.parametrize("drag", [0.0, 6.0])
+def test_a_neutral_float_goes_with_water_that_moves_faster_with_depth(drag):
+    """Its depth grows as the water's does, exponentially; the surface stays where it is."""
+    plant = diver({"water.current_with_depth": 2e-3}, {"added_mass": 33.0, "drag_linear": drag})
+    t = np.array([0.0, 7.0, 60.0, 61.0, 300.0])
+    depth = 100.0 * np.exp(2e-3 * t)
+    found = run(plant, t, rate=0.2)
+    assert found == pytest.approx(np.stack([depth, 2e-3 * depth], axis=1), rel=1e-7)
+    assert rates(plant, depth=-0.1)[1] == rates(diver(hull={"added_mass": 33.0, "drag_linear": drag}), depth=-0.1)[1]
+
+
 def test_the_phase_of_a_wave_is_that_of_the_dive():
     wave = {"water.heave_sin": 0.05, "water.heave_period": 200.0}
     at_crest = rates(diver(wave), rate=0.05, elapsed_s=50.0)
@@ -134,6 +145,8 @@ def test_without_inertia_current_and_wave_add_to_the_terminal_speed():
     plant = replace_at(load_vehicle("mermaid"), {"effects.water.current": 0.02, "effects.water.heave_cos": 0.03})
     still = rates(load_vehicle("mermaid"), volume=1e-4)[0]
     assert rates(plant, volume=1e-4)[0] == pytest.approx(still + 0.05, rel=1e-14)
+    plant = replace_at(load_vehicle("mermaid"), "effects.water.current_with_depth", 1e-4)
+    assert rates(plant, 300.0, volume=1e-4)[0] == pytest.approx(still + 0.03, rel=1e-14)
 
 
 # The hull's temperature and the piston
@@ -265,6 +278,7 @@ DIRECTIONS = {
     "volume.leak": DEEPER,
     "water.gradient": SHALLOWER,
     "water.current": DEEPER,
+    "water.current_with_depth": DEEPER,
     "water.heave_sin": DEEPER,
     "water.heave_cos": DEEPER,
     "water.heave_period": SHALLOWER,

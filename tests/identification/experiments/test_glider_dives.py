@@ -42,7 +42,7 @@ def climb_rate(force, pitch, density, hull, growth, lift):
 def dives(hull, seed=0, depths=(150.0, 250.0, 150.0, 250.0), noise=0.03, **effects) -> Record:
     """Dives and climbs of a glider with these effects, by the midpoint rule in steps of 2 s, a sample every 10 s."""
     of = dict.fromkeys(
-        ("offset", "compressibility", "expansion", "air", "leak", "growth", "lift", "bias", "current"), 0.0
+        ("offset", "compressibility", "expansion", "air", "leak", "growth", "lift", "bias", "current", "deeper"), 0.0
     )
     of |= {"gain": 1.0, "salinity": 0.0, "sinking": 0.0} | effects
     rng, records, begun = np.random.default_rng(seed), [], 0.0
@@ -69,7 +69,8 @@ def dives(hull, seed=0, depths=(150.0, 250.0, 150.0, 250.0), noise=0.03, **effec
             volume += of["offset"] - of["leak"] * (begun + t + 1.0) + of["air"] / (1.0 + pressure / 101325.0)
             density = sea_density(here) + 0.78 * of["salinity"]
             force = GRAVITY * (density * volume - hull.mass)
-            rate = -climb_rate(force, bow, density, hull, of["growth"], of["lift"]) + of["current"] + sinking
+            water = of["current"] + of["deeper"] * here + sinking
+            rate = -climb_rate(force, bow, density, hull, of["growth"], of["lift"]) + water
             depth, engine, pitch, t = depth + 2.0 * rate, engine + pumped, pitch + turned, t + 2.0
         names = ("depth_m", "buoyancy_volume_m3", "pitch_rad", "temperature_C", "density_kgpm3", "elapsed_s")
         table = np.array(rows)
@@ -89,6 +90,7 @@ EFFECTS = {
     "polar.lift": ("lift", 0.5),
     "inclinometer.pitch_bias": ("bias", 0.03),
     "water.current": ("current", 0.015),
+    "water.current_with_depth": ("deeper", 8e-5),
     "water.salinity": ("salinity", 0.25),
 }
 
