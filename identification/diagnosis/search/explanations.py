@@ -23,6 +23,7 @@ import numpy as np
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import ALIKE, FEW_STATES, HOPELESS, LEAST_PROBABLE, PRICE, TIE
+from identification.diagnosis.search.acceptance import LIMITED, effect_size
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.survival import Survival, halves_of
@@ -112,7 +113,7 @@ def explanations(
     for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True)):
         followed = number + 1 < len(rounds) and bench.followed <= FEW_STATES  # elsewhere it takes minutes
         others = [t for t in rivals_of_round(made, survived, followed) if t.candidate not in first.candidates]
-        replaced = _replaced(bench, first, number, others)
+        replaced = [s for s in _replaced(bench, first, number, others) if _possible(bench, s, s.trials[number])]
         for own in replaced:
             keep(own)
             for less in _needing_less(bench, own, number, first.cost):
@@ -130,10 +131,11 @@ def explanations(
 def rivals_of_round(made: Round, survived: Survival, followed: bool = False) -> list[Trial]:
     """The fitted trials of a round that may take the chosen one's place: tied with it, or chosen by halves instead.
 
-    followed: whether other effects came after it; then all that passed, since they were compared without these.
+    followed: whether other effects came after it; then all that passed, or would have but for a limit of their size,
+    since they were compared without these.
     """
     preferred = [t for t in made.trials if not set(survived.rivals).isdisjoint(t.candidate.paths)]
-    passed = [t for t in made.trials if not t.objection] if followed else []
+    passed = [t for t in made.trials if t.objection in ("", LIMITED)] if followed else []
     members = {
         t.candidate: t for t in (*made.tied, *preferred, *passed) if t.state is not None and t is not made.chosen
     }
@@ -214,6 +216,12 @@ def _replaced(bench: Workbench, first: Explanation, number: int, others: Sequenc
         return explanation(bench, bench.fit_from(starts, paths, first.state, HOPELESS), rounds)
 
     return side_by_side(fit, others)
+
+
+def _possible(bench: Workbench, made: Explanation, trial: Trial) -> bool:
+    """Whether an effect is within the limits of its size, where those have spoken against it before others came."""
+    own = [p for p in trial.candidate.free if p in made.state.paths] if trial.objection == LIMITED else []
+    return not any(effect_size(made.state.plant, p, bench.problem.bounds(p)).limited for p in own)
 
 
 def _needing_less(bench: Workbench, own: Explanation, number: int, cost: float) -> Iterator[Explanation]:

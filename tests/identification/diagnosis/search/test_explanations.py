@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -137,6 +138,18 @@ def ahead_beside_another():
     """A passed before C, by more than a tie; beside B, which came after them, C explains more."""
     made = round_of(A, C)
     return replace(made, tied=()), {(A, B): 100.0, (C, B): 112.0, (C,): 50.0}
+
+
+@pytest.mark.parametrize("bounds, members", [((-1.0, 1.0), [(C,)]), ((0.5, 1.0), [])])
+def test_what_only_a_limit_spoke_against_is_asked_again_beside_what_came_later(bounds, members, monkeypatch):
+    """Without B, C would have had to be larger than it can be; beside B it may still be, or not."""
+    first, later = round_of(A, C), round_of(B, before=(A,))
+    chosen, other = first.trials
+    first = replace(first, trials=(chosen, replace(other, objection=module.LIMITED)), tied=())
+    monkeypatch.setattr(Sets, "problem", SimpleNamespace(bounds=lambda path: bounds), raising=False)
+    found = weighed({(A, B): 100.0, (C, B): 100.0, (C,): 50.0}, first, later)
+    (told, _) = tied_rounds(found, [first, later], [SURVIVED] * 2)
+    assert [t.candidate.paths for t in told.tied] == members
 
 
 def test_what_was_behind_in_its_round_may_be_ahead_beside_what_came_later():
