@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from auv_gym import compiled as compiled_module
-from auv_gym.compiled import JIT, bind, compiled, view_as
+from auv_gym.compiled import JIT, bind, compiled, for_vector, view_as
 
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.skipif(not JIT, reason="AUV_GYM_JIT=0: nothing is compiled")
@@ -139,3 +139,12 @@ def test_a_view_is_not_a_copy_and_follows_its_layout():
     vector = np.array([1.0, 2.0])
     assert (one(vector).a, two(vector).a) == (1.0, 2.0)
     assert one.__name__ != two.__name__
+
+
+def test_a_program_is_kept_once_however_it_is_called(tmp_path, monkeypatch):
+    monkeypatch.setattr(compiled_module, "_cache_folder", lambda packages: tmp_path)
+    first, again = (bind(line, "once", scale=3.0, offset=1.0) for _ in range(2))
+    assert for_vector(first)(np.ones(2)).tolist() == [4.0, 4.0]
+    assert again(np.ones(2)).tolist() == [4.0, 4.0]
+    assert sum(again.ready.stats.cache_hits.values()) == 1
+    assert sum(again.ready.stats.cache_misses.values()) == 0

@@ -86,18 +86,18 @@ class Noises(Filter):
         less[len(self.channels) + d] = np.log(LEAST_PROCESS * self.unit[d])
         return less
 
-    def _guessed(self, system: System, logs: np.ndarray, which: Iterable[int], weaker: bool) -> np.ndarray:
-        """The noises, each of these accelerations in turn the likeliest of the first guesses, of none, or as it was.
+    def _likeliest(
+        self, system: System, logs: np.ndarray, which: Iterable[int], guesses: np.ndarray | None = None
+    ) -> np.ndarray:
+        """The noises, each of these accelerations in turn the likeliest of none, of some guesses, or as it was.
 
-        weaker: of the guesses below what it was, else of all.
+        guesses: (G, D), logarithms of strengths; NaN is none.
         """
         best = self._likelihood(system, logs)
         for d in which:
             strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
-            tried = [self._without_one(logs, d)]
-            for guess in np.log(_FIRST_GUESSES[_FIRST_GUESSES > _FAINT] * self.unit[d]):
-                if weaker and guess >= logs[strength]:
-                    continue
+            tried = [self._without_one(logs, int(d))]
+            for guess in () if guesses is None else guesses[np.isfinite(guesses[:, d]), d]:
                 tried.append(logs.copy())
                 tried[-1][[strength, time]] = guess, self.slowness[0]
             for other in tried:
@@ -166,7 +166,7 @@ class Noises(Filter):
         first, pushed = len(self.channels), len(self.pushed)
         faint = np.flatnonzero(~self._there(logs, _FAINT) & (slope[first : first + pushed] > 0.0))
         assert point.system is not None
-        return self._guessed(point.system, logs, faint, weaker=False) if faint.size else logs
+        return self._likeliest(point.system, logs, faint, self._guesses) if faint.size else logs
 
     def _faded(self, point: Point, logs: np.ndarray, slope: np.ndarray, fresh: bool) -> np.ndarray:
         """The noises without those accelerations that would be likelier weaker, and likelier still not there at all.
@@ -175,20 +175,17 @@ class Noises(Filter):
         """
         assert point.system is not None
         first, pushed = len(self.channels), len(self.pushed)
+        strengths = logs[first : first + pushed]
         which = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < 0.0))
-        if fresh and which.size:
-            return self._guessed(point.system, logs, which, weaker=True)
-        return self._thinned(point.system, logs, which)
+        if not which.size:
+            return logs
+        weaker = np.where(self._guesses < strengths, self._guesses, np.nan) if fresh else None
+        return self._likeliest(point.system, logs, which, weaker)
 
-    def _thinned(self, system: System, logs: np.ndarray, which: np.ndarray) -> np.ndarray:
-        """The noises without those of these accelerations whose absence the linearised filter finds likelier."""
-        best = self._likelihood(system, logs) if which.size else 0.0
-        for d in which:
-            less = self._without_one(logs, int(d))
-            reached = self._likelihood(system, less)
-            if reached > best:
-                logs, best = less, reached
-        return logs
+    @property
+    def _guesses(self) -> np.ndarray:
+        """Logarithms of the first guesses of accelerations that are more than faint, (G, D)."""
+        return np.log(np.outer(_FIRST_GUESSES[_FIRST_GUESSES > _FAINT], self.unit))
 
     def noise_slopes(self, point: Point, logs: np.ndarray) -> tuple[float, np.ndarray]:
         """Log-likelihood of noises with their prior, linearised about a point's path, and its slopes, (C + 2 D,).

@@ -124,7 +124,7 @@ class PredictionErrors(Noises):
         if here.system is None or not self.pushed:
             return here
         there, none = np.flatnonzero(self._there(here.logs)), here.logs
-        logs = self._thinned(here.system, here.logs, there)
+        logs = self._likeliest(here.system, here.logs, there)
         for d in there:
             none = self._without_one(none, int(d))
         lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
