@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from math import cos, inf, pi, sin, sqrt
 
 from auv_gym.compiled import compiled, view_as
-from auv_gym.effects import FloatEffects
 from auv_gym.param import list_paths, param, part, record_type
 from auv_gym.physics.actuators import shaped_command
 from auv_gym.physics.buoyancy import GRAVITY, air_volume, exposed_volume
 from auv_gym.physics.discovered import N_HEAVE, any_term, discovered_heave_damping, discovered_heave_force
 from auv_gym.vehicles.depth_sensor import sense, settle_sensors
 from auv_gym.vehicles.family import Family, RightHandSide, copied, registered
+from auv_gym.vehicles.float_effects import FloatEffects
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from identification.deciding import COST, LEAST_PROCESS
+from identification.fit.adjoint import slopes_of
 from identification.fit.driven import driven_slopes
-from identification.fit.kalman import Pass, System, run_filter, slopes_of, start_slopes
+from identification.fit.kalman import Pass, System, run_filter, start_slopes
 from identification.fit.kept import KeptSlopes
 from identification.fit.linearised import Linearised, at_once
 from identification.fit.parameters import moves_of

@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from identification.deciding import LEAST_PROCESS
+from identification.fit.adjoint import slopes_of
 from identification.fit.filtering import Filter, Point
-from identification.fit.kalman import Pass, System, run_filter, slopes_of
+from identification.fit.kalman import Pass, System, run_filter
 from identification.fit.work import FILTERED
 
 # of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are

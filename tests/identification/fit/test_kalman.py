@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from statsmodels.tsa.statespace.mlemodel import MLEModel
 
-from identification.fit.kalman import System, run_filter, slopes_of, start_slopes
+from identification.fit.adjoint import slopes_of
+from identification.fit.kalman import System, run_filter, start_slopes
 
 SOLID, PUSHED, CHANNELS, ROWS = 3, 2, 3, 40
 SIZE = SOLID + PUSHED
