@@ -178,7 +178,8 @@ def episodes_figure(scenario: Scenario, shown: dict[str, dict[str, np.ndarray]])
 
 def _shown(of: Channel) -> tuple[float, str]:
     """By what a channel is multiplied in a picture, and its label."""
-    return (DEGREES, f"{of.label}, deg") if of.unit == "rad" else (1.0, f"{of.label}, {of.unit}")
+    size, unit = (DEGREES, "deg") if of.unit == "rad" else (1.0, of.unit)
+    return size, of.label if unit == "1" else f"{of.label}, {unit}"
 
 
 def _plain_ticks(axis: Any) -> None:

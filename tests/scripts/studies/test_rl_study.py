@@ -137,8 +137,9 @@ def test_a_plant_is_put_in_so_that_conditions_act_on_it():
     assert glider.settings == {"vehicle": "slocum", "dt": 4.0, **glider.options}
 
 
-def test_episodes_of_all_rows_draw_the_same_currents():
-    scenario = SCENARIOS["rov"]
+@pytest.mark.parametrize("name", ["rov", "flight"])
+def test_episodes_of_all_rows_draw_the_same_currents(name):
+    scenario = SCENARIOS[name]
     believed = gymnasium.make(scenario.env, **scenario.settings)
     drawn = [env.reset(seed=3)[1]["randomised"] for env in (true_env(scenario), believed)]
     assert drawn[0] == drawn[1]
@@ -150,25 +151,32 @@ def test_episodes_of_all_rows_draw_the_same_currents():
     assert set(scenario.ranges) > {*scenario.conditions, scenario.effect[0]}
 
 
-def test_a_tiny_study_of_a_vehicle_with_thrusters(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("name", ["rov", "flight"])
+def test_a_tiny_study_in_currents_that_are_drawn(name, tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3", reason="the extra `rl` is not installed")
-    tiny = {**TINY, "imitate": {"controller": "pid", "episodes": 1, "passes": 1}, "train_env_kwargs": {"duration": 2.0}}
-    told = []
+    imitate, duration = {"controller": "pid", "episodes": 1, "passes": 1}, 40.0 * SCENARIOS[name].dt
+    tiny, told = {**TINY, "imitate": imitate, "train_env_kwargs": {"duration": duration}}, []
     monkeypatch.setattr(study, "CHOOSING", 2)
     monkeypatch.setattr(study, "EVALUATIONS", 1)
     monkeypatch.setattr(study, "learning_of", lambda scenario: told.append(scenario.shipped) or tiny)
     monkeypatch.setattr(study, "model_of", lambda scenario, *rest: scenario.truth)
     rows = ("true", "believed", "diagnosed", "randomised", "pid")
-    cases = [f"rov, {row}" for row in rows]
+    cases = [f"{name}, {row}" for row in rows]
     found = STUDY.find(range(1), cases, out=tmp_path, steps=64, episodes=1)
     assert not found.failed
     assert told == [True] * 4
-    lines = {line.row: line for line in lines_of(by_scenario(found), "rov")}
+    lines = {line.row: line for line in lines_of(by_scenario(found), name)}
     assert set(lines) == set(rows)
     assert lines["diagnosed"].score.value == lines["true"].score.value  # the same plant and the same seed
-    assert lines["believed"].score.value != lines["true"].score.value
-    for picture in (pictures(found)[f"rl_{name}.png"] for name in ("intervals", "curves", "episodes_rov")):
-        assert picture().axes
+    options = {
+        row: json.loads((tmp_path / name / row / "seed_0" / "settings.json").read_text())["options"] for row in rows[:4]
+    }
+    assert options["true"]["effects"] == options["diagnosed"]["effects"] == dict([SCENARIOS[name].effect])
+    assert "effects" not in options["believed"]
+    assert options["true"]["randomise"] == options["believed"]["randomise"]
+    assert options["randomised"]["randomise"].keys() > options["believed"]["randomise"].keys()
+    for picture in ("intervals", "curves", f"episodes_{name}"):
+        assert pictures(found)[f"rl_{picture}.png"]().axes
 
 
 def test_a_run_that_fails_leaves_the_others(tmp_path, monkeypatch):
