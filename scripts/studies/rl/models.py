@@ -27,7 +27,7 @@ STEP = 0.1  # s, of its integration
 
 def log_of(scenario: Scenario, seed: int) -> Record:
     """The true vehicle under its autopilot with excitation added, as its noisy sensors give it."""
-    return run_mission(scenario.truth, np.random.default_rng([seed, 7]), duration=scenario.log)
+    return run_mission(scenario.truth, np.random.default_rng([seed, 7]), **scenario.log)
 
 
 def model_of(scenario: Scenario, row: str, seed: int, folder: Path) -> Model:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
+from auv_gym.channels import Channel, channel, wrap
 from auv_gym.rl import Policy, fresh_seeds
 from auv_gym.rl.evaluation import Agent
 from controllers.piloting import pilot_for
@@ -49,6 +51,7 @@ LOOKS = {  # Okabe and Ito's palette
 }
 LINES = {DIAGNOSED: "--", ARMAX: ":"}  # they lie on others
 EPISODE = 0  # of the fresh ones, the one that is drawn
+DEGREES = degrees(1.0)
 _COLUMNS = 3
 
 
@@ -113,61 +116,70 @@ def curves_figure(found: Results) -> Figure:
 
 
 def episodes(found: Results, name: str, out: Path, episode_seed: int) -> dict[str, dict[str, np.ndarray]]:
-    """By row, one fresh episode of its first run on the true vehicle: time, heading and target in deg, and rewards."""
-    env, shown = true_env(SCENARIOS[name]), {}
+    """By row, one fresh episode of its first run on the true vehicle, see `episode_of`."""
+    scenario, shown = SCENARIOS[name], {}
+    env = true_env(scenario)
     for row, (first, *_) in found[name].items():
         learned = row not in CONTROLLERS
         agent = Policy.load(policy_folder(name, row, first["seed"], out)) if learned else pilot_for(env, row)
-        shown[row] = episode_of(agent, env, fresh_seeds(episode_seed, len(first["returns"]))[EPISODE])
+        shown[row] = episode_of(agent, env, fresh_seeds(episode_seed, len(first["returns"]))[EPISODE], scenario)
     return shown
 
 
-def episode_of(agent: Agent, env: gymnasium.Env, seed: int) -> dict[str, np.ndarray]:
-    """An episode as columns: time_s, heading_deg, target_deg, command, reward."""
+def episode_of(agent: Agent, env: gymnasium.Env, seed: int, scenario: Scenario) -> dict[str, np.ndarray]:
+    """An episode as columns: time_s; state, target and command of the scenario's channels, angles in deg; reward."""
+    followed, moved = channel(scenario.channel), channel(scenario.command)
     observation, info = env.reset(seed=seed)
     act, rows, ended = agent.begin(env), [], False
     while not ended:
-        target = info["target"]["heading_rad"]  # the one that the next action is chosen for
+        target = info["target"][followed.name]  # the one that the next action is chosen for
         observation, reward, terminated, truncated, info = env.step(act(observation, info))
-        heading = dict(info["state"]).get("heading_rad", dict(info["reading"])["heading_rad"])
-        error = (target - heading + np.pi) % (2.0 * np.pi) - np.pi
-        command = dict(info["command"])["rudder_rad"]
-        rows.append((info["time_s"], heading, heading + error, command, float(reward)))
+        state = dict(info["state"]).get(followed.name, dict(info["reading"])[followed.name])
+        if followed.angle:
+            target = state + wrap(target - state)
+        rows.append((info["time_s"], state, target, dict(info["command"])[moved.name], float(reward)))
         ended = terminated or truncated
-    time, heading, target, command, reward = np.array(rows).T
-    around = 2.0 * np.pi * np.round(heading[0] / (2.0 * np.pi))
-    shown = {"heading_deg": heading - around, "target_deg": target - around, "rudder_deg": command}
-    return {"time_s": time, **{key: np.degrees(values) for key, values in shown.items()}, "reward": reward}
+    time, state, target, command, reward = np.array(rows).T
+    around = 2.0 * np.pi * np.round(state[0] / (2.0 * np.pi)) if followed.angle else 0.0
+    size, of_command = _shown(followed)[0], _shown(moved)[0]
+    shown = {"state": size * (state - around), "target": size * (target - around), "command": of_command * command}
+    return {"time_s": time, **shown, "reward": reward}
 
 
 def episodes_figure(scenario: Scenario, shown: dict[str, dict[str, np.ndarray]]) -> Figure:
-    """The heading of each policy against the target, on the true vehicle, above its rudder."""
+    """What each policy is to hold against its target, on the true vehicle, above a command."""
     rows = (len(shown) + _COLUMNS - 1) // _COLUMNS
     figure = new_figure(2.5 * rows + 0.4)
     panels: Any = figure.subplots(2 * rows, _COLUMNS, squeeze=False, sharex=True, height_ratios=[2.4, 1.0] * rows)
     for axes in panels.ravel():
         axes.set_axis_off()
-    limits = _limits([values for of in shown.values() for values in (of["heading_deg"], of["target_deg"])])
-    stop = max(np.abs(of["rudder_deg"]).max() for of in shown.values())
+    limits = _limits([values for of in shown.values() for values in (of["state"], of["target"])])
+    stop = max(np.abs(of["command"]).max() for of in shown.values())
     for number, (row, run) in enumerate(shown.items()):
         at, column = 2 * (number // _COLUMNS), number % _COLUMNS
         above, below = panels[at, column], panels[at + 1, column]
         above.set_axis_on()
         below.set_axis_on()
-        above.plot(run["time_s"], run["target_deg"], color=COMMAND, linestyle="--", linewidth=1.0)
-        above.plot(run["time_s"], run["heading_deg"], color=LOOKS.get(row, QUIET), linewidth=1.3)
+        above.plot(run["time_s"], run["target"], color=COMMAND, linestyle="--", linewidth=1.0)
+        above.plot(run["time_s"], run["state"], color=LOOKS.get(row, QUIET), linewidth=1.3)
         above.set_ylim(*limits)
         above.set_title(f"{WORDS[row]}: {run['reward'].sum():.1f}", loc="left")
-        below.plot(run["time_s"], run["rudder_deg"], color=LOOKS.get(row, QUIET), linewidth=0.8)
+        below.plot(run["time_s"], run["command"], color=LOOKS.get(row, QUIET), linewidth=0.8)
         below.set_ylim(-1.05 * stop, 1.05 * stop)
         if column == 0:
-            above.set_ylabel("heading, deg")
-            below.set_ylabel("rudder, deg")
+            above.set_ylabel(_shown(channel(scenario.channel))[1])
+            below.set_ylabel(_shown(channel(scenario.command))[1])
         if number + _COLUMNS >= len(shown):
             below.set_xlabel("time, s")
             below.tick_params(labelbottom=True)
     figure.suptitle(f"{scenario.title}: one episode, with its return; dashed: the target", fontsize=9.5)
     return figure
+
+
+def _shown(of: Channel) -> tuple[float, str]:
+    """By what a channel is multiplied in a picture, and its label."""
+    size, unit = (DEGREES, "deg") if of.unit == "rad" else (1.0, of.unit)
+    return size, of.label if unit == "1" else f"{of.label}, {unit}"
 
 
 def _plain_ticks(axis: Any) -> None:
@@ -186,5 +198,5 @@ def _two_lines(title: str) -> str:
 
 def _limits(values: Sequence[np.ndarray]) -> tuple[float, float]:
     low, high = min(v.min() for v in values), max(v.max() for v in values)
-    edge = 0.05 * (high - low) + 1.0
+    edge = 0.1 * max(high - low, 1e-9)
     return float(low - edge), float(high + edge)

@@ -1,18 +1,19 @@
-"""Where policies are trained on models: two vehicles, an effect that nobody declared in each."""
+"""Where policies are trained on models: four vehicles, an effect that nobody declared in each."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import radians
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 
-from auv_gym.param import replace_at, value_at
+from auv_gym.model import Model
+from auv_gym.param import list_paths, replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.rl.settings import make_env
+from auv_gym.rl.settings import TRUE as ITSELF, make_env
 from identification.experiments.manoeuvres import NOISE
 
 TRUE, BELIEVED, DIAGNOSED, RANDOMISED = "true", "believed", "diagnosed", "randomised"
@@ -41,10 +42,12 @@ SPREAD = 0.2  # of a coefficient to either side, in domain randomisation
 class Scenario:
     """A vehicle with an undeclared effect in an environment; name: in cases and folders.
 
-    effect: path and value.  options: of the environment, but the vehicle.  log: s, length of the experiment.
+    effect: path and value.  options: of the environment, but the vehicle.  log: settings of the experiment.
     linear: orders of ARMAX.  free: coefficients of the grey box.  window, settle: s, of its free runs and those of the
     diagnosis, None for the vehicle's own.  drawn: ranges of domain randomisation beside those of `coefficients`.
-    gamma: of the learning; steps: of one training.
+    channel, command: shown in pictures of episodes.  gamma: of the learning; steps: of one training.  shipped: whether
+    policies learn with the environment's own hyperparameters.  conditions: ranges of what is no part of the vehicle,
+    such as a current, from which every episode draws, in training and in the tests.
     """
 
     name: str
@@ -54,7 +57,7 @@ class Scenario:
     dt: float
     effect: tuple[str, float]
     options: Mapping[str, Any]
-    log: float
+    log: Mapping[str, Any]
     linear: Mapping[str, Any]
     free: tuple[str, ...]
     drawn: Mapping[str, tuple[float, float]]
@@ -67,6 +70,8 @@ class Scenario:
     steps: int
     window: float | None = None
     settle: float | None = None
+    shipped: bool = False
+    conditions: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def believed(self) -> Plant:
@@ -84,7 +89,31 @@ class Scenario:
         plant = self.believed
         own = {path: value_at(plant, path) for path in self.coefficients}
         wide = {path: sorted((value * (1.0 - SPREAD), value * (1.0 + SPREAD))) for path, value in own.items()}
-        return {**self.drawn, **{path: (low, high) for path, (low, high) in wide.items()}}
+        return {**self.conditions, **self.drawn, **{path: (low, high) for path, (low, high) in wide.items()}}
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """All options of the environment of the believed vehicle."""
+        drawn = {"randomise": {path: list(limits) for path, limits in self.conditions.items()}}
+        return {"vehicle": self.vehicle, "dt": self.dt, **self.options, **(drawn if self.conditions else {})}
+
+    def driven_by(self, model: Model) -> tuple[str | Model, dict[str, Any]]:
+        """What drives the environment in place of its vehicle, and the environment's options.
+
+        Drawn conditions do not act on a model in the vehicle's place.  Where there are conditions, a plant comes in by
+        those of its parameters that differ from the believed vehicle's; raises on other models.
+        """
+        if not self.conditions:
+            return model, self.settings
+        if not isinstance(model, Plant) or model.learned is not None:
+            raise ValueError(
+                f"Episodes of {self.name} draw {', '.join(self.conditions)}, which act on a plant without a learned "
+                f"part, got {type(model).__name__}: leave out this row."
+            )
+        believed = self.believed
+        changed = {p: value_at(model, p) for p in list_paths(model) if value_at(model, p) != value_at(believed, p)}
+        changed = {path: value for path, value in changed.items() if path not in self.conditions}
+        return ITSELF, {**self.settings, "effects": {**self.options.get("effects", {}), **changed}}
 
     @property
     def all_rows(self) -> tuple[str, ...]:
@@ -104,6 +133,7 @@ PPO: Mapping[str, Any] = {
     "clip_range": 0.2,
 }
 _SENSORS = {**NOISE, "compass": radians(0.5), "depth": 0.02}
+_CURRENTS = ("effects.current.north", "effects.current.east")
 _SCENARIOS = (
     Scenario(
         name="glider",
@@ -113,7 +143,7 @@ _SCENARIOS = (
         dt=4.0,
         effect=("effects.yaw.moment", 0.007),
         options={"compass_noise": radians(0.5)},
-        log=2400.0,
+        log={"duration": 2400.0},
         linear={"outputs": ("heading_rad",), "n_a": 2, "n_b": 2, "n_c": 2, "integrating": ("heading_rad",)},
         free=("hull.n_r", "hull.n_delta"),
         drawn={"effects.yaw.moment": (-0.01, 0.01), "effects.rudder.offset": (-0.05, 0.05)},
@@ -133,7 +163,7 @@ _SCENARIOS = (
         dt=0.2,
         effect=("effects.rudder.lag", 1.5),
         options={"effects": {f"effects.sampling.{sensor}.noise": value for sensor, value in _SENSORS.items()}},
-        log=400.0,
+        log={"duration": 400.0},
         linear={
             "outputs": ("heading_rad", "r_radps", "v_mps", "roll_rad", "u_mps"),
             "n_a": 2,
@@ -157,6 +187,55 @@ _SCENARIOS = (
         steps=100_000,
         window=25.0,
         settle=5.0,
+    ),
+    Scenario(
+        name="rov",
+        title="StationKeeping-v0, bluerov2_heavy, readings that come 0.2 s late",
+        env="auv_gym/StationKeeping-v0",
+        vehicle="bluerov2_heavy",
+        dt=0.05,
+        effect=("effects.clock.delay", 0.2),
+        options={"actions": ["surge", "sway", "heave", "yaw"]},
+        log={"duration": 120.0},
+        linear={},
+        free=(),
+        drawn={
+            "effects.clock.delay": (0.0, 0.3),
+            **{f"effects.t{k}.gain": (0.8, 1.2) for k in range(1, 9)},
+        },
+        coefficients=("hull.surge.u_u", "hull.sway.v_v", "hull.heave.w_w", "hull.yaw.r_r"),
+        rows=(TRUE, BELIEVED, DIAGNOSED, RANDOMISED),
+        controllers=("pid", "gpc"),
+        channel="north_m",
+        command="t1_share",
+        gamma=0.99,
+        steps=4_000_000,
+        window=5.0,  # of the believed vehicle, runs of 20 s diverge in two of five logs
+        settle=1.0,
+        shipped=True,
+        conditions=dict.fromkeys(_CURRENTS, (-0.22, 0.22)),
+    ),
+    Scenario(
+        name="flight",
+        title="Glide-v0, seaglider, growth that adds 30 % to its drag",
+        env="auv_gym/Glide-v0",
+        vehicle="seaglider",
+        dt=30.0,
+        effect=("effects.polar.growth", 0.3),
+        options={},
+        log={},
+        linear={},
+        free=(),
+        drawn={"effects.polar.growth": (0.0, 0.6), "effects.volume.offset": (-3e-5, 3e-5)},
+        coefficients=("hull.drag_0", "hull.drag_2", "hull.lift_1"),
+        rows=(TRUE, BELIEVED, DIAGNOSED, RANDOMISED),
+        controllers=("pid",),
+        channel="north_m",
+        command="buoyancy_volume_m3",
+        gamma=0.995,
+        steps=600_000,
+        shipped=True,
+        conditions=dict.fromkeys(_CURRENTS, (-0.117, 0.117)),
     ),
 )
 SCENARIOS: Mapping[str, Scenario] = {scenario.name: scenario for scenario in _SCENARIOS}
@@ -183,4 +262,5 @@ def true_env(scenario: Scenario) -> gymnasium.Env:
 
     Scales, limits and what a controller knows are those of the believed vehicle, as an operator would have them.
     """
-    return make_env(scenario.env, scenario.truth, vehicle=scenario.vehicle, dt=scenario.dt, **scenario.options)
+    on, options = scenario.driven_by(scenario.truth)
+    return make_env(scenario.env, on, **options)

@@ -4,7 +4,7 @@
     python -m scripts.studies.rl --out tiny --steps 4096 --seeds 1 --episodes 3
     python -m scripts.studies.rl --out rl --case 'glider, *'
 
-In two scenarios the true vehicle has an effect that its modeller does not know of. Policies are trained on the true
+In each scenario the true vehicle has an effect that its modeller does not know of. Policies are trained on the true
 vehicle, on models identified from its log, on the believed vehicle, on the vehicle that `diagnose` makes of that log
 and the believed one, and with domain randomisation about the believed one; each is judged on the true vehicle, on the
 same episodes. Beside the runs the folder keeps logs, models and policies.
@@ -12,14 +12,16 @@ same episodes. Beside the runs the folder keeps logs, models and policies.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
+from auv_gym.model import Model
 from auv_gym.rl import Training, evaluate, fresh_seeds, train
 from auv_gym.rl.evaluation import Agent
+from auv_gym.rl.hyperparameters import hyperparameters_for
 from auv_gym.rl.settings import TRUE as ITSELF
 from controllers.piloting import pilot_for
 from scripts.studies.harness import Option, Study
@@ -62,24 +64,29 @@ def attempt(case: str, seed: int, steps: int, episodes: int, episode_seed: int, 
 def training_of(name: str, row: str, seed: int, out: Path, steps: int) -> Training:
     """What a row is trained on; makes its model from the log of this seed where it needs one."""
     scenario = SCENARIOS[name]
-    options: dict[str, Any] = {"vehicle": scenario.vehicle, "dt": scenario.dt, **scenario.options}
-    env, on = scenario.env, ITSELF
+    options: dict[str, Any] = scenario.settings
+    on: str | Model = ITSELF
     if row == TRUE:
-        on = scenario.truth
+        on, options = scenario.driven_by(scenario.truth)
     elif row in REMEMBERING:
         options["randomise"] = {path: list(limits) for path, limits in scenario.ranges.items()}
     elif row != BELIEVED:
-        on = model_of(scenario, row, seed, out / name / "models")
+        on, options = scenario.driven_by(model_of(scenario, row, seed, out / name / "models"))
     return Training(
-        env,
+        scenario.env,
         on=on,
         seed=seed,
         options=options,
-        hyperparameters={**PPO, "n_timesteps": steps or scenario.steps, "gamma": scenario.gamma},
+        hyperparameters={**learning_of(scenario), "n_timesteps": steps or scenario.steps, "gamma": scenario.gamma},
         evaluations=EVALUATIONS,
         episodes=CHOOSING,
         **REMEMBERING.get(row, {}),
     )
+
+
+def learning_of(scenario: Scenario) -> Mapping[str, Any]:
+    """The hyperparameters of a scenario, but steps and discount."""
+    return hyperparameters_for(scenario.env).model_dump(exclude_unset=True) if scenario.shipped else PPO
 
 
 def seeds_of(case: str, seeds: Sequence[int]) -> Sequence[int]:

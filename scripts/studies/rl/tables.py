@@ -107,8 +107,8 @@ def sheets(found: Found) -> list[Sheet]:
                     numbers.append([name, line.row, part, *(f"{value:.6g}" for value in (e.value, e.low, e.high))])
     rows = [[WORDS[row], _with_interval(cost, 2)] for row, cost in costs_over_all(results).items()]
     if rows:
-        title = "Cost over that of policies trained on the true vehicle, both scenarios"
-        shown.append(Sheet("both", title, ("trained on", "cost>"), rows))
+        title = "Cost over that of policies trained on the true vehicle, all scenarios"
+        shown.append(Sheet("all", title, ("trained on", "cost>"), rows))
     said = [row for name in results for row in _diagnoses(results, name, found.folder)]
     if said:
         heads = ("scenario", "seed", "verdict", "named, 95 % interval", "true")

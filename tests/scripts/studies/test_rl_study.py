@@ -2,15 +2,18 @@
 
 import json
 
+import gymnasium
 import numpy as np
 import pytest
 
-from auv_gym.param import value_at
+from auv_gym.models.linear import StateSpace
+from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant
 from scripts.studies.harness import Found
 from scripts.studies.rl import statistics, study
 from scripts.studies.rl.models import model_of
-from scripts.studies.rl.scenarios import SCENARIOS
+from scripts.studies.rl.pictures import pictures
+from scripts.studies.rl.scenarios import SCENARIOS, true_env
 from scripts.studies.rl.statistics import compared, interquartile_mean, iqm, share_closed
 from scripts.studies.rl.study import STUDY, seeds_of
 from scripts.studies.rl.tables import by_scenario, gap_of, lines_of
@@ -116,6 +119,64 @@ def test_a_tiny_study_goes_on_where_it_was_stopped(tmp_path, monkeypatch, capsys
         assert (tmp_path / picture).stat().st_size > 10_000
     assert STUDY.main([*call, "--episode-seed", "4"]) == 1
     assert "other settings" in capsys.readouterr().err
+
+
+def test_a_plant_is_put_in_so_that_conditions_act_on_it():
+    scenario = SCENARIOS["rov"]
+    path, size = scenario.effect
+    on, options = scenario.driven_by(scenario.truth)
+    assert (on, options["effects"]) == ("true", {path: size})
+    assert options["randomise"] == {name: [-0.22, 0.22] for name in scenario.conditions}
+    # a current of the day of the log is not one of the days to come
+    found = replace_at(scenario.truth, {"effects.current.north": 0.1, "hull.yaw.r_r": 1.1})
+    assert scenario.driven_by(found)[1]["effects"] == {path: size, "hull.yaw.r_r": 1.1}
+    with pytest.raises(ValueError, match="which act on a plant without a learned part, got StateSpace"):
+        scenario.driven_by(StateSpace(np.eye(1), np.eye(1), np.eye(1), ("surge_N",), ("u_mps",), dt=scenario.dt))
+    glider = SCENARIOS["glider"]
+    assert glider.driven_by(glider.truth)[0] == glider.truth
+    assert glider.settings == {"vehicle": "slocum", "dt": 4.0, **glider.options}
+
+
+@pytest.mark.parametrize("name", ["rov", "flight"])
+def test_episodes_of_all_rows_draw_the_same_currents(name):
+    scenario = SCENARIOS[name]
+    believed = gymnasium.make(scenario.env, **scenario.settings)
+    drawn = [env.reset(seed=3)[1]["randomised"] for env in (true_env(scenario), believed)]
+    assert drawn[0] == drawn[1]
+    usual = gymnasium.make(scenario.env, **scenario.options).unwrapped.episodes.randomise
+    assert {path: limits[1] for path, limits in scenario.conditions.items()} == pytest.approx(
+        {path: limits[1] for path, limits in usual.items()},
+        abs=0.005,  # the scenario's are rounded
+    )
+    assert set(scenario.ranges) > {*scenario.conditions, scenario.effect[0]}
+
+
+@pytest.mark.parametrize("name", ["rov", "flight"])
+def test_a_tiny_study_in_currents_that_are_drawn(name, tmp_path, monkeypatch):
+    pytest.importorskip("stable_baselines3", reason="the extra `rl` is not installed")
+    imitate, duration = {"controller": "pid", "episodes": 1, "passes": 1}, 40.0 * SCENARIOS[name].dt
+    tiny, told = {**TINY, "imitate": imitate, "train_env_kwargs": {"duration": duration}}, []
+    monkeypatch.setattr(study, "CHOOSING", 2)
+    monkeypatch.setattr(study, "EVALUATIONS", 1)
+    monkeypatch.setattr(study, "learning_of", lambda scenario: told.append(scenario.shipped) or tiny)
+    monkeypatch.setattr(study, "model_of", lambda scenario, *rest: scenario.truth)
+    rows = ("true", "believed", "diagnosed", "randomised", "pid")
+    cases = [f"{name}, {row}" for row in rows]
+    found = STUDY.find(range(1), cases, out=tmp_path, steps=64, episodes=1)
+    assert not found.failed
+    assert told == [True] * 4
+    lines = {line.row: line for line in lines_of(by_scenario(found), name)}
+    assert set(lines) == set(rows)
+    assert lines["diagnosed"].score.value == lines["true"].score.value  # the same plant and the same seed
+    options = {
+        row: json.loads((tmp_path / name / row / "seed_0" / "settings.json").read_text())["options"] for row in rows[:4]
+    }
+    assert options["true"]["effects"] == options["diagnosed"]["effects"] == dict([SCENARIOS[name].effect])
+    assert "effects" not in options["believed"]
+    assert options["true"]["randomise"] == options["believed"]["randomise"]
+    assert options["randomised"]["randomise"].keys() > options["believed"]["randomise"].keys()
+    for picture in ("intervals", "curves", f"episodes_{name}"):
+        assert pictures(found)[f"rl_{picture}.png"]().axes
 
 
 def test_a_run_that_fails_leaves_the_others(tmp_path, monkeypatch):
