@@ -105,9 +105,15 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         ]
         return _stage(of.plant, record, log, unseen)
 
-    after = stage(state, [chosen_without(bench, nominal, state, rounds, count, k) for k in parts])
-    as_given = stage(known.given, [known.given for _ in parts])
-    before = after if state is nominal else stage(nominal, [nominal for _ in parts])
+    extras, as_given = Extras(), stage(known.given, [known.given for _ in parts])
+
+    def refitted_stage(chosen: Sequence[State]) -> Stage:
+        """That of the vehicle without effects; that of the vehicle as given where free runs diverge with a refit."""
+        return extras.attempt("Free runs of the refitted vehicle", lambda: stage(nominal, chosen), as_given)
+
+    chosen = [chosen_without(bench, nominal, state, rounds, count, k) for k in parts]
+    after = refitted_stage(chosen) if state is nominal else stage(state, chosen)
+    before = after if state is nominal else refitted_stage([nominal for _ in parts])
     why = {t.candidate.paths[0]: reason for t, reason in dropped.items()}
     many = many_windows(log.every_window, log.steady)
     if rounds and left and explained_share(before, after, many) < 0.0:
@@ -142,7 +148,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
     alike: list[Effect] = []
     if verdict == "unexplained":
         alike, effects, tied, common = effects, [], [], ()
-    discovery, habitat, rng, extras = None, None, np.random.default_rng(asked.seed), Extras()
+    discovery, habitat, rng = None, None, np.random.default_rng(asked.seed)
     if log.slipped or (log.doubts and verdict == "unexplained"):
         verdict = "doubted"
     elif left:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from auv_gym.cli import main
+from auv_gym.model import Diverged
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.reading import read_record
@@ -87,6 +88,23 @@ def test_without_a_page_the_other_files_are_there_and_an_old_page_is_not(whole, 
     content = json.loads(paths["diagnosis.json"].read_text())
     assert content["verdict"] == whole.verdict
     assert [failure["what"] for failure in content["failures"]] == ["The report"]
+
+
+def test_a_refit_with_which_free_runs_diverge_leaves_the_vehicle_as_given_in_its_place(log, whole, monkeypatch):
+    believed = load_vehicle("slocum")
+    flown = judging.free_runs
+
+    def free_runs(plant, *arguments):
+        if plant.hull.n_r != believed.hull.n_r:
+            raise Diverged(12.0, "heading_rad", {"heading_rad": 7.0})
+        return flown(plant, *arguments)
+
+    monkeypatch.setattr(judging, "free_runs", free_runs)
+    found = diagnose(log, believed)
+    assert found.before.scores == found.given.scores
+    assert found.before.scores != whole.before.scores
+    assert [f.what for f in found.failures] == ["Free runs of the refitted vehicle"]
+    assert "heading_rad is not finite at 12.000 s" in found.failures[0].why
 
 
 def test_an_attempt_gives_what_was_made_or_the_substitute():
