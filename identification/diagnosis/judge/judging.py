@@ -46,6 +46,8 @@ from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.residual import residual_summary
 from identification.fit.validation import FreeRuns, fitted_runs, free_runs, joined_runs, whiteness
 
+_REFITTED = 'Free runs of the refitted vehicle ("before" is the vehicle as given instead)'
+
 
 def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) -> Diagnosis:
     """What is said of a record, its vehicle, and the effects that a search has found.
@@ -109,7 +111,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
 
     def refitted_stage(chosen: Sequence[State]) -> Stage:
         """That of the vehicle without effects; that of the vehicle as given where free runs diverge with a refit."""
-        return extras.attempt("Free runs of the refitted vehicle", lambda: stage(nominal, chosen), as_given)
+        return extras.attempt(_REFITTED, lambda: stage(nominal, chosen), as_given)
 
     chosen = [chosen_without(bench, nominal, state, rounds, count, k) for k in parts]
     after = refitted_stage(chosen) if state is nominal else stage(state, chosen)

@@ -103,7 +103,7 @@ def test_a_refit_with_which_free_runs_diverge_leaves_the_vehicle_as_given_in_its
     found = diagnose(log, believed)
     assert found.before.scores == found.given.scores
     assert found.before.scores != whole.before.scores
-    assert [f.what for f in found.failures] == ["Free runs of the refitted vehicle"]
+    assert [f.what for f in found.failures] == [judging._REFITTED]
     assert "heading_rad is not finite at 12.000 s" in found.failures[0].why
 
 
