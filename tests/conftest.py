@@ -15,6 +15,15 @@ settings.load_profile("repeatable")
 gc.set_threshold(50_000, 20, 20)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Mark each test of the preset `bluerov2` slow: its programs, whose like its sisters have, are of no other use."""
+    for item in items:
+        of_vehicle = item.callspec.params.values() if hasattr(item, "callspec") else ()
+        if any(isinstance(value, str) and value == "bluerov2" for value in of_vehicle):
+            item.add_marker(pytest.mark.slow)
+
+
 def pytest_collection_finish():
     """Leave what modules and tests consist of out of every later search for garbage."""
     gc.freeze()

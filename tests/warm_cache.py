@@ -27,7 +27,7 @@ from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.frozen_rollouts import roll_out
 
-_UNFITTED = ("bluerov2",)  # its sisters are
+_SLOW = ("bluerov2",)  # see tests/conftest.py
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -58,9 +58,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def one_of_each() -> list[str]:
-    """A preset for each program: vehicles of the same parts share one.  What takes longest, with most states, first."""
+    """A preset for each program: vehicles of the same parts share one.  What takes longest, with most states, first.
+
+    Without programs that slow tests alone need.
+    """
     found: dict[str, tuple[int, str]] = {}
-    for name in list_vehicles():
+    for name in sorted({*list_vehicles()} - {*_SLOW}):
         family = load_vehicle(name).family
         found.setdefault(family.program or family.kind, (-len(family.states), name))
     return [name for _, name in sorted(found.values())]
@@ -71,7 +74,7 @@ def warm(name: str) -> None:
     gc.set_threshold(50_000, 20, 20)  # a compiler makes so many objects: at the default this is a tenth of its time
     plant = load_vehicle(name)
     record = flown(plant)
-    if name in _UNFITTED or (plant.family.body is not None and not plant.family.body.piloted):
+    if plant.family.body is not None and not plant.family.body.piloted:
         return
     problem = PredictionErrors(plant, record, record.segments)
     point = problem.point(plant.vector, problem.better_noise(problem.first_point(), 1)[0])

@@ -135,7 +135,9 @@ def test_the_written_campaign_is_checked_and_runs(tie, tmp_path, capsys):
     assert "2 of 2 runs done" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("vehicle", ["slocum", "qiandao_float", "mermaid", "remus100", "seawing"])
+@pytest.mark.parametrize(
+    "vehicle", ["slocum", "qiandao_float", "mermaid", pytest.param("remus100", marks=pytest.mark.slow), "seawing"]
+)
 def test_every_design_is_a_campaign(vehicle, tmp_path):
     plant = load_vehicle(vehicle)
     same = [Rival("a", plant, ()), Rival("b", plant, ())]

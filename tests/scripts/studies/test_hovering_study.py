@@ -9,7 +9,7 @@ from scripts.studies.hovering import LAWS, STEPS, STUDY, _held, _step
 
 def test_a_step_settles_and_a_place_is_held(monkeypatch):
     monkeypatch.setattr("scripts.studies.hovering.SETTLED", 30.0)
-    plant = load_vehicle("bluerov2")
+    plant = load_vehicle("bluerov2_heavy")
     pilot = autopilot(plant)
     settled, over, stays = _step(plant, pilot, "depth_m")
     assert 1.0 < settled < 5.0

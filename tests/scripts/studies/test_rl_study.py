@@ -137,7 +137,7 @@ def test_a_plant_is_put_in_so_that_conditions_act_on_it():
     assert glider.settings == {"vehicle": "slocum", "dt": 4.0, **glider.options}
 
 
-@pytest.mark.parametrize("name", ["rov", "flight"])
+@pytest.mark.parametrize("name", ["rov", pytest.param("flight", marks=pytest.mark.slow)])
 def test_episodes_of_all_rows_draw_the_same_currents(name):
     scenario = SCENARIOS[name]
     believed = gymnasium.make(scenario.env, **scenario.settings)
