@@ -60,7 +60,7 @@ class ColumnEffects:
     gradient: float = param(0.0, "kg/m^4", "density stratification", bounds=(0.0, 0.5), probe=1e-3, apart=_PROFILE)
     current: float = param(0.0, "m/s", "vertical current, down", bounds=(-0.5, 0.5), probe=2e-3, apart=_PACE)
     current_with_depth: float = param(
-        0.0, "1/s", "vertical current with depth, down", bounds=(-0.01, 0.01), probe=1e-5, apart=_PACE
+        0.0, "1/s", "downward current that grows with depth", bounds=(-0.01, 0.01), probe=1e-5, apart=_PACE
     )
     heave_sin: float = param(0.0, "m/s", "internal-wave heave, sine of time", bounds=(-0.5, 0.5), probe=3e-3)
     heave_cos: float = param(0.0, "m/s", "internal-wave heave, cosine of time", bounds=(-0.5, 0.5), probe=3e-3)

@@ -77,7 +77,7 @@ class GlideWaterEffects:
     current_with_depth: float = param(
         0.0,
         "1/s",
-        "vertical velocity of the water with depth, down",
+        "downward current that grows with depth",
         bounds=(-2e-3, 2e-3),
         probe=1e-5,
         apart=f"{_PACE}, and {_DEEP}",
