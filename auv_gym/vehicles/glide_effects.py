@@ -64,8 +64,7 @@ class PolarEffects:
 
 @dataclass(frozen=True)
 class GlideWaterEffects:
-    """The water: velocity down, which may grow with depth, an internal wave's heave, salinity that the CTD reads wrong,
-    and stratification.
+    """The water: velocity down, an internal wave's heave, salinity that the CTD reads wrong, and stratification.
 
     salinity: a fouled conductivity cell reads some tenths too low.  gradient: of the density, where it is assumed;
     a density that was measured has it already.

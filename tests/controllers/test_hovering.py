@@ -305,7 +305,7 @@ def test_a_sample_in_which_the_vehicle_swings_is_refused(kind):
     [
         ("bluerov2_heavy", "pid"),
         ("bluerov2_heavy", "gpc"),
-        pytest.param("bluerov2", "pid", marks=pytest.mark.slow),  # whose environments are compiled for this test only
+        ("bluerov2", "pid"),
     ],
 )
 def test_it_steers_the_environments_of_such_vehicles(task, name, kind):

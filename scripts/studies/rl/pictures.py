@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import degrees
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 
-from auv_gym.channels import Channel, channel, wrap
+from auv_gym.channels import channel, wrap
 from auv_gym.rl import Policy, fresh_seeds
 from auv_gym.rl.evaluation import Agent
 from controllers.piloting import pilot_for
-from identification.pages.drawing import AFTER, BEFORE, COMMAND, INK, QUIET, grid, new_figure
+from identification.pages.drawing import (
+    AFTER,
+    BEFORE,
+    COMMAND,
+    INK,
+    QUIET,
+    grid,
+    new_figure,
+    quantity_label,
+    shown_values,
+)
 from scripts.studies.harness import Found
 from scripts.studies.rl.scenarios import (
     ARMAX,
@@ -51,7 +60,6 @@ LOOKS = {  # Okabe and Ito's palette
 }
 LINES = {DIAGNOSED: "--", ARMAX: ":"}  # they lie on others
 EPISODE = 0  # of the fresh ones, the one that is drawn
-DEGREES = degrees(1.0)
 _COLUMNS = 3
 
 
@@ -127,8 +135,8 @@ def episodes(found: Results, name: str, out: Path, episode_seed: int) -> dict[st
 
 
 def episode_of(agent: Agent, env: gymnasium.Env, seed: int, scenario: Scenario) -> dict[str, np.ndarray]:
-    """An episode as columns: time_s; state, target and command of the scenario's channels, angles in deg; reward."""
-    followed, moved = channel(scenario.channel), channel(scenario.command)
+    """An episode as columns: time_s; state, target and command, as people read the scenario's channels; reward."""
+    followed, moved = channel(scenario.channel), scenario.command
     observation, info = env.reset(seed=seed)
     act, rows, ended = agent.begin(env), [], False
     while not ended:
@@ -137,13 +145,15 @@ def episode_of(agent: Agent, env: gymnasium.Env, seed: int, scenario: Scenario) 
         state = dict(info["state"]).get(followed.name, dict(info["reading"])[followed.name])
         if followed.angle:
             target = state + wrap(target - state)
-        rows.append((info["time_s"], state, target, dict(info["command"])[moved.name], float(reward)))
+        rows.append((info["time_s"], state, target, dict(info["command"])[moved], float(reward)))
         ended = terminated or truncated
     time, state, target, command, reward = np.array(rows).T
     around = 2.0 * np.pi * np.round(state[0] / (2.0 * np.pi)) if followed.angle else 0.0
-    size, of_command = _shown(followed)[0], _shown(moved)[0]
-    shown = {"state": size * (state - around), "target": size * (target - around), "command": of_command * command}
-    return {"time_s": time, **shown, "reward": reward}
+    shown = {
+        "state": shown_values(followed.name, state - around),
+        "target": shown_values(followed.name, target - around),
+    }
+    return {"time_s": time, **shown, "command": shown_values(moved, command), "reward": reward}
 
 
 def episodes_figure(scenario: Scenario, shown: dict[str, dict[str, np.ndarray]]) -> Figure:
@@ -167,19 +177,13 @@ def episodes_figure(scenario: Scenario, shown: dict[str, dict[str, np.ndarray]])
         below.plot(run["time_s"], run["command"], color=LOOKS.get(row, QUIET), linewidth=0.8)
         below.set_ylim(-1.05 * stop, 1.05 * stop)
         if column == 0:
-            above.set_ylabel(_shown(channel(scenario.channel))[1])
-            below.set_ylabel(_shown(channel(scenario.command))[1])
+            above.set_ylabel(quantity_label(scenario.channel))
+            below.set_ylabel(quantity_label(scenario.command))
         if number + _COLUMNS >= len(shown):
             below.set_xlabel("time, s")
             below.tick_params(labelbottom=True)
     figure.suptitle(f"{scenario.title}: one episode, with its return; dashed: the target", fontsize=9.5)
     return figure
-
-
-def _shown(of: Channel) -> tuple[float, str]:
-    """By what a channel is multiplied in a picture, and its label."""
-    size, unit = (DEGREES, "deg") if of.unit == "rad" else (1.0, of.unit)
-    return size, of.label if unit == "1" else f"{of.label}, {unit}"
 
 
 def _plain_ticks(axis: Any) -> None:
