@@ -2,6 +2,7 @@
 
 import gc
 import os
+import re
 from pathlib import Path
 
 import pytest
@@ -19,7 +20,7 @@ gc.set_threshold(50_000, 20, 20)
 def pytest_collection_modifyitems(items):
     """Mark each test of the preset `bluerov2` slow: its programs, whose like its sisters have, are of no other use."""
     for item in items:
-        if hasattr(item, "callspec") and "bluerov2" in item.callspec.id.split("-"):
+        if hasattr(item, "callspec") and "bluerov2" in re.findall(r"\w+", item.callspec.id):
             item.add_marker(pytest.mark.slow)
 
 

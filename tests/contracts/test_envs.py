@@ -389,8 +389,8 @@ def test_memory_does_not_grow(case):
 
 
 def preset(name: str):
-    """A preset, slow where its step is compiled for this test only: bluerov2_heavy has thrusters, too."""
-    return pytest.param(name, marks=pytest.mark.slow) if name == "bluerov" else name
+    """A preset, slow where its step is compiled for this test only: others have thrusters or fins, too."""
+    return pytest.param(name, marks=pytest.mark.slow) if name in ("bluerov", "npsauv") else name
 
 
 @pytest.mark.parametrize("vehicle", [preset(n) for n in sorted(list_vehicles())])

@@ -329,15 +329,15 @@ def test_actions_that_a_controller_does_not_command_are_refused():
 
 def test_gains_have_frequency_and_damping_by_axis_and_settings_go_before_them():
     axes = {"yaw": {"frequency": 1.1, "damping": 1.5}, "heave": {"frequency": 0.7}}
-    gains = Gains("bluerov2", 0.05, loops={"pid": axes})
+    gains = Gains("bluerov2_heavy", 0.05, loops={"pid": axes})
     frequency, damping = {"yaw": 1.1, "heave": 0.7}, {"yaw": 1.5}
     tuned, set_by_hand, plain = (
-        law_of(autopilot(rov("bluerov2"), **settings)).gains
+        law_of(autopilot(rov("bluerov2_heavy"), **settings)).gains
         for settings in ({"gains": gains}, {"frequency": frequency, "damping": damping}, {})
     )
     assert np.array_equal(tuned.proportional, set_by_hand.proportional)
     assert np.array_equal(tuned.derivative, set_by_hand.derivative)
     changed = np.flatnonzero(tuned.proportional != plain.proportional)
     assert changed.tolist() == [2, 5]
-    given = law_of(autopilot(rov("bluerov2"), gains=gains, frequency={"heave": 2.0})).gains
+    given = law_of(autopilot(rov("bluerov2_heavy"), gains=gains, frequency={"heave": 2.0})).gains
     assert np.array_equal(given.pace.frequency[[2]], [2.0])

@@ -58,7 +58,8 @@ def test_the_regulator_is_the_one_of_the_riccati_equation():
     np.testing.assert_allclose(_linear_quadratic_gains(a, b, weights), expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("vehicle", PRESETS)
+# of npsauv the environment's programs are compiled for this test only
+@pytest.mark.parametrize("vehicle", [pytest.param("npsauv", marks=pytest.mark.slow), *PRESETS[1:]])
 @pytest.mark.parametrize("task", ["Depth", "Heading", "Speed"])
 def test_held_fins_keep_depth_and_heading(task, vehicle):
     env = TaskEnv(task, vehicle, duration=120.0)

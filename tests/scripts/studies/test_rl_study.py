@@ -151,7 +151,8 @@ def test_episodes_of_all_rows_draw_the_same_currents(name):
     assert set(scenario.ranges) > {*scenario.conditions, scenario.effect[0]}
 
 
-@pytest.mark.parametrize("name", ["rov", pytest.param("flight", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["rov", "flight"])
 def test_a_tiny_study_in_currents_that_are_drawn(name, tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3", reason="the extra `rl` is not installed")
     imitate, duration = {"controller": "pid", "episodes": 1, "passes": 1}, 40.0 * SCENARIOS[name].dt
