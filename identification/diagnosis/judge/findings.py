@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,12 +21,14 @@ from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.trials import side_by_side
 from identification.diagnosis.search.workbench import State, Workbench
 
+Sizes = Mapping[str, tuple[float, float, float]]  # value, standard error and half-width of the interval, by path
+
 
 def effects_of(
     bench: Workbench,
     state: State,
     rounds: Sequence[Round],
-    sizes,
+    sizes: Sizes,
     survivals: Sequence[Survival],
     count: int,
     found: Explanations = UNWEIGHED,

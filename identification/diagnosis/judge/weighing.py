@@ -9,6 +9,7 @@ from auv_gym.plant import Plant
 from identification.deciding import FEW_STATES
 from identification.diagnosis.judge.common import Common, common_prediction
 from identification.diagnosis.judge.found import Effect
+from identification.diagnosis.judge.holding import Held
 from identification.diagnosis.search.attribution import Round, confirmed, selected
 from identification.diagnosis.search.explanations import (
     Explanation,
@@ -18,7 +19,6 @@ from identification.diagnosis.search.explanations import (
     likeliest,
     tied_rounds,
 )
-from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.remainder import what_is_left
 from identification.diagnosis.search.searching import Searched
 from identification.diagnosis.search.survival import Survival, survival
@@ -45,16 +45,15 @@ class Weighed:
         return tied_rounds(self.found, self.rounds, self.survivals) if self.found.sets else self.rounds
 
 
-def weigh(
-    known: Known, searched: Searched, state: State, rounds: Sequence[Round], survivals: Sequence[Survival], most: int
-) -> Weighed:
+def weigh(searched: Searched, held: Held, most: int) -> Weighed:
     """The likeliest set of effects that passes the gate, its ties by the probabilities of all sets.
 
-    state, rounds, survivals: what the search has chosen, and what halves of the record say of it.
+    held: the effects of the search that hold.  most: effects in a set.
     """
-    bench, nominal, count = known.bench, searched.nominal, len(searched.candidates)
+    bench, nominal, count = searched.known.bench, searched.nominal, len(searched.candidates)
+    state, rounds, survivals = held.state, held.rounds, held.survivals
     if not rounds or not bench.goes_on("weighed all sets of effects"):
-        return Weighed(state, tuple(rounds), tuple(survivals), Explanations(()))
+        return Weighed(state, rounds, survivals, Explanations(()))
 
     def told(made: Round) -> Survival:
         return survival(bench, made, made.before or nominal, count)
@@ -78,8 +77,8 @@ def weigh(
     found = explanations(bench, state, rounds, survivals, most, search)
     reported, found = likeliest(found, rounds, passes)
     if reported.state is not state:
-        rounds, survivals = reported.rounds, [told(made) for made in reported.rounds]
-    return Weighed(reported.state, tuple(rounds), tuple(survivals), found)
+        rounds, survivals = reported.rounds, tuple(told(made) for made in reported.rounds)
+    return Weighed(reported.state, tuple(rounds), survivals, found)
 
 
 def rounds_told(searched: Searched, held: Sequence[Round], weighed: Weighed) -> tuple[Round, ...]:

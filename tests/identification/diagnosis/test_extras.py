@@ -12,7 +12,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.reading import read_record
 from identification.diagnosis import diagnose, write_diagnosis
 from identification.diagnosis.extras import Extras
-from identification.diagnosis.judge import judging
+from identification.diagnosis.judge import judging, remaining, scoring
 from identification.experiments.heading_control import closed_loop
 from identification.pages import diagnosis_figures as figures
 from tests.identification.outline import Outline
@@ -40,8 +40,9 @@ def whole(log):
 def found(log):
     """Its diagnosis without any extra."""
     with pytest.MonkeyPatch.context() as monkeypatch:
-        for name in ("closed_loop", "residual_habitat", "discover"):
-            monkeypatch.setattr(judging, name, broken)
+        monkeypatch.setattr(judging, "closed_loop", broken)
+        for name in ("residual_habitat", "discover"):
+            monkeypatch.setattr(remaining, name, broken)
         return diagnose(log, load_vehicle("slocum"))
 
 
@@ -92,18 +93,18 @@ def test_without_a_page_the_other_files_are_there_and_an_old_page_is_not(whole, 
 
 def test_a_refit_with_which_free_runs_diverge_leaves_the_vehicle_as_given_in_its_place(log, whole, monkeypatch):
     believed = load_vehicle("slocum")
-    flown = judging.free_runs
+    flown = scoring.free_runs
 
     def free_runs(plant, *arguments):
         if plant.hull.n_r != believed.hull.n_r:
             raise Diverged(12.0, "heading_rad", {"heading_rad": 7.0})
         return flown(plant, *arguments)
 
-    monkeypatch.setattr(judging, "free_runs", free_runs)
+    monkeypatch.setattr(scoring, "free_runs", free_runs)
     found = diagnose(log, believed)
     assert found.before.scores == found.given.scores
     assert found.before.scores != whole.before.scores
-    assert [f.what for f in found.failures] == [judging._REFITTED]
+    assert [f.what for f in found.failures] == [scoring.REFITTED]
     assert "heading_rad is not finite at 12.000 s" in found.failures[0].why
 
 

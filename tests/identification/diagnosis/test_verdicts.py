@@ -9,7 +9,7 @@ from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
-from identification.diagnosis.judge import judging
+from identification.diagnosis.judge import scoring
 from identification.diagnosis.search import workbench
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
@@ -102,7 +102,7 @@ def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat(monkeypatch):
     assert value_at(found.after.plant, found.discovery.terms[0].path) == pytest.approx(0.02, rel=0.2)
     assert found.after.scores["heading_rad"].rmse < 0.7 * found.before.scores["heading_rad"].rmse
     assert "A term found in the data" in found.summary()
-    monkeypatch.setattr(judging, "explained_share", lambda *_: -0.1)  # free runs in unseen parts are worse with it
+    monkeypatch.setattr(scoring, "explained_share", lambda *_: -0.1)  # free runs in unseen parts are worse with it
     worse = diagnose(record, given)
     assert not worse.discovery.holds
     assert worse.after is worse.refitted

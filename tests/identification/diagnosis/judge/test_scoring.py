@@ -5,7 +5,7 @@ import pytest
 
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at
-from identification.diagnosis.judge.judging import _flown
+from identification.diagnosis.judge.scoring import first_that_flies
 from identification.experiments.missions import run_mission
 from identification.fit.validation import free_runs, joined_runs
 from tests.identification.gliders import QUICK
@@ -21,18 +21,21 @@ def log():
 
 def test_a_vehicle_that_flies_is_scored_in_place_of_one_that_does_not(log):
     record, windows = log
-    (found, flown), own = _flown((WILD, QUICK), record, windows, 20.0), free_runs(QUICK, record, windows, 20.0)
+    (found, flown), own = (
+        first_that_flies((WILD, QUICK), record, windows, 20.0),
+        free_runs(QUICK, record, windows, 20.0),
+    )
     assert flown is QUICK
     assert np.array_equal(found.model, own.model)
     turned = replace_at(QUICK, "effects.rudder.offset", 0.05)
-    first, _ = _flown((turned, QUICK), record, windows, 20.0)
+    first, _ = first_that_flies((turned, QUICK), record, windows, 20.0)
     assert np.array_equal(first.model, free_runs(turned, record, windows, 20.0).model)
 
 
 @pytest.mark.filterwarnings("ignore:overflow")
 def test_nothing_is_scored_where_no_vehicle_flies(log):
     with pytest.raises(Diverged):
-        _flown((WILD, WILD), *log, 20.0)
+        first_that_flies((WILD, WILD), *log, 20.0)
 
 
 def test_runs_over_parts_are_joined_in_the_order_of_the_record(log):

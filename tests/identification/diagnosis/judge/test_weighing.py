@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from identification.diagnosis.judge import weighing
+from identification.diagnosis.judge.holding import Held
 from identification.diagnosis.judge.weighing import weigh
 from identification.diagnosis.search import explanations
+from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.survival import Survival
 from tests.identification.diagnosis.search.test_explanations import A, B, C, Sets, round_of
 from tests.identification.diagnosis.stand_ins import PLANT, state_of
@@ -42,11 +44,13 @@ def reported(monkeypatch):
         known: Any = SimpleNamespace(bench=bench)
         mismatches = [SimpleNamespace(path=path, tied=()) for path in shown]
         searched: Any = SimpleNamespace(
-            nominal=state_of(PLANT), candidates=(), kinematics=SimpleNamespace(mismatches=mismatches)
+            known=known, nominal=state_of(PLANT), candidates=(), kinematics=SimpleNamespace(mismatches=mismatches)
         )
         rounds = [round_of(B, C)] if only else [round_of(A), round_of(B, C, before=(A,))]
         state = state_of(PLANT, *(r.chosen.candidate.paths[0] for r in rounds))
-        return weigh(known, searched, state, rounds, [Survival(1.0, {})] * len(rounds), 3).state.paths
+        survivals = (Survival(1.0, {}),) * len(rounds)
+        held = Held(state, tuple(rounds), tuple(rounds), survivals, {}, Left())
+        return weigh(searched, held, 3).state.paths
 
     return of
 
@@ -71,7 +75,7 @@ def test_what_halves_refute_or_holds_nothing_is_not_reported_instead(reported):
 
 def test_without_rounds_nothing_is_weighed():
     known: Any = SimpleNamespace(bench=Bench({(): 0.0}))
-    searched: Any = SimpleNamespace(nominal=state_of(PLANT), candidates=())
-    found = weigh(known, searched, state_of(PLANT), [], [], 3)
+    searched: Any = SimpleNamespace(known=known, nominal=state_of(PLANT), candidates=())
+    found = weigh(searched, Held(state_of(PLANT), (), (), (), {}, Left()), 3)
     assert (found.rounds, found.tied, found.found.sets) == ((), (), ())
     assert np.isfinite(found.state.point.scores).all()

@@ -10,7 +10,7 @@ from scipy import stats
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis import diagnose
-from identification.diagnosis.judge import judging
+from identification.diagnosis.judge import holding, remaining, reporting, scoring
 from identification.diagnosis.judge.findings import coefficient_of, size_as_effect, twin_effects
 from identification.diagnosis.judge.verdict import LEANS, RARE, WORSE
 from identification.diagnosis.search import acceptance, searching
@@ -291,7 +291,7 @@ def test_what_is_certain_only_beside_an_effect_that_is_not_named_is_not_named(of
     monkeypatch.setattr(Reconsidering, "swapped", lambda self, state, rounds: (state, rounds))
     often = {OFFSET: 0.1, LAG: 1.0}
     monkeypatch.setattr(
-        judging, "survival", lambda bench, made, *_: Survival(often[made.chosen.candidate.paths[0]], {})
+        holding, "survival", lambda bench, made, *_: Survival(often[made.chosen.candidate.paths[0]], {})
     )
     found = diagnose(offset_log, load_vehicle("slocum"))
     assert (found.effects, found.dropped) == ((), {OFFSET: RARE, LAG: LEANS})
@@ -301,12 +301,12 @@ def test_what_is_certain_only_beside_an_effect_that_is_not_named_is_not_named(of
 
 def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(offset_log, monkeypatch):
     """Where something is left; where nothing is, the likelihood of the whole log has the word."""
-    monkeypatch.setattr(judging, "explained_share", lambda *_: -0.1)
-    monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
+    monkeypatch.setattr(scoring, "explained_share", lambda *_: -0.1)
+    monkeypatch.setattr(remaining, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     plant = load_vehicle("slocum")
     assert [e.path for e in diagnose(offset_log, plant).effects] == [OFFSET]
     monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)))
-    monkeypatch.setattr(judging, "what_is_left", lambda *_: Left(("heading_rad",)))
+    monkeypatch.setattr(reporting, "what_is_left", lambda *_: Left(("heading_rad",)))
     found = diagnose(offset_log, plant)
     assert (found.verdict, found.effects, found.dropped) == ("unexplained", (), {OFFSET: WORSE})
     assert value_at(found.after.plant, OFFSET) == 0.0
@@ -315,7 +315,7 @@ def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(of
 
 def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):
     monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)))
-    monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
+    monkeypatch.setattr(remaining, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     asked = []
 
     def swapped(self, state, rounds):

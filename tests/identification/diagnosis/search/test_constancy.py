@@ -10,7 +10,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import concat
 from identification.deciding import UNSTEADY
 from identification.diagnosis import as_json, diagnose
-from identification.diagnosis.judge import findings, judging
+from identification.diagnosis.judge import findings, holding, remaining
 from identification.diagnosis.judge.verdict import VARIES
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.search import remainder
@@ -90,7 +90,7 @@ def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch
     assert [e.path for e in constant.effects] == [OFFSET]
     assert constant.alike == ()
     monkeypatch.setattr(findings, "steadiness", lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY))
-    monkeypatch.setattr(judging, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
+    monkeypatch.setattr(remaining, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
     found = diagnose(record, plant)
     assert (found.verdict, found.effects, found.tied, found.common) == ("unexplained", (), (), ())
     (alike,) = found.alike
@@ -112,7 +112,7 @@ def test_a_weaker_effect_of_which_parts_contradict_each_other_is_not_named_and_t
     both = diagnose(record, plant)
     assert [e.path for e in both.effects] == [DEADBAND, OFFSET]
     unlike = lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY)  # noqa: E731
-    monkeypatch.setattr(judging, "steadiness", unlike)
+    monkeypatch.setattr(holding, "steadiness", unlike)
     found = diagnose(record, plant)
     assert found.verdict in ("named", "tied")
     assert [e.path for e in found.effects] == [DEADBAND]

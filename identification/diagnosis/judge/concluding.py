@@ -1,0 +1,58 @@
+"""The verdict: what is named, what the record merely acts like, and which coefficients are wrong."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from identification.diagnosis.judge.common import Common
+from identification.diagnosis.judge.findings import as_coefficients, coefficient_of, coefficient_twins, twin_effects
+from identification.diagnosis.judge.found import Coefficient, Effect
+from identification.diagnosis.judge.judgement import verdict_of
+from identification.diagnosis.judge.reporting import Reported
+from identification.diagnosis.judge.scoring import Scored, Scoring
+from identification.diagnosis.judge.verdict import Stage, Verdict
+from identification.diagnosis.judge.weighing import common_predictions
+
+
+@dataclass(frozen=True, eq=False)
+class Conclusion:
+    """The verdict and what stands behind it; see `Diagnosis`."""
+
+    verdict: Verdict
+    effects: tuple[Effect, ...]
+    alike: tuple[Effect, ...]
+    tied: tuple[tuple[str, ...], ...]
+    common: tuple[Common, ...]
+    coefficients: tuple[Coefficient, ...]
+    before: Stage
+    explained: float
+
+
+def concluded(scoring: Scoring, found: Reported, scored: Scored) -> Conclusion:
+    """What is said of a log whose effects are reported, and whose stages are scored."""
+    log, searched, state = scoring.log, scoring.searched, found.state
+    known, count = searched.known, len(searched.candidates)
+    plant = known.plant
+    coefficients = tuple(
+        coefficient_of(plant, p, found.sizes[p], count, plant.deviation(p, log.asked.doubt))
+        for p in known.coefficients
+        if p in found.sizes
+    )
+    wrong = any(c.wrong for c in coefficients)
+    before = scored.given if wrong and not found.effects else scored.refitted
+    effects = [replace(e, changes=scoring.changes(e.path, e.neutral, scored.after)) for e in found.effects]
+    tied = list(found.tied)
+    common = common_predictions(effects, tied, found.weighed.found, state, scoring.every_run)
+    if wrong:
+        groups = coefficient_twins(plant, coefficients)
+        effects += twin_effects(groups, effects, coefficients, known.bench, state, count)
+        tied += [group for group in groups if not any(group[0] in other for other in tied)]
+    explained = scoring.explained(before, scored.after)
+    verdict = verdict_of(effects, tied, explained, bool(found.left), not found.effects, wrong)
+    told = tuple(as_coefficients(known.given.plant, effects))
+    unexplained = verdict == "unexplained"
+    if log.slipped or (log.doubts and unexplained):
+        verdict = "doubted"
+    if unexplained:
+        return Conclusion(verdict, (), told, (), (), coefficients, before, explained)
+    return Conclusion(verdict, told, (), tuple(tied), common, coefficients, before, explained)

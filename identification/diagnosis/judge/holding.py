@@ -1,0 +1,66 @@
+"""Which effects of a search hold: in halves of the record, in all of its parts, and beside one another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import compress
+
+from identification.deciding import UNSTEADY
+from identification.diagnosis.judge.verdict import LEANS, RARE, VARIES
+from identification.diagnosis.search.attribution import Round, confirmed
+from identification.diagnosis.search.constancy import steadiness
+from identification.diagnosis.search.remainder import Left, what_is_left
+from identification.diagnosis.search.searching import Searched
+from identification.diagnosis.search.survival import Survival, survival
+from identification.diagnosis.search.trials import Trial
+from identification.diagnosis.search.workbench import State, Workbench
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """The effects that hold.
+
+    state: the fit with them.  searched: the rounds of the search that chose them.  rounds: the same as confirmed beside
+    one another.  survivals: what halves of the record say of each.  dropped: what does not hold, with the reason.
+    left: what the errors hold still.
+    """
+
+    state: State
+    searched: tuple[Round, ...]
+    rounds: tuple[Round, ...]
+    survivals: tuple[Survival, ...]
+    dropped: Mapping[Trial, str]
+    left: Left
+
+
+def what_holds(searched: Searched) -> Held:
+    """The effects that most halves of the record see, and whose size is one, the others confirmed without the rest."""
+    bench, nominal, state, count = searched.known.bench, searched.nominal, searched.state, len(searched.candidates)
+    held, survivals, dropped = list[Round](), list[Survival](), dict[Trial, str]()
+    for made in searched.rounds:
+        if made.chosen is None:
+            continue
+        found = survival(bench, made, made.before or nominal, count)
+        if not found.holds:
+            dropped[made.chosen] = RARE
+        elif held and _varies(bench, state, made.chosen):
+            dropped[made.chosen] = VARIES  # beside a stronger effect; without that, nothing constant is named
+        else:
+            held.append(made)
+            survivals.append(found)
+    if not dropped:
+        return Held(state, tuple(held), tuple(held), tuple(survivals), dropped, searched.left)
+    state = bench.without(state, [p for t in dropped for p in t.candidate.free if p in state.paths])
+    state, rounds = confirmed(bench, nominal, state if held else nominal, held, count)
+    kept = {made.chosen.candidate for made in rounds if made.chosen is not None}
+    stays = [made.chosen is not None and made.chosen.candidate in kept for made in held]
+    dropped |= {made.chosen: LEANS for made, stay in zip(held, stays, strict=True) if made.chosen and not stay}
+    left = what_is_left(bench, state)
+    return Held(state, tuple(compress(held, stays)), tuple(rounds), tuple(compress(survivals, stays)), dropped, left)
+
+
+def _varies(bench: Workbench, state: State, trial: Trial) -> bool:
+    """Whether parts of the record contradict each other in the size of an effect, but not as dives may."""
+    own = [p for p in trial.candidate.free if p in state.paths and p not in bench.plant.family.by_dive]
+    return bool(own) and steadiness(bench, state, own).probability < UNSTEADY
