@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_gym.plant import Plant
-from identification.deciding import HELD
+from identification.deciding import HELD, LEAST_TRACE
 from identification.diagnosis.log.checking import CheckedLog
-from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 from identification.fit.parameters import moves_of
 
@@ -39,6 +40,22 @@ class Known:
         given = bench.taken_over(self.given)
         nominal = given if self.nominal is self.given else bench.taken_over(self.nominal)
         return Known(bench, self.coefficients, given, nominal)
+
+    def out_of_valley(self, trials: Sequence[Trial], bar: float) -> Known:
+        """The same, its nominal fit gone on from the end of the likeliest trial, if that is likelier; else these.
+
+        trials: of which none was accepted.  Where one gains more than chance without a size that is certain, it has
+        found the way on that the fit without it had missed.  bar: evidence that chance does not reach.
+        """
+        fitted = [t for t in trials if t.state is not None and t.train >= bar]
+        if not fitted:
+            return self
+        best = max(fitted, key=lambda t: t.train).state
+        assert best is not None
+        nominal = self.bench.likelier_beside(self.nominal, best)
+        if self.bench.gain(self.nominal, nominal) < LEAST_TRACE * bar:
+            return self
+        return replace(self, nominal=nominal)
 
 
 def fit_known(log: CheckedLog, progress: Progress) -> Known:

@@ -8,6 +8,7 @@ from identification.deciding import FEW_STATES
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.remainder import Left, what_is_left
@@ -47,6 +48,8 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
         bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
     )
     suited = known.in_suited_steps(state)
+    if suited is known and state is nominal and rounds:
+        suited = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
     if suited is not known:
         return search_effects(log, suited, progress)
     state, rounds = settled(bench, nominal, state, rounds, len(candidates))

@@ -172,10 +172,29 @@ class Workbench:
         there = tried(self.problem, there)
         return there if self.gain(state, there) > 0.0 else state
 
+    def likelier_beside(self, state: State, trial: State) -> State:
+        """The state, or what a fit reaches from a trial's end without what the trial has added, whichever is likelier.
+
+        A fit may end in a narrow valley of the likelihood, which one that is free in one more direction follows on.
+        """
+        plant = replace_at(state.plant, {p: value_at(trial.plant, p) for p in state.paths})
+        there = State(plant, state.paths, self.problem.point(plant.vector, trial.point.logs, trial.point))
+        if not there.finite:
+            return state
+        there = tried(self.problem, there)
+        return there if self.gain(state, there) > 0.0 else state
+
     def _renewed_at(self, plant: Plant, near: State) -> State:
-        """A plant with the noises that suit it, nothing free."""
-        point = self.problem.point(plant.vector, near.point.logs, near.point)
-        return State(plant, (), self.problem.renewed(point, near.point.logs, ()))
+        """A plant with the noises that suit it, nothing free.
+
+        Sought from those of the state near by, and from first ones: noises of a vehicle that follows the record say
+        little where this one leaves it.
+        """
+        problem = self.problem
+        begun = [problem.point(plant.vector, near.point.logs, near.point)]
+        begun.append(problem.point(plant.vector, problem.first_noise()))
+        found = [problem.renewed(point, point.logs, ()) for point in begun]
+        return State(plant, (), max(found, key=lambda point: problem.objective(point, ())))
 
     def worth(self, state: State, paths: Sequence[str]) -> float:
         """The evidence for some of a state's paths, all else refitted to second order, but for the noises."""

@@ -1,15 +1,17 @@
 """A search as a whole: that it is repeated where what it found asks for shorter steps of integration."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from auv_gym.param import replace_at
+from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.search import workbench
+from identification.diagnosis.search import searching, workbench
 from identification.diagnosis.search.attribution import attribute
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.searching import search_effects
@@ -58,6 +60,29 @@ def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behi
     ((before, after),) = asked
     assert before is rounds[0].chosen.state
     assert state is after is rounds[1].before
+
+
+def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_than_chance(monkeypatch):
+    """Whatever is free in one more direction gains from there: the log would seem to lack something."""
+    plant = load_vehicle("slocum")
+    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=600.0), plant, Asked())
+    known = fit_known(log, lambda fraction, text: None)
+    bench, top = known.bench, known.nominal
+    far = bench.fit(replace_at(top.plant, "hull.n_r", 1.4 * value_at(top.plant, "hull.n_r")), ())
+    stuck = replace(known, nominal=replace(far, paths=top.paths))
+    trial = bench.fit(top.plant, (*top.paths, "effects.rudder.offset"), top)
+    gained = bench.gain(stuck.nominal, trial)
+    bar = threshold(10)
+    assert gained > 2.0 * bar
+    trials = [SimpleNamespace(state=trial, train=gained), SimpleNamespace(state=None, train=0.0)]
+    assert bench.gain(stuck.out_of_valley(trials, bar).nominal, top) == pytest.approx(0.0, abs=0.5)
+    assert stuck.out_of_valley(trials[1:], bar) is stuck
+    assert stuck.out_of_valley(trials, 1.1 * gained) is stuck  # chance may gain as much
+    assert known.out_of_valley(trials, bar) is known  # there is nothing to gain
+    monkeypatch.setattr(searching, "attribute", lambda bench, nominal, *_: (nominal, [SimpleNamespace(trials=trials)]))
+    monkeypatch.setattr(searching, "settled", lambda bench, nominal, state, rounds, count: (state, []))
+    found = search_effects(log, stuck, lambda fraction, text: None)
+    assert bench.gain(found.nominal, top) == pytest.approx(0.0, abs=0.5)
 
 
 def test_what_is_known_is_fitted_in_the_steps_that_suit_it(monkeypatch):

@@ -186,6 +186,30 @@ def test_only_coefficients_that_went_far_are_tried_as_given(bench):
     assert bench.with_given(far) == (given,)  # made once
 
 
+@pytest.mark.parametrize("factor", [0.6, 1.3])
+def test_coefficients_as_given_get_noises_of_their_own(factor):
+    """Those of a fit that follows the record without any accelerations lead nowhere for a vehicle that does not."""
+    path, *_ = paths = QUICK.family.coefficients
+    true = replace_at(QUICK, path, factor * value_at(QUICK, path))
+    bench = bench_of(run_mission(true, np.random.default_rng(3), duration=500.0))
+    (given,) = bench.with_given(bench.fit(QUICK, paths))
+    assert given.plant == bench.plant
+    assert bench.gain(given, bench.fit(bench.plant, ())) == pytest.approx(0.0, abs=0.5)
+
+
+def test_a_fit_goes_on_from_the_end_of_a_likelier_one_without_what_that_has_added(bench, log):
+    path, true, _ = log
+    paths = QUICK.family.coefficients
+    there = bench.fit(replace_at(QUICK, path, 1.3 * value_at(QUICK, path)), ())  # where a fit might have stopped
+    stuck, trial = replace(there, paths=paths), bench.fit(replace_at(true, OFFSET, 1e-4), (*paths, OFFSET))
+    better = bench.likelier_beside(stuck, trial)
+    assert better.paths == paths
+    assert value_at(better.plant, OFFSET) == 0.0
+    assert bench.gain(stuck, better) > 10.0
+    assert value_at(better.plant, path) == pytest.approx(value_at(true, path), rel=0.02)
+    assert 0.0 <= bench.gain(better, bench.likelier_beside(better, stuck)) < 0.5  # it is at the top
+
+
 def test_inertia_is_put_back_with_the_moments(torpedoes):
     """All of one axis moved together are nearly the same vehicle; some of them are not."""
     plant, record = load_vehicle("vt690"), torpedoes["vt690"].between(0.0, 40.0)
