@@ -28,6 +28,7 @@ from identification.fit.prediction_errors import PredictionErrors
 from scripts.frozen_rollouts import roll_out
 
 _SLOW = ("bluerov2",)  # see tests/conftest.py
+_SLOW_FITS = ("npsauv",)  # simulated by many tests, filtered by slow ones alone
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -74,7 +75,7 @@ def warm(name: str) -> None:
     gc.set_threshold(50_000, 20, 20)  # a compiler makes so many objects: at the default this is a tenth of its time
     plant = load_vehicle(name)
     record = flown(plant)
-    if plant.family.body is not None and not plant.family.body.piloted:
+    if name in _SLOW_FITS or (plant.family.body is not None and not plant.family.body.piloted):
         return
     problem = PredictionErrors(plant, record, record.segments)
     point = problem.point(plant.vector, problem.better_noise(problem.first_point(), 1)[0])

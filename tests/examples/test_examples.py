@@ -18,8 +18,8 @@ LEAVES = {
     "policy": {"policies", "policy.png"},
     "predictive_control": {"predictive_control.png"},
 }
-# the second is that of a tutorial, whose blocks are run, too; of the third the notebook is run below
-SLOW = {"policy", "diagnosis", "environment_loop"}
+# blocks of the tutorials on campaigns and diagnoses are run, too; of the environment loop the notebook is run below
+SLOW = {"policy", "campaign", "diagnosis", "environment_loop", "predictive_control"}
 named = pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 run = [pytest.param(path, marks=[pytest.mark.slow] * (path.stem in SLOW), id=path.stem) for path in SCRIPTS]
 
