@@ -9,6 +9,8 @@ import numpy as np
 
 from auv_gym.records.record import Record
 
+_MOST_TOLD = 4  # values in a sentence
+
 
 @runtime_checkable
 class Model(Protocol):
@@ -115,9 +117,11 @@ class Diverged(RuntimeError):
 
     def __init__(self, time: float, channel: str, last: dict[str, float]):
         self.time, self.channel, self.last = time, channel, last
-        values = ", ".join(f"{name} {value:.4g}" for name, value in last.items())
+        told = sorted(last, key=lambda name: (name != channel, -abs(last[name])))[:_MOST_TOLD]
+        values = ", ".join(f"{name} {last[name]:.4g}" for name in told)
+        which = "last finite values" if len(told) == len(last) else "largest of the last finite values"
         super().__init__(
-            f"The run diverged: {channel} is not finite at {time:.3f} s; last finite values: {values}. "
+            f"The run diverged: {channel} is not finite at {time:.3f} s; {which}: {values}. "
             "Lower the step or check the model's coefficients."
         )
 

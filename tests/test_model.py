@@ -117,6 +117,14 @@ def test_a_diverging_model_says_when_and_where():
     assert "r_radps is not finite at 309.000 s; last finite values: r_radps 2.222e+307" in str(caught.value)
 
 
+def test_of_many_values_a_run_that_diverged_tells_the_largest():
+    last = {"u_mps": 1.0, "v_mps": -2e35, "w_mps": 3e34, "p_radps": 0.1, "q_radps": 1e33, "r_radps": 0.2}
+    said = str(Diverged(4.0, "r_radps", last))
+    assert "r_radps is not finite at 4.000 s; largest of the last finite values: r_radps 0.2, v_mps -2e+35" in said
+    assert "q_radps" in said
+    assert not any(name in said for name in ("u_mps", "p_radps"))
+
+
 def test_a_plant_that_runs_away_says_when_and_where():
     # sinking at 10 m/s adds some thousand times the yaw rate to it each second
     plant = replace_at(load_vehicle("slocum"), "hull.n_wr", 2.0)
