@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -39,7 +39,8 @@ def search(
     """The term that explains most beside what is fitted, if one is chosen stably; and how often each was chosen."""
     best, often = None, dict.fromkeys(library, 0.0)
     for base in (state, *bench.with_given(state)):
-        selection, scales = selection_of(bench, base, library, rng)
+        free = replace(base, paths=state.paths)  # coefficients as given are as free as fitted ones
+        selection, scales = selection_of(bench, free, library, rng)
         often = {p: max(often[p], float(f)) for p, f in zip(library, selection.frequency, strict=True)}
         found = _best(bench, state, base, library, selection, scales)
         if found and (best is None or bench.gain(best.state, found.state) > 0.0):

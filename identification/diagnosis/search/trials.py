@@ -245,19 +245,20 @@ class Begun:
 def settled(bench: Workbench, state: State, base: State) -> State:
     """What a candidate that begins at a base is compared with: as many steps of what is free without it.
 
-    With weaker accelerations these alone bring much, which is no evidence for any candidate; nor is what brings a base
-    that is far from the record nearer to it, but not as near as the state with weaker accelerations, or as it is where
-    these cannot be.  Beside a base with other accelerations, the state with these.
+    With weaker accelerations, or other coefficients, these alone bring much, which is no evidence for any candidate;
+    nor is what brings a base that is far from the record nearer to it, but not as near as the state with the noises of
+    the base: with weaker accelerations, or as it is where these cannot be.
     """
     if base is state:
         return state
-    if not base.quiet:
-        return replace(state, point=bench.problem.point(state.point.vector, base.point.logs, state.point))
-    point = bench.problem.descended(base.point, state.paths, FIRST_ITERATIONS)
-    there = State(bench.problem.plant_at(point, state.paths), state.paths, point, True)
-    return max(
-        (there, *(quieted(bench, state) or [state])), key=lambda one: bench.problem.objective(one.point, state.paths)
-    )
+    problem, paths = bench.problem, state.paths
+    point = problem.descended(base.point, paths, FIRST_ITERATIONS)
+    there = State(problem.plant_at(point, paths), paths, point, base.quiet)
+    if base.quiet:
+        rivals = quieted(bench, state) or [state]
+    else:
+        rivals = [replace(state, point=problem.point(state.point.vector, base.point.logs, state.point))]
+    return max((there, *rivals), key=lambda one: problem.objective(one.point, paths))
 
 
 def _begun(bench: Workbench, state: State, base: State, screening: Screening, rival: State) -> Begun:

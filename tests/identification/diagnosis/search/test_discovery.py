@@ -10,7 +10,7 @@ from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
 from auv_gym.vehicles.glider import linear_yaw_coefficients, yaw_inertia
 from identification.diagnosis.log.parts import parts_of
-from identification.diagnosis.search import acceptance, discovery
+from identification.diagnosis.search import acceptance, discovery, terms
 from identification.diagnosis.search.discovery import Discovery, Term, discover, library_of
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.terms import Found
@@ -169,6 +169,19 @@ def test_a_force_with_depth_is_found_on_a_float():
     assert term.ci95[0] < 0.01 < term.ci95[1]
     assert term.words.startswith(f"a force down of {term.value:.4g} N per metre of depth, 95 % interval 0.0")
     assert term.words.endswith("N/m")
+
+
+@pytest.mark.parametrize("factor", [0.6, 1.3])
+def test_coefficients_as_given_get_no_term_that_does_what_their_refit_has_done(factor, monkeypatch):
+    path, *_ = paths = QUICK.family.coefficients
+    true = replace_at(QUICK, path, factor * value_at(QUICK, path))
+    record = run_mission(true, np.random.default_rng(3), duration=500.0)
+    bench = Workbench(QUICK, record, parts_of(QUICK, record), 0.1)
+    state = bench.fit(QUICK, paths)
+    assert len(bench.with_given(state)) == 1
+    monkeypatch.setattr(terms, "tried", lambda problem, near: pytest.fail("a term is fitted"))
+    found, _ = terms.search(bench, state, library_of(bench.plant), np.random.default_rng(0))
+    assert found is None
 
 
 @pytest.mark.slow

@@ -139,9 +139,25 @@ def test_a_base_with_other_noises_is_compared_with_the_state_at_these(start):
     loud = replace(state, point=bench.problem.point(state.point.vector, logs, state.point))
     rival = trials.settled(bench, state, loud)
     assert np.array_equal(rival.point.logs, logs)
-    assert np.array_equal(rival.point.vector, state.point.vector)
+    assert 0.0 <= bench.gain(loud, rival) < 5.0
     assert bench.gain(state, rival) < -50.0
     assert trials.settled(bench, state, state) is state
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_beside_coefficients_as_given_what_is_idle_promises_nothing(seed):
+    """A few steps from there bring the coefficients nearer to the truth, whatever candidate is beside them."""
+    path, *_ = paths = QUICK.family.coefficients
+    true = replace_at(QUICK, path, 0.6 * value_at(QUICK, path))
+    record = run_mission(true, np.random.default_rng(seed), duration=500.0)
+    bench, idle = Workbench(QUICK, record, parts_of(QUICK, record), 0.1), "effects.yaw.roll_moment"
+    state = bench.fit(QUICK, paths)
+    (base,) = bench.with_given(state)
+    (one,) = screen(bench.problem, base.point, paths, [Candidate(idle, (idle,))], 10.0)
+    promised = trials._begun(bench, state, base, one, trials.settled(bench, state, base)).promise
+    assert promised < 1.0
+    fixed = replace(state, point=bench.problem.point(state.point.vector, base.point.logs, state.point))
+    assert trials._begun(bench, state, base, one, fixed).promise > 10.0  # as much as a finalist
 
 
 def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, monkeypatch):
