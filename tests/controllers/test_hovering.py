@@ -323,7 +323,7 @@ def test_it_steers_the_environments_of_such_vehicles(task, name, kind):
 
 def test_actions_that_a_controller_does_not_command_are_refused():
     env = gymnasium.make("auv_gym/Heading-v0", vehicle="remus100", actions=["rudder_rad", "propeller_rpm"])
-    with pytest.raises(ValueError, match=r"The actions of this environment are rudder_rad, propeller_.*: leave out actions="):
+    with pytest.raises(ValueError, match=r"of this environment are rudder_rad, propeller_.*: leave out actions="):
         pilot_for(env, "pid")
 
 
