@@ -80,7 +80,7 @@ class PlanNumbers:
 
     def _say_what_is_observed(self, observed: Sequence[Observed]) -> None:
         family, scaled = self._family, self._scaled
-        units = unit_sizes(scaled)
+        units = _unit_sizes(scaled)
         sources = {n: i for i, n in enumerate((*family.outputs, *self._layout.geometry, *family.inputs))}
         self._plan["observed_at"] = self._put_table(
             [(sources[source_of(o, scaled)], o.offset * units[o.unit], o.scale * units[o.unit]) for o in observed]
@@ -109,7 +109,7 @@ class PlanNumbers:
         plan["noise_rows"] = NOISE_ROWS if drawn else 0
 
     def _say_what_is_pursued(self, task: Task, plant: Plant, target: Any) -> None:
-        plan, family, units = self._plan, self._family, unit_sizes(self._scaled)
+        plan, family, units = self._plan, self._family, _unit_sizes(self._scaled)
         if task.channel:
             plan["true_index"] = family.states.index(task.channel)
             plan["read_index"] = family.outputs.index(task.channel)
@@ -150,7 +150,7 @@ class PlanNumbers:
         plan["plan_size"] = self._size()
 
 
-def unit_sizes(scaled: ScaledTask) -> Mapping[str, float]:
+def _unit_sizes(scaled: ScaledTask) -> Mapping[str, float]:
     """The vehicle's units, by name; "" for a number without one."""
     return {"": 1.0, **scaled.units}
 

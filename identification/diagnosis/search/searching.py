@@ -39,7 +39,8 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
-    effect that is there leaves less noise than its absence.
+    effect that is there leaves less noise than its absence.  So it is where trials show that the fit without any effect
+    has stopped too early.
     """
     bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
     kinematics = kinematic_findings(log.record, bench.plant)
@@ -47,11 +48,11 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     state, rounds = attribute(
         bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
     )
-    suited = known.in_suited_steps(state)
-    if suited is known and state is nominal and rounds:
-        suited = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
-    if suited is not known:
-        return search_effects(log, suited, progress)
+    anew = known.in_suited_steps(state)
+    if anew is known and state is nominal and rounds:
+        anew = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
+    if anew is not known:
+        return search_effects(log, anew, progress)
     state, rounds = settled(bench, nominal, state, rounds, len(candidates))
     left = what_is_left(bench, state)
     second = Reconsidering(bench, candidates, most, kinematics.mismatches)

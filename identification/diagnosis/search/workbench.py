@@ -163,14 +163,7 @@ class Workbench:
         it is there.  hopeless: evidence by which that vehicle may be behind at first to be fitted.
         """
         plant = self._put_back(state)
-        if plant is None or not state.finite:
-            return state
-        point = self.problem.point(plant.vector, state.point.logs, state.point)
-        there = State(plant, state.paths, point)
-        if not there.finite or self.gain(there, state) > hopeless:
-            return state
-        there = tried(self.problem, there)
-        return there if self.gain(state, there) > 0.0 else state
+        return state if plant is None or not state.finite else self._likelier(state, plant, state, hopeless)
 
     def likelier_beside(self, state: State, trial: State) -> State:
         """The state, or what a fit reaches from a trial's end without what the trial has added, whichever is likelier.
@@ -178,8 +171,12 @@ class Workbench:
         A fit may end in a narrow valley of the likelihood, which one that is free in one more direction follows on.
         """
         plant = replace_at(state.plant, {p: value_at(trial.plant, p) for p in state.paths})
-        there = State(plant, state.paths, self.problem.point(plant.vector, trial.point.logs, trial.point))
-        if not there.finite:
+        return self._likelier(state, plant, trial, np.inf)
+
+    def _likelier(self, state: State, plant: Plant, near: State, hopeless: float) -> State:
+        """The state, or what a fit of the same paths reaches from a plant with the noises of a state near it."""
+        there = State(plant, state.paths, self.problem.point(plant.vector, near.point.logs, near.point))
+        if not there.finite or self.gain(there, state) > hopeless:
             return state
         there = tried(self.problem, there)
         return there if self.gain(state, there) > 0.0 else state
