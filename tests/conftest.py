@@ -18,9 +18,10 @@ gc.set_threshold(50_000, 20, 20)
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark each test of the preset `bluerov2` slow: its programs, whose like its sisters have, are of no other use."""
+    """Mark tests of studies slow, and of the preset `bluerov2`: its programs, whose like its sisters have, are idle."""
     for item in items:
-        if hasattr(item, "callspec") and "bluerov2" in re.findall(r"\w+", item.callspec.id):
+        of_sister = hasattr(item, "callspec") and "bluerov2" in re.findall(r"\w+", item.callspec.id)
+        if of_sister or "studies" in item.path.parts:
             item.add_marker(pytest.mark.slow)
 
 

@@ -49,7 +49,11 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
-@pytest.mark.parametrize("page", RUN)
+# what these two run, tests of the command line run, too
+LONG = ("docs/tutorials/campaign.md", "docs/tutorials/log_and_model.md")
+
+
+@pytest.mark.parametrize("page", [pytest.param(p, marks=[pytest.mark.slow] if p in LONG else []) for p in RUN])
 def test_blocks_run(page, folder):
     run_page(page, [block for block in BLOCKS[page] if not block.slow])
 

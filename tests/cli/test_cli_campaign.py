@@ -29,6 +29,7 @@ def run(path, out, *options):
     return main(["campaign", str(path), "--out", str(out), "--jobs", "1", "--only", "runs", *options])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", [guide(text) for text in GUIDE])
 def test_the_guides_campaigns_run(text, tmp_path, capsys):
     (tmp_path / "guide.toml").write_text(text)

@@ -139,7 +139,7 @@ def test_what_cannot_be_trained_is_said(tmp_path, hyperparameters, capsys, argum
     "arguments, words",
     [
         (["--against", "lqr"], "No autopilot of kind 'lqr'"),
-        (["--env", "Depth-v0", "--vehicle", "remus100"], "5 observations"),
+        pytest.param(["--env", "Depth-v0", "--vehicle", "remus100"], "5 observations", marks=pytest.mark.slow),
         (["--picture", "strip.jpg"], "ends in .png or .gif"),
         (["--on", "none.toml"], "No vehicle file 'none.toml'"),
     ],

@@ -245,7 +245,12 @@ CASES = {
         vehicle="seawing",
     ),
 }
-every_kind = pytest.mark.parametrize("case", CASES.values(), ids=CASES)
+# the environment's programs of a glider in six degrees of freedom take as long to compile as those of all others
+every_kind = pytest.mark.parametrize(
+    "case",
+    [pytest.param(case, marks=[pytest.mark.slow] if kind == "glide_body" else []) for kind, case in CASES.items()],
+    ids=CASES,
+)
 
 
 def test_there_is_a_case_for_every_kind():
@@ -389,8 +394,8 @@ def test_memory_does_not_grow(case):
 
 
 def preset(name: str):
-    """A preset, slow where its step is compiled for this test only: others have thrusters or fins, too."""
-    return pytest.param(name, marks=pytest.mark.slow) if name in ("bluerov", "npsauv") else name
+    """A preset, slow where its step is compiled for this test only: others have thrusters, fins or wings, too."""
+    return pytest.param(name, marks=pytest.mark.slow) if name in ("bluerov", "npsauv", "seawing") else name
 
 
 @pytest.mark.parametrize("vehicle", [preset(n) for n in sorted(list_vehicles())])

@@ -198,6 +198,7 @@ def test_the_reward_of_a_target(task, channel, scale):
     assert reward == sum(info["reward_terms"].values())
 
 
+@pytest.mark.slow
 def test_bow_planes_are_part_of_the_action_where_a_vehicle_has_them():
     env = TaskEnv("Depth", "npsauv")
     assert env.episodes.actions == ("stern_plane_rad", "bow_plane_rad")

@@ -22,6 +22,7 @@ from tests.vehicles.body.test_seawing import steady
 VOLUME, WAY, ANGLE = 4.87804878e-4, 0.05, np.pi / 2  # m^3, m and rad, from rest to an end: Zhang et al. 2013
 BODY = ("u_mps", "v_mps", "w_mps", "p_radps", "q_radps", "r_radps", "roll_rad", "pitch_rad")
 STILL = {"randomise": {}}
+pytestmark = pytest.mark.slow  # the environment's programs take half a minute to compile
 
 
 def made(**options):

@@ -40,6 +40,7 @@ def test_stable_baselines_finds_no_fault(name):
     assert env.unwrapped.np_random is not None
 
 
+@pytest.mark.slow
 def test_it_does_what_the_dummy_of_stable_baselines_does(adapt):
     from stable_baselines3.common.vec_env import DummyVecEnv
 

@@ -46,6 +46,7 @@ def test_there_is_no_other_notebook():
     assert [path.with_suffix(".py") for path in sorted(EXAMPLES.glob("*.ipynb"))] == SCRIPTS
 
 
+@pytest.mark.slow
 def test_a_notebook_runs(tmp_path):
     """One is enough: all come from scripts that are run."""
     nbclient = pytest.importorskip("nbclient", reason="the extra `test` is not installed")

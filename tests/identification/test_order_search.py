@@ -79,6 +79,7 @@ def test_the_table_says_what_each_criterion_takes_and_which_was_asked_for():
     assert shown.rows[4][6].endswith("m/s")
 
 
+@pytest.mark.slow
 def test_the_table_has_what_the_method_and_the_criterion_add():
     ranges = {"n_a": (1,), "n_b": (1,), "n_c": (0, 1)}
     search = search_apart("armax", [record(300)], [], INPUTS, OUTPUTS[:1], ranges, criterion="held_out")

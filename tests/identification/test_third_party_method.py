@@ -80,6 +80,7 @@ def install(folder, name, files, entries):
     (known / "entry_points.txt").write_text(textwrap.dedent(entries))
 
 
+@pytest.mark.slow
 def test_a_method_that_another_package_offers_is_used_like_ours(tmp_path):
     install(
         tmp_path,

@@ -166,6 +166,7 @@ def test_a_glider_spliced_with_its_twin_is_the_glider_to_second_order(outputs):
     assert found == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [{}, WATER], ids=["still water", "current, shear and waves"])
 def test_body_velocities_of_a_twin_move_the_whole_pose(effects):
     plant = torpedo(effects)
@@ -357,6 +358,7 @@ def spliced(request) -> Spliced:
     return models()[request.param]
 
 
+@pytest.mark.slow
 def test_it_keeps_the_protocol(spliced):
     assert isinstance(spliced, Model)
     assert (spliced.inputs, spliced.outputs) == (spliced.plant.inputs, spliced.plant.outputs)

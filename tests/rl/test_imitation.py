@@ -21,6 +21,7 @@ FOLLOW = {"controller": "pid", "episodes": 4, "passes": 100, "value_steps": 128}
 BRIEF = FOLLOW | {"episodes": 1, "passes": 2}
 
 
+@pytest.mark.slow
 def test_a_policy_that_followed_a_controller_is_nearly_as_good(tmp_path):
     training = Training("GliderHeading-v0", hyperparameters=SMALL | {"imitate": FOLLOW}, evaluations=1, episodes=2)
     followed = train(training, tmp_path / "followed").policy

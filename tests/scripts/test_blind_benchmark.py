@@ -238,7 +238,7 @@ def test_shares_come_with_the_interval_of_wilson():
     assert found["ratio"]["most"] == 1.4
 
 
-@pytest.mark.parametrize("number", [23, 25])
+@pytest.mark.parametrize("number", [23, pytest.param(25, marks=pytest.mark.slow)])
 def test_effects_of_a_short_draw_are_named(tmp_path, number):
     case = sketch(1, number)
     assert (case.kind, case.vehicle) == ("one", "slocum")

@@ -54,6 +54,7 @@ def folder(tmp_path_factory):
     return root
 
 
+@pytest.mark.slow
 def test_the_program_compares_keeps_and_writes(folder, tmp_path, capsys):
     out, kept = tmp_path / "out", tmp_path / "new.json"
     told = [str(folder), "--out", str(out), "--jobs", "1"]

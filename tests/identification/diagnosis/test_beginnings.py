@@ -1,6 +1,7 @@
 """Logs that begin while an actuator is still on its way: nobody knows where it stood, and nothing may be made of it."""
 
 import numpy as np
+import pytest
 
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
@@ -30,6 +31,7 @@ def yo(seed: int, late: int) -> Record:
     return Record.from_arrays(plant.dt * np.arange(len(depths) - first), channels)
 
 
+@pytest.mark.slow
 def test_a_float_whose_piston_is_moving_when_its_log_begins_lacks_nothing():
     for seed in range(3):
         found = diagnose(yo(seed, late=3), load_vehicle("qiandao_float"))

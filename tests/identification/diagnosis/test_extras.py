@@ -119,6 +119,7 @@ def test_an_attempt_gives_what_was_made_or_the_substitute():
     assert "test_extras" not in extras.failures[1].why
 
 
+@pytest.mark.slow
 def test_a_next_experiment_that_fails_leaves_the_files_and_says_so(tmp_path, capsys, monkeypatch):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     truth = replace_at(load_vehicle("slocum"), "effects.yaw.moment", 0.02)

@@ -52,6 +52,7 @@ def test_an_effect_that_spares_an_unlikely_coefficient_is_tied_with_it():
     assert low < 0.5 < high
 
 
+@pytest.mark.slow
 def test_deviations_of_zero_hold_a_coefficient(log):
     held = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.0}))
     assert [c.path for c in held.coefficients] == ["hull.n_r"]
@@ -127,6 +128,7 @@ def test_a_fit_stays_within_five_deviations(log):
     assert "as far from the given value as its uncertainty allows. If" in found.summary()
 
 
+@pytest.mark.slow
 def test_what_is_known_of_an_effect_holds_it_as_a_coefficient_is_held(log):
     """A rudder that does 35 % more than believed, its effectiveness exact: a gain, unless that is known, too."""
     exact, gain = {"hull.n_delta": 0.0}, "effects.rudder.gain"

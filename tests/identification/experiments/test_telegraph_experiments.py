@@ -183,6 +183,7 @@ def test_a_grey_box_finds_yaw_damping_inertia_buoyancy_thrust_and_arms_from_atti
     recovered(truth, duration=30.0, measured="attitude", loop="open")
 
 
+@pytest.mark.slow
 def test_a_grey_box_finds_damping_and_added_mass_from_all_sensors_in_closed_loop():
     recovered({"hull.surge.u_u": -110.0, "hull.added_mass.z_wdot": -15.0}, duration=21.0)
 

@@ -204,6 +204,7 @@ def test_rows_are_as_long_as_the_slowest_loss_allows(monkeypatch):
     assert stride_for(GLIDER, record, whole(record), COEFFICIENTS) == 1
 
 
+@pytest.mark.slow
 def test_what_is_lost_is_what_was_allowed(monkeypatch):
     record = dense_log(8, 9000)
     monkeypatch.setattr(strides, "LEAST_ROWS", 300)

@@ -115,13 +115,13 @@ def test_what_cannot_be_fitted_is_refused_with_a_reason():
 
 
 def test_a_vehicle_in_six_degrees_of_freedom_is_fitted_on_all_its_channels():
-    plant = load_vehicle("npsauv", dt=0.5)
-    truth = {"effects.current.north": 0.1, "effects.load.moment_z": 30.0, "effects.hull.damping_yaw": 0.2}
+    plant = load_vehicle("remus100", dt=0.4)
+    truth = {"effects.current.north": 0.1, "effects.load.moment_z": 0.3, "effects.hull.damping_yaw": 0.2}
     k = np.arange(400)
     commands = {
         "rudder_rad": 0.2 * np.sign(np.sin(0.05 * k)),
         "stern_plane_rad": 0.03 * np.sign(np.sin(0.1 * k)),
-        "propeller_rpm": np.full(k.size, 1300.0),
+        "propeller_rpm": np.full(k.size, 1500.0),
     }
     made = simulate(replace_at(plant, truth), Record.from_arrays(plant.dt * k, commands))
     noise = dict.fromkeys(("heading_rad", "pitch_rad", "roll_rad", "u_mps", "v_mps", "w_mps"), 0.01)

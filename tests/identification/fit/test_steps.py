@@ -43,6 +43,7 @@ def test_steps_are_judged_where_the_filter_follows_the_record():
     assert brisk(far).plant.longest_step == pytest.approx(sample)
 
 
+@pytest.mark.slow
 def test_steps_are_judged_again_with_what_a_fit_has_found():
     """Nothing pushes the vehicle: the filter follows the model, and the errors of steps stay in it."""
     plant, problem = logged("remus100", 120.0)

@@ -48,6 +48,7 @@ def recovered(path: str, value: float, measured: str) -> None:
     assert error < 0.25 * abs(value - spec.neutral)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path, value", QUICK)
 def test_an_effect_is_found_again_by_rates_and_attitude_alone(path, value):
     recovered(path, value, "attitude")

@@ -53,6 +53,7 @@ def test_a_drift_is_fitted_where_it_shows(method):
     assert "a drift at zero input: the record shows one" in fit.notes
 
 
+@pytest.mark.slow
 def test_a_drift_is_seen_as_often_as_it_is_there():
     def share(model, drift):
         return np.mean([fit_of(model, seed, drift).centre.rest is None for seed in range(10)])

@@ -55,6 +55,7 @@ def fits():
     return [Arx(GIVEN, SEEN, offset=False).fit(made(np.random.default_rng(seed))) for seed in range(SEEDS)]
 
 
+@pytest.mark.slow
 def test_regions_of_poles_hold_the_truth_at_the_stated_rate(fits):
     truth = complex(0.85, np.sqrt(0.76 - 0.85**2))
     found = [pole_intervals(fit) for fit in fits]
@@ -95,6 +96,7 @@ def test_bands_of_the_response_hold_the_truth_at_the_stated_rate(fits):
     np.testing.assert_allclose(np.std(logs, axis=0), np.mean(stated, axis=0), rtol=0.25)
 
 
+@pytest.mark.slow
 def test_bands_of_free_runs_hold_what_they_promise(fits):
     clean, inside, measured = made(np.random.default_rng(10**6), 200, 0.0), [], []
     for seed, fit in enumerate(fits[:25]):

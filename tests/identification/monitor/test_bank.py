@@ -1,6 +1,7 @@
 """Sequential tests: what they sum, and how often white noise raises an alarm."""
 
 import numpy as np
+import pytest
 from scipy.stats import poisson
 
 from identification.monitor.bank import Bank, bars_for, memories
@@ -30,6 +31,7 @@ def test_sums_are_those_of_their_definition_also_where_readings_are_missing():
             np.testing.assert_allclose(bank.squares[0, j, c], total**2 / ((weights * factor)[there] ** 2).sum())
 
 
+@pytest.mark.slow
 def test_white_noise_raises_alarms_at_the_stated_rate():
     rng, rate, count = np.random.default_rng(1), 2e-4, 150_000
     signals = np.cumsum(rng.standard_normal((5000, 2)), axis=0)

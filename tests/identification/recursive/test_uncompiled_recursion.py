@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from dives_by_equation import TRUTH, dive_log
 
 from auv_gym.model import simulate
@@ -27,6 +28,7 @@ def results() -> dict[str, np.ndarray]:
     return found
 
 
+@pytest.mark.slow
 def test_plain_python_agrees_with_compiled_code(tmp_path):
     out = tmp_path / "plain.npz"
     paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])

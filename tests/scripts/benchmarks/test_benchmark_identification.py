@@ -150,6 +150,7 @@ def broken_peer(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_our_rows_are_measured_and_the_others_are_told(broken_peer, capsys):
     command = ["identification", "--peers", str(broken_peer), "--samples", "300", "--seeds", "1", "--json"]
     assert benchmark.main(command) == 0

@@ -37,6 +37,7 @@ def test_every_kind_and_form_is_tried():
     assert {slots[form] for form in KINDS} == {slot for slot in slots.values() if slot != "thruster_us"}
 
 
+@pytest.mark.slow
 def test_plain_python_gives_what_compiled_code_gives(tmp_path):
     script = Path(__file__).with_name("part_forces.py")
     environment = {**os.environ, "AUV_GYM_JIT": "0"}

@@ -19,6 +19,7 @@ from identification.fit.greybox import GreyBox
 
 FILE = Path(__file__).parents[3] / "examples" / "vehicles" / "tethys.toml"
 BIAS = 6e-5  # m^3
+pytestmark = pytest.mark.slow  # no other test uses its programs
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +28,6 @@ def log():
     return run_mission(replace_at(load_vehicle(FILE), "effects.ballast.offset", BIAS), np.random.default_rng(20261122))
 
 
-@pytest.mark.slow
 def test_its_battery_trims_the_pitch_at_rest():
     """The centre of gravity lies below the centre of buoyancy when nothing moves, so that tan(pitch) = -x/z of it."""
     plant = load_vehicle(FILE)
@@ -41,7 +41,6 @@ def test_its_battery_trims_the_pitch_at_rest():
     assert x[10] == pytest.approx(-np.arctan2(ahead, hull.mass * hull.z_g), abs=2e-3)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("down", [1.0, -1.0])
 def test_it_glides_down_and_up_without_its_propeller(down):
     plant = load_vehicle(FILE)
@@ -121,7 +120,6 @@ def test_its_ballast_is_an_action_over_its_range(plain):
     assert middle["battery_m"] == 0.0
 
 
-@pytest.mark.slow
 def test_the_grey_box_finds_its_coefficients_again():
     true = load_vehicle(FILE)
     record = run_mission(true, np.random.default_rng(8), duration=300.0)
@@ -134,7 +132,6 @@ def test_the_grey_box_finds_its_coefficients_again():
         assert low - 0.5 * (high - low) < value < high + 0.5 * (high - low)
 
 
-@pytest.mark.slow
 def test_an_undeclared_ballast_bias_is_found_in_its_log(log):
     found = diagnose(log, load_vehicle(FILE))
     assert found.verdict in ("named", "tied")
@@ -146,13 +143,11 @@ def test_an_undeclared_ballast_bias_is_found_in_its_log(log):
         assert found.after.scores[channel].rmse < 0.5 * found.before.scores[channel].rmse
 
 
-@pytest.mark.slow
 def test_a_clean_log_of_it_needs_nothing():
     plant = load_vehicle(FILE)
     assert diagnose(run_mission(plant, np.random.default_rng(5)), plant).verdict in ("none", "coefficients")
 
 
-@pytest.mark.slow
 def test_the_step_may_be_halved():
     """A minute with all five actuators moving, with half its step and with a quarter of it."""
     plant, rng = load_vehicle(FILE), np.random.default_rng(3)

@@ -287,6 +287,7 @@ def test_a_vehicle_that_thrusters_hold_may_drift_astern(vehicle, possible):
     assert not _possible(Record.from_arrays(time, {"u_mps": speed - 20.0}), load_vehicle(vehicle))
 
 
+@pytest.mark.slow
 def test_a_thruster_turned_round_is_named_where_the_vehicle_drifts_astern():
     plant = load_vehicle("bluerov2_heavy")
     record = log_of(plant, 5)

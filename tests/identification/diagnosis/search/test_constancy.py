@@ -48,6 +48,7 @@ def test_parts_contradict_each_other_where_an_effect_begins_half_way_and_only_th
     assert steadiness(*fitted(300.0), [OFFSET]).probability < UNSTEADY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [0.03, 0.06])
 def test_what_begins_half_way_and_random_accelerations_would_explain_is_said(size):
     plant = load_vehicle("slocum")
@@ -105,6 +106,7 @@ def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch
     assert [e["path"] for e in told["acts_like"]] == [OFFSET]
 
 
+@pytest.mark.slow
 def test_a_weaker_effect_of_which_parts_contradict_each_other_is_not_named_and_takes_no_other_name_away(monkeypatch):
     plant = load_vehicle("slocum")
     truth = replace_at(plant, {OFFSET: 0.006, DEADBAND: 0.08})
@@ -140,6 +142,7 @@ def dived(airs, also=(AIR,)):
     return bench, bench.fit(bench.plant, (*plant.coefficients, *also))
 
 
+@pytest.mark.slow
 def test_dives_with_another_trapped_air_each_get_their_own_and_dives_alike_do_not():
     airs = (2e-5, 9e-5, 5e-5)
     bench, state = dived(airs)

@@ -90,6 +90,7 @@ def test_a_clean_log_has_no_term(seed):
     assert found.summary() == "No term in the library explains the remaining error."
 
 
+@pytest.mark.slow
 def test_a_search_repeats_to_the_last_digit():
     record = turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), 0)
     first, second = (searched(QUICK, record, seed=7) for _ in range(2))

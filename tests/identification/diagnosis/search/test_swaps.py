@@ -43,6 +43,7 @@ def test_a_wrong_effect_gives_way(search):
     assert value_at(state.plant, TRUE) == pytest.approx(4.0, abs=0.3)  # three standard errors
 
 
+@pytest.mark.slow
 def test_a_right_effect_stays_as_it_is(search):
     reconsidering, start = search
     first = begun(reconsidering, start, TRUE)

@@ -232,6 +232,7 @@ def test_a_fit_begins_again_at_the_given_coefficients_if_these_are_likelier(benc
     assert bench.likelier_from_given(better, np.inf) is better
 
 
+@pytest.mark.slow
 def test_what_was_fitted_is_taken_over_into_shorter_steps(torpedoes, monkeypatch):
     plant, record = load_vehicle("remus100"), torpedoes["remus100"]
     monkeypatch.setattr(workbench, "brisk", lambda problem: in_steps(problem, 0.05))
