@@ -12,39 +12,35 @@ PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; 
 # Tests run in a process for each core: linear algebra with threads of its own would make them wait for one another.
 test test-slow: export OPENBLAS_NUM_THREADS := 1
 
-# pyright is pinned: no look-up of a newer one at every run.
-export PYRIGHT_PYTHON_IGNORE_WARNINGS := 1
-
-TYPES := $(BIN)/pyright --pythonpath $(BIN)/python
 PIP := $(BIN)/python -m pip --disable-pip-version-check --no-input -qq
 # pip would write bytecode on one core, and that of the packages' own tests, too; what is no Python 3 does not compile.
 # Large packages of which little is imported are left to those that import it.
 SELDOM := /tests?/|/dialects/|/torch/(_inductor|_dynamo|testing|onnx|distributed)/|/(sympy|networkx|pip|setuptools|debugpy)/
 INSTALL := $(PIP) install --no-compile -c constraints.txt
 BYTECODE := $(BIN)/python -m compileall -qq -j 0 -x '$(SELDOM)' $(VENV)/lib || true
+PACKAGES := auv_gym controllers identification scripts
 
-.PHONY: demo docs test test-slow lint style format install slocum-cache clean
+.PHONY: demo docs test test-slow lint format install slocum-cache clean
 .DEFAULT_GOAL := test
 
 demo: $(VENV)/.installed-demo
 	$(BIN)/auv-gym diagnose slocum:ammonite --vehicle slocum --min-depth 10 --out $(DEMO_OUT)
 	@echo "The report: $(CURDIR)/$(DEMO_OUT)/report.html"
 
-# Types are checked beside compiling, which takes longer.
-test: style $(VENV)/.slocum-cache
-	@$(TYPES) & types=$$!; $(BIN)/python -m tests.warm_cache; compiled=$$?; wait $$types && exit $$compiled
+# Many tests start a process of their own, which would read all sources anew: bytecode is written before.
+test: lint $(VENV)/.slocum-cache
+	@$(BIN)/python -m compileall -qq -j 0 $(PACKAGES)
+	$(BIN)/python -m tests.warm_cache
 	$(BIN)/python -m pytest
 
 test-slow: $(VENV)/.installed-dev $(VENV)/.slocum-cache
 	$(BIN)/python -m pytest -m slow
 
-lint: style
-	$(TYPES)
-
-style: $(VENV)/.installed-dev
+lint: $(VENV)/.installed-dev
 	$(BIN)/ruff format --check || { echo "Run: make format" >&2; exit 1; }
 	$(BIN)/ruff check --quiet
 	$(BIN)/lint-imports
+	$(BIN)/ty check --quiet --python $(BIN)/python
 
 # Nothing is fetched, neither here nor by who reads it. Searching needs a server: python3 -m http.server -d site
 docs: $(VENV)/.installed-dev

@@ -37,7 +37,7 @@ class _Watch:
         spec = PathFinder.find_spec(name, path, target)
         if spec is not None and spec.loader is not None:
             # No subclass of importlib.abc.Loader, whose import takes twice as long as Python's whole start.
-            spec.loader = _RegisterAfter(spec.loader)  # pyright: ignore[reportAttributeAccessIssue]
+            spec.loader = _RegisterAfter(spec.loader)  # ty: ignore[invalid-assignment]
         return spec
 
 

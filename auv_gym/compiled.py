@@ -114,7 +114,7 @@ def bind(
     """
     if parallel:
         meanings = {**meanings, "prange": _numba().prange if JIT else range}
-    source = getattr(template, "py_func", template)
+    source: Any = getattr(template, "py_func", template)
     bound_name = f"{source.__name__}_{name}"
     bound = types.FunctionType(source.__code__, {**source.__globals__, **meanings}, bound_name, source.__defaults__)
     bound.__qualname__ = bound_name

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 
 @contextmanager
-def needs(what: str, extra: str) -> Iterator[None]:
+def needs(what: str, extra: str) -> Generator[None]:
     """Imports in the block fail with an error that names the extra; what: `Training needs stable-baselines3`."""
     try:
         yield

@@ -139,7 +139,7 @@ def positions(tree: Any) -> dict[str, int]:
     return {path: index for index, path in enumerate(list_paths(tree))}
 
 
-def record_type(tree_type: type) -> np.dtype:
+def record_type(tree_type: Any) -> np.dtype:
     """The record dtype of a parameter tree, nested as its dataclasses are; every leaf is a float64.
 
     A group whose class says `as_array = True` becomes one array field in the order of its leaves.
@@ -164,7 +164,7 @@ def _tree(tree: Any) -> Any:
 
 
 @lru_cache
-def _specs(tree_type: type) -> tuple[tuple[str, Spec], ...]:
+def _specs(tree_type: Any) -> tuple[tuple[str, Spec], ...]:
     found: list[tuple[str, Spec]] = []
     for field in dataclasses.fields(tree_type):
         if "spec" in field.metadata:

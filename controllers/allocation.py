@@ -216,7 +216,7 @@ def allocation_of(
             raise ValueError(f"The lost share of {name} is between 0 and 1 (all of it), got {share!r}.")
         left[names.index(name)] = 1.0 - share
     edges = np.array([_edges(curve) for curve in thrusters.curves])
-    units = dict(zip((name.rpartition("_")[0] for name in AXES), AXES))
+    units: dict[str, str] = dict(zip((name.rpartition("_")[0] for name in AXES), AXES))
     found = Allocation(
         thrusters.wrench,
         thrusters.least,

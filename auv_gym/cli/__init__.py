@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code: 1 for an error in the data or settings, 2 for one in the usage."""
     if arguments is None and sys.argv[1:2] == ["look"]:  # a process of its own, which simulates nothing
         os.environ.setdefault("AUV_GYM_JIT", "0")  # so numba is not imported,
-        sys.modules.setdefault("dask", None)  # type: ignore[arg-type]  # nor dask, by xarray: a second and a half
+        sys.modules.setdefault("dask", None)  # ty: ignore[no-matching-overload]  # nor dask, by xarray: a second and a half
     try:
         app(args=None if arguments is None else list(arguments), prog_name="auv-gym")
     except SystemExit as ended:

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 try:
-    from stable_baselines3.common.vec_env import VecEnv  # pyright: ignore[reportMissingImports]
+    from stable_baselines3.common.vec_env import VecEnv
 except ImportError as error:
     raise ImportError(f"The adapter needs stable-baselines3 ({error}): pip install 'auv-gym[rl]'.") from error
 
@@ -39,12 +39,12 @@ class StableBaselinesVecEnv(VecEnv):
         """First observations, shape (num_envs, ...); seeds and options as `seed` and `set_options` have left them."""
         options = [one or {} for one in self._options]
         if all(one == options[0] for one in options):
-            observations, infos = self.envs.reset(seed=self._seeds, options=options[0])  # pyright: ignore[reportArgumentType]
+            observations, infos = self.envs.reset(seed=self._seeds, options=options[0])  # ty: ignore[invalid-argument-type]
         else:
             for i, one in enumerate(options):
                 mask = np.arange(self.num_envs) == i
                 observations, infos = self.envs.reset(
-                    seed=self._seeds,  # pyright: ignore[reportArgumentType]
+                    seed=self._seeds,  # ty: ignore[invalid-argument-type]
                     options={**one, "reset_mask": mask},
                 )
         self.reset_infos = [_one_of(infos, i) for i in range(self.num_envs)]
@@ -165,13 +165,13 @@ class SingleEnvs(VecEnv):
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """Whether each environment has a wrapper."""
-        from stable_baselines3.common.env_util import is_wrapped  # pyright: ignore[reportMissingImports]
+        from stable_baselines3.common.env_util import is_wrapped
 
         return [is_wrapped(env, wrapper_class) for env in self._chosen(indices)]
 
     def get_images(self) -> Sequence[np.ndarray | None]:
         """The pictures of environments made with a render mode."""
-        return [env.render() for env in self.envs]  # pyright: ignore[reportReturnType]
+        return [env.render() for env in self.envs]  # ty: ignore[invalid-explicit-return]
 
     def _chosen(self, indices: Any) -> list[gymnasium.Env]:
         return [self.envs[i] for i in self._get_indices(indices)]

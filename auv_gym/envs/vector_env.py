@@ -107,7 +107,7 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         """The vehicle that scales, limits and gains come from."""
         return self.episodes.plant
 
-    def reset(  # pyright: ignore[reportIncompatibleMethodOverride]  (as SyncVectorEnv's, with a seed for each)
+    def reset(  # as SyncVectorEnv's, with a seed for each
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """First observations and infos; environment i takes the seed plus i, or the i-th of several seeds.
@@ -179,12 +179,12 @@ class TaskVectorEnv(gymnasium.vector.VectorEnv):
         return observations, rewards, terminated, truncated, infos
 
     @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # ty: ignore[incompatible-property-override]
         """The generator of each environment."""
         return tuple(self._generator(i) for i in range(self.num_envs))
 
     @property
-    def np_random_seed(self) -> tuple[int | None, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
+    def np_random_seed(self) -> tuple[int | None, ...]:  # ty: ignore[incompatible-property-override]
         """The seed of each environment's generator."""
         return tuple(self._seeds)
 

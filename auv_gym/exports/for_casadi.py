@@ -52,7 +52,7 @@ def casadi_model(plant: Plant) -> CasadiModel:
     _check(plant)
     family, hooks = plant.family, plant.family.hooks
     p: Any = Numbers(getattr(family.view, "py_func", family.view)(plant.derived))
-    x, u = ca.SX.sym("x", len(family.states)), ca.SX.sym("u", len(family.inputs))  # type: ignore[attr-defined]
+    x, u = ca.SX.sym("x", len(family.states)), ca.SX.sym("u", len(family.inputs))
     inputs = _symbols(u)
     shaped = _zeros(len(family.actuators))
     on_symbols(hooks.shape)(inputs, _zeros(len(family.actuators)), p, shaped)
@@ -67,7 +67,7 @@ def casadi_model(plant: Plant) -> CasadiModel:
                 )
             positions.append(shaped[index])
             continue
-        position = ca.SX.sym(name)  # type: ignore[attr-defined]
+        position = ca.SX.sym(name)
         rate = (_expression(shaped[index]) - position) / lag
         if slowness > 0.0:
             rate = ca.fmin(ca.fmax(rate, -1.0 / slowness), 1.0 / slowness)
@@ -77,7 +77,7 @@ def casadi_model(plant: Plant) -> CasadiModel:
     # from the states to the integrated ones, their slopes, and back by the chain rule
     integrated, slopes, kept = _zeros(family.integrated), _zeros(family.integrated), _symbols(x)
     on_symbols(hooks.enter)(kept, integrated)
-    z = ca.SX.sym("z", family.integrated)  # type: ignore[attr-defined]
+    z = ca.SX.sym("z", family.integrated)
     actuators, scratch = np.array(positions, dtype=object), _zeros(max(family.scratch, 1))
     try:
         on_symbols(hooks.derivative)(_symbols(z), actuators, inputs, p, slopes, scratch)

@@ -73,8 +73,8 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
         "description": f"Logs of {plant.name}. Observations: {', '.join(seen)}. Actions: {', '.join(plant.inputs)}.",
         "algorithm_name": "measured",
     } | about
-    spaces = {"observation_space": _space(len(seen)), "action_space": _space(len(plant.inputs))}
-    return minari.create_dataset_from_buffers(dataset_id, buffers, **spaces, **about)
+    spaces: dict[str, Any] = {"observation_space": _space(len(seen)), "action_space": _space(len(plant.inputs))}
+    return minari.create_dataset_from_buffers(dataset_id, buffers, **(spaces | about))
 
 
 def dataset_of_rollouts(dataset_id: str, env: gymnasium.Env, agent: Agent, seeds: Sequence[int], **about: Any) -> Any:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -50,8 +50,8 @@ def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] |
         raise ValueError(
             f"A {type(model).__name__} is written to a file that ends in {wanted}, got {Path(path).name!r}: rename it."
         )
-    if wanted == ".toml":
-        save_vehicle(model, path)  # type: ignore[arg-type]
+    if isinstance(model, Plant) and wanted == ".toml":
+        save_vehicle(model, path)
         return
     kept = LearnedVehicle.of(model) if isinstance(model, Plant) else model
     form = next((name for name, made in forms().items() if type(kept) is made), None)
@@ -61,7 +61,7 @@ def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] |
             f"Register the class, a dataclass of arrays, numbers and names, under the entry point group {GROUP!r}."
         )
     arrays, values = {}, {}
-    for field in fields(kept):  # type: ignore[arg-type]
+    for field in fields(cast("Any", kept)):
         value = getattr(kept, field.name)
         if isinstance(value, np.ndarray) and value.dtype.kind in "fiub":
             arrays[field.name] = value
@@ -85,7 +85,8 @@ def save_model(model: Model, path: str | os.PathLike, attrs: Mapping[str, Any] |
             f"A {type(model).__name__} or its attrs hold what no JSON header can ({error}): use numbers, text, lists."
         ) from None
     with replacing(path) as new, new.open("wb") as file:
-        np.savez_compressed(file, **{_HEADER: np.array(text)}, **{f"field_{k}": v for k, v in arrays.items()})
+        named: dict[str, Any] = {_HEADER: np.array(text)} | {f"field_{k}": v for k, v in arrays.items()}
+        np.savez_compressed(file, **named)
 
 
 def load_model(path: str | os.PathLike, dt: float | None = None) -> Model:
@@ -108,7 +109,7 @@ def load_model(path: str | os.PathLike, dt: float | None = None) -> Model:
             f"{path} holds a model of the form {header['form']!r}; known here are {', '.join(known)}. "
             f"{did_you_mean(str(header['form']), known)}Install the package that it came from."
         )
-    made = known[header["form"]]
+    made: Any = known[header["form"]]
     values = {**{k: _tuples(v) for k, v in header["fields"].items()}, **arrays}
     needed = {field.name for field in fields(made)}
     if set(values) != needed:

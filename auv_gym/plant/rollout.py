@@ -360,7 +360,7 @@ def scratch_for(family: Family) -> np.ndarray:
 def _work_type(family: Family) -> np.dtype:
     """Work arrays as fields of one record: compiled code counts no references to these, at a third of a step's time."""
     states, actuators = family.integrated, max(len(family.actuators), 1)
-    rows = dict.fromkeys(("z", "before", "slope", "y", "total"), (states,))
+    rows: dict[str, tuple[int, ...]] = dict.fromkeys(("z", "before", "slope", "y", "total"), (states,))
     # where masses move, the rates of the actuators lie behind their positions
     rows |= {"terms": (max(family.scratch, 1),), "path": (3, 2 * actuators if family.moves else actuators)}
     rows |= dict.fromkeys(("target", "lags", "slownesses", "decays"), (actuators,))

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
@@ -91,7 +92,7 @@ def look_at(
     signal.
     """
     path = find_log(log)
-    names = load_mapping(mapping)  # type: ignore[arg-type]
+    names = load_mapping(cast("Any", mapping))
     large = format_of(path).slow and _size(path) > WHOLE
     content = open_log(path, Scope(most=SAMPLE if large else None, beside=beside))
     known, record, problem = None, None, ""

@@ -56,11 +56,11 @@ def one_after_the_other(records: list[Record]) -> Record:
         return records[0]
     common = set.intersection(*(set(record.names) for record in records))
     others = sorted({name for record in records for name in record.names} - common)
-    start = [record.attrs.get("start_epoch_s") for record in records]
-    if all(epoch is not None for epoch in start):
-        order = sorted(range(len(records)), key=lambda k: float(start[k]))  # type: ignore[arg-type]
-        first = float(start[order[0]])  # type: ignore[arg-type]
-        records = [records[k].later(float(start[k]) - first) for k in order]  # type: ignore[arg-type]
+    epochs = [record.attrs.get("start_epoch_s") for record in records]
+    start = [float(epoch) for epoch in epochs if epoch is not None]
+    if len(start) == len(records):
+        order = sorted(range(len(records)), key=start.__getitem__)
+        records = [records[k].later(start[k] - start[order[0]]) for k in order]
     joined = concat([record.without([n for n in record.names if n not in common]) for record in records])
     everywhere = [line for line in records[0].notes if all(line in record.notes for record in records)]
     own = [f"{record.labels[0]}: {line}" for record in records for line in record.notes if line not in everywhere]

@@ -155,6 +155,7 @@ def _engine(sheet: Sheet, dive: Dive, strip: Strip, area: Box) -> None:
         ("command", f"{number(command[-1], decimals)} {unit}", _COMMANDED),
     ]
     draw_title(sheet, area, title, f"{unit}, more lifts", readings)
+    lines: list[tuple[np.ndarray, np.ndarray, Colour, float]]
     lines = [(*_steps(dive.time, command), _COMMANDED, 1.2), (dive.time, position, COMMAND, 2.0)]
     _curves(sheet, panel, dive, lines, zero=low < 0.0 < high)
 

@@ -6,7 +6,7 @@ matplotlib's Agg rasteriser does the work. A figure with axes takes several time
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from math import ceil
@@ -92,7 +92,7 @@ class Sheet:
         return np.asarray(self._agg.buffer_rgba())[..., :3].copy()
 
     @contextmanager
-    def inside(self, box: Box) -> Iterator[None]:
+    def inside(self, box: Box) -> Generator[None]:
         """Draw only what falls into a rectangle."""
         corners = self._to_device.transform([(box.left, box.bottom), (box.right, box.top)])
         before, self._clip = self._clip, (Bbox(corners), None)
@@ -100,7 +100,7 @@ class Sheet:
         self._clip = before
 
     @contextmanager
-    def inside_circle(self, middle: Point, radius: float) -> Iterator[None]:
+    def inside_circle(self, middle: Point, radius: float) -> Generator[None]:
         """Draw only what falls into a circle."""
         path = Path(_CIRCLE * radius + np.asarray(middle), closed=True)
         before, self._clip = self._clip, (None, TransformedPath(path, self._to_device))

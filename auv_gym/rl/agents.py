@@ -185,7 +185,7 @@ def _algorithm(recurrent: bool) -> Any:
 
 
 def _networks(training: Training) -> dict[str, Any]:
-    given = training.chosen.policy_kwargs.model_dump(exclude_unset=True)
+    given: dict[str, Any] = training.chosen.policy_kwargs.model_dump(exclude_unset=True)
     if training.chosen.recurrent:
         given = {"lstm_hidden_size": _LSTM_SIZE, **given}
     given = {name: value for name, value in given.items() if value is not None}

@@ -237,6 +237,6 @@ def _versions() -> dict[str, str]:
 
 def _require_tensorboard() -> None:
     try:
-        import tensorboard  # noqa: F401  # pyright: ignore[reportMissingImports]
+        import tensorboard  # noqa: F401  # ty: ignore[import-not-found]
     except ImportError as error:
         raise ImportError(f"Logs for TensorBoard need its package ({error}): pip install tensorboard.") from error

@@ -223,7 +223,8 @@ def _gpc(plant: Plant, model, settings: dict[str, Any], **fields: Any) -> Gpc:
             rates[name] = 1.0 / slowness
     own = {key: value for key, value in settings.items() if key != "pitch_limit"}
     noise = {name: NOISE[name] for name in model.outputs}
-    return Gpc(model, **{"input_limits": ranges, "rate_limits": rates, "noise": noise, "drift": drift, **fields, **own})
+    first: dict[str, Any] = {"input_limits": ranges, "rate_limits": rates, "noise": noise, "drift": drift}
+    return Gpc(model, **(first | fields | own))
 
 
 def _every(plant: Plant) -> float:

@@ -110,7 +110,7 @@ def _followed(
     for part in (*folder.glob(f".{FOLLOWED}.*.part"), *out.glob(".*.part")):  # what a killed process was writing
         part.unlink(missing_ok=True)
     key = _key(plant, [digest_of(r) for r in missions.values()], most, doubt, trust)
-    followed = _kept(folder / FOLLOWED, key)
+    followed: dict[str, Any] | None = _kept(folder / FOLLOWED, key)
     if followed is None:
         records, half = list(missions.values()), len(missions) // 2
         halves = concat(records[:half]), concat(records[half:])

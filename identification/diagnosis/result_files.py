@@ -196,14 +196,14 @@ def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
 def again(file: str | os.PathLike, record: Record, progress: Progress = lambda fraction, text: None) -> Diagnosis:
     """Repeat the diagnosis of a diagnosis.json file; raises ValueError if the record is another one."""
     try:
-        told = json.loads(Path(file).read_text(encoding="utf-8"))
+        told: dict[str, Any] = json.loads(Path(file).read_text(encoding="utf-8"))
         vehicle, asked, digest = told["vehicle"], told["asked"], told["record_sha256"]
-        known = {name: vehicle[name] for name in ("deviations", "fitted_to")}
-        parts = [Part(**{**part, "channels": tuple(part["channels"])}) for part in vehicle["parts"]]
+        known: dict[str, Any] = {name: vehicle[name] for name in ("deviations", "fitted_to")}
+        parts = [Part(**(part | {"channels": tuple(part["channels"])})) for part in vehicle["parts"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise ValueError(f"{file} is no diagnosis.json of this version ({error}): run the diagnosis again.") from error
     family = family_named(vehicle["family"], parts)
-    times = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
+    times: dict[str, Any] = {name: vehicle[f"{name}_s"] for name in ("dt", "longest_step", "window", "settle")}
     plant = replace_at(Plant(vehicle["name"], family, family.parameters(), **times, **known), vehicle["parameters"])
     if digest != digest_of(described(plant, record)):
         raise ValueError(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil, inf, pi, radians
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 from scipy.signal import chirp as swept, max_len_seq
@@ -297,7 +297,7 @@ def _holds(kind: str, hold: float | Sequence[float], dt: float) -> tuple[float, 
     if _is_number(hold):
         steady = dt * _samples(kind, "hold_s", hold, dt)
         return steady, steady
-    low, high = map(float, hold)  # type: ignore[arg-type]
+    low, high = map(float, cast("Sequence[float]", hold))
     if not dt <= low <= high < inf:
         raise ValueError(f"Signal {kind!r} needs hold_s from one sample ({dt:g} s) on, low before high, got {hold!r}.")
     return low, high

@@ -89,7 +89,7 @@ def hover(
         for name in targets
     }
     seconds = _dwell(steered, plant.dt) if dwell is None else dwell
-    settings = {"dwell_s": seconds, "n": n, "dt": plant.dt, "rng": rng}
+    settings: dict[str, Any] = {"dwell_s": seconds, "n": n, "dt": plant.dt, "rng": rng}
     if loop == "closed":
         chosen = _excited_axes(steered, outputs, axes)
         signals = {name: _signal(_size(steered, name, amplitude), **settings) for name in chosen}

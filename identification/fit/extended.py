@@ -164,6 +164,7 @@ def program_of(plant: Plant) -> Any:
             "OUTPUTS": len(family.outputs),
             "DERIVED": family.derived - len(list_paths(family.parameters())),
         }
-        own = {"along": programs.along, "move_actuators": programs.move_actuators, "derive": programs.derive}
-        _BOUND[name] = ready(bind(filtered, name, inline=False, **sizes, **own))
+        used = {"along": programs.along, "move_actuators": programs.move_actuators, "derive": programs.derive}
+        meanings: dict[str, Any] = sizes | used
+        _BOUND[name] = ready(bind(filtered, name, inline=False, **meanings))
     return _BOUND[name]

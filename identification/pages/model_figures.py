@@ -61,6 +61,7 @@ def rollout_figure(
     clock = Clock(truth)
     figure = new_figure(2.35 * len(names) + 0.8)
     panels = figure.subplots(2 * len(names), 1, sharex=True, height_ratios=[2.0, 0.9] * len(names), squeeze=False)[:, 0]
+    look: dict[str, Any]
     for top, bottom, name in zip(panels[::2], panels[1::2], names):
         if truth.has(set_point_of(name)):
             look = {"color": COMMAND, "linewidth": 1.2, "linestyle": ":", "drawstyle": "steps-post", "zorder": 1.5}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from itertools import count
 
@@ -15,7 +15,7 @@ errors = Console(stderr=True, highlight=False)
 
 
 @contextmanager
-def progress_bar() -> Iterator[Callable[[float, str], None]]:
+def progress_bar() -> Generator[Callable[[float, str], None]]:
     """A callable of fraction and text that draws a bar on stderr, where that is a terminal."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -26,7 +26,7 @@ def progress_bar() -> Iterator[Callable[[float, str], None]]:
 
 
 @contextmanager
-def steps_bar(total: int) -> Iterator[Callable[[str], None]]:
+def steps_bar(total: int) -> Generator[Callable[[str], None]]:
     """A bar that is told what begins now, of so many things one after the other."""
     with progress_bar() as show:
         begun = count()

@@ -183,11 +183,12 @@ class StateSpace:
 
         fields: further ones of StateSpace.  Raises if the output sees the present input, see Model.
         """
-        system = _control().ss(system)
+        system: Any = _control().ss(system)
         if not isinstance(system.dt, float | int) or isinstance(system.dt, bool) or not system.dt > 0.0:
             raise ValueError(f"A model needs discrete time with a sample time in s, got dt {system.dt}: sample it.")
         if np.any(system.D):
             raise ValueError("A model's output does not see the present input, got a system with D: delay its input.")
+        own: dict[str, Any] = {"states": tuple(system.state_labels)}
         return cls(
             a=system.A,
             b=system.B,
@@ -195,7 +196,7 @@ class StateSpace:
             inputs=tuple(inputs or system.input_labels),
             outputs=tuple(outputs or system.output_labels),
             dt=float(system.dt),
-            **{"states": tuple(system.state_labels), **fields},
+            **(own | fields),
         )
 
 

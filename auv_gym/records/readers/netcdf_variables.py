@@ -7,7 +7,7 @@ Source: NetCDF User's Guide, appendix "File Format Specifications"; CF conventio
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -103,7 +103,7 @@ class NetcdfFile:
 
 
 @contextmanager
-def open_netcdf(path: Path) -> Iterator[NetcdfFile]:
+def open_netcdf(path: Path) -> Generator[NetcdfFile]:
     """The file while it is open; raises ValueError where it is no NetCDF or damaged, whatever is raised meanwhile."""
     with path.open("rb") as file:
         magic = file.read(8)

@@ -48,7 +48,8 @@ def signals_figure(record: Record, wanted: Sequence[str] = ()) -> Figure:
     panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)[:, 0]
     for axes, name in zip(panels, [*outputs, *inputs]):
         _shade_guard(axes, record, clock)
-        moved, look = name in outputs, dict[str, Any]()
+        look: dict[str, Any]
+        moved = name in outputs
         if moved and record.has(set_point_of(name)):
             look = {"color": COMMAND, "linewidth": 1.3, "linestyle": "--", "zorder": 1.8}
             wish = shown_values(name, excited_set_point(record, name))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -153,7 +153,7 @@ def _try_index(rows: dict[str, Row], out: Path) -> str:
 
 
 @contextmanager
-def _alone(out: Path) -> Iterator[None]:
+def _alone(out: Path) -> Generator[None]:
     """Raises ValueError where another process conducts a campaign in the folder; a killed one leaves it free."""
     try:
         import fcntl
@@ -173,7 +173,7 @@ def _alone(out: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _interruptible() -> Iterator[None]:
+def _interruptible() -> Generator[None]:
     """Makes a polite kill (SIGTERM) what Ctrl-C is, while the campaign runs."""
     if threading.current_thread() is not threading.main_thread():
         yield

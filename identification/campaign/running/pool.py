@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, Protocol, TypeVar
 
@@ -83,7 +83,7 @@ def _in_worker(work: Callable[[T], R], number: int, task: T) -> tuple[int, R]:
 
 
 @contextmanager
-def on_cluster(scheduler: str) -> Iterator[Spread]:
+def on_cluster(scheduler: str) -> Generator[Spread]:
     """What gives tasks to the workers of a Dask scheduler, as `in_parallel` to processes; errors are results here.
 
     Workers need this package in the same version, and no access to files here.  scheduler: its address, such as

@@ -47,7 +47,7 @@ def thruster_slips(record: Record, plant: Plant) -> Iterator[Slip]:
 def _acts_on(thrusters: Thrusters, record: Record, moved: Sequence[int]) -> tuple[str, ...]:
     """The measured velocities that some thrusters move."""
     size = np.abs(thrusters.wrench)
-    acts = (size[:, list(moved)] > _MOVED * size.max(axis=1, keepdims=True)).any(axis=1)
+    acts = np.any(size[:, list(moved)] > _MOVED * size.max(axis=1, keepdims=True), axis=1)
     return tuple(name for name, acting in zip(_AXES, acts, strict=True) if acting and record.has(name))
 
 
