@@ -3,10 +3,14 @@
 import gc
 import os
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from auv_gym.plant import load_vehicle, plant
+from auv_gym.plant.rollout import bind_family
 
 # The same examples in every run; no deadline, because the first call of a compiled function compiles it.
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=40)
@@ -16,13 +20,38 @@ settings.load_profile("repeatable")
 gc.set_threshold(50_000, 20, 20)
 
 
+# Presets with programs of their own, of which others have the like, so that most tests are not repeated for them; those
+# of the first two are compiled by slow tests only.
+UNCOMPILED = ("bluerov", "bluerov2")
+SELDOM = {*UNCOMPILED, "npsauv", "seawing"}
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Mark tests of studies slow, and of the preset `bluerov2`: its programs, whose like its sisters have, are idle."""
+    """Mark tests of studies slow, and those that are repeated for a preset of `SELDOM`."""
     for item in items:
-        of_sister = hasattr(item, "callspec") and "bluerov2" in re.findall(r"\w+", item.callspec.id)
-        if of_sister or "studies" in item.path.parts:
+        seldom = hasattr(item, "callspec") and SELDOM & {*re.findall(r"\w+", item.callspec.id)}
+        if seldom or "studies" in item.path.parts:
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup(item):
+    """Let no daily test have programs of `UNCOMPILED`."""
+    daily = item.get_closest_marker("slow") is None
+
+    def bound(family):
+        if daily and family.program in uncompiled():
+            pytest.fail(f"this test needs the programs of {family.program}: mark it slow, or take another vehicle")
+        return bind_family(family)
+
+    plant.bind_family = bound
+
+
+@cache
+def uncompiled():
+    """What the programs of `UNCOMPILED` are called."""
+    return {load_vehicle(name).family.program for name in UNCOMPILED}
 
 
 def pytest_collection_finish():

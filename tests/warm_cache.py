@@ -27,8 +27,8 @@ from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.frozen_rollouts import roll_out
 
-_SLOW = ("bluerov2",)  # see tests/conftest.py
-_SLOW_FITS = ("bluerov", "npsauv", "seawing")  # simulated by many tests, filtered by slow ones alone
+_SLOW = ("bluerov", "bluerov2")  # see tests/conftest.py
+_SLOW_FITS = ("npsauv", "seawing")  # simulated by many tests, filtered by slow ones alone
 
 
 def main(argv: Sequence[str] | None = None) -> int:

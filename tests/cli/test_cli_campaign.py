@@ -56,6 +56,7 @@ def test_the_example_goes_on_and_takes_other_seeds(tmp_path, capsys):
     assert {row.seed for row in read_index(tmp_path / "out")} == {1, 2, 3}
 
 
+@pytest.mark.slow
 def test_failures_are_told_by_exit_code_and_table(tmp_path, capsys):
     text = """
 name = "deep"

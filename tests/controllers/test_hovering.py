@@ -96,6 +96,7 @@ def test_steps_settle_without_overshoot(name, channel, size):
     assert abs(step.steady_error) < 1e-3 * size
 
 
+@pytest.mark.slow
 def test_a_lost_thruster_that_is_known_of_does_not_disturb():
     plant = rov()
     broken = replace_at(plant, {"effects.t1.lost": 1.0, "effects.current.north": 0.2, "effects.current.east": -0.2})
@@ -159,6 +160,7 @@ def test_without_feedforward_a_step_overshoots():
     assert without > 0.05
 
 
+@pytest.mark.slow
 def test_what_thrusters_cannot_reach_is_not_integrated():
     """A pull of 150 N for 20 s, more than the thrusters have, then none: it comes back without shooting over."""
     plant = rov()

@@ -58,8 +58,7 @@ def test_the_regulator_is_the_one_of_the_riccati_equation():
     np.testing.assert_allclose(_linear_quadratic_gains(a, b, weights), expected, rtol=1e-9)
 
 
-# of npsauv the environment's programs are compiled for this test only
-@pytest.mark.parametrize("vehicle", [pytest.param("npsauv", marks=pytest.mark.slow), *PRESETS[1:]])
+@pytest.mark.parametrize("vehicle", PRESETS)
 @pytest.mark.parametrize("task", ["Depth", "Heading", "Speed"])
 def test_held_fins_keep_depth_and_heading(task, vehicle):
     env = TaskEnv(task, vehicle, duration=120.0)
@@ -504,6 +503,7 @@ def test_a_spliced_model_drives_the_environment():
     assert abs(info["state"]["depth_m"] - first["state"]["depth_m"]) < 2.0
 
 
+@pytest.mark.slow
 def test_an_agent_may_have_other_actuators_than_the_tasks():
     env = TaskEnv("Depth", "npsauv", actions=["rudder_rad", "propeller_rpm"], duration=20.0, target=30.0)
     env.reset(seed=1, options={"start": {"depth_m": 30.0}})

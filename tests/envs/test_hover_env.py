@@ -93,6 +93,7 @@ def test_a_wrench_beyond_the_thrusters_is_scaled_down_as_a_whole():
     np.testing.assert_allclose(wrench / share, hover.thrusters.wrench @ pushed, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_action_for_takes_a_wrench_or_commands():
     by_wrench = TaskEnv("StationKeeping", actions="wrench")
     hover = find_hover(by_wrench.plant)

@@ -75,6 +75,7 @@ def test_a_true_structure_fits_data_that_it_has_not_seen(done, records):
     assert default.fit.samples == 197 + 198
 
 
+@pytest.mark.slow
 def test_a_model_that_cannot_be_judged_is_returned_with_the_reason(records):
     method = make_estimator("arx", {"n_a": [3, 2]}, inputs=INPUTS, outputs=OUTPUTS)
     found = identify(method, records[:1], [records[1].resample(8.0)])
@@ -147,6 +148,7 @@ def test_a_linear_fit_is_judged_over_the_horizon_and_with_its_band(done, records
     assert any("stern_plane_rad" in doubt for doubt in found.doubts)
 
 
+@pytest.mark.slow
 def test_the_page_shows_where_orders_are_from(records):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     search = search_orders("arx", records[:1], INPUTS, OUTPUTS[1:], n_a=[2, 3], n_b=[1, 2])

@@ -185,6 +185,7 @@ def test_body_velocities_of_a_twin_move_the_whole_pose(effects):
     assert found == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_turn_at_constant_velocities_is_exact_at_any_sample():
     plant = replace(torpedo(), dt=1.0)
     u, v, w, p, q, r = still = np.array([1.5, 0.1, -0.2, 0.0, 0.0, 0.3])
@@ -299,7 +300,7 @@ def test_a_heading_that_the_model_wraps_is_the_same_heading():
     assert ends[1] == pytest.approx({**ends[0], "heading_rad": 7.0 - 2.0 * pi})
 
 
-@pytest.mark.parametrize("other", ["slocum", pytest.param("npsauv", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("other", ["slocum", "npsauv"])
 def test_the_actuators_of_any_parts_are_the_plants(other):
     """Of vehicles with other parts, one after the other: each has compiled code of its own."""
     for name in ("remus100", other, "remus100"):
@@ -353,12 +354,15 @@ def models() -> dict[str, Spliced]:
     }
 
 
-@pytest.fixture(params=models())
+# compiled for these tests only
+SELDOM = "torpedo of other parts"
+
+
+@pytest.fixture(params=[pytest.param(n, marks=[pytest.mark.slow] if n == SELDOM else []) for n in models()])
 def spliced(request) -> Spliced:
     return models()[request.param]
 
 
-@pytest.mark.slow
 def test_it_keeps_the_protocol(spliced):
     assert isinstance(spliced, Model)
     assert (spliced.inputs, spliced.outputs) == (spliced.plant.inputs, spliced.plant.outputs)

@@ -147,6 +147,7 @@ def test_between_readings_references_follow_the_shortest_turn(tumbled):
     assert chart.turned == pytest.approx(np.outer(turning, [0.0, 1.0, 0.0]), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_plain_python_agrees_with_compiled_code(tmp_path, tumbled):
     out = tmp_path / "plain.npz"
     environment = {**os.environ, "AUV_GYM_JIT": "0", "PYTHONPATH": str(ROOT)}

@@ -101,6 +101,7 @@ def test_its_linear_form_is_that_of_the_published_equations():
     assert set(states) == set(plant.family.states[:12])
 
 
+@pytest.mark.slow
 def test_a_thruster_in_its_dead_zone_still_pushes_in_the_linear_form():
     model = linearise(load_vehicle("bluerov"))
     states = [name.removesuffix(" change") for name in model.states]

@@ -14,6 +14,7 @@ ROVS = ("bluerov", "bluerov2", "bluerov2_heavy")
 every = pytest.mark.parametrize("name", ROVS)
 
 
+@pytest.mark.slow
 def test_the_first_bluerov_turns_by_its_arms_as_its_thesis_has_them():
     """K = 0.11 f1 - 0.11 f2 + 0.11 f6, M = 0.19 f1 + 0.19 f2 - 0.17 f5, N = 0.11 f3 - 0.11 f4; up, ahead and to port.
 
@@ -100,6 +101,7 @@ def test_the_plant_accelerates_by_the_wrench_of_the_thrusts(name):
     np.testing.assert_allclose(mass @ (moved[0] - moved[1]), thrusters.wrench @ thrusts, rtol=1e-4, atol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_weaker_supply_takes_more_of_the_command():
     plant = load_vehicle("bluerov2")
     full, weak = find_thrusters(plant), find_thrusters(replace_at(plant, {"parts.t2.voltage": 20.0}))
@@ -119,12 +121,14 @@ def test_a_command_inside_a_dead_zone_gives_none_and_what_it_cannot_give_is_its_
     np.testing.assert_allclose(thrusters.thrusts(thrusters.commands(np.full(8, 5.0))), 5.0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_lower_limit_ends_the_curve():
     thrusters = find_thrusters(replace_at(load_vehicle("bluerov"), {"parts.t3.limit": 0.42}))
     assert thrusters.most[2] == pytest.approx(np.interp(0.42, [0.4, 0.45], [13.7, 16.5]))
     assert thrusters.commands(np.full(6, 30.0))[2] == pytest.approx(1500.0 + 400.0 * 0.42)
 
 
+@pytest.mark.slow
 def test_thrusts_are_scaled_down_in_proportion():
     thrusters = find_thrusters(load_vehicle("bluerov2"))
     pushes = np.array([100.0, -20.0, 0.0, 0.0, 0.0, 0.0])

@@ -35,6 +35,7 @@ def test_a_policy_that_followed_a_controller_is_nearly_as_good(tmp_path):
     assert followed.settings["hyperparameters"]["imitate"] == FOLLOW
 
 
+@pytest.mark.slow
 def test_values_are_learnt_before_actions(tmp_path):
     held, moved = (
         train(Training("GliderHeading-v0", hyperparameters=SMALL | {"imitate": BRIEF | {"value_steps": steps}},
@@ -106,6 +107,7 @@ def test_a_controller_that_is_not_there_is_named(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_the_noise_with_which_station_keeping_is_learnt_is_small_beside_what_pid_commands():
     """With noise as large as the commands, PPO learns gains that suit the noise and lose to PID without it."""
     training = Training("StationKeeping-v0")

@@ -50,6 +50,7 @@ def test_a_right_name_a_tie_a_false_name_and_silence_are_told_apart(tmp_path):
     assert not written(tmp_path, clean, "unexplained", {})["right"]
 
 
+@pytest.mark.slow
 def test_the_program_prints_a_row_for_each_effect(tmp_path, capsys):
     out = tmp_path / "rows.json"
     assert main(["--vehicle", "slocum", "--effect", CLEAN, "--seeds", "2", "--jobs", "1", "--json", str(out)]) == 0

@@ -20,6 +20,7 @@ def tree(tmp_path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_watched_rule_is_noticed_and_an_unwatched_one_survives(tree, monkeypatch, capsys):
     monkeypatch.setattr(mutants, "TREE", tree)
     monkeypatch.setattr(mutants, "listed", lambda file: [WATCHED, UNWATCHED])

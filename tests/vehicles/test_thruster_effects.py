@@ -24,6 +24,7 @@ def turns(record: Record) -> Rotation:
     return Rotation.from_euler("xyz", record.matrix(ANGLES))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("roll, pitch, yaw", [(0.1, 0.0, 0.0), (0.0, -0.2, 0.0), (0.3, 0.2, -0.5)])
 def test_an_imu_that_is_turned_in_its_mount_turns_all_that_it_reads(roll, pitch, yaw):
     plant, record = load_vehicle("bluerov"), telegraph()
@@ -36,6 +37,7 @@ def test_an_imu_that_is_turned_in_its_mount_turns_all_that_it_reads(roll, pitch,
     np.testing.assert_array_equal(read["depth_m"], true["depth_m"])
 
 
+@pytest.mark.slow
 def test_a_battery_sags_from_where_a_log_begins():
     plant = load_vehicle("bluerov")
     sagging = replace_at(plant, "effects.supply.sag", 0.05)

@@ -50,6 +50,7 @@ def test_tuning_lowers_the_cost_on_other_noise_too(vehicle, name):
     assert cost(other, found, "pid", name) < cost(other, start, "pid", name)
 
 
+@pytest.mark.slow
 def test_what_is_required_changes_the_gains_and_judging_says_on_how_many_vehicles_it_is_met():
     plant = replace(load_vehicle("ganeshblue_corrected"), name="mine")
     bench = bench_of(plant, 0)

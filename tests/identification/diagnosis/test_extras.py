@@ -62,6 +62,7 @@ def test_every_extra_may_fail_and_the_result_stays(whole, found):
     assert all("KeyError: 'heading_rad' (test_extras.py, line" in f.why for f in found.failures)
 
 
+@pytest.mark.slow
 def test_a_picture_that_cannot_be_drawn_is_said_on_the_page_and_in_the_file(found, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     drawn = figures.svg

@@ -29,6 +29,7 @@ def log():
     return closed_loop(truth, rng=np.random.default_rng(11), duration=900.0)
 
 
+@pytest.mark.slow
 def test_a_coefficient_within_what_was_stated_is_refitted_and_no_finding(log):
     wide = diagnose(log, replace(BARE, deviations={"hull.n_delta": 0.5 * BARE.hull.n_delta}))
     assert wide.verdict == "none", wide.summary()
@@ -42,6 +43,7 @@ def test_a_coefficient_within_what_was_stated_is_refitted_and_no_finding(log):
     assert narrow.refitted is narrow.after  # a refit is all that was done
 
 
+@pytest.mark.slow
 def test_an_effect_that_spares_an_unlikely_coefficient_is_tied_with_it():
     """Half of the rudder's effect is five stated deviations: evidence 25, all of it from what was stated."""
     truth = replace_at(BARE, "hull.n_delta", 0.5 * BARE.hull.n_delta)
@@ -143,6 +145,7 @@ def test_what_is_known_of_an_effect_holds_it_as_a_coefficient_is_held(log):
     assert gain not in {p for c in candidates_of(exactly, log) for p in c.paths}
 
 
+@pytest.mark.slow
 def test_the_files_keep_what_was_known_and_say_which_logs_were_seen(log, tmp_path):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     plant = replace(BARE, deviations={"hull.n_delta": 0.5 * BARE.hull.n_delta})

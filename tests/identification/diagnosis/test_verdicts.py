@@ -65,6 +65,7 @@ def test_coefficients_that_were_wrong_are_a_finding_of_their_own():
     assert set(as_json(found)["coefficients_wrong"]) == wrong
 
 
+@pytest.mark.slow
 def test_a_search_that_reaches_its_limit_ends_with_what_it_has_and_says_so(monkeypatch):
     true = replace_at(QUICK, "effects.rudder.offset", 0.05)
     record = run_mission(true, np.random.default_rng(4), duration=900.0)
@@ -116,6 +117,7 @@ def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat(monkeypatch):
     assert fixed.discovery.terms[0].path == found.discovery.terms[0].path
 
 
+@pytest.mark.slow
 def test_coefficients_without_a_doubt_stay_as_given():
     given = load_vehicle("slocum")
     true = replace_at(given, {"effects.rudder.deadband": 0.06, "hull.n_r": 1.05 * given.hull.n_r})

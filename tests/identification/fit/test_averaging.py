@@ -140,6 +140,7 @@ def test_the_right_model_predicts_means_without_an_error(stride):
     assert np.abs(point.innovations).max() < 2e-5
 
 
+@pytest.mark.slow
 def test_a_filter_of_means_says_the_same_as_surely(pushed):
     """Of the same log, with and without: estimates to a share of their errors, which hardly grow, and noises."""
     (single, point), (means, other) = solved(pushed, 1), solved(pushed, 4)

@@ -98,6 +98,7 @@ def test_a_filter_far_from_its_record_is_as_likely_as_its_linearisation(stride):
     assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
 
 
+@pytest.mark.slow
 def test_it_is_the_same_from_anywhere():
     """Once its starts have settled, at noises that suit it: an unstable vehicle takes a few passes."""
     plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
@@ -126,6 +127,7 @@ def test_a_change_along_the_record_is_followed():
         assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
 
 
+@pytest.mark.slow
 def test_rows_are_so_short_that_the_filter_of_a_vehicle_far_from_its_record_keeps_to_its_linearisation(monkeypatch):
     plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(1600)
     windows, paths = [slice(0, len(log))], [DRAG]

@@ -64,6 +64,7 @@ def test_steps_shorter_than_given_ones_are_not_tried():
     assert brisk(coarse) is coarse
 
 
+@pytest.mark.slow
 def test_longer_steps_move_no_estimate_and_are_not_kept_in_the_fitted_plant(monkeypatch):
     plant, problem = logged("vt690", 30.0)
     record = problem.record

@@ -67,6 +67,7 @@ def test_a_compass_errs_about_the_vertical_and_an_inclinometer_about_level_axes(
     assert found.measurement == pytest.approx(wanted, rel=0.2)
 
 
+@pytest.mark.slow
 def test_euler_angles_would_not_do(logs, monkeypatch):
     forced(monkeypatch, False)
     fit = fitted(logs[0])

@@ -80,6 +80,7 @@ def test_regions_of_poles_hold_the_truth_at_the_stated_rate(fits):
     np.testing.assert_allclose(border.mean(), found[0][0].value, atol=0.1 * np.abs(border - border.mean()).max())
 
 
+@pytest.mark.slow
 def test_bands_of_the_response_hold_the_truth_at_the_stated_rate(fits):
     truth = polynomial(A, B).state_space.frequency_response(OMEGA)
     gains, phases, logs, stated = [], [], [], []

@@ -33,6 +33,7 @@ def clean(slocum):
     return closed_loop(slocum, rng=np.random.default_rng(1), duration=4000.0)
 
 
+@pytest.mark.slow
 def test_an_online_filter_predicts_as_that_of_a_fit_does(slocum, clean):
     record = clean.select(clean.time <= 1200.0)
     problem = PredictionErrors(slocum, record, stretches_of(slocum, record))
@@ -74,6 +75,7 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
         assert again.over == pytest.approx(found.over[k - 1], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_stands_between_readings_is_none_to_a_monitor(slocum, clean):
     """A compass of half the rate: the online filter meets its errors at its readings, and nothing in between."""
     held = np.arange(len(clean)) % 2 == 0

@@ -126,6 +126,7 @@ def test_names_of_logs_are_text_not_markup(page, outline):
     assert "<west>" not in page
 
 
+@pytest.mark.slow
 def test_the_same_diagnosis_gives_the_same_page(diagnosis, page):
     assert diagnosis_page(diagnosis) == page
 

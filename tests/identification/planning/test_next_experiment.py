@@ -69,6 +69,7 @@ def test_another_speed_tells_a_rudder_offset_from_a_yaw_moment(tie):
     assert f"{best[0].minutes:.0f} minutes" in words(best)
 
 
+@pytest.mark.slow
 def test_the_rivals_are_what_a_diagnosis_ties(tie):
     plant, record, _ = tie
     ((one, other),) = rivals_of(diagnose(record, plant))

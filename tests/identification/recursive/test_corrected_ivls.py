@@ -13,6 +13,7 @@ from identification.recursive.corrected_ivls import CorrectedIvls
 from identification.recursive.rwls import Rwls
 
 
+@pytest.mark.slow
 def test_data_without_noise_give_the_exact_parameters():
     fit = CorrectedIvls().fit(dive_log(3000, 0.0, np.random.default_rng(0)))
     assert fit.theta == pytest.approx(THETA, abs=1e-6)
@@ -25,6 +26,7 @@ def mean_error(samples: int, seeds: int, closed: bool) -> np.ndarray:
     return np.mean([fit.theta[1:] / THETA[1:] - 1.0 for fit in fits], axis=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("closed", [False, True])
 def test_the_bias_of_least_squares_is_gone(closed):
     few, many = mean_error(1500, 6, closed), mean_error(12000, 6, closed)

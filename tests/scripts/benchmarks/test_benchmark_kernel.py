@@ -59,6 +59,7 @@ def test_all_sections_are_measured_in_processes_of_their_own(tmp_path, capsys):
     assert [row["size"] for row in numbers["sections"]["sizes"]] == [50]
 
 
+@pytest.mark.slow
 def test_methods_learn_and_are_judged_on_fresh_data(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(kernel_runner, "ONE_ROW_S", 0.0)
     monkeypatch.setattr(kernel_runner, "ROWS", 20)

@@ -110,6 +110,7 @@ def test_tables_show_medians_worst_and_what_failed():
     assert failures(found) == ["4 V, ARX: diverged: 1 times"]
 
 
+@pytest.mark.slow
 def test_a_hull_learned_from_few_runs_is_judged(monkeypatch):
     monkeypatch.setattr(study, "RUNS", 3)
     found = STUDY.find(range(1), ["4 V, LS-SVM with a trend"])

@@ -74,6 +74,7 @@ def test_bursts_are_told_from_steady_noise_from_wild_readings_and_from_a_trace()
     assert not comes_in_bursts(wild, stretch)
 
 
+@pytest.mark.slow
 def test_white_errors_are_flagged_as_seldom_as_is_said():
     """Of 2000 records of 500 readings, at most as many as chance makes of that share in one test out of 10,000."""
     rng, stretch, count = np.random.default_rng(3), np.repeat(np.arange(5), 100), 2000

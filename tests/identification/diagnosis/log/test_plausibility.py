@@ -216,6 +216,7 @@ def telegraphed():
     return plant, hover(plant, rng=rng, duration=30.0, measured="attitude", loop="open", amplitude=0.4)
 
 
+@pytest.mark.slow
 def test_every_slip_of_a_thruster_is_the_likeliest_by_a_regression(telegraphed):
     plant, record = telegraphed
     assert likely_slips(list(thruster_slips(record, plant)), record, plant) == []
@@ -228,6 +229,7 @@ def test_every_slip_of_a_thruster_is_the_likeliest_by_a_regression(telegraphed):
         np.testing.assert_allclose(undone(wrong, first, plant)["t1_us"], record["t1_us"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", ["t1_us acts with the opposite sign", "t2_us and t5_us look exchanged"])
 def test_a_slip_of_a_thruster_is_named(telegraphed, text):
     plant, record = telegraphed
@@ -239,6 +241,7 @@ def test_a_slip_of_a_thruster_is_named(telegraphed, text):
     assert log_doubts(record, plant, free_run_windows(plant, record, plant.window), plant.settle) == ()
 
 
+@pytest.mark.slow
 def test_a_vehicle_with_one_thruster_shows_that_it_is_turned_round(telegraphed):
     """Where no other thruster moves, a factor of any sign would explain the log as well."""
     plant, record = telegraphed
@@ -250,6 +253,7 @@ def test_a_vehicle_with_one_thruster_shows_that_it_is_turned_round(telegraphed):
     assert [one.text for one in likely_slips(list(thruster_slips(wrong, plant)), wrong, plant)] == [slip.text]
 
 
+@pytest.mark.slow
 def test_thrusters_that_are_commanded_alike_cannot_be_exchanged(telegraphed):
     plant, record = telegraphed
     alike = record.with_channels({"t2_us": record["t1_us"], "t3_us": np.full(len(record), 1500.0)})

@@ -281,6 +281,7 @@ def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatc
     assert value_at(found.after.plant, "effects.yaw.roll_moment") == 0.0
 
 
+@pytest.mark.slow
 def test_what_is_certain_only_beside_an_effect_that_is_not_named_is_not_named(offset_log, monkeypatch):
     """The search accepts a lag beside the offset, and most halves of the log do not choose the offset."""
     as_found = lambda bench, nominal, state, rounds, count: (state, rounds)  # noqa: E731
@@ -299,6 +300,7 @@ def test_what_is_certain_only_beside_an_effect_that_is_not_named_is_not_named(of
     assert "no certain size for it without the effects that are not named" in " ".join(found.summary().split())
 
 
+@pytest.mark.slow
 def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(offset_log, monkeypatch):
     """Where something is left; where nothing is, the likelihood of the whole log has the word."""
     monkeypatch.setattr(scoring, "explained_share", lambda *_: -0.1)
@@ -313,6 +315,7 @@ def test_effects_with_which_unseen_parts_are_followed_less_well_are_not_named(of
     assert "are worse with it than without" in found.summary()
 
 
+@pytest.mark.slow
 def test_nothing_idle_is_named_whatever_second_thoughts_bring(offset_log, monkeypatch):
     monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)))
     monkeypatch.setattr(remaining, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))

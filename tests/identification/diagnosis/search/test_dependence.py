@@ -44,6 +44,7 @@ def test_an_actuator_that_is_stronger_to_one_side_shows_and_noise_does_not(clean
     assert dependence(*clean) is None
 
 
+@pytest.mark.slow
 def test_the_level_is_shared_by_all_that_is_tried(clean):
     """At a level of one, everything would show; at the level that is asked for, next to nothing by chance."""
     assert dependence(*clean, level=1e9) is not None

@@ -33,6 +33,7 @@ def test_slopes_of_all_parts_are_those_of_the_whole():
     np.testing.assert_allclose(parts.sum(axis=0), whole_slope, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_level_is_shared_by_parts_and_accelerations():
     """At a level that all parts together reach by chance, something shows; at the level that is asked for, seldom."""
     false = sum(bool(gusts(*fitted(glider_log(seed)), level=0.05)) for seed in range(20, 44))

@@ -75,6 +75,7 @@ def test_two_that_act_alike_are_no_pair(screened):
     assert {OFFSET, MOMENT} not in sets
 
 
+@pytest.mark.slow
 def test_two_effects_of_one_rudder_are_both_named(log):
     found = diagnose(log, QUICK)
     assert {e.path for e in found.effects} == set(TRUE)

@@ -85,6 +85,7 @@ def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_t
     assert bench.gain(found.nominal, top) == pytest.approx(0.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_what_is_known_is_fitted_in_the_steps_that_suit_it(monkeypatch):
     """An unstable vehicle that nothing pushes: a first guess of its noises allows longer steps than the log does."""
     plant = load_vehicle("remus100")

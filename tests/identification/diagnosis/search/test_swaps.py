@@ -32,6 +32,7 @@ def begun(search, start, path):
     return Round(made.trials, made.trials[0], (), {})
 
 
+@pytest.mark.slow
 def test_a_wrong_effect_gives_way(search):
     reconsidering, start = search
     first = begun(reconsidering, start, WRONG)

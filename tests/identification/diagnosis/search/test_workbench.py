@@ -36,6 +36,7 @@ def test_long_runs_that_settle_far_from_the_record_do_not_count_as_calm():
     assert noise_limited_length(plant, record, 25.0) < 10.0
 
 
+@pytest.mark.slow
 def test_fits_of_a_steady_torpedo_come_down_to_the_noise_in_steps_of_a_sample(torpedoes):
     plant, record = load_vehicle("vt690"), torpedoes["vt690"]
     bench = Workbench(plant, record, parts_of(plant, record), 5.0)

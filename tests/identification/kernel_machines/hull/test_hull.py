@@ -56,6 +56,7 @@ def tuned() -> HullFit:
     return HullLsSvm(vehicle(), samples=500).fit(*runs())
 
 
+@pytest.mark.slow
 def test_a_tuned_hull_runs_as_the_vehicle_does():
     fit = tuned()
     assert np.all(fit.shares < [0.005, 0.01, 0.015, 0.005, 0.01, 0.005])
