@@ -79,10 +79,17 @@ def ready(function: Any) -> Any:
 
 @lru_cache
 def _numba() -> Any:
-    """numba, which then knows what a `Later` is."""
+    """numba, which then knows what a `Later` is, and tells record types apart."""
     numba: Any = import_module("numba")
     import_module("numba.extending").typeof_impl.register(Later)(lambda value, context: numba.typeof(value.ready))
+    # Symbols of machine code name a record type by a number that each process counts for itself.  Code for one vehicle
+    # from one process and for another vehicle from another would share a symbol, and one of them be called for both.
+    numba.types.Record.mangling_args = property(lambda record: ("Record", (_digest(record.name),)))
     return numba
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _later(function: Any, calls: Iterable[Any], **options: Any) -> Any:
@@ -97,9 +104,15 @@ def _compiled(function: Any, calls: Iterable[Any], **options: Any) -> Any:
     try:
         settings = {"cache": True, "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True, "nogil": True}
         settings |= options
-        return numba.njit(**settings)(function)
+        made = numba.njit(**settings)(function)
     finally:
         numba.config.CACHE_DIR = before
+    # Numbers alone would let two processes that compile for two signatures at once write to one file: an entry of the
+    # index would then lead to the other's code.
+    files = getattr(getattr(made, "_cache", None), "_cache_file", None)
+    if files is not None:
+        files._data_name = lambda number: f"{files._index_name.removesuffix('.nbi')}.{os.getpid()}-{number}.nbc"
+    return made
 
 
 def bind(
@@ -152,7 +165,7 @@ def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
         return lambda vector: vector[:size].view(dtype)[0]
     if not JIT:  # attribute access on a numpy record costs a microsecond, on a namespace a tenth of it
         return lambda vector: _with_tail(_namespace(dtype, iter(vector[:size].tolist())), vector[size:])
-    layout = hashlib.sha256(repr(dtype).encode()).hexdigest()[:8]  # two layouts of one name are two functions
+    layout = _digest(repr(dtype))[:8]  # two layouts of one name are two functions
     return bind(_view, f"{name}_{layout}", RECORD=dtype, SIZE=size)
 
 

@@ -84,6 +84,64 @@ def test_an_unwritable_cache_folder_is_done_without(toy, tmp_path):
     assert not list(temporary.glob("auv-gym-*"))
 
 
+SHARED = """import json, sys
+import numpy as np
+from auv_gym.compiled import bind, outlined, view_as
+
+@outlined
+def long(record):  # enough not to be compiled into its caller
+    total = record.last
+{lines}
+    return total
+
+view = None
+def read(vector):
+    return long(view(vector))
+read.__module__ = "auv_gym.plant.rollout"  # as of a vehicle
+
+def reader(count):
+    layout = np.dtype((np.record, [("first", np.float64, (count,)), ("last", np.float64)]))
+    return bind(read, f"of{{count}}", view=view_as(layout, f"of{{count}}"))
+
+print(json.dumps([float(reader(int(count))(np.arange(9.0))) for count in sys.argv[1:]]))
+"""
+
+
+def test_code_for_two_layouts_from_two_processes_is_told_apart(tmp_path):
+    """What each layout's process has compiled, a third process uses together."""
+    lines = "\n".join(f"    total = np.sin({k}.0 + total) * record.last" for k in range(40))
+    (tmp_path / "shared.py").write_text(SHARED.format(lines=lines))
+
+    def run(*counts):
+        environment = {**os.environ, "PYTHONPATH": str(ROOT), "AUV_GYM_CACHE": str(tmp_path / "cache")}
+        command = [sys.executable, str(tmp_path / "shared.py"), *counts]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    alone = [*run("2"), *run("5")]
+    assert alone[0] != alone[1]
+    assert run("2", "5") == alone
+
+
+def test_two_processes_that_compile_at_once_write_to_two_files(tmp_path, monkeypatch):
+    """Both have read the index before either has written to it."""
+
+    @compiled
+    def doubled(x):
+        return 2 * x
+
+    files = doubled.ready._cache._cache_file
+    monkeypatch.setattr(files, "_load_index", dict)
+    monkeypatch.setattr(files, "_cache_path", str(tmp_path))
+    monkeypatch.setattr(files, "_index_path", str(tmp_path / "index"))
+    for process, number in ((11, 2), (12, 2.0)):
+        monkeypatch.setattr(os, "getpid", lambda process=process: process)
+        files.save(type(number), number)
+    kept = [files._load_data(path.name) for path in sorted(tmp_path.glob("*.nbc"))]
+    assert kept == [2, 2.0]
+
+
 def test_old_generations_of_the_cache_are_removed(tmp_path):
     for age in range(9):
         folder = tmp_path / f"generation{age}"

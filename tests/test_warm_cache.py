@@ -3,19 +3,17 @@
 import pytest
 
 from auv_gym.plant import list_vehicles, load_vehicle
-from tests.warm_cache import flown, main, one_of_each
+from tests.warm_cache import flown, main, one_of_each, program_of
 
 
 def test_each_program_is_compiled_once():
     def program(name: str) -> str:
-        family = load_vehicle(name).family
-        return family.program or family.kind
+        return program_of(load_vehicle(name).family)
 
     taken = [program(name) for name in one_of_each()]
     assert len(set(taken)) == len(taken)
-    assert set(taken) == {program(name) for name in list_vehicles() if not name.startswith("bluerov")} | {
-        program("bluerov2_heavy")
-    }
+    daily = {name for name in list_vehicles() if name not in ("bluerov", "bluerov2")}
+    assert set(taken) == {program(name) for name in daily}
 
 
 def test_what_is_filtered_is_a_log_of_the_vehicle():

@@ -17,18 +17,21 @@ from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 
+import gymnasium
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
+from auv_gym.envs.registration import ENVIRONMENTS
 from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from auv_gym.records.record import Record
+from auv_gym.vehicles.family import Family
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.frozen_rollouts import roll_out
 
 _SLOW = ("bluerov", "bluerov2")  # see tests/conftest.py
-_SLOW_FITS = ("npsauv", "seawing")  # simulated by many tests, filtered by slow ones alone
+_SLOW_REST = ("npsauv", "seawing")  # simulated by many tests, filtered and in an environment by slow ones alone
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -66,20 +69,41 @@ def one_of_each() -> list[str]:
     found: dict[str, tuple[int, str]] = {}
     for name in sorted({*list_vehicles()} - {*_SLOW}):
         family = load_vehicle(name).family
-        found.setdefault(family.program or family.kind, (-len(family.states), name))
+        found.setdefault(program_of(family), (-len(family.states), name))
     return [name for _, name in sorted(found.values())]
 
 
+def program_of(family: Family) -> str:
+    """What vehicles of the same parts share."""
+    return family.program or family.kind
+
+
 def warm(name: str) -> None:
-    """Simulate a preset, and filter what it did if it has an autopilot: tests fit no other."""
+    """Simulate a preset, step its environment, and filter what it did if it has an autopilot: tests fit no other."""
     gc.set_threshold(50_000, 20, 20)  # a compiler makes so many objects: at the default this is a tenth of its time
     plant = load_vehicle(name)
     record = flown(plant)
-    if name in _SLOW_FITS or (plant.family.body is not None and not plant.family.body.piloted):
+    if name in _SLOW_REST:
+        plant.run(record, record.segments, plant.initial(np.zeros(len(plant.outputs)))[None])
+        return
+    step_environment(program_of(plant.family))
+    if plant.family.body is not None and not plant.family.body.piloted:
         return
     problem = PredictionErrors(plant, record, record.segments)
     point = problem.point(plant.vector, problem.better_noise(problem.first_point(), 1)[0])
     problem.columns_of(point, moves_of(plant.coefficients[:1]))
+
+
+def step_environment(program: str) -> None:
+    """A step of the first registered environment whose vehicle has a program, alone and in a vector; or none."""
+    for task in ENVIRONMENTS:
+        env = gymnasium.make(task)
+        if program_of(env.unwrapped.plant.family) == program:
+            vector = gymnasium.make_vec(task, num_envs=2)
+            for one, space in ((env, env.action_space), (vector, vector.action_space)):
+                one.reset(seed=0)
+                one.step(space.sample())
+            return
 
 
 def flown(plant: Plant) -> Record:
