@@ -26,6 +26,7 @@ import numpy as np
 
 JIT = os.environ.get("AUV_GYM_JIT", "1") != "0"
 _GENERATIONS_KEPT = 6
+_LONG = 80  # letters of a name, beyond which it is cut: names of files have 255
 _STARTED = time.time()
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -128,7 +129,8 @@ def bind(
     if parallel:
         meanings = {**meanings, "prange": _numba().prange if JIT else range}
     source: Any = getattr(template, "py_func", template)
-    bound_name = f"{source.__name__}_{name}"
+    known = name if len(name) <= _LONG else f"{name[:_LONG]}_{_digest(name)[:8]}"  # also by what files are called
+    bound_name = f"{source.__name__}_{known}"
     bound = types.FunctionType(source.__code__, {**source.__globals__, **meanings}, bound_name, source.__defaults__)
     bound.__qualname__ = bound_name
     bound.__module__ = source.__module__

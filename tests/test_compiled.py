@@ -206,3 +206,10 @@ def test_a_program_is_kept_once_however_it_is_called(tmp_path, monkeypatch):
     assert again(np.ones(2)).tolist() == [4.0, 4.0]
     assert sum(again.ready.stats.cache_hits.values()) == 1
     assert sum(again.ready.stats.cache_misses.values()) == 0
+
+
+def test_names_may_be_of_any_length():
+    """A vehicle of many kinds of parts has one that no file could have."""
+    long = 300 * "x"
+    steep, flat = bind(line, long + "1", scale=3.0, offset=1.0), bind(line, long + "2", scale=0.0, offset=2.0)
+    assert (steep(2.0), flat(2.0)) == (7.0, 2.0)

@@ -125,11 +125,6 @@ class Shooting(Parameters):
         self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
         self._known: dict[Point, dict[_Move, np.ndarray]] = {}
 
-    @property
-    def nuisances(self) -> int:
-        """How many unknowns there are besides the parameters: starts of windows, shared values of segments."""
-        return len(self.windows) * len(self.start_states) + len(self.shared) * (int(self.segments.max()) + 1)
-
     def scaled(self, scales: Mapping[str, float]) -> Self:
         """The same problem with other scales of these paths."""
         other = super().scaled(scales)

@@ -93,12 +93,6 @@ class KernelMachine:
         radial_distances((rows - self.middle) * (BITS / self.scale), self._centres, out)
         return out
 
-    def closeness(self, x: np.ndarray) -> np.ndarray:
-        """The largest kernel value between each row of x and the support: 1 at one of them, 0 far outside."""
-        if self.sigma is None:
-            raise ValueError("closeness needs a radial kernel, got a linear one: use distance(x).")
-        return np.exp(-((self.distance(x) / self.sigma) ** 2))
-
     @cached_property
     def _blocks(self) -> np.ndarray:
         return radial_blocks(self.support - self.middle, self.rate, self.coefficients)

@@ -12,6 +12,7 @@ from controllers.gains import gains_for, read_gains, write_gains
 QUICK = ("--evaluations", "4", "--draws", "2")
 
 
+@pytest.mark.slow
 def test_gains_are_tuned_judged_and_loaded_and_a_page_is_written(tmp_path, capsys):
     out, page, found = tmp_path / "gains.toml", tmp_path / "tune.html", tmp_path / "diagnosis.json"
     write_gains([gains_for("slocum", 4.0)], out)

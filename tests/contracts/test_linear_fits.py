@@ -139,6 +139,7 @@ def test_its_model_goes_to_python_control_and_back(fit):
     np.testing.assert_allclose(response(again), response(fit.model), rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_its_model_drives_the_channels_that_it_has_in_an_environment(fit):
     plant = load_vehicle("remus100", dt=DT)
     env = gymnasium.make("auv_gym/Heading-v0", vehicle="remus100", dt=DT, model=splice(plant, fit.model))

@@ -101,6 +101,7 @@ def test_what_is_no_right_hand_side_is_refused(name, changed, reason):
         casadi_model(replace_at(load_vehicle(name), changed))
 
 
+@pytest.mark.slow
 def test_moving_masses_and_learned_hulls_are_refused():
     with pytest.raises(ValueError, match="a mass that moves"):
         casadi_model(load_vehicle(EXAMPLES / "tethys.toml"))

@@ -62,6 +62,7 @@ def test_an_undeclared_effect_is_named_or_in_the_named_tie(vehicle, effect):
     assert result["right"], result
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [9, 18])
 def test_a_compass_bias_does_not_pass_for_a_current(seed):
     """Two held-out windows refute the bias by chance (9), or a dozen blocks show a current by chance (18)."""
@@ -153,6 +154,7 @@ def test_a_moment_and_a_rudder_offset_tie_unless_the_rudder_meets_its_stop():
     assert "--next-experiment" not in result.summary()
 
 
+@pytest.mark.slow
 def test_a_current_needs_a_track_to_be_seen():
     result = diagnose(log_of(current__north=0.05), load_vehicle("slocum"))
     assert result.verdict == "none"
@@ -240,6 +242,7 @@ def test_a_push_outside_the_library_is_told_as_one_and_gets_no_name(shape):
     assert "Random accelerations push the vehicle" in result.summary()
 
 
+@pytest.mark.slow
 def test_two_effects_at_once_are_both_named():
     result = diagnose(log_of(duration=1200.0, rudder__deadband=0.06, yaw__roll_moment=0.4), load_vehicle("slocum"))
     assert {e.path for e in result.effects} == {"effects.rudder.deadband", "effects.yaw.roll_moment"}

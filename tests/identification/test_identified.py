@@ -115,6 +115,7 @@ def test_tables_hold_the_numbers_that_they_name(done):
     assert outputs_of_several_models({"a": {"x": 1, "y": 2}}) == ["x", "y"]
 
 
+@pytest.mark.slow
 def test_pages_are_whole_and_tell_what_was_found(done):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     text = identified_page("steering <1>", replace(done, doubts=("clocks differ",)), "arx, fitted to 300 samples.")

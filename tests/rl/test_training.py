@@ -173,6 +173,7 @@ def test_policies_that_remember_act_as_their_agents_did(settings, tmp_path):
         policy.act(np.zeros(5))
 
 
+@pytest.mark.slow
 def test_policies_that_remember_are_trained_and_judged(tmp_path):
     pytest.importorskip("sb3_contrib")
     for name, settings in (("frames", {"frames": 3}), ("recurrent", {"recurrent": True})):

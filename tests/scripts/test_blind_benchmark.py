@@ -238,6 +238,7 @@ def test_shares_come_with_the_interval_of_wilson():
     assert found["ratio"]["most"] == 1.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [23, pytest.param(25, marks=pytest.mark.slow)])
 def test_effects_of_a_short_draw_are_named(tmp_path, number):
     case = sketch(1, number)
@@ -284,10 +285,10 @@ def test_logs_of_vehicles_with_thrusters_are_drawn_when_they_are_asked_for():
     cases = chosen(41, 6, ["one"], ["rov", "rov_attitude"])
     assert {c.family for c in cases} == {"rov", "rov_attitude"}
     assert all(c.conditions.measured == ("attitude" if c.family == "rov_attitude" else "all") for c in cases)
-    plant = load_vehicle("bluerov")
+    plant = load_vehicle("bluerov2_heavy")
     attitude = {"roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps"}
     alone = log_of(plant, Conditions(1.0, 1.0, 5.0, "attitude"), 0)
-    assert set(alone.names) == attitude | {f"t{k}_us" for k in range(1, 7)}
+    assert set(alone.names) == attitude | {f"t{k}_share" for k in range(1, 9)}
     whole = log_of(plant, Conditions(1.0, 1.0, 5.0), 0)
     assert attitude | {"u_mps", "north_m", "depth_m", "heading_cmd_rad"} <= set(whole.names)
     assert not any(name.startswith("excitation") or name.endswith("_Nm") for name in whole.names)

@@ -16,7 +16,7 @@ from identification.diagnosis.search.trials import (
     Trial,
     gate,
     quieted,
-    settled,
+    rival_of,
     side_by_side,
     tried_from,
 )
@@ -33,7 +33,7 @@ def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: 
     for known in (*bench.with_given(state), state):
         base = (*quieted(bench, known), known)[0]
         pairs = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
-        rival = settled(bench, state, base)
+        rival = rival_of(bench, state, base)
         promising += [(base, rival, whole, parts) for whole, parts in pairs]
     found = []
     tried = side_by_side(lambda one: tried_from(bench, state, one[0], one[1], one[2], many), promising)

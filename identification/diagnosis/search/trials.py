@@ -88,7 +88,7 @@ def trials_of(
 
     progress(0.2, "trying what is promising")
 
-    rivals = {base: settled(bench, state, base) for base in {bases[s.candidate] for s in listed}}
+    rivals = {base: rival_of(bench, state, base) for base in {bases[s.candidate] for s in listed}}
 
     def begin(screening: Screening) -> Begun:
         base, here = bases[screening.candidate], first[screening.candidate]
@@ -132,7 +132,7 @@ def trials_of(
 def tried_from(bench: Workbench, state: State, base: State, rival: State, screening: Screening, count: int) -> Trial:
     """The trial of a candidate, against a state, that is fitted from the base that it was screened from.
 
-    rival: the base `settled`.
+    rival: see `rival_of`.
     """
     begun = _begun(bench, state, base, screening, rival)
     if not begun.promise >= LEAST_TRACE * threshold(count, len(screening.candidate.free)):
@@ -188,7 +188,7 @@ def _behind(bench: Workbench, state: State, base: State, regression: Regression)
     """
     if base is state or base.quiet:
         return 0.0
-    rival, problem = settled(bench, state, base), bench.problem
+    rival, problem = rival_of(bench, state, base), bench.problem
     ahead = problem.objective(rival.point, state.paths) - problem.objective(base.point, state.paths)
     return max(2.0 * ahead - regression.regained, 0.0)
 
@@ -242,7 +242,7 @@ class Begun:
     promise: float
 
 
-def settled(bench: Workbench, state: State, base: State) -> State:
+def rival_of(bench: Workbench, state: State, base: State) -> State:
     """What a candidate that begins at a base is compared with: as many steps of what is free without it.
 
     With weaker accelerations, or other coefficients, these alone bring much, which is no evidence for any candidate;

@@ -40,6 +40,7 @@ def test_laws_that_are_not_tuned_again_stay_in_the_file():
     assert both[1].loops == {**pid.loops, **gpc.loops}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("vehicle, name", [("ganeshblue_corrected", "heading_rad"), ("mermaid", "depth_m")])
 def test_tuning_lowers_the_cost_on_other_noise_too(vehicle, name):
     bench = bench_of(load_vehicle(vehicle), 0)

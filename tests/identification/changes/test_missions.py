@@ -27,6 +27,7 @@ def mission(seed, offset=0.0):
     return closed_loop(plant, rng=np.random.default_rng(seed), duration=800.0)
 
 
+@pytest.mark.slow
 def test_an_effect_that_is_new_is_named_with_its_size_on_either_side(tmp_path):
     plant = load_vehicle("slocum")
     found = compare_missions(mission(1), mission(2, 0.05), plant, names=(("spring",), ("autumn",)))

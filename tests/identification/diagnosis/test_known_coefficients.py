@@ -113,6 +113,7 @@ def test_further_coefficients_are_refitted_unless_together_they_could_not_matter
     assert free(torpedo, doubt=np.inf) == ()  # of what nothing is known, nothing is held
 
 
+@pytest.mark.slow
 def test_a_fit_stays_within_five_deviations(log):
     plant = replace(BARE, deviations={"hull.n_delta": 1e-6})
     problem = PredictionErrors(plant, log, log.windows(120.0), doubt=0.1)

@@ -91,6 +91,7 @@ def test_a_mirrored_rudder_is_said_plainly_and_nothing_is_named():
     assert trusted.verdict != "doubted"
 
 
+@pytest.mark.slow
 def test_a_log_that_nothing_explains_gets_a_term_or_a_habitat(monkeypatch):
     given = QUICK
     true = replace_at(given, "effects.discovered.yaw.sin_2heading", 0.02)

@@ -39,6 +39,7 @@ def test_a_run_that_is_cut_short_says_why():
         flown(replace_at(SEAWING, "effects.load.payload", 0.6), duration=900.0)
 
 
+@pytest.mark.slow
 def test_its_designs_are_missions_that_can_be_flown():
     kind = KINDS.of(SEAWING.family)
     for design in kind.designs(SEAWING):

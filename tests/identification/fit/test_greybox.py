@@ -66,6 +66,7 @@ def test_intervals_hold_the_truth_in_a_short_draw():
     assert coverage(range(40)).sum() * 40 >= 139
 
 
+@pytest.mark.slow
 def test_several_records_are_fitted_together_each_with_its_own_start():
     plant = load_vehicle("slocum")
     one = GreyBox(plant, FREE).fit(slocum_log(1))

@@ -511,6 +511,7 @@ def clean_log(vehicle: str, seed: int) -> Record:
     return run_mission(load_vehicle(vehicle), np.random.default_rng(seed), duration=duration)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2, 3])
 def test_a_float_at_the_surface_is_as_likely_as_free_runs_say_and_no_likelier_with_less_freedom(seed):
     """Where it bobs, its model is far from linear, and fits would end on poor hills."""

@@ -101,14 +101,6 @@ def test_with_a_known_trim_the_offset_is_what_all_dives_share():
         assert fit[path].error < 0.01 * abs(value)
 
 
-def test_every_dive_counts_as_an_unknown():
-    problem = shooting(dives())
-    assert len(problem.windows) == 12
-    assert problem.nuisances == 12 * len(problem.start_states) + 4
-    two = shooting(dives(volumes=VOLUMES[:2]))
-    assert two.nuisances == 6 * len(two.start_states) + 2
-
-
 def test_what_a_volume_does_in_one_dive_is_taken_out_of_the_sensitivities():
     """A lift in one dive alone is left with nothing, one that grows in the dive is not."""
     problem = shooting(dives(noise=0.0))

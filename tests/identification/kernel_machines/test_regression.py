@@ -98,8 +98,6 @@ def test_smooth_function_is_recovered_between_its_samples():
     machine = LsSvmRegression(1e8, 1.5).fit(x, truth(x))
     # x |x| has a jump in its second derivative, which no smooth kernel follows at a spacing of 0.1
     assert np.max(np.abs(machine(inside) - truth(inside))) < 0.01
-    assert np.all(machine.closeness(inside) > 0.9)
-    assert machine.closeness(np.array([[9.0, 9.0]]))[0] < 1e-6
     np.testing.assert_allclose(machine.distance(x[:3]), 0.0, atol=1e-7)  # the root of what its square is rounded to
 
 
@@ -190,5 +188,3 @@ def test_weights_and_rows_are_checked():
     machine = LsSvmRegression().fit(X, Y)
     with pytest.raises(ValueError, match="rows of 3 inputs"):
         machine(X[0])
-    with pytest.raises(ValueError, match=r"use distance"):
-        LsSvmRegression(kernel="linear").fit(X, Y).closeness(X)

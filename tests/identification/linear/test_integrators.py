@@ -27,6 +27,7 @@ METHODS = pytest.mark.parametrize("method", [N4sid, Pbsid])
 DRIFT = 0.03  # rad a sample, a fifth of what an input does
 
 
+@pytest.mark.slow
 @METHODS
 @pytest.mark.parametrize("model", [SUM, WALK], ids=["white", "walking"])
 @pytest.mark.parametrize("refine", [False, True])

@@ -113,6 +113,7 @@ def test_bands_of_free_runs_hold_what_they_promise(fits):
     assert start == pytest.approx(later, abs=0.06)  # also where the start is fitted to the same noise
 
 
+@pytest.mark.slow
 def test_draws_and_slopes_agree_where_the_fit_is_sure(fits):
     record = made(np.random.default_rng(7), 150)
     fit = replace(fits[0], covariance=1e-4 * fits[0].covariance)

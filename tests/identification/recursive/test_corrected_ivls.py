@@ -59,6 +59,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     assert np.all(held >= 88), held
 
 
+@pytest.mark.slow
 def test_intervals_are_of_the_size_of_the_errors():
     ratio = []
     for seed in range(12):

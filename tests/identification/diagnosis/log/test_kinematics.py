@@ -120,6 +120,7 @@ def gliding(seed: int) -> Record:
     return Record.from_arrays(dt * np.arange(count), channels | {"u_mps": np.full(count, 0.35)})
 
 
+@pytest.mark.slow
 def test_a_glider_without_a_fault_and_with_a_true_track_lacks_nothing():
     plant = load_vehicle("slocum")
     for seed in range(3):

@@ -270,6 +270,7 @@ def with_idle(bench, state, rounds, path="effects.yaw.roll_moment"):
     return after, [*rounds, round_of(Trial(candidate, after, 100.0, -27.6, screening, ""))]
 
 
+@pytest.mark.slow
 def test_nothing_idle_is_named_whatever_the_search_brings(offset_log, monkeypatch):
     def overdone(bench, *given):
         return with_idle(bench, *attribute(bench, *given))

@@ -84,6 +84,7 @@ def test_a_change_has_no_evidence_by_noises_that_would_suit_the_vehicle_without_
     assert steadiness(bench, left, [OFFSET]).probability > 0.01
 
 
+@pytest.mark.slow
 def test_nothing_constant_is_named_where_parts_contradict_each_other(monkeypatch):
     """Although the effect is certain, leaves nothing, and makes unseen parts of the log more likely."""
     record, plant = log_of(-100.0), load_vehicle("slocum")

@@ -58,6 +58,7 @@ def turned_by(moment, seed: int) -> Record:
     return Record.from_arrays(record.time, {**{n: record[n] for n in kept}, "heading_rad": noisy})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_moment_simulated_elsewhere_is_found_with_its_size(seed):
     found = searched(QUICK, turned_by(lambda psi, r, u, roll: 0.02 * np.sin(2.0 * psi), seed))
@@ -108,6 +109,7 @@ def test_a_second_term_is_sought_where_something_is_left(monkeypatch, left):
     assert len(asked) == 1 + left
 
 
+@pytest.mark.slow
 def test_a_term_that_another_one_makes_idle_goes(monkeypatch):
     """The first search is blind to the true term and ends in another one, which passes; the second has both."""
     asked, real, true = [], discovery.search, f"{YAW}sin_2heading"

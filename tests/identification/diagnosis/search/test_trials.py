@@ -137,11 +137,11 @@ def test_a_base_with_other_noises_is_compared_with_the_state_at_these(start):
     logs = state.point.logs.copy()
     logs[0] += 0.7  # twice the heading's noise
     loud = replace(state, point=bench.problem.point(state.point.vector, logs, state.point))
-    rival = trials.settled(bench, state, loud)
+    rival = trials.rival_of(bench, state, loud)
     assert np.array_equal(rival.point.logs, logs)
     assert 0.0 <= bench.gain(loud, rival) < 5.0
     assert bench.gain(state, rival) < -50.0
-    assert trials.settled(bench, state, state) is state
+    assert trials.rival_of(bench, state, state) is state
 
 
 @pytest.mark.parametrize("seed", [3, 4])
@@ -154,7 +154,7 @@ def test_beside_coefficients_as_given_what_is_idle_promises_nothing(seed):
     state = bench.fit(QUICK, paths)
     (base,) = bench.with_given(state)
     (one,) = screen(bench.problem, base.point, paths, [Candidate(idle, (idle,))], 10.0)
-    promised = trials._begun(bench, state, base, one, trials.settled(bench, state, base)).promise
+    promised = trials._begun(bench, state, base, one, trials.rival_of(bench, state, base)).promise
     assert promised < 1.0
     fixed = replace(state, point=bench.problem.point(state.point.vector, base.point.logs, state.point))
     assert trials._begun(bench, state, base, one, fixed).promise > 10.0  # as much as a finalist
@@ -169,14 +169,14 @@ def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, mo
     base = replace(state, plant=off, point=bench.problem.with_gains(state.point, off.vector), quiet=True)
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [base])
     screening = screen(bench.problem, base.point, state.paths, [offset], 10.0)[0]
-    promised = trials._begun(bench, state, base, screening, trials.settled(bench, state, base))
+    promised = trials._begun(bench, state, base, screening, trials.rival_of(bench, state, base))
     whole = bench.gain(base, promised.state) / trials.misjudged(bench, base)
     assert 0.0 < promised.promise < 0.8 * whole
     # and where the state itself cannot be quieter, it is what has to be surpassed
     far = replace(base, point=replace(base.point, scores=base.point.scores - 1e3))
     monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
     monkeypatch.setattr(bench.problem, "descended", lambda point, paths, iterations: far.point)
-    assert trials.settled(bench, state, base) is state
+    assert trials.rival_of(bench, state, base) is state
 
 
 def test_one_that_was_fitted_and_gains_little_is_not_significant(tried):
