@@ -46,7 +46,7 @@ class Vehicle:
     pieces: int
     window: float | None = None
     settle: float | None = None
-    loops: tuple[str, ...] = ("closed", "open")
+    loops: tuple[str, ...] = ("closed", "exact", "open")
 
     @property
     def plant(self) -> Plant:
@@ -127,6 +127,8 @@ _VEHICLES = (
     Vehicle("qiandao_float", 0.7, 1400.0, _float, ("depth_rate_mps",), 4),
     Vehicle("npsauv", 0.5, 1000.0, _torpedo, ("q_radps", "r_radps"), 4),
     # its yaw is unstable: noise of the first readings alone makes free runs over 120 s err by 50 deg and more
-    Vehicle("remus100", 0.2, 400.0, _torpedo, ("q_radps", "r_radps"), 4, window=6.0, settle=2.0, loops=("closed",)),
+    Vehicle(
+        "remus100", 0.2, 400.0, _torpedo, ("q_radps", "r_radps"), 4, window=6.0, settle=2.0, loops=("closed", "exact")
+    ),
 )
 VEHICLES: Mapping[str, Vehicle] = dict(zip(("glider", "float", "npsauv", "remus100"), _VEHICLES, strict=True))

@@ -22,7 +22,7 @@ class Experiment:
     channel.  limits: lowest and highest command, by the input that the controller commands.  given: inputs that follow
     from nothing, (n,).  from_depth: an input that follows from the true depth.  also: what else is logged.
     sensors: standard deviation of white noise by measured output.  skipped: rows that are not logged, as a log begins
-    in mid-mission.
+    in mid-mission.  exact: whether the controller sees the vehicle as it is, and not what the sensors say.
     """
 
     time: np.ndarray
@@ -36,6 +36,7 @@ class Experiment:
     also: Mapping[str, np.ndarray] = field(default_factory=dict)
     skipped: int = 0
     pieces: int = 1
+    exact: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +86,8 @@ def fly(
         for name, follow in e.from_depth.items():
             inputs[k, plant.inputs.index(name)] = follow(float(x[plant.family.states.index("depth_m")]))
         if commands is None:
-            reading = dict(zip(e.sensors, (exact[k] + noise[k]).tolist(), strict=True))
+            told_of = exact[k] if e.exact else exact[k] + noise[k]
+            reading = dict(zip(e.sensors, told_of.tolist(), strict=True))
             target = {name: float(values[k]) for name, values in e.wanted.items()}
             command, memory = e.controller.act(memory, {**reading, "dt_s": dt}, target)
             inputs[k, told] = np.clip([command[name] for name in names], low, high)

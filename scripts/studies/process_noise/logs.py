@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,8 +31,8 @@ class Case:
     """A log, the vehicle as it is and as the modeller believes it to be.
 
     effect: path of the one that is missing, or "".  size: its value, in the parameter's unit.  error: its standard
-    error, by a filter that knows the noise.  loop: "open" or "closed".  process: deviation, m/s^2 or rad/s^2, and
-    correlation time, s, of the acceleration by velocity.  sensors: deviation of white noise by channel.
+    error, by a filter that knows the noise.  loop: "open", "closed" or "exact".  process: deviation, m/s^2 or rad/s^2,
+    and correlation time, s, of the acceleration by velocity.  sensors: deviation of white noise by channel.
     free_run: error of the true model's free runs in the leading channel, over its sensor's noise.  shown: by judged
     velocity, what its acceleration adds to the variance of free-run errors, over the sensor's, where it adds most.
     pushes: the accelerations, (rows, axes).
@@ -67,7 +67,7 @@ def draw(family: str, seed: int, loop: str, effect: bool, times: float = 1.0, wr
         np.random.default_rng(s) for s in np.random.SeedSequence([list(VEHICLES).index(family), seed]).spawn(4)
     )
     plain = vehicle.plant
-    experiment = vehicle.experiment(vehicle, plans)
+    experiment = replace(vehicle.experiment(vehicle, plans), exact=loop == "exact")
     draws = _draws(vehicle, experiment, noises)
     trials = Trials.of(plain, experiment, draws, loop)
     level, path, error = trials.wanted(times), "", 0.0

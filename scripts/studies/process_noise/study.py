@@ -5,9 +5,9 @@
 
 Ornstein-Uhlenbeck accelerations push every velocity of the vehicle, with correlation times of 5 to 120 s, in proportion
 to how much it varies, and as strongly as makes the true model's free runs err by `times` the noise of the leading
-sensor. In closed loop the controller steers
-against them; in open loop the commands are those of a run without them. Four families: a glider's heading, a float's
-depth, two torpedoes; the one that is unstable by itself has no open loop.
+sensor. In closed loop the controller steers against them, by what the sensors say, or, in the loop `exact`, by the true
+state, which no log shows; in open loop the commands are those of a run without them. Four families: a glider's heading,
+a float's depth, two torpedoes; the one that is unstable by itself has no open loop.
 
 parameters: an effect of 5 to 10 standard errors and the coefficients, 10 % off at first, fitted with process noise and
 by free runs alone; bias over the stated standard error (of an effect away from neutral), coverage of 95 % intervals,

@@ -9,6 +9,7 @@ from identification.experiments.kinds import KINDS
 from identification.experiments.missions import run_mission
 
 SEAWING = load_vehicle("seawing")
+pytestmark = pytest.mark.slow  # as those of its environment
 
 
 def flown(plant=SEAWING, seed=0, **settings):

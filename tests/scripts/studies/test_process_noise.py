@@ -82,6 +82,20 @@ def test_the_true_model_errs_as_wanted_and_only_a_controller_answers(family):
     assert not np.array_equal(opened.record[opened.plant.family.leading], untouched.record[opened.plant.family.leading])
 
 
+@pytest.mark.parametrize("exact", [False, True])
+def test_a_controller_that_sees_the_true_state_does_not_answer_noise(exact):
+    vehicle = VEHICLES["glider"]
+    experiment = replace(vehicle.experiment(vehicle, np.random.default_rng(0)), exact=exact)
+    rng, rows = np.random.default_rng(1), len(experiment.time)
+    pushes = np.zeros((rows, 1))
+    one, other = (
+        fly(vehicle.plant, experiment, ("r_radps",), pushes, rng.standard_normal((rows, len(experiment.sensors))))
+        for _ in range(2)
+    )
+    assert np.array_equal(one.record["rudder_rad"], other.record["rudder_rad"]) == exact
+    assert not np.array_equal(one.record["heading_rad"], other.record["heading_rad"])
+
+
 def test_draws_repeat_and_doubt_the_coefficients_that_are_asked_for():
     one, again = (draw("glider", 5, "closed", False, times=0.0, wrong=0.1) for _ in range(2))
     assert np.array_equal(one.record["heading_rad"], again.record["heading_rad"])
@@ -108,11 +122,11 @@ def test_an_effect_is_as_large_as_the_log_can_show(monkeypatch):
 
 
 def test_a_vehicle_that_is_unstable_by_itself_has_no_open_loop():
-    with pytest.raises(ValueError, match=r"remus100 \(closed\)"):
+    with pytest.raises(ValueError, match=r"remus100 \(closed, exact\)"):
         draw("remus100", 0, "open", False)
     assert "clean: remus100, closed" in CASES
     assert "clean: remus100, open" not in CASES
-    assert len(CASES) == 3 * 7
+    assert len(CASES) == 3 * 11
 
 
 def test_names_are_right_where_they_mean_the_effect():
@@ -159,4 +173,4 @@ def test_the_tables_give_bias_coverage_and_rates_with_intervals():
 def test_every_vehicle_of_the_study_has_the_loops_and_velocities_it_names():
     for vehicle in VEHICLES.values():
         assert set(vehicle.judged) <= set(velocities(vehicle.plant))
-        assert set(vehicle.loops) <= {"closed", "open"}
+        assert set(vehicle.loops) <= {"closed", "exact", "open"}
