@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -18,11 +18,10 @@ from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model, save_model
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from auv_gym.writing import write_json
 from identification.campaign.file.plan import plan, selected
 from identification.campaign.file.settings import Campaign, Fit, RunSettings
 from identification.campaign.index import Row, read_index
-from identification.campaign.running.pool import in_parallel
+from identification.campaign.running.shelf import Progress, Shelf
 from identification.campaign.running.staging import make_campaign_vehicle, make_env
 from identification.compare.comparison import OpenLoop
 from identification.compare.model_tests import open_loop, poles_of, residual_tests
@@ -32,8 +31,6 @@ from identification.estimator import make_estimator
 FOLDER, LIST = "models", "fits.json"
 FORMAT = 1  # goes up where the same settings come to give another result
 VEHICLE = "vehicle as designed"  # its free runs, beside those of the models
-
-Progress = Callable[[float, str], Any]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +71,7 @@ def fit_models(
     """
     folder = Path(folder)
     tasks = planned_fits(campaign, read_index(folder))
-    (folder / FOLDER).mkdir(exist_ok=True)
-    results = {task.name: kept for task in tasks if (kept := _kept(task, folder)) is not None}
-    waiting = [task for task in tasks if task.name not in results]
-    for number, result in in_parallel(partial(_fitted, folder), waiting, jobs):
-        task = waiting[number]
-        if result is None:
-            result = {**_empty(task), "reason": "The process that fitted it died: too little memory, perhaps."}
-            write_json(_file_of(task.name, folder), result)
-        results[task.name] = result
-        if progress is not None:
-            progress(len(results) / len(tasks), task.name)
-    write_json(folder / FOLDER / LIST, [task.name for task in tasks])
-    return [results[task.name] for task in tasks]
+    return _shelf(folder).filled(tasks, partial(_fitted, folder), _empty, jobs, progress)
 
 
 def planned_fits(campaign: Campaign, rows: Sequence[Row]) -> list[FitTask]:
@@ -116,12 +101,7 @@ def planned_fits(campaign: Campaign, rows: Sequence[Row]) -> list[FitTask]:
 
 def read_fits(folder: str | Path) -> list[dict[str, Any]]:
     """What `fit_models` gave last; empty where nothing was fitted."""
-    models = Path(folder) / FOLDER
-    if not (models / LIST).is_file():
-        return []
-    names = json.loads((models / LIST).read_text(encoding="utf-8"))
-    found = [models / f"{name}.json" for name in names]
-    return [json.loads(path.read_text(encoding="utf-8")) for path in found if path.is_file()]
+    return _shelf(folder).read()
 
 
 def load_fitted(folder: str | Path, fit: Mapping[str, Any]) -> Model:
@@ -142,16 +122,9 @@ def designed_vehicle(settings: RunSettings, origin: Path) -> Plant | None:
         env.close()
 
 
-def _kept(task: FitTask, folder: Path) -> dict[str, Any] | None:
-    """What an earlier call found for this very task, if it found a model that is still there."""
-    try:
-        result = json.loads(_file_of(task.name, folder).read_text(encoding="utf-8"))
-        there = (
-            result["key"] == task.key and result["status"] == "done" and (folder / FOLDER / result["file"]).is_file()
-        )
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    return result if there else None
+def _shelf(folder: str | Path) -> Shelf:
+    """Where results are, and the models that they name."""
+    return Shelf(Path(folder) / FOLDER, LIST, lambda result: [result["file"]])
 
 
 def _fitted(folder: Path, task: FitTask) -> dict[str, Any]:
@@ -165,7 +138,7 @@ def _fitted(folder: Path, task: FitTask) -> dict[str, Any]:
         ours = isinstance(error, ValueError | ImportError) or type(error).__name__ == "Diverged"
         result["reason"] = str(error) if ours else f"{type(error).__name__}: {error}"
     result["seconds"] = result["seconds"] or perf_counter() - started
-    write_json(_file_of(task.name, folder), result)
+    _shelf(folder).put(task.name, result)
     return result
 
 
@@ -255,7 +228,3 @@ def _told(estimate: Estimate) -> dict[str, Any]:
 
 def _finite(values: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value if isfinite(value) else None for name, value in values.items()}
-
-
-def _file_of(name: str, folder: Path) -> Path:
-    return folder / FOLDER / f"{name}.json"

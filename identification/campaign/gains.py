@@ -12,7 +12,8 @@ from controllers.gains import write_gains
 from controllers.tuning.spread import read_uncertain
 from controllers.tuning.tuning import tune_and_judge
 from identification.campaign.file.settings import Campaign
-from identification.campaign.fits import FOLDER, Progress, load_fitted, read_fits
+from identification.campaign.fits import FOLDER, load_fitted, read_fits
+from identification.campaign.running.shelf import Progress
 
 GAINS, RESULT, PAGE = "gains.toml", "tuning.json", "tuning.html"
 _FILE = "Gains: "

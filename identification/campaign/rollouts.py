@@ -16,13 +16,12 @@ from auv_gym.channels import channel, set_point_of
 from auv_gym.model import Model
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from auv_gym.writing import write_json
 from identification.campaign.file.plan import plan, selected
 from identification.campaign.file.settings import Campaign, EnvExperiment, RunSettings
-from identification.campaign.fits import VEHICLE, Progress, designed_vehicle, load_fitted, read_fits
+from identification.campaign.fits import VEHICLE, designed_vehicle, load_fitted, read_fits
 from identification.campaign.index import Row, read_index
 from identification.campaign.running.perform import run_status
-from identification.campaign.running.pool import in_parallel
+from identification.campaign.running.shelf import Progress, Shelf
 from identification.campaign.running.staging import make_campaign_controller, make_env
 from identification.compare.comparison import compare_closed, step_scales
 from identification.compare.model_tests import open_loop, over_time
@@ -67,19 +66,7 @@ def compare_rollouts(
     """
     folder = Path(folder)
     tasks = planned_rollouts(campaign, read_index(folder), read_fits(folder))
-    (folder / FOLDER).mkdir(exist_ok=True)
-    results = {task.name: kept for task in tasks if (kept := _kept(task, folder)) is not None}
-    waiting = [task for task in tasks if task.name not in results]
-    for number, result in in_parallel(partial(_compared, folder), waiting, jobs):
-        task = waiting[number]
-        if result is None:
-            result = {**_empty(task), "reason": "The process that ran it died: too little memory, perhaps."}
-            write_json(_file_of(task.name, folder), result)
-        results[task.name] = result
-        if progress is not None:
-            progress(len(results) / len(tasks), task.name)
-    write_json(folder / FOLDER / LIST, [task.name for task in tasks])
-    return [results[task.name] for task in tasks]
+    return _shelf(folder).filled(tasks, partial(_compared, folder), _empty, jobs, progress)
 
 
 def planned_rollouts(campaign: Campaign, rows: Sequence[Row], fits: Sequence[Mapping[str, Any]]) -> list[RolloutTask]:
@@ -101,14 +88,8 @@ def planned_rollouts(campaign: Campaign, rows: Sequence[Row], fits: Sequence[Map
 
 def read_rollouts(folder: str | Path) -> dict[str, list[dict[str, Any]]]:
     """What `compare_rollouts` gave last, by kind; empty lists where nothing was compared."""
-    folder = Path(folder)
-    found: dict[str, list[dict[str, Any]]] = {kind: [] for kind in KINDS}
-    if (folder / FOLDER / LIST).is_file():
-        for name in json.loads((folder / FOLDER / LIST).read_text(encoding="utf-8")):
-            if _file_of(name, folder).is_file():
-                result = json.loads(_file_of(name, folder).read_text(encoding="utf-8"))
-                found[result["kind"]].append(result)
-    return found
+    results = _shelf(folder).read()
+    return {kind: [result for result in results if result["kind"] == kind] for kind in KINDS}
 
 
 def load_rollout(folder: str | Path, file: str) -> Record:
@@ -125,7 +106,7 @@ def _compared(folder: Path, task: RolloutTask) -> dict[str, Any]:
         result["status"] = "done"
     except Exception as error:  # the other comparisons go on, and this one says why it did not
         result["reason"] = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
-    write_json(_file_of(task.name, folder), result)
+    _shelf(folder).put(task.name, result)
     return result
 
 
@@ -221,15 +202,13 @@ def _saved(record: Record, name: str, folder: Path, channels: Sequence[str] | No
     return name
 
 
-def _kept(task: RolloutTask, folder: Path) -> dict[str, Any] | None:
-    """What an earlier call found for this very task, if its records are still there."""
-    try:
-        result = json.loads(_file_of(task.name, folder).read_text(encoding="utf-8"))
-        files = [result["file"], *(of["file"] for of in result["models"].values() if of["status"] == "done")]
-        there = all((folder / FOLDER / file).is_file() for file in files)
-        return result if result["key"] == task.key and result["status"] == "done" and there else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
+def _shelf(folder: str | Path) -> Shelf:
+    """Where results are, and the records that they name."""
+
+    def files(result: Mapping[str, Any]) -> list[str]:
+        return [result["file"], *(of["file"] for of in result["models"].values() if of["status"] == "done")]
+
+    return Shelf(Path(folder) / FOLDER, LIST, files)
 
 
 def _empty(task: RolloutTask) -> dict[str, Any]:
@@ -245,7 +224,3 @@ def _empty(task: RolloutTask) -> dict[str, Any]:
         "file": "",
         "models": {},
     }
-
-
-def _file_of(name: str, folder: Path) -> Path:
-    return folder / FOLDER / f"{name}.json"

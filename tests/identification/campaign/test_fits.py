@@ -52,6 +52,6 @@ def test_results_come_back_from_the_folder(study):
 def test_what_is_there_is_not_fitted_again(study, monkeypatch):
     made = []
     monkeypatch.setattr(fitting, "_fill", lambda result, task, folder: made.append(task.name))
-    monkeypatch.setattr(fitting, "write_json", lambda path, content: None)
+    monkeypatch.setattr("identification.campaign.running.shelf.write_json", lambda path, content: None)
     assert fit_models(study.campaign, study.folder)[:3] == json.loads(json.dumps(study.fits[:3]))
     assert made == ["hopeless"]
