@@ -12,7 +12,7 @@ from auv_gym.records.record import Record
 from identification.linear.polynomials.filtering import is_stable, largest_root
 from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
-from identification.linear.polynomials.structure import Orders, Row, Structure
+from identification.linear.polynomials.structure import Orders, PolynomialSettings, Row
 
 PASSES = 50
 _SETTLED = 1e-9  # change of the sum of squares in a pass, relative
@@ -22,7 +22,7 @@ _INSIDE = 0.98  # size of the largest root of C to which an unstable one is brou
 
 
 @dataclass(frozen=True)
-class Els:
+class Els(PolynomialSettings):
     """ARMAX by extended least squares: A(q) y = B(q) u + C(q) e, regressed on the errors of the last pass.
 
     Settings as in Arx, and n_c: lags of the errors.  Without bias where C is near 1 (1/C - 1/2 positive real), less
@@ -39,24 +39,7 @@ class Els:
         array([1. , 0.8])
     """
 
-    inputs: Sequence[str]
-    outputs: Sequence[str]
-    n_a: Orders = 2
-    n_b: Orders = 2
     n_c: Orders = 2
-    delay: Orders = 1
-    offset: bool = True
-    structure: str = "diagonal"
-    integrating: Sequence[str] = ()
-    skip: int = 0
-
-    def __post_init__(self) -> None:
-        _ = self.orders
-
-    @cached_property
-    def orders(self) -> Structure:
-        """The equations that these settings make."""
-        return Structure.asked_by(self)
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from scipy.signal import lfilter
@@ -16,7 +15,7 @@ from identification.linear.polynomials.filtering import half_squares, largest_ro
 from identification.linear.polynomials.levenberg_marquardt import Stopping
 from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
-from identification.linear.polynomials.structure import Orders, Structure
+from identification.linear.polynomials.structure import PolynomialSettings
 
 _PASSES = 10
 _NEAR = 1e-3  # gradient at which a model is good enough to begin from
@@ -24,7 +23,7 @@ _INSIDE = 0.999  # size of the largest root of A with which signals are filtered
 
 
 @dataclass(frozen=True)
-class OutputError:
+class OutputError(PolynomialSettings):
     """An output-error model, y = (B(q) / A(q)) u + e, fitted by minimising the errors of free runs.
 
     Settings as in Arx.  Each segment's initial state is estimated.  Right where the noise is on the measurement alone;
@@ -44,24 +43,8 @@ class OutputError:
         array([1.  , 0.82])
     """
 
-    inputs: Sequence[str]
-    outputs: Sequence[str]
-    n_a: Orders = 2
-    n_b: Orders = 2
-    delay: Orders = 1
-    offset: bool = True
-    structure: str = "diagonal"
-    integrating: Sequence[str] = ()
-    skip: int = 0
+    tied: ClassVar[bool] = True
     stopping: Stopping = field(default_factory=Stopping)
-
-    def __post_init__(self) -> None:
-        _ = self.orders
-
-    @cached_property
-    def orders(self) -> Structure:
-        """The equations that these settings make."""
-        return Structure.asked_by(self, tied=True)
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import ClassVar
 
 import numpy as np
 
@@ -126,22 +126,6 @@ class Structure:
                 raise ValueError(f"{name} needs n_a of at least 1 for {output}, which integrates, got 0.")
         return structure
 
-    @classmethod
-    def asked_by(cls, estimator: Any, tied: bool = False) -> Structure:
-        """The structure of an estimator's settings, which are fields of the names that `of` has; see there."""
-        return cls.of(
-            type(estimator).__name__,
-            estimator.inputs,
-            estimator.outputs,
-            estimator.n_a,
-            estimator.n_b,
-            getattr(estimator, "n_c", 0),
-            estimator.delay,
-            estimator.structure,
-            estimator.integrating,
-            tied,
-        )
-
     @cached_property
     def rows(self) -> tuple[Row, ...]:
         return tuple(self._row(i) for i in range(len(self.outputs)))
@@ -198,6 +182,41 @@ class Structure:
                 parts.append(np.eye(count))
                 base += [0.0] * count
         return Row(output, i, tuple(terms), np.array(base), blocks(parts))
+
+
+@dataclass(frozen=True)
+class PolynomialSettings:
+    """What all estimators of polynomial models are asked for; the meaning of each is in `Arx`."""
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
+    tied: ClassVar[bool] = False  # whether C is A
+
+    def __post_init__(self) -> None:
+        _ = self.orders
+
+    @cached_property
+    def orders(self) -> Structure:
+        """The equations that these settings make."""
+        return Structure.of(
+            type(self).__name__,
+            self.inputs,
+            self.outputs,
+            self.n_a,
+            self.n_b,
+            getattr(self, "n_c", 0),
+            self.delay,
+            self.structure,
+            self.integrating,
+            self.tied,
+        )
 
 
 def check_channels(name: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
