@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,7 +12,7 @@ from identification.linear.polynomials.els import extended
 from identification.linear.polynomials.levenberg_marquardt import Stopping, minimise
 from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
-from identification.linear.polynomials.structure import Orders, PolynomialSettings
+from identification.linear.polynomials.structure import ByOrders, Orders
 
 _ROUNDS = 4  # of the weights of coupled outputs
 _SAME = 1e-6  # relative change of the errors' covariance that ends them
@@ -19,7 +20,7 @@ _START_PASSES = 3
 
 
 @dataclass(frozen=True)
-class Armax(PolynomialSettings):
+class Armax(ByOrders):
     """ARMAX by the prediction-error method: A(q) y = B(q) u + intercept + C(q) e.
 
     Settings as in Arx, and n_c: lags of the errors.  Without bias in closed loop and under coloured noise, if the
@@ -39,7 +40,16 @@ class Armax(PolynomialSettings):
         array([1.  , 0.81])
     """
 
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
     n_c: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
     stopping: Stopping = field(default_factory=Stopping)
 
     def fit(self, *records: Record) -> PolynomialFit:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from auv_gym.records.record import Record
 from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
-from identification.linear.polynomials.structure import PolynomialSettings
+from identification.linear.polynomials.structure import ByOrders, Orders
 
 
 @dataclass(frozen=True)
-class Arx(PolynomialSettings):
+class Arx(ByOrders):
     """Least-squares ARX, A(q) y = B(q) u + intercept + e.
 
     n_a: lags of an output.  n_b: lags of an input, from `delay` on; 0 where it does not act.  delay: samples, at least
@@ -31,6 +32,16 @@ class Arx(PolynomialSettings):
         >>> fit.model.to_state_space().poles().round(2)
         array([1.01, 0.64])
     """
+
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records, each with its own lags; raises if the data cannot tell all of them."""

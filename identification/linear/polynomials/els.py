@@ -12,7 +12,7 @@ from auv_gym.records.record import Record
 from identification.linear.polynomials.filtering import is_stable, largest_root
 from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
-from identification.linear.polynomials.structure import Orders, PolynomialSettings, Row
+from identification.linear.polynomials.structure import ByOrders, Orders, Row
 
 PASSES = 50
 _SETTLED = 1e-9  # change of the sum of squares in a pass, relative
@@ -22,7 +22,7 @@ _INSIDE = 0.98  # size of the largest root of C to which an unstable one is brou
 
 
 @dataclass(frozen=True)
-class Els(PolynomialSettings):
+class Els(ByOrders):
     """ARMAX by extended least squares: A(q) y = B(q) u + C(q) e, regressed on the errors of the last pass.
 
     Settings as in Arx, and n_c: lags of the errors.  Without bias where C is near 1 (1/C - 1/2 positive real), less
@@ -39,7 +39,16 @@ class Els(PolynomialSettings):
         array([1. , 0.8])
     """
 
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
     n_c: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
 
     def fit(self, *records: Record) -> PolynomialFit:
         """Fit over all segments of all records; raises if the data cannot tell all coefficients."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
@@ -15,7 +16,7 @@ from identification.linear.polynomials.filtering import half_squares, largest_ro
 from identification.linear.polynomials.levenberg_marquardt import Stopping
 from identification.linear.polynomials.polynomial_fit import PolynomialFit, fit_coupled_outputs
 from identification.linear.polynomials.prediction import Prediction
-from identification.linear.polynomials.structure import PolynomialSettings
+from identification.linear.polynomials.structure import ByOrders, Orders
 
 _PASSES = 10
 _NEAR = 1e-3  # gradient at which a model is good enough to begin from
@@ -23,7 +24,7 @@ _INSIDE = 0.999  # size of the largest root of A with which signals are filtered
 
 
 @dataclass(frozen=True)
-class OutputError(PolynomialSettings):
+class OutputError(ByOrders):
     """An output-error model, y = (B(q) / A(q)) u + e, fitted by minimising the errors of free runs.
 
     Settings as in Arx.  Each segment's initial state is estimated.  Right where the noise is on the measurement alone;
@@ -44,6 +45,15 @@ class OutputError(PolynomialSettings):
     """
 
     tied: ClassVar[bool] = True
+    inputs: Sequence[str]
+    outputs: Sequence[str]
+    n_a: Orders = 2
+    n_b: Orders = 2
+    delay: Orders = 1
+    offset: bool = True
+    structure: str = "diagonal"
+    integrating: Sequence[str] = ()
+    skip: int = 0
     stopping: Stopping = field(default_factory=Stopping)
 
     def fit(self, *records: Record) -> PolynomialFit:

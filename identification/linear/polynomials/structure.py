@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -184,19 +184,9 @@ class Structure:
         return Row(output, i, tuple(terms), np.array(base), blocks(parts))
 
 
-@dataclass(frozen=True)
-class PolynomialSettings:
-    """What all estimators of polynomial models are asked for; the meaning of each is in `Arx`."""
+class ByOrders:
+    """What makes equations of the settings that estimators of polynomial models have; the settings: see `Arx`."""
 
-    inputs: Sequence[str]
-    outputs: Sequence[str]
-    n_a: Orders = 2
-    n_b: Orders = 2
-    delay: Orders = 1
-    offset: bool = True
-    structure: str = "diagonal"
-    integrating: Sequence[str] = ()
-    skip: int = 0
     tied: ClassVar[bool] = False  # whether C is A
 
     def __post_init__(self) -> None:
@@ -205,16 +195,17 @@ class PolynomialSettings:
     @cached_property
     def orders(self) -> Structure:
         """The equations that these settings make."""
+        asked: Any = self
         return Structure.of(
             type(self).__name__,
-            self.inputs,
-            self.outputs,
-            self.n_a,
-            self.n_b,
-            getattr(self, "n_c", 0),
-            self.delay,
-            self.structure,
-            self.integrating,
+            asked.inputs,
+            asked.outputs,
+            asked.n_a,
+            asked.n_b,
+            getattr(asked, "n_c", 0),
+            asked.delay,
+            asked.structure,
+            asked.integrating,
             self.tied,
         )
 
