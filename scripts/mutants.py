@@ -29,6 +29,8 @@ TREE = Path(__file__).parents[1]
 LEFT_BEHIND = shutil.ignore_patterns(".*", "__pycache__", "*.egg-info", "site", "shared", "demo-output")
 LIST = Path(__file__).with_suffix(".toml")
 WIDTH = 210  # columns that the table needs
+# slow tests, too, in one process, up to the first that fails
+OPTIONS = ("-m", "", "-n", "0", "-x", "-q", "-rfE", "-p", "no:cacheprovider")
 LIMIT = 900  # s that the tests of one mutant may take; the first of all compile
 
 
@@ -134,21 +136,7 @@ def first_failure(tree: Path, tests: Sequence[str]) -> str:
     """The first of the tests that fails in a tree, or "" if none does; raises ValueError where they cannot be run."""
     # no compiled modules are left: of a text of the same length, written in the same second, the old one would be run
     settings = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-m",
-        "",
-        "-n",
-        "0",
-        "-x",
-        "-q",
-        "-rfE",
-        "-p",
-        "no:cacheprovider",
-        *tests,
-    ]
+    command = [sys.executable, "-m", "pytest", *OPTIONS, *tests]
     done = subprocess.run(command, cwd=tree, env=settings, capture_output=True, text=True, timeout=LIMIT, check=False)
     failed = re.search(r"^(?:FAILED|ERROR) ([^\s\[]+)", done.stdout, re.MULTILINE)
     if done.returncode == 0:

@@ -11,6 +11,7 @@ from hypothesis import settings
 
 from auv_gym.plant import load_vehicle, plant
 from auv_gym.plant.rollout import bind_family
+from tests.presets import SELDOM, UNCOMPILED
 
 # The same examples in every run; no deadline, because the first call of a compiled function compiles it.
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=40)
@@ -18,12 +19,6 @@ settings.load_profile("repeatable")
 
 # A compiler makes so many objects that at the default of 700 looking for garbage is a tenth of its time.
 gc.set_threshold(50_000, 20, 20)
-
-
-# Presets with programs of their own, of which others have the like, so that most tests are not repeated for them; those
-# of the first two are compiled by slow tests only.
-UNCOMPILED = ("bluerov", "bluerov2")
-SELDOM = {*UNCOMPILED, "npsauv", "seawing"}
 
 
 @pytest.hookimpl(tryfirst=True)

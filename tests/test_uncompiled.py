@@ -15,6 +15,7 @@ from auv_gym.plant.cruise import command_ranges, find_helm
 from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.record import Record
 from auv_gym.vehicles.body.learned_hull import LearnedHull
+from tests.presets import UNCOMPILED
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = {
@@ -25,7 +26,6 @@ SAMPLES = {
     "glide": 25,
     "glide_body": 12,
 }  # one of a torpedo takes plain Python some milliseconds
-SELDOM = ("bluerov", "bluerov2")
 OTHERS = {
     "effects.discovered.sway.wp": 20.0,
     "effects.discovered.yaw.sin_heading": 0.5,
@@ -52,7 +52,7 @@ def probed(plant: Plant) -> dict[str, float]:
 
 def together() -> dict[str, Plant]:
     """The presets bare, but for those whose programs no other daily test has, and some with all effects."""
-    found = {name: load_vehicle(name) for name in list_vehicles() if name not in SELDOM}
+    found = {name: load_vehicle(name) for name in list_vehicles() if name not in UNCOMPILED}
     for name in ("slocum", "ganeshblue_corrected", "heu_torpedo", "npsauv", "qiandao_float", "mermaid", "seaglider"):
         found[f"{name}, all effects"] = replace_at(found[name], probed(found[name]))
     centres = np.linspace(-0.5, 1.5, 4)[:, None] * np.array([1.0, 0.1, 0.1, 0.2, 0.2, 0.2])
@@ -64,7 +64,7 @@ def together() -> dict[str, Plant]:
 
 def alone() -> dict[str, Plant]:
     """A glider with each effect, and others with each group of effects."""
-    slocum, found = load_vehicle("slocum"), {name: load_vehicle(name) for name in SELDOM}
+    slocum, found = load_vehicle("slocum"), {name: load_vehicle(name) for name in UNCOMPILED}
     found |= {f"slocum, {path}": replace_at(slocum, path, value) for path, value in probed(slocum).items()}
     for name in ("heu_torpedo", "qiandao_float", "mermaid"):
         plant = load_vehicle(name)

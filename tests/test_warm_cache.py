@@ -3,6 +3,7 @@
 import pytest
 
 from auv_gym.plant import list_vehicles, load_vehicle
+from tests.presets import UNCOMPILED
 from tests.warm_cache import flown, main, one_of_each, program_of
 
 
@@ -12,7 +13,7 @@ def test_each_program_is_compiled_once():
 
     taken = [program(name) for name in one_of_each()]
     assert len(set(taken)) == len(taken)
-    daily = {name for name in list_vehicles() if name not in ("bluerov", "bluerov2")}
+    daily = {name for name in list_vehicles() if name not in UNCOMPILED}
     assert set(taken) == {program(name) for name in daily}
 
 

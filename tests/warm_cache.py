@@ -29,9 +29,7 @@ from auv_gym.vehicles.family import Family
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.frozen_rollouts import roll_out
-
-_SLOW = ("bluerov", "bluerov2")  # see tests/conftest.py
-_SLOW_REST = ("npsauv", "seawing")  # simulated by many tests, filtered and in an environment by slow ones alone
+from tests.presets import SIMULATED, UNCOMPILED
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -67,7 +65,7 @@ def one_of_each() -> list[str]:
     Without programs that slow tests alone need.
     """
     found: dict[str, tuple[int, str]] = {}
-    for name in sorted({*list_vehicles()} - {*_SLOW}):
+    for name in sorted({*list_vehicles()} - {*UNCOMPILED}):
         family = load_vehicle(name).family
         found.setdefault(program_of(family), (-len(family.states), name))
     return [name for _, name in sorted(found.values())]
@@ -83,7 +81,7 @@ def warm(name: str) -> None:
     gc.set_threshold(50_000, 20, 20)  # a compiler makes so many objects: at the default this is a tenth of its time
     plant = load_vehicle(name)
     record = flown(plant)
-    if name in _SLOW_REST:
+    if name in SIMULATED:
         plant.run(record, record.segments, plant.initial(np.zeros(len(plant.outputs)))[None])
         return
     step_environment(program_of(plant.family))

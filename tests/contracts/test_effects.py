@@ -61,10 +61,6 @@ def showing() -> list[tuple[str, str]]:
 
 
 SHOWING = showing()
-# of npsauv the programs are compiled for its bow plane only
-shown = pytest.mark.parametrize(
-    "name, path", [pytest.param(*s, marks=[pytest.mark.slow] if s[0] == "npsauv" else []) for s in SHOWING]
-)
 
 
 @lru_cache
@@ -224,7 +220,7 @@ def test_neutral_effects_are_the_identity_bit_for_bit(name):
     assert np.array_equal(stepped(neutral, record, start), without)
 
 
-@shown
+@pytest.mark.parametrize("name, path", SHOWING)
 def test_an_effect_set_to_neutral_leaves_no_trace(name, path):
     record, neutral = neutral_run(name)
     plant = vehicle(name)
@@ -237,7 +233,7 @@ def test_an_effect_set_to_neutral_leaves_no_trace(name, path):
     assert not np.array_equal(outputs(probed, record), neutral)
 
 
-@shown
+@pytest.mark.parametrize("name, path", SHOWING)
 def test_three_probes_of_an_effect_show(name, path):
     spec = spec_at(vehicle(name), path)
     visible = [RESOLUTION[channel.rsplit("_", 1)[1]] for channel in vehicle(name).outputs]
@@ -246,7 +242,7 @@ def test_three_probes_of_an_effect_show(name, path):
             assert np.any(np.abs(change(name, path, probes)).max(axis=0) > visible), probes
 
 
-@shown
+@pytest.mark.parametrize("name, path", SHOWING)
 def test_an_effect_shows_at_first_order(name, path):
     names = vehicle(name).outputs
     scale = np.array([RESOLUTION[channel.rsplit("_", 1)[1]] for channel in names])

@@ -393,12 +393,7 @@ def test_memory_does_not_grow(case):
     assert after - before < 10_000  # bytes: less than one for each step
 
 
-def preset(name: str):
-    """A preset, slow where its step is compiled for this test only: others have thrusters, fins or wings, too."""
-    return pytest.param(name, marks=pytest.mark.slow) if name in ("bluerov", "npsauv", "seawing") else name
-
-
-@pytest.mark.parametrize("vehicle", [preset(n) for n in sorted(list_vehicles())])
+@pytest.mark.parametrize("vehicle", sorted(list_vehicles()))
 def test_random_steps_of_a_preset_stay_finite(vehicle):
     plant = load_vehicle(vehicle)
     name = next(case.name for case in CASES.values() if case.make().episodes.kind is KINDS.of(plant.family))

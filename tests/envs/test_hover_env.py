@@ -32,7 +32,7 @@ def seen(env, observation):
         *(("bluerov2_heavy", task, "wrench") for task in TASKS),
         # its step is compiled for this test only
         *(pytest.param("bluerov2_heavy", task, "thrusters", marks=pytest.mark.slow) for task in TASKS),
-        pytest.param("bluerov", "Pose", "wrench", marks=pytest.mark.slow),
+        ("bluerov", "Pose", "wrench"),
     ],
 )
 def test_a_vector_is_the_single_one_many_times_bit_for_bit(vehicle, task, actions):
@@ -56,7 +56,7 @@ def test_without_a_current_nothing_to_do_costs_nothing():
     assert [reward for _, reward, *_ in steps] == pytest.approx([0.0] * 200, abs=1e-9)
 
 
-@pytest.mark.parametrize("vehicle", [pytest.param("bluerov", marks=pytest.mark.slow), "bluerov2", "bluerov2_heavy"])
+@pytest.mark.parametrize("vehicle", ["bluerov", "bluerov2", "bluerov2_heavy"])
 def test_a_wrench_is_what_the_vehicle_feels(vehicle):
     """The change of velocity in a short first step, times the mass, over the step, without the thrusters' lag."""
     plant = load_vehicle(vehicle, dt=1e-4)
@@ -236,7 +236,7 @@ def test_waypoints_are_reached_by_thrusters(vehicle):
         ("Pose", "bluerov2_heavy"),
         ("Path", "bluerov2_heavy"),
         ("Path", "bluerov2"),
-        pytest.param("Path", "bluerov", marks=pytest.mark.slow),
+        ("Path", "bluerov"),
     ],
 )
 def test_a_picture_shows_the_goal_and_every_thruster(task, vehicle):

@@ -15,7 +15,7 @@ from tests.vehicles.body.coefficient_effects import acting
 FILES = Path(__file__).parents[3] / "examples" / "vehicles"
 
 
-@pytest.mark.parametrize("name", ["remus100", "npsauv", pytest.param("seawing", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["remus100", "npsauv", "seawing"])
 def test_an_effect_that_is_reported_as_a_coefficient_does_what_the_coefficient_does(name):
     assert acting(name) >= 4  # most of them act
 
