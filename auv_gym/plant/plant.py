@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import threads
+from auv_gym.compiled import side_by_side, threads
 from auv_gym.model import check_finite, inputs_of
 from auv_gym.param import list_paths, pack, replace_at, spec_at, value_at
 from auv_gym.plant.charts import Chart
@@ -365,11 +364,7 @@ def _shared_out(count: int, rows: int, run: Callable[[slice], None]) -> None:
     shares = threads() if count * rows >= SHARED_ROWS else 1
     edges = np.linspace(0, count, shares + 1).astype(int)
     parts = [slice(a, b) for a, b in pairwise(edges.tolist())]
-    if shares == 1:
-        run(parts[0])
-    else:
-        with ThreadPoolExecutor(shares) as pool:
-            list(pool.map(run, parts))
+    side_by_side(run, parts)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from identification.deciding import LEAST_PROCESS
 from identification.fit.adjoint import slopes_of
 from identification.fit.filtering import Filter, Point
@@ -45,7 +46,7 @@ class Noises(Filter):
             return logs
         system, times = self._first_system, np.full(len(self.pushed), self.slowness[0])
         tried = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
-        likely = np.array([self._likelihood(system, t) for t in tried])
+        likely = np.array(side_by_side(partial(self._likelihood, system), tried))
         if not np.isfinite(likely).any():
             raise ValueError(
                 f"The runs of {self.plant.name!r} are not finite from one sample of the record to the next: check its "
@@ -101,8 +102,7 @@ class Noises(Filter):
             for guess in () if guesses is None else guesses[np.isfinite(guesses[:, d]), d]:
                 tried.append(logs.copy())
                 tried[-1][[strength, time]] = guess, self.slowness[0]
-            for other in tried:
-                reached = self._likelihood(system, other)
+            for other, reached in zip(tried, side_by_side(partial(self._likelihood, system), tried), strict=True):
                 if reached > best:
                     logs, best = other, reached
         return logs

@@ -14,6 +14,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from auv_gym.plant import Plant
 from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.noises import FAR, NOISE_STEPS, Noise, Noises
@@ -130,7 +131,7 @@ class PredictionErrors(Noises):
         lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
         far = lost > FAR * len(self.rows)
         tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
-        points = [here, *(self.point(here.vector, t, here) for t in tried.values())]
+        points = [here, *side_by_side(lambda logs: self.point(here.vector, logs, here), list(tried.values()))]
         return max(points, key=lambda p: self.objective(p, paths))
 
     def quieted(self, here: Point) -> Point | None:

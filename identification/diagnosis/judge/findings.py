@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import BEYOND, HOPELESS, LEAST_CHANGE, REACH, SURPRISE
@@ -18,7 +19,6 @@ from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
-from identification.diagnosis.search.trials import side_by_side
 from identification.diagnosis.search.workbench import State, Workbench
 
 Sizes = Mapping[str, tuple[float, float, float]]  # value, standard error and half-width of the interval, by path

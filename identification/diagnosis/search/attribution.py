@@ -8,13 +8,14 @@ from functools import partial
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from auv_gym.param import spec_at
 from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SEEN, SURPRISE, TIE
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.acceptance import GONE, Weighed
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.ties import Likeness, cheaper_rival, imitations, least_cost_trial, likenesses, tied
-from identification.diagnosis.search.trials import Progress, Trial, gate, judged, side_by_side, trials_of
+from identification.diagnosis.search.trials import Progress, Trial, gate, judged, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 
 LEADERS = 3  # that a round may have one after the other

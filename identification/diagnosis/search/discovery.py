@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import MOST_TERMS
@@ -14,7 +15,6 @@ from identification.diagnosis.search.acceptance import TERM, Claim, effect_size,
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.remainder import what_is_left
 from identification.diagnosis.search.terms import Found, search, term_interval
-from identification.diagnosis.search.trials import side_by_side
 from identification.diagnosis.search.workbench import State, Workbench
 
 _PER = {

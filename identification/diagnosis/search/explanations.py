@@ -20,6 +20,7 @@ from itertools import product
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from identification.deciding import ALIKE, FEW_STATES, HOPELESS, LEAST_PROBABLE, PRICE, TIE
@@ -28,7 +29,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.survival import Survival, halves_of
 from identification.diagnosis.search.ties import imitations, likenesses
-from identification.diagnosis.search.trials import Trial, side_by_side
+from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 
 STOPPED = 2.0 * TRIAL_GAIN  # of the cost, that trials differ by since their fits stop early

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from auv_gym.compiled import side_by_side
 from identification.deciding import PAIRS
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen_pairs
@@ -17,7 +18,6 @@ from identification.diagnosis.search.trials import (
     gate,
     quieted,
     rival_of,
-    side_by_side,
     tried_from,
 )
 from identification.diagnosis.search.workbench import State, Workbench

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, value_at
 from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
 from identification.diagnosis.search.stability import Selection, select
-from identification.diagnosis.search.trials import FIRST_ITERATIONS, side_by_side
+from identification.diagnosis.search.trials import FIRST_ITERATIONS
 from identification.diagnosis.search.workbench import State, Workbench, tried
 from identification.fit.intervals import information_of, interval_of
 from identification.fit.parameters import moves_of

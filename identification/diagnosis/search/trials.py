@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from functools import partial
 
 import numpy as np
 
-from auv_gym.compiled import threads
+from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
 from identification.deciding import (
@@ -40,8 +39,6 @@ _FITTING = "fitted all effects that look promising to the end"
 UNSEEN = "not detectable in this log"
 
 Progress = Callable[[float, str], None]
-T = TypeVar("T")
-S = TypeVar("S")
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +85,8 @@ def trials_of(
 
     progress(0.2, "trying what is promising")
 
-    rivals = {base: rival_of(bench, state, base) for base in {bases[s.candidate] for s in listed}}
+    wanted = list(dict.fromkeys(bases[s.candidate] for s in listed))
+    rivals = dict(zip(wanted, side_by_side(partial(rival_of, bench, state), wanted), strict=True))
 
     def begin(screening: Screening) -> Begun:
         base, here = bases[screening.candidate], first[screening.candidate]
@@ -111,12 +109,12 @@ def trials_of(
     late = _overtaken(begun, trials, gain, threshold(count))
     if late and bench.goes_on(_FITTING):
         trials += _all_finished(bench, state, late, count)
-    done, wanted = {t.candidate for t in trials}, {b.screening.candidate for b in (*finalists, *late)}
+    done, chosen = {t.candidate for t in trials}, {b.screening.candidate for b in (*finalists, *late)}
     for screening in screened:
         if screening.candidate not in done:
             reached = gain.get(screening.candidate, screening.evidence)
             reason = NO_TRACE if reached < LEAST_TRACE * threshold(count) else FAR_LESS
-            if screening.candidate in wanted:
+            if screening.candidate in chosen:
                 reason = NO_TIME
             if screening.chance >= PART_LEVEL:
                 reason = IDLE_PART
@@ -139,12 +137,6 @@ def tried_from(bench: Workbench, state: State, base: State, rival: State, screen
         size = begun.promise if np.isfinite(begun.promise) else 0.0
         return Trial(screening.candidate, None, size, 0.0, screening, NO_TRACE)
     return _finished(bench, state, begun, count)
-
-
-def side_by_side(run: Callable[[T], S], items: Sequence[T]) -> list[S]:
-    """What `run` makes of each item, as many at once as there are threads."""
-    with ThreadPoolExecutor(threads()) as pool:
-        return list(pool.map(run, items))
 
 
 def _screened(

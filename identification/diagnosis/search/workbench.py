@@ -9,6 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
@@ -130,7 +131,7 @@ class Workbench:
         rival: a state that it is compared with; where it is behind that by `hopeless` once its parameters have settled,
         the noises that suit it are not sought.
         """
-        points = [self.problem.point(plant.vector, near.point.logs, near.point) for plant, near in starts]
+        points = side_by_side(lambda one: self.problem.point(one[0].vector, one[1].point.logs, one[1].point), starts)
         best = max(points, key=lambda p: self.problem.objective(p, paths))  # minus infinity where a filter is lost
         point = self.problem.descended(best, paths)
         settled = State(self.problem.plant_at(point, paths), tuple(paths), point)
@@ -188,9 +189,12 @@ class Workbench:
         little where this one leaves it.
         """
         problem = self.problem
-        begun = [problem.point(plant.vector, near.point.logs, near.point)]
-        begun.append(problem.point(plant.vector, problem.first_noise()))
-        found = [problem.renewed(point, point.logs, ()) for point in begun]
+
+        def renewed(near: Point | None) -> Point:
+            point = problem.point(plant.vector, problem.first_noise() if near is None else near.logs, near)
+            return problem.renewed(point, point.logs, ())
+
+        found = side_by_side(renewed, [near.point, None])
         return State(plant, (), max(found, key=lambda point: problem.objective(point, ())))
 
     def worth(self, state: State, paths: Sequence[str]) -> float:
