@@ -17,7 +17,7 @@ import types
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib import import_module
 from itertools import chain
 from pathlib import Path
@@ -66,19 +66,23 @@ def outlined(function: F) -> F:
 class Later:
     """A function that numba sees when it is first needed, so that modules load without numba; called as it would be.
 
-    ready: numba's own function, without the look-up of this one.
+    ready: numba's own function, without the look-up of this one.  within: the same for compiled code, which Python
+    cannot call; what lets Python call a function takes a sixth of the time of compiling a vehicle.
     """
 
-    def __init__(self, make: Callable[[], Any], function: Any):
-        self._make, self._ready = make, None
+    def __init__(self, make: Callable[[bool], Any], function: Any):
+        """make: numba's function, given whether it is for compiled code."""
+        self._make = make
         self.py_func, self.__name__, self.__doc__ = function, function.__name__, function.__doc__
         self.__module__ = function.__module__
 
-    @property
+    @cached_property
     def ready(self) -> Any:
-        if self._ready is None:
-            self._ready = self._make()
-        return self._ready
+        return self._make(False)
+
+    @cached_property
+    def within(self) -> Any:
+        return self._make(True)
 
     def __call__(self, *arguments: Any) -> Any:
         return self.ready(*arguments)
@@ -93,7 +97,7 @@ def ready(function: Any) -> Any:
 def _numba() -> Any:
     """numba, which then knows what a `Later` is, and tells record types apart."""
     numba: Any = import_module("numba")
-    import_module("numba.extending").typeof_impl.register(Later)(lambda value, context: numba.typeof(value.ready))
+    import_module("numba.extending").typeof_impl.register(Later)(lambda value, context: numba.typeof(value.within))
     # Symbols of machine code name a record type by a number that each process counts for itself.  Code for one vehicle
     # from one process and for another vehicle from another would share a symbol, and one of them be called for both.
     numba.types.Record.mangling_args = property(lambda record: ("Record", (_digest(record.name),)))
@@ -105,17 +109,19 @@ def _digest(text: str) -> str:
 
 
 def _later(function: Any, calls: Iterable[Any], **options: Any) -> Any:
-    return Later(lambda: _compiled(function, calls, **options), function)
+    return Later(lambda within: _compiled(function, calls, within, **options), function)
 
 
-def _compiled(function: Any, calls: Iterable[Any], **options: Any) -> Any:
+def _compiled(function: Any, calls: Iterable[Any], within: bool, **options: Any) -> Any:
+    """numba's function; within: see `Later`.  Each kind has a cache of its own, as numba takes them for the same."""
     numba = _numba()
     # numba reads the cache folder when a function is decorated, so other packages' functions keep theirs.
     before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(_cache_folder(frozenset(_package_folder(callee) for callee in calls)))
+    folder = _cache_folder(frozenset(_package_folder(callee) for callee in calls))
+    numba.config.CACHE_DIR = str(folder / "within" if within else folder)
     try:
         settings = {"cache": True, "error_model": "numpy", "forceinline": True, "no_cfunc_wrapper": True, "nogil": True}
-        settings |= options
+        settings |= {"no_cpython_wrapper": within, **options}
         made = numba.njit(**settings)(function)
     finally:
         numba.config.CACHE_DIR = before
@@ -182,7 +188,7 @@ def view_as(dtype: np.dtype, name: str, *, writable: bool = False) -> Any:
     return bind(_view, f"{name}_{layout}", RECORD=dtype, SIZE=size)
 
 
-def _tail_of() -> Any:
+def _tail_of(within: bool) -> Any:
     numba = _numba()
     types_: Any = import_module("numba.core.types")
     intrinsic: Any = import_module("numba.extending").intrinsic
@@ -200,7 +206,7 @@ def _tail_of() -> Any:
     def tail_of(record, count):
         return numba.carray(after(record), (count,))
 
-    return numba.njit(forceinline=True, no_cfunc_wrapper=True)(tail_of)
+    return numba.njit(forceinline=True, no_cfunc_wrapper=True, no_cpython_wrapper=within)(tail_of)
 
 
 def _plain_tail_of(record, count):
