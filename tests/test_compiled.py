@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -154,8 +155,6 @@ def test_old_generations_of_the_cache_are_removed(tmp_path):
 
 
 def test_other_packages_keep_their_cache_folder():
-    import numba
-
     folder_of_others = numba.config.CACHE_DIR
 
     @compiled
@@ -251,6 +250,6 @@ def test_what_compiled_code_calls_is_not_found_in_the_cache_by_python(tmp_path, 
     monkeypatch.setattr(compiled_module, "_cache_folder", lambda packages: tmp_path)
     first, again = (bind(line, "within", scale=3.0, offset=1.0) for _ in range(2))
     assert bind(calling, "within", hook=first)(2.0) == 7.0
-    again.ready.compile("float64(float64)")  # calling what was made for compiled code would end the process
+    again.ready.compile((numba.float64,))  # calling what was made for compiled code would end the process
     assert sum(again.ready.stats.cache_hits.values()) == 0
     assert again(2.0) == 7.0
