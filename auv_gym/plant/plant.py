@@ -168,15 +168,16 @@ class Plant:
     def derived(self) -> np.ndarray:
         """What the compiled programs take in place of the parameters: these, and what follows from them alone."""
         derived = np.zeros(self.family.derived + (0 if self.learned is None else self.learned.table.size))
-        self.programs.derive(self.vector, derived)
+        self.programs.derive(self.vector.copy(), derived)  # for what is read-only it would be compiled once more
         return derived
 
     @cached_property
     def _work_size(self) -> int:
         return scratch_for(self.family).size
 
-    @cached_property
+    @property
     def programs(self) -> Programs:
+        """Looked up each time, as what a vehicle keeps is pickled with it."""
         return bind_family(self.family)
 
     @cached_property

@@ -407,9 +407,9 @@ def bind_family(family: Family) -> Programs:
         read=ready(bind(read, program, **known)),
         settle=ready(bind(settle, program, **known)),
         rollout=ready(bind(rollout, program, **known)),
-        along=ready(known["along"]),
-        move_actuators=ready(known["move_actuators"]),
-        derivative=ready(family.hooks.derivative),
+        along=known["along"],
+        move_actuators=known["move_actuators"],
+        derivative=family.hooks.derivative,
         derive=ready(family.hooks.derive),
     )
     return _BOUND[program]

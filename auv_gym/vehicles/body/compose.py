@@ -421,7 +421,7 @@ def _hooks(
         output=output,
         enter=dynamics.enter,
         leave=dynamics.leave,
-        derive=derive,
+        derive=bind(derived_numbers.hand_on, program, inline=False, derive=derive),
         kick=kick,
     )
 

@@ -1,7 +1,7 @@
 """What follows from the parameters of a vehicle in six degrees of freedom alone, worked out once and not in every step.
 
 The compiled functions of the family read parameters and derived numbers as one record, `view(derived)`; what parts it
-has differs from vehicle to vehicle, `compose` says how. `derive` is a template, see `compiled.bind`.
+has differs from vehicle to vehicle, `compose` says how. `derive` and `hand_on` are templates, see `compiled.bind`.
 """
 
 from __future__ import annotations
@@ -172,6 +172,11 @@ def without_given_momentum(hull, momentum):
     for i in range(6):
         for j in range(6):
             momentum[i, j] -= rigid[i, j] + half * (added[i, j] + added[j, i])
+
+
+def hand_on(vector, derived):
+    """As `derive`, which Python and compiled code would each compile whole."""
+    derive(vector, derived)
 
 
 def derive(vector, derived):
