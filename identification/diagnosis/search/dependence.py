@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from auv_gym.records.attitude import ANGLES
 from identification.deciding import CLOCK_PARTS, FEW_STATES, FEWER_PIECES, LEFT, PIECES, WEIGHED
 from identification.diagnosis.search.beside_noise import weigh
 from identification.diagnosis.search.candidates import Regression
+from identification.diagnosis.search.multiplicity import level_of_each, summed_up
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.filtering import Point
 from identification.fit.prediction_errors import PredictionErrors
@@ -38,6 +40,20 @@ class Dependence:
     remembers: bool
 
 
+@dataclass(frozen=True, eq=False)
+class _Tried:
+    """A law, (rows,), that an acceleration of the `axis`-th pushed state may follow, and the evidence for it.
+
+    signature: (m,), see `summed_up`.
+    """
+
+    told: Dependence
+    axis: int
+    law: np.ndarray
+    evidence: float
+    signature: np.ndarray
+
+
 def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependence | None:
     """The surest dependence of what pushes the vehicle on a signal, None if chance would do as well.
 
@@ -50,7 +66,7 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     A controller that steers against pushes, by more than what was logged, makes commands follow them.  So a law of a
     command counts only if it tells more than the same law of commands that come later, see `_answers`.
     Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
-    level: probability of a dependence where there is none.
+    level: probability of a dependence where there is none; see `_shared`.
     """
     problem, point = bench.problem, state.point
     if point.system is None:
@@ -62,42 +78,54 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     regression = Regression(problem, point, state.paths, 0.0)
     begins = np.zeros(len(problem.rows), dtype=bool)
     begins[problem.offsets] = True
-    found: list[tuple[float, Dependence, int, np.ndarray]] = []
+    found: list[_Tried] = []
     for name, values in signals_of(problem, point).items():
         for remembers, laws in enumerate(laws_of(name, values, begins, PIECES if few else FEWER_PIECES)):
             for axis in axes if laws else ():
                 told = Dependence(problem.pushed[axis], name, bool(remembers))
                 terms = problem.pushed_by(point, int(axis), np.array(laws))
-                evidence = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
-                found += [(float(e), told, int(axis), law) for e, law in zip(evidence, laws, strict=True) if e > 0.0]
-    found, share, likely = sorted(found, key=lambda one: -one[0]), level / max(len(found), 1), []
-    for evidence, told, axis, law in found:
-        if len(likely) == WEIGHED or evidence < _FAINT:
+                evidence, rest = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
+                tried = zip(evidence, laws, summed_up(rest), strict=True)
+                found += [_Tried(told, int(axis), law, float(e), r) for e, law, r in tried if e > 0.0]
+    shares = _shared(found, level)
+    likely = []
+    for one, share in sorted(zip(found, shares, strict=True), key=lambda o: chi2.sf(o[0].evidence, 1) / o[1]):
+        if len(likely) == WEIGHED:
             break
-        sure = chi2.sf(evidence, 1) < share
-        if (sure or problem.is_pushed(point)) and not _answers(problem, regression, told, evidence, axis, law):
+        sure = chi2.sf(one.evidence, 1) < share
+        worth = sure or (one.evidence >= _FAINT and problem.is_pushed(point))
+        if worth and not _answers(problem, regression, one):
             if sure:
-                return told
-            likely.append((told, problem.pushed_by(point, axis, law[None])))
+                return one.told
+            likely.append((one.told, share, problem.pushed_by(point, one.axis, one.law[None])))
     if not likely:
         return None
-    weights = weigh(problem, point, state.paths, together([term for _, term in likely]), share)
-    chances = [weight.chance for weight in weights]
-    return likely[int(np.argmin(chances))][0] if min(chances) < share else None
+    enough = max(share for _, share, _ in likely)
+    weights = weigh(problem, point, state.paths, together([term for _, _, term in likely]), enough)
+    chances = [weight.chance / share for weight, (_, share, _) in zip(weights, likely, strict=True)]
+    return likely[int(np.argmin(chances))][0] if min(chances) < 1.0 else None
 
 
-def _answers(
-    problem: PredictionErrors, regression: Regression, told: Dependence, evidence: float, axis: int, law: np.ndarray
-) -> bool:
+def _shared(found: Sequence[_Tried], level: float) -> np.ndarray:
+    """The level of each law: half of it all for a push that follows the velocity that it changes, as of a drag."""
+    own = np.array([one.told.pushed == one.told.signal for one in found], dtype=bool)
+    shares = np.empty(len(found))
+    for group in (own, ~own):
+        signatures = [one.signature for one, inside in zip(found, group, strict=True) if inside]
+        shares[group] = level_of_each(np.array(signatures), 0.5 * level)
+    return shares
+
+
+def _answers(problem: PredictionErrors, regression: Regression, one: _Tried) -> bool:
     """Whether a law of a command tells less than the same law of later commands: these answer what has pushed."""
-    if told.signal not in problem.plant.inputs:
+    if one.told.signal not in problem.plant.inputs:
         return False
-    rows, stretch = np.arange(len(law)), problem.stretch_of_row
-    last = np.r_[problem.offsets[1:], len(law)][stretch] - 1
-    later = np.array([law[np.minimum(rows + lead, last)] for lead in _LEADS])
+    rows, stretch = np.arange(len(one.law)), problem.stretch_of_row
+    last = np.r_[problem.offsets[1:], len(one.law)][stretch] - 1
+    later = np.array([one.law[np.minimum(rows + lead, last)] for lead in _LEADS])
     point = regression.point
-    signatures = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, axis, later)))
-    return float(_evidence(regression, signatures).max()) > evidence
+    signatures = problem.counted_flat(problem.slopes_by(point, problem.pushed_by(point, one.axis, later)))
+    return float(_evidence(regression, signatures)[0].max()) > one.evidence
 
 
 def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
@@ -148,6 +176,8 @@ def laws_of(
     for size in (values, np.abs(values))[: 1 + signed]:
         edges = np.quantile(size, np.arange(1, pieces) / pieces)
         past += [_switched(size, low, high, begins) for low, high in zip(edges[:-2:2], edges[2::2], strict=True)]
+    if signed:  # the same to both sides, as drag is
+        past += [values * switch / unit for switch in past[-((pieces - 2) // 2) :]]
     return present, past
 
 
@@ -170,14 +200,17 @@ def _held(events: np.ndarray) -> np.ndarray:
     return events[np.maximum.accumulate(np.where(known, np.arange(len(events)), 0))]
 
 
-def _evidence(regression: Regression, signatures: np.ndarray) -> np.ndarray:
-    """Evidence for each of some signatures, (P, n), beside what is fitted, see `dependence`; 0 if nothing is left."""
+def _evidence(regression: Regression, signatures: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Evidence for each of some signatures, (P, n), beside what is fitted, see `dependence`; 0 if nothing is left.
+
+    And what is left of them, (P, n).
+    """
     size = np.maximum(np.linalg.norm(signatures, axis=1), 1e-300)
     rest = regression.beside(signatures / size[:, None])
     told, one_size = (rest @ regression.left) ** 2, np.einsum("ij,ij->i", rest, rest)
     any_size = (rest**2) @ regression.left**2
     evidence = told / np.maximum(np.maximum(one_size, any_size), 1e-30)
-    return np.where(one_size > _LEAST_REST, evidence, 0.0)
+    return np.where(one_size > _LEAST_REST, evidence, 0.0), rest
 
 
 def _chance(regression: Regression, signatures: np.ndarray) -> float:

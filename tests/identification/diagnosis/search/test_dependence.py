@@ -47,7 +47,7 @@ def test_an_actuator_that_is_stronger_to_one_side_shows_and_noise_does_not(clean
 @pytest.mark.slow
 def test_the_level_is_shared_by_all_that_is_tried(clean):
     """At a level of one, everything would show; at the level that is asked for, next to nothing by chance."""
-    assert dependence(*clean, level=1e9) is not None
+    assert dependence(*clean, level=2.0) is not None
     rng, false = np.random.default_rng(11), 0
     for _ in range(12):
         false += dependence(*fitted(closed_loop(PLANT, rng=rng, duration=600.0))) is not None
@@ -68,7 +68,7 @@ def test_errors_that_are_merely_larger_at_times_show_nothing():
     bar = 10.8  # 0.1 % of chi-square
     for _ in range(count):
         regression = Regressed(rng.standard_normal(rows) * np.where(larger, 10.0, 1.0))
-        (evidence,) = module._evidence(regression, larger.astype(float)[None] - larger.mean())
+        (evidence,) = module._evidence(regression, larger.astype(float)[None] - larger.mean())[0]
         false += evidence > bar
     assert false <= 3
 
@@ -95,11 +95,26 @@ def test_commands_that_answer_pushes_are_told_from_those_that_push(ahead, answer
         counted_flat=lambda slopes: slopes,
     )
     regression = Regressed(np.roll(command, -ahead) + rng.standard_normal(rows))
-    evidence = float(module._evidence(regression, command[None])[0])
-    told = Dependence("r_radps", "rudder_rad", False)
-    assert module._answers(problem, regression, told, evidence, 0, command) is answers
-    heading = Dependence("r_radps", "heading_rad", False)  # the filter's own states know of no later push
-    assert not module._answers(problem, regression, heading, evidence, 0, command)
+    evidence = float(module._evidence(regression, command[None])[0][0])
+
+    def tried(signal):
+        return module._Tried(Dependence("r_radps", signal, False), 0, command, evidence, command)
+
+    assert module._answers(problem, regression, tried("rudder_rad")) is answers
+    # the filter's own states know of no later push
+    assert not module._answers(problem, regression, tried("heading_rad"))
+
+
+def test_half_of_the_level_is_that_of_pushes_that_follow_what_they_push():
+    def tried(signal, law):
+        return module._Tried(Dependence("r_radps", signal, True), 0, law, 1.0, law)
+
+    laws = np.eye(30)
+    found = [*(tried("r_radps", law) for law in laws[:2]), *(tried("depth_m", law) for law in laws[2:])]
+    shares = module._shared(found, 0.02)
+    assert np.unique(shares[:2]).size == np.unique(shares[2:]).size == 1
+    assert shares[0] == pytest.approx(0.005, rel=0.3)
+    assert shares[-1] == pytest.approx(0.01 / 28, rel=0.5)
 
 
 def test_a_law_that_answers_is_not_said(lopsided, monkeypatch):
@@ -141,6 +156,10 @@ def test_laws_of_a_signal():
     present, past = laws_of("depth_m", depth, begins, 4)
     assert {len(law) for law in (*present, *past)} == {13}
     assert past
+    speed = depth - 2.0
+    _, past = laws_of("u_mps", speed, begins, 4)  # a drag that remembers how fast it was, to both sides
+    assert np.array_equal(past[-1], speed * past[-2] / np.std(speed))
+    assert np.unique(past[-2]).tolist() == [0.0, 1.0]
     around, nothing = laws_of("heading_rad", np.linspace(0.0, 20.0, 50), np.zeros(50, dtype=bool), 8)
     assert (len(around), nothing) == (6, [])
 
