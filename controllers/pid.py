@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isfinite
 
@@ -10,7 +9,7 @@ from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant
 from auv_gym.vehicles.glider import GliderHull, linear_yaw_coefficients
 from auv_gym.vehicles.profiling_float import steady_speed
-from controllers.tracking import Points, check_loop, error_of, filtered_rate, holding_command, limited
+from controllers.tracking import OneChannel
 
 _INTEGRAL_RANGE = 0.2618  # rad, 15 deg: more than any steady error, less than a change of course
 _SLOW = 0.2  # the third pole over the other two
@@ -18,24 +17,12 @@ _NEAR_REST = 0.1  # of a float's fastest speed: how it moves where its controlle
 
 
 @dataclass(frozen=True)
-class PidState:
-    """Memory of a Pid: the integral's part of the command, the filtered rate, last reading and command (None: none)."""
-
-    integral: float = 0.0
-    rate: float = 0.0
-    reading: float | None = None
-    command: float | None = None
-
-
-@dataclass(frozen=True)
-class Pid:
+class Pid(OneChannel):
     """PID with the derivative taken of the measurement and filtered; the errors of angles are wrapped.
 
     Gains: command per error, per error and s, per rate of the reading; negative where the command acts the other way.
-    filter_time: s, of the derivative.  neutral: the command without an error, where it starts.  limit: largest command,
-    either side of `middle`.  rate_limit: of the command, per s, from `neutral` on.  rate_measured: a channel that the
-    derivative is taken from where the reading has it.  steady: (target, command) points in place of `neutral`.
     integral_range: error beyond which nothing is integrated, so that a large step of the target does not overshoot.
+    The rest, by name: see `controllers.tracking.OneChannel`.
     Against windup the integral also rests while the error pushes the command further beyond a limit (clamping).
     Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 3.3 and 3.5.
 
@@ -51,16 +38,7 @@ class Pid:
     proportional: float
     integral: float = 0.0
     derivative: float = 0.0
-    measured: str = "heading_rad"
-    command: str = "rudder_rad"
-    filter_time: float = 0.0
-    limit: float = inf
-    rate_limit: float = inf
     integral_range: float = inf
-    neutral: float = 0.0
-    middle: float = 0.0
-    rate_measured: str = ""
-    steady: Points = ()
 
     def __post_init__(self) -> None:
         for name in ("proportional", "integral", "derivative"):
@@ -73,39 +51,16 @@ class Pid:
             )
         if not self.integral_range > 0.0:
             raise ValueError(f"Pid needs integral_range > 0, got {self.integral_range!r}.")
-        channels = [name for name in (self.measured, self.command, self.rate_measured) if name]
-        check_loop(
-            "Pid", channels, self.filter_time, self.limit, self.rate_limit, self.neutral, self.middle, self.steady
-        )
+        self._check()
 
-    @property
-    def targets(self) -> tuple[str, ...]:
-        return (self.measured,)
-
-    @property
-    def commands(self) -> tuple[str, ...]:
-        return (self.command,)
-
-    def start(self) -> PidState:
-        return PidState()
-
-    def act(
-        self, state: PidState, reading: Mapping[str, float], target: Mapping[str, float]
-    ) -> tuple[dict[str, float], PidState]:
-        """The command and the next memory; without a finite reading both stay as they are."""
-        measured, dt = reading[self.measured], reading["dt_s"]
-        last = self.neutral if state.command is None else state.command
-        if not isfinite(measured):
-            return {self.command: last}, state
-        error = error_of(self.measured, target[self.measured], measured)
-        rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
-        steady = holding_command(self.steady, target[self.measured], self.neutral)
-        wanted = steady + self.proportional * error + state.integral - self.derivative * rate
-        command = limited(wanted, last, self.middle, self.limit, self.rate_limit * dt)
+    def _answer(
+        self, error: float, rate: float, steady: float, last: float, integral: float, dt: float
+    ) -> tuple[float, float]:
+        wanted = steady + self.proportional * error + integral - self.derivative * rate
+        command = self._within_limits(wanted, last, dt)
         growth = self.integral * error * dt
         resting = abs(error) > self.integral_range or growth * (wanted - command) > 0.0
-        integral = state.integral if resting else state.integral + growth
-        return {self.command: command}, PidState(integral, rate, measured, command)
+        return command, integral if resting else integral + growth
 
 
 def heading_pid(plant: Plant, *, settling: float | None = None, rate_limit: float = inf) -> Pid:

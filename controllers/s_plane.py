@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf, isfinite, tanh
 
-from controllers.tracking import Points, check_loop, error_of, filtered_rate, holding_command, limited
+from controllers.tracking import OneChannel
 
 
 @dataclass(frozen=True)
-class SPlaneState:
-    """Memory of an SPlane: k3 times the integral, the filtered rate, last reading and command (None: none)."""
-
-    integral: float = 0.0
-    rate: float = 0.0
-    reading: float | None = None
-    command: float | None = None
-
-
-@dataclass(frozen=True)
-class SPlane:
+class SPlane(OneChannel):
     """Command = neutral + span m, m = 2 / (1 + exp(-k1 e - k2 e')) - 1 + k3 integral of e dt.
 
     e and e' are the error over `error_scale` and its rate over `rate_scale`; the rate is that of the measurement, so
     that a step of the target does not kick.  m is held within [-1, 1], its integral part within `integral_limit`, and
     that rests while it would push the command further beyond a limit.  span: of the command, negative where it acts the
-    other way.  The rest is as in `Pid`.  Source: Xu, Zou, Yin and Cao 2013, Ocean Engineering 67, equation (21); the
-    paper says that inputs and output are normalised and not by what, so the scales are ours.
+    other way.  The rest, by name: see `controllers.tracking.OneChannel`.  Source: Xu, Zou, Yin and Cao 2013, Ocean
+    Engineering 67, equation (21); the paper says that inputs and output are normalised and not by what, so the scales
+    are ours.
 
     Example:
 
@@ -44,16 +34,7 @@ class SPlane:
     error_scale: float
     rate_scale: float
     span: float
-    measured: str = "heading_rad"
-    command: str = "rudder_rad"
-    filter_time: float = 0.0
-    limit: float = inf
-    rate_limit: float = inf
     integral_limit: float = 0.5
-    neutral: float = 0.0
-    middle: float = 0.0
-    rate_measured: str = ""
-    steady: Points = ()
 
     def __post_init__(self) -> None:
         for name in ("k1", "k2", "k3"):
@@ -64,39 +45,18 @@ class SPlane:
                 raise ValueError(f"SPlane needs {name} > 0, got {getattr(self, name)!r}.")
         if not isfinite(self.span) or self.span == 0.0:
             raise ValueError(f"SPlane needs a span that is finite and not 0, got {self.span!r}.")
-        channels = [name for name in (self.measured, self.command, self.rate_measured) if name]
-        check_loop(
-            "SPlane", channels, self.filter_time, self.limit, self.rate_limit, self.neutral, self.middle, self.steady
-        )
+        self._check()
 
-    @property
-    def targets(self) -> tuple[str, ...]:
-        return (self.measured,)
-
-    @property
-    def commands(self) -> tuple[str, ...]:
-        return (self.command,)
-
-    def start(self) -> SPlaneState:
-        return SPlaneState()
-
-    def act(
-        self, state: SPlaneState, reading: Mapping[str, float], target: Mapping[str, float]
-    ) -> tuple[dict[str, float], SPlaneState]:
-        """The command and the next memory; without a finite reading both stay as they are."""
-        measured, dt = reading[self.measured], reading["dt_s"]
-        last = self.neutral if state.command is None else state.command
-        if not isfinite(measured):
-            return {self.command: last}, state
-        error = error_of(self.measured, target[self.measured], measured) / self.error_scale
-        rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
+    def _answer(
+        self, error: float, rate: float, steady: float, last: float, integral: float, dt: float
+    ) -> tuple[float, float]:
+        scaled = error / self.error_scale
         # the sigmoid of equation (21) is this hyperbolic tangent, which cannot overflow
-        m = tanh(0.5 * (self.k1 * error - self.k2 * rate / self.rate_scale)) + state.integral
-        wanted = holding_command(self.steady, target[self.measured], self.neutral) + self.span * m
+        m = tanh(0.5 * (self.k1 * scaled - self.k2 * rate / self.rate_scale)) + integral
+        wanted = steady + self.span * m
         bounded = wanted + self.span * (min(max(m, -1.0), 1.0) - m)
-        command = limited(bounded, last, self.middle, self.limit, self.rate_limit * dt)
-        growth = self.k3 * error * dt
+        command = self._within_limits(bounded, last, dt)
+        growth = self.k3 * scaled * dt
         resting = growth * self.span * (wanted - command) > 0.0
-        integral = state.integral if resting else state.integral + growth
-        integral = min(max(integral, -self.integral_limit), self.integral_limit)
-        return {self.command: command}, SPlaneState(integral, rate, measured, command)
+        reached = integral if resting else integral + growth
+        return command, min(max(reached, -self.integral_limit), self.integral_limit)

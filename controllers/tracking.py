@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import pairwise
 from math import inf, isfinite, pi
 
@@ -55,33 +57,86 @@ def holding_command(steady: Points, target: float, neutral: float) -> float:
     return steady[-1][1]
 
 
-def limited(wanted: float, last: float, middle: float, limit: float, most: float) -> float:
-    """The command within middle +- limit and at most `most` away from the last one."""
-    command = min(max(wanted, middle - limit), middle + limit)
-    return min(max(command, last - most), last + most)
+@dataclass(frozen=True)
+class Memory:
+    """Memory of a law of one channel: the integral's part, the filtered rate, last reading and command (None: none)."""
+
+    integral: float = 0.0
+    rate: float = 0.0
+    reading: float | None = None
+    command: float | None = None
 
 
-def check_loop(
-    law: str,
-    channels: Sequence[str],
-    filter_time: float,
-    limit: float,
-    rate_limit: float,
-    neutral: float,
-    middle: float,
-    steady: Points,
-) -> None:
-    """Raises where a law of control cannot work with these channels, times and limits."""
-    if not limit > 0.0 or not rate_limit > 0.0:
-        raise ValueError(f"{law} needs positive limits, got limit {limit:g} and rate_limit {rate_limit:g}.")
-    if not abs(neutral - middle) <= limit:
-        raise ValueError(
-            f"{law} needs neutral within its limits, {middle:g} +- {limit:g}, got {neutral!r}: move middle or widen "
-            "limit."
-        )
-    if not 0.0 <= filter_time < inf:
-        raise ValueError(f"{law} needs filter_time >= 0 s, got {filter_time}.")
-    if any(not low < high for (low, _), (high, _) in pairwise(steady)):
-        raise ValueError(f"{law} needs the points of `steady` in the order of their targets, got {steady!r}.")
-    for name in channels:
-        channel(name)  # raises on an unknown one
+@dataclass(frozen=True, kw_only=True)
+class OneChannel(ABC):
+    """A law of one channel by one command: what all of these do about readings, targets, rates and limits.
+
+    measured: the channel.  filter_time: s, of the rate.  limit: largest command, either side of `middle`.  rate_limit:
+    of the command, per s, from `neutral` on.  neutral: the command without an error, where it starts.  rate_measured:
+    a channel that the rate is taken from where the reading has it.  steady: (target, command) points in place of
+    `neutral`.
+    """
+
+    measured: str = "heading_rad"
+    command: str = "rudder_rad"
+    filter_time: float = 0.0
+    limit: float = inf
+    rate_limit: float = inf
+    neutral: float = 0.0
+    middle: float = 0.0
+    rate_measured: str = ""
+    steady: Points = ()
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        return (self.measured,)
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        return (self.command,)
+
+    def start(self) -> Memory:
+        return Memory()
+
+    def act(
+        self, state: Memory, reading: Mapping[str, float], target: Mapping[str, float]
+    ) -> tuple[dict[str, float], Memory]:
+        """The command and the next memory; without a finite reading both stay as they are."""
+        measured = reading[self.measured]
+        last = self.neutral if state.command is None else state.command
+        if not isfinite(measured):
+            return {self.command: last}, state
+        error = error_of(self.measured, target[self.measured], measured)
+        rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
+        steady = holding_command(self.steady, target[self.measured], self.neutral)
+        command, integral = self._answer(error, rate, steady, last, state.integral, reading["dt_s"])
+        return {self.command: command}, Memory(integral, rate, measured, command)
+
+    @abstractmethod
+    def _answer(
+        self, error: float, rate: float, steady: float, last: float, integral: float, dt: float
+    ) -> tuple[float, float]:
+        """The command and the next integral; steady: the command that holds the target, last: the one before."""
+
+    def _within_limits(self, wanted: float, last: float, dt: float) -> float:
+        """The command within its limits and at most as far from the last one as it may go in dt s."""
+        command = min(max(wanted, self.middle - self.limit), self.middle + self.limit)
+        return min(max(command, last - self.rate_limit * dt), last + self.rate_limit * dt)
+
+    def _check(self) -> None:
+        """Raises where the law cannot work with these channels, times and limits."""
+        law, limit, middle = type(self).__name__, self.limit, self.middle
+        if not limit > 0.0 or not self.rate_limit > 0.0:
+            raise ValueError(f"{law} needs positive limits, got limit {limit:g} and rate_limit {self.rate_limit:g}.")
+        if not abs(self.neutral - middle) <= limit:
+            raise ValueError(
+                f"{law} needs neutral within its limits, {middle:g} +- {limit:g}, got {self.neutral!r}: move middle "
+                "or widen limit."
+            )
+        if not 0.0 <= self.filter_time < inf:
+            raise ValueError(f"{law} needs filter_time >= 0 s, got {self.filter_time}.")
+        if any(not low < high for (low, _), (high, _) in pairwise(self.steady)):
+            raise ValueError(f"{law} needs the points of `steady` in the order of their targets, got {self.steady!r}.")
+        for name in (self.measured, self.command, self.rate_measured):
+            if name:
+                channel(name)  # raises on an unknown one
