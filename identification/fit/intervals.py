@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from auv_gym.compiled import side_by_side
 from identification.estimate import half_width
 from identification.fit.filtering import NOTHING, Point
 from identification.fit.parameters import kinked
@@ -62,7 +63,7 @@ def information_of(problem: PredictionErrors, point: Point, paths: Sequence[str]
     robust = inverse @ (long_run + known) @ inverse
     wider = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(inverse), 1e-300), 1.0))
     growth, freedom = _by_noise(problem, point, paths, known)
-    wider *= np.exp(0.5 * growth)
+    wider *= np.exp(0.5 * (growth + _by_left_out(problem, point, paths, known)))
     freedom = np.minimum(freedom, max(problem.count - len(paths) - point.logs.size, 3))
     reach = np.array([half_width(f) for f in freedom]) * wider
     return Information(inverse * np.outer(wider, wider), alone, freedom, reach)
@@ -147,6 +148,58 @@ def _by_noise(
     moving = np.einsum("jp,jk,kp->p", ways, spread, ways)
     growth = np.exp(np.clip(slopes.T @ spread @ fall, 0.0, _MOST_GROWTH))
     return np.log(growth + moving / np.exp(first)), freedom
+
+
+@dataclass(frozen=True, eq=False)
+class _Restricted:
+    """The restricted log-likelihood of noises; of each path, its variance with them and how far it moves, (P,) each."""
+
+    value: float
+    variances: np.ndarray
+    ways: np.ndarray
+
+
+def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> np.ndarray:
+    """By how much logarithms of variances grow by accelerations that a fit has left out, (P,).
+
+    A fit leaves out what brings less than it costs.  It may be there all the same, so that parameters are known less
+    well, and are off by as much as it moves them: a choice of a model adds this to the variance (Buckland, Burnham and
+    Augustin 1997, Biometrics 53).  Each is as strong as is likeliest at no cost by the restricted likelihood, which
+    knows that parameters have taken up a part of it (Patterson and Thompson 1971).
+    """
+    count = len(paths)
+    if not count or point.system is None:
+        return np.zeros(count)
+    point, logs = problem.prepared(point, paths), point.logs
+
+    def restricted(logs: np.ndarray) -> _Restricted:
+        return _restricted(problem, problem.with_noise(point, logs), paths, known)
+
+    first = best = None
+    for d in problem.left_out(point):
+        tried = problem.with_acceleration(point, logs, int(d))
+        if tried and best is None:
+            first = best = restricted(logs)
+        for other, found in zip(tried, side_by_side(restricted, tried), strict=True):
+            if best is None or found.value > best.value:
+                logs, best = other, found
+    if first is None or best is None or best is first:
+        return np.zeros(count)
+    wider = np.maximum(best.variances, first.variances) + (best.ways - first.ways) ** 2
+    return np.log(wider / first.variances)
+
+
+def _restricted(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> _Restricted:
+    """See `_Restricted`; after a step of the paths from a point."""
+    if not np.isfinite(point.scores).all():
+        return _Restricted(-np.inf, np.ones(len(paths)), np.zeros(len(paths)))
+    pulled, rates = problem.pulls(point.vector, paths)
+    flat, scale = _told(problem, point, paths, True)
+    normal = flat @ flat.T + known
+    inverse = _inverse(normal, scale)
+    pull = flat @ problem.counted_errors(point).ravel() - rates * pulled
+    value = problem.total(point) + 0.5 * float(pull @ inverse @ pull) - 0.5 * _size(normal)
+    return _Restricted(value, np.maximum(np.diag(inverse), 1e-300), inverse @ pull)
 
 
 @dataclass(frozen=True, eq=False)

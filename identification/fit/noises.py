@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from auv_gym.compiled import side_by_side
-from identification.deciding import LEAST_PROCESS
+from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.adjoint import slopes_of
 from identification.fit.filtering import Filter, Point
 from identification.fit.kalman import Pass, System, run_filter
@@ -18,6 +18,8 @@ from identification.fit.work import FILTERED
 # of accelerations, in their units (`Stretches.unit`): first guesses; the least that is sought; and below what they are
 # sought among the first guesses if they would be likelier stronger
 _FIRST_GUESSES, _FAINT = 10.0 ** np.arange(-5.0, 1.5), 1e-3
+_DOUBTFUL = 10.0 ** np.arange(-3.0, 0.5, 0.5)  # of what is not in a fit: how strong it may be
+_FAR_LESS = 4.0  # of the log-likelihood: chi-square of one degree of freedom is beyond twice that in 0.5 % of cases
 _NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that a step must bring; the longest, in logs
 FAR = 1.0  # of the log-likelihood, for each row, by which a vehicle is far from what is linearised about it
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
@@ -158,6 +160,21 @@ class Noises(Filter):
             if gained < _NOISE_GAIN:
                 break
         return logs, inverse
+
+    def left_out(self, point: Point) -> np.ndarray:
+        """Which accelerations have no part in a point, numbers of them."""
+        return np.flatnonzero(~self._there(point.logs))
+
+    def with_acceleration(self, point: Point, logs: np.ndarray, d: int) -> list[np.ndarray]:
+        """Noises, and one more acceleration of several strengths each with which a point with a system is not far less
+        likely."""
+        assert point.system is not None
+        strength, tried = len(self.channels) + d, []
+        for share in _DOUBTFUL:
+            tried.append(logs.copy())
+            tried[-1][[strength, strength + len(self.pushed)]] = np.log(share * self.unit[d]), self.slowness[0]
+        without, *found = side_by_side(partial(self._likelihood, point.system), [logs, *tried])
+        return [other for other, likely in zip(tried, found, strict=True) if likely + COST > without - _FAR_LESS]
 
     def _revived(self, point: Point, logs: np.ndarray, slope: np.ndarray) -> np.ndarray:
         """The noises, accelerations that are hardly there brought back where that is likelier.

@@ -310,6 +310,42 @@ def test_slow_pushes_leave_less_freedom_than_fast_ones():
     assert 1.0 <= wider[0] < wider[1]
 
 
+def weakly_pushed(seed, push):
+    """A glider pushed slowly, and no more than a fit leaves out: problem, point, what is told of the rudder offset."""
+    log = glider_log(seed, push=push, tau=30.0, rows=400)
+    problem = PredictionErrors(GLIDER, log, [slice(0, 400)])
+    point = problem.solve(replace_at(GLIDER, OFFSET, 0.03), [OFFSET])
+    assert not problem.is_pushed(point)
+    return problem, point, information_of(problem, point, [OFFSET])
+
+
+@pytest.mark.parametrize("seed", [116, 119, 122])
+def test_pushes_that_a_fit_leaves_out_widen_intervals(seed):
+    """An offset takes up what slow pushes do on average; without them it would be off by up to 14 standard errors."""
+    problem, point, told = weakly_pushed(seed, 0.0006)
+    off = (point.vector[problem.index[OFFSET]] - 0.03) / problem.scale(OFFSET)
+    assert abs(off) * np.sqrt(told.alone[0, 0]) > 2.5
+    assert abs(off) / np.sqrt(told.covariance[0, 0]) < 1.96
+
+
+@pytest.mark.parametrize("seed", [101, 107])
+def test_where_nothing_pushes_intervals_stay_as_they_are(seed):
+    _, _, told = weakly_pushed(seed, 0.0)
+    assert told.covariance[0, 0] * told.alone[0, 0] == pytest.approx(1.0, rel=0.02)
+
+
+def test_pushes_that_are_tried_are_not_far_less_likely():
+    problem, point, _ = weakly_pushed(101, 0.0)
+    (left_out,) = problem.left_out(point)
+    tried = problem.with_acceleration(point, point.logs, left_out)
+    first = len(problem.channels) + left_out
+    strengths = np.exp([logs[first] for logs in tried]) / problem.unit[left_out]
+    assert strengths.min() == pytest.approx(1e-3)
+    assert strengths.max() < 1.0  # the strongest would leave the record far less likely
+    lost = [problem.total(point) - problem.total(problem.with_noise(point, logs)) for logs in tried]
+    assert max(lost) < 5.0
+
+
 def test_an_effect_with_a_corner_or_near_a_bound_has_the_interval_of_its_profile(fitted, monkeypatch):
     problem, point = fitted
     lag, asked = "effects.rudder.lag", []
