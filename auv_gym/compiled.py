@@ -67,7 +67,7 @@ class Later:
     """A function that numba sees when it is first needed, so that modules load without numba; called as it would be.
 
     ready: numba's own function, without the look-up of this one.  within: the same for compiled code, which Python
-    cannot call; what lets Python call a function takes a sixth of the time of compiling a vehicle.
+    cannot call; what lets Python call functions takes a quarter of the time of compiling a vehicle.
     """
 
     def __init__(self, make: Callable[[bool], Any], function: Any):
