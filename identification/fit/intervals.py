@@ -119,14 +119,8 @@ def _by_noise(
         return np.zeros(count), np.full(count, np.inf)
     size, point = len(pushing), problem.prepared(point, paths)
     curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)
-    flat, scale = _told(problem, point, paths, True)
-    normal = flat @ flat.T + known
-    inverse = _inverse(normal, scale)
-    first, whole = np.log(np.maximum(np.diag(inverse), 1e-300)), _size(normal)
-    pulled, rates = problem.pulls(point.vector, paths)
     ways = np.zeros((size, count))  # by which the likeliest parameters move with the noises
-    way = inverse @ (flat @ problem.counted_errors(point).ravel() - rates * pulled)
-    slope = problem.noise_slopes(point, point.logs)[1][pushing]
+    here, slope = _soon(problem, point, paths, known), problem.noise_slopes(point, point.logs)[1][pushing]
     for j, i in enumerate(pushing):
         more = point.logs.copy()
         more[i] += _NOISE_STEP
@@ -134,29 +128,17 @@ def _by_noise(
         there = problem.with_noise(point, more)
         if not np.isfinite(there.scores).all():  # the vehicle runs away with these gains, which tells nothing
             continue
-        others, _ = _told(problem, there, paths, True)
-        normal = others @ others.T + known
-        inverse = _inverse(normal, scale)
-        slopes[j] = (np.log(np.maximum(np.diag(inverse), 1e-300)) - first) / _NOISE_STEP
-        pull = others @ problem.counted_errors(there).ravel() - rates * pulled
-        ways[j] = (inverse @ pull - way) / _NOISE_STEP
-        fall[j] = -0.5 * (_size(normal) - whole) / _NOISE_STEP
+        other = _soon(problem, there, paths, known)
+        slopes[j] = np.log(other.variances / here.variances) / _NOISE_STEP
+        ways[j] = (other.ways - here.ways) / _NOISE_STEP
+        fall[j] = -0.5 * (other.size - here.size) / _NOISE_STEP
     values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
     spread = (vectors / np.maximum(values, _LEAST_TOLD)) @ vectors.T
     variance = np.einsum("jp,jk,kp->p", slopes, spread, slopes)
     freedom = np.maximum(2.0 / np.maximum(variance, 1e-12), _LEAST_FREEDOM)
     moving = np.einsum("jp,jk,kp->p", ways, spread, ways)
     growth = np.exp(np.clip(slopes.T @ spread @ fall, 0.0, _MOST_GROWTH))
-    return np.log(growth + moving / np.exp(first)), freedom
-
-
-@dataclass(frozen=True, eq=False)
-class _Restricted:
-    """The restricted log-likelihood of noises; of each path, its variance with them and how far it moves, (P,) each."""
-
-    value: float
-    variances: np.ndarray
-    ways: np.ndarray
+    return np.log(growth + moving / here.variances), freedom
 
 
 def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> np.ndarray:
@@ -172,8 +154,12 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
         return np.zeros(count)
     point, logs = problem.prepared(point, paths), point.logs
 
-    def restricted(logs: np.ndarray) -> _Restricted:
-        return _restricted(problem, problem.with_noise(point, logs), paths, known)
+    def restricted(logs: np.ndarray) -> tuple[float, _Soon]:
+        there = problem.with_noise(point, logs)
+        if not np.isfinite(there.scores).all():
+            return -np.inf, _Soon(np.ones(count), np.zeros(count), 0.0, 0.0)
+        told = _soon(problem, there, paths, known)
+        return problem.total(there) + told.gain - 0.5 * told.size, told
 
     first = best = None
     for d in problem.left_out(point):
@@ -181,25 +167,37 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
         if tried and best is None:
             first = best = restricted(logs)
         for other, found in zip(tried, side_by_side(restricted, tried), strict=True):
-            if best is None or found.value > best.value:
+            if best is None or found[0] > best[0]:
                 logs, best = other, found
     if first is None or best is None or best is first:
         return np.zeros(count)
-    wider = np.maximum(best.variances, first.variances) + (best.ways - first.ways) ** 2
-    return np.log(wider / first.variances)
+    before, after = first[1], best[1]
+    wider = np.maximum(after.variances, before.variances) + (after.ways - before.ways) ** 2
+    return np.log(wider / before.variances)
 
 
-def _restricted(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> _Restricted:
-    """See `_Restricted`; after a step of the paths from a point."""
-    if not np.isfinite(point.scores).all():
-        return _Restricted(-np.inf, np.ones(len(paths)), np.zeros(len(paths)))
+@dataclass(frozen=True, eq=False)
+class _Soon:
+    """What a point tells of paths to first order: variances and the steps to where they are likeliest, (P,) each.
+
+    gain: of the log-likelihood by these steps.  size: logarithm of the determinant of the information.
+    """
+
+    variances: np.ndarray
+    ways: np.ndarray
+    gain: float
+    size: float
+
+
+def _soon(problem: PredictionErrors, point: Point, paths: Sequence[str], known: np.ndarray) -> _Soon:
+    """See `_Soon`; by responses where there are any."""
     pulled, rates = problem.pulls(point.vector, paths)
     flat, scale = _told(problem, point, paths, True)
     normal = flat @ flat.T + known
     inverse = _inverse(normal, scale)
     pull = flat @ problem.counted_errors(point).ravel() - rates * pulled
-    value = problem.total(point) + 0.5 * float(pull @ inverse @ pull) - 0.5 * _size(normal)
-    return _Restricted(value, np.maximum(np.diag(inverse), 1e-300), inverse @ pull)
+    ways = inverse @ pull
+    return _Soon(np.maximum(np.diag(inverse), 1e-300), ways, 0.5 * float(pull @ ways), _size(normal))
 
 
 @dataclass(frozen=True, eq=False)
