@@ -14,8 +14,7 @@ import sys
 import tempfile
 import time
 import types
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields
 from functools import cached_property, lru_cache
 from importlib import import_module
@@ -31,8 +30,6 @@ _LONG = 80  # letters of a name, beyond which it is cut: names of files have 255
 _STARTED = time.time()
 
 F = TypeVar("F", bound=Callable[..., Any])
-S = TypeVar("S")
-T = TypeVar("T")
 OPEN: Any = None  # an open name of a template, whose meaning `bind` gives
 
 
@@ -48,14 +45,6 @@ def compiled(function: F) -> F:
 def threads() -> int:
     """How many threads may run compiled code side by side: as many as numba has, 1 in plain Python."""
     return int(_numba().get_num_threads()) if JIT else 1
-
-
-def side_by_side(run: Callable[[T], S], items: Sequence[T]) -> list[S]:
-    """What `run` makes of each item, in their order, as many at once as there are threads."""
-    if len(items) < 2 or threads() == 1:
-        return [run(item) for item in items]
-    with ThreadPoolExecutor(threads()) as pool:
-        return list(pool.map(run, items))
 
 
 def outlined(function: F) -> F:

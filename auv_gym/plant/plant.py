@@ -11,12 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side, threads
+from auv_gym.compiled import threads
 from auv_gym.model import check_finite, inputs_of
 from auv_gym.param import list_paths, pack, replace_at, spec_at, value_at
 from auv_gym.plant.charts import Chart
 from auv_gym.plant.rollout import Programs, bind_family, scratch_for
 from auv_gym.records.record import Record
+from auv_gym.threads import side_by_side
 from auv_gym.vehicles import Family
 from auv_gym.vehicles.body.learned_hull import LearnedHull
 

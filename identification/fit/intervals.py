@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
+from auv_gym.threads import side_by_side
 from identification.estimate import half_width
 from identification.fit.filtering import NOTHING, Point
 from identification.fit.parameters import kinked

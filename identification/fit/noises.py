@@ -8,7 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
+from auv_gym.threads import side_by_side
 from identification.deciding import COST, LEAST_PROCESS
 from identification.fit.adjoint import slopes_of
 from identification.fit.filtering import Filter, Point

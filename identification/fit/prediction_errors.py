@@ -14,8 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.plant import Plant
+from auv_gym.threads import side_by_side
 from identification.fit.filtering import LEAST_GAIN, Point
 from identification.fit.noises import FAR, NOISE_STEPS, Noise, Noises
 from identification.fit.online import FilterPlan

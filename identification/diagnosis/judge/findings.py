@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
+from auv_gym.threads import side_by_side
 from identification.deciding import BEYOND, HOPELESS, LEAST_CHANGE, REACH, SURPRISE
 from identification.diagnosis.judge.found import AsCoefficient, Coefficient, Effect, Member
 from identification.diagnosis.judge.selected import selected_interval

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.param import spec_at
+from auv_gym.threads import side_by_side
 from identification.deciding import ALIKE, HOPELESS, IDLE, PLAIN, SEEN, SURPRISE, TIE
 from identification.diagnosis.log.kinematics import Mismatch
 from identification.diagnosis.search.acceptance import GONE, Weighed

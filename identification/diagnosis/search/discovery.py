@@ -7,9 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
+from auv_gym.threads import side_by_side
 from identification.deciding import MOST_TERMS
 from identification.diagnosis.search.acceptance import TERM, Claim, effect_size, objection
 from identification.diagnosis.search.bars import threshold

@@ -20,9 +20,9 @@ from itertools import product
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
+from auv_gym.threads import side_by_side
 from identification.deciding import ALIKE, FEW_STATES, HOPELESS, LEAST_PROBABLE, PRICE, TIE
 from identification.diagnosis.search.acceptance import LIMITED, effect_size
 from identification.diagnosis.search.attribution import Round

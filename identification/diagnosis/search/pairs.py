@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from auv_gym.compiled import side_by_side
+from auv_gym.threads import side_by_side
 from identification.deciding import PAIRS
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen_pairs

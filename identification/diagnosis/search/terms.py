@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, value_at
+from auv_gym.threads import side_by_side
 from identification.deciding import BLOCKS, CONTENDERS, KIN, LEAST_BLOCK, NEAR, STABLE, TIE
 from identification.diagnosis.search.stability import Selection, select
 from identification.diagnosis.search.trials import FIRST_ITERATIONS

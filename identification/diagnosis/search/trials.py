@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.param import replace_at, spec_at
 from auv_gym.plant import Plant
+from auv_gym.threads import side_by_side
 from identification.deciding import (
     CLOSE,
     CLOSER,

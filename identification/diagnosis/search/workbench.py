@@ -9,11 +9,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from auv_gym.compiled import side_by_side
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
+from auv_gym.threads import side_by_side
 from identification.deciding import BLOCKS, FAR_FROM_GIVEN, MOST_WORK
 from identification.diagnosis.log.parts import block_numbers
 from identification.diagnosis.search.candidates import candidates_of
