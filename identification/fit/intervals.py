@@ -169,7 +169,7 @@ def _by_left_out(problem: PredictionErrors, point: Point, paths: Sequence[str], 
         for other, found in zip(tried, side_by_side(restricted, tried), strict=True):
             if best is None or found[0] > best[0]:
                 logs, best = other, found
-    if first is None or best is None or best is first:
+    if first is None or best is None or best is first or not np.isfinite(first[0]):  # the last: it runs away
         return np.zeros(count)
     before, after = first[1], best[1]
     wider = np.maximum(after.variances, before.variances) + (after.ways - before.ways) ** 2
