@@ -160,13 +160,18 @@ def screen_pairs(
     candidates: Sequence[Candidate],
     threshold: float,
     most: int,
+    instead: Candidate | None = None,
 ) -> list[tuple[Screening, tuple[Screening, Screening]]]:
     """Regression of the filter's errors on each two signatures at once: the pair, as one candidate, and its members.
 
     The `most` promising, best first.  threshold: see `screen`.  Pairs are left out that act alike, or that would have
     an effect that works in one direction do so in the other; periods are not sought.
+    instead: an effect that a pair must promise more than.
     """
-    return Regression(problem, point, fitted, threshold).pairs([c for c in candidates if not c.period], most)
+    regression = Regression(problem, point, fitted, threshold)
+    least = 0.0 if instead is None else regression.of([instead])[0].evidence
+    pairs = regression.pairs([c for c in candidates if not c.period], most)
+    return [pair for pair in pairs if pair[0].evidence > least]
 
 
 def screen_signatures(

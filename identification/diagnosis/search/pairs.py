@@ -23,16 +23,19 @@ from identification.diagnosis.search.trials import (
 from identification.diagnosis.search.workbench import State, Workbench
 
 
-def best_pair(bench: Workbench, state: State, left: Sequence[Candidate], count: int) -> tuple[Trial, Trial] | None:
+def best_pair(
+    bench: Workbench, state: State, left: Sequence[Candidate], count: int, instead: Candidate | None = None
+) -> tuple[Trial, Trial] | None:
     """The likeliest pair that passes the gate as one change, and each of the two beside the other; None without one.
 
     The trials hold the state with both.  left: what is not fitted yet, of `count` candidates, for the bar.
+    instead: an effect that is not in the state and that the pair must promise more than.
     """
     many = count * (count - 1) // 2
     promising = []
     for known in (*bench.with_given(state), state):
         base = (*quieted(bench, known), known)[0]
-        pairs = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS)
+        pairs = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS, instead)
         rival = rival_of(bench, state, base)
         promising += [(base, rival, whole, parts) for whole, parts in pairs]
     found = []

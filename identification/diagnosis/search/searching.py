@@ -61,6 +61,9 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
         progress(0.8, "trying pairs of effects")
         again, rounds = second.paired(state, rounds)
     few = bench.followed <= FEW_STATES  # elsewhere it takes minutes
+    if rounds and few and bench.goes_on("tried pairs of effects in each one's place"):
+        progress(0.82, "trying pairs of effects in each one's place")
+        again, rounds = second.paired_instead(again, rounds)
     if rounds and left and few and bench.goes_on("tried other effects in each one's place"):
         progress(0.85, "trying other effects in each one's place")
         again, rounds = second.swapped(again, rounds)

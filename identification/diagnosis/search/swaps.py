@@ -30,17 +30,47 @@ class Reconsidering:
 
     def paired(self, state: State, rounds: Sequence[Round]) -> tuple[State, list[Round]]:
         """With two effects more, of which neither passes alone: the likeliest pair, see `best_pair`."""
-        chosen = _chosen(rounds)
-        if not rounds or len(chosen) + 2 > self.most:
+        if not rounds or len(_chosen(rounds)) + 2 > self.most:
             return state, list(rounds)
-        used = {t.candidate for t in chosen}
-        left = [c for c in self.candidates if c not in used]
-        pair = best_pair(self.bench, state, left, len(self.candidates))
-        if pair is None or pair[0].state is None:
-            return state, list(rounds)
-        after = pair[0].state
+        pair = self._best_pair(state, rounds)
         kept = [r for r in rounds if r.chosen is not None]
-        trials = rounds[-1].trials
+        return (state, list(rounds)) if pair is None else self._with_pair(state, kept, rounds[-1].trials, pair)
+
+    def paired_instead(self, state: State, rounds: Sequence[Round]) -> tuple[State, list[Round]]:
+        """With two effects in the place of one, where they are likelier by what one more must bring.
+
+        What comes first in a selection may do a part of what two others do, neither of which helps beside it.
+        """
+        best, rounds, count = None, list(rounds), len(self.candidates)
+        if len(_chosen(rounds)) + 1 > self.most:
+            return state, rounds
+        bar = threshold(count * (count - 1) // 2)  # there is one parameter more, and so many pairs to choose from
+        for number, made in _numbered(rounds):
+            without = self._without(state, made)
+            pair = self._best_pair(without, rounds, made.candidate)
+            if pair is None:
+                continue
+            gained = self.bench.gain(state, pair[0].state)
+            if gained > bar:
+                best, bar = (without, number, pair), gained
+        if best is None:
+            return state, rounds
+        without, number, pair = best
+        kept = [r for i, r in enumerate(rounds) if r.chosen is not None and i != number]
+        return self._with_pair(without, kept, rounds[number].trials, pair)
+
+    def _best_pair(
+        self, state: State, rounds: Sequence[Round], instead: Candidate | None = None
+    ) -> tuple[Trial, Trial] | None:
+        used, count = {t.candidate for t in _chosen(rounds)}, len(self.candidates)
+        return best_pair(self.bench, state, [c for c in self.candidates if c not in used], count, instead)
+
+    def _with_pair(
+        self, state: State, kept: Sequence[Round], trials: Sequence[Trial], pair: tuple[Trial, Trial]
+    ) -> tuple[State, list[Round]]:
+        """A state with a pair, fitted, and the rounds with it; trials: of a round beside which the pair stands."""
+        after = pair[0].state
+        assert after is not None
         begun = [Round((t, *trials), t, (), {}, before=state) for t in pair]
         state = self.bench.fit(after.plant, after.paths, after)
         return self.swapped(state, [*kept, *begun], pair)  # which also finds what is tied with each

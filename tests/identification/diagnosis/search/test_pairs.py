@@ -53,6 +53,17 @@ def test_a_pair_promises_at_least_what_each_of_it_does(screened):
         assert whole.evidence >= max(alone[s.candidate] for s in parts) - 1e-6
 
 
+def test_a_pair_in_the_place_of_an_effect_promises_more_than_it(screened):
+    bench, state, candidates, _ = screened
+    alone = [s for s in screen(bench.problem, state.point, state.paths, candidates, 10.0) if s.evidence > 0.0]
+    one = alone[len(alone) // 2]
+    left = [c for c in candidates if c is not one.candidate]
+    every = screen_pairs(bench.problem, state.point, state.paths, left, 10.0, 10_000)
+    more = screen_pairs(bench.problem, state.point, state.paths, left, 10.0, 10_000, one.candidate)
+    assert 0 < len(more) < len(every)
+    assert [w.candidate for w, _ in more] == [w.candidate for w, _ in every if w.evidence > one.evidence]
+
+
 def test_no_pair_has_an_effect_in_the_direction_that_it_cannot_have(screened):
     *_, found = screened
     kinked = [
@@ -108,6 +119,19 @@ def test_a_pair_is_for_the_search_that_has_room_for_two(monkeypatch):
     assert [r.chosen.candidate for r in rounds] == [A, B]
     before = Round((), trial_of(C, start), (), {})
     assert Reconsidering(bench, (A, B, C), 2, ()).paired(start, [before, last]) == (start, [before, last])
+
+
+@pytest.mark.parametrize(("alone", "room", "better"), [(150.0, 2, True), (190.0, 2, False), (150.0, 1, False)])
+def test_a_pair_takes_an_effects_place_where_it_is_likelier_by_more_than_chance(monkeypatch, alone, room, better):
+    """Of three candidates a pair can be chosen in three ways: 9.9 is by chance one time in 200."""
+    bench, _ = promising(monkeypatch)
+    bench.likely[frozenset({MOMENT})] = (alone, alone)
+    single = with_probes({MOMENT: 5.0}, *COEFFICIENTS)
+    monkeypatch.setattr(Reconsidering, "swapped", lambda self, state, rounds, new: (state, rounds))
+    rounds = [Round((), trial_of(C, single), (), {}), Round((), None, (), {})]
+    after, found = Reconsidering(bench, (A, B, C), room, ()).paired_instead(single, rounds)
+    assert {p for p in after.paths if p.startswith("effects.")} == ({OFFSET, LAG} if better else {MOMENT})
+    assert [r.chosen.candidate for r in found if r.chosen] == ([A, B] if better else [C])
 
 
 def test_of_a_pair_each_is_compared_with_all_others_in_its_place(monkeypatch):
