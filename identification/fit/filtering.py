@@ -282,14 +282,14 @@ class Filter(Linearised):
         total = float(point.scores[self.counted > 0.0].sum())
         return total if np.isfinite(total) else -np.inf
 
+    def likelihood(self, point: Point, paths: Sequence[str]) -> float:
+        """The same with what is known of the paths beforehand, and of correlation times."""
+        known = 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
+        return self.total(point) - known + self._prior(point.logs)[0]
+
     def objective(self, point: Point, paths: Sequence[str]) -> float:
-        """The same with what is known of the paths beforehand, and of accelerations and their correlation times."""
-        return (
-            self.total(point)
-            - 0.5 * float((self.pulls(point.vector, paths)[0] ** 2).sum())
-            + self._prior(point.logs)[0]
-            - self._cost(point.logs)
-        )
+        """What a fit makes greatest: the same, less what accelerations must be worth to be there."""
+        return self.likelihood(point, paths) - self._cost(point.logs)
 
     def is_pushed(self, point: Point) -> bool:
         """Whether random accelerations have any part in a point."""

@@ -118,13 +118,12 @@ def _by_noise(
     if not pushing or not count or point.system is None:  # the filter of a vehicle that runs away
         return np.zeros(count), np.full(count, np.inf)
     size, point = len(pushing), problem.prepared(point, paths)
-    curvature, slopes, fall = np.zeros((size, size)), np.zeros((size, count)), np.zeros(size)
+    slopes, fall = np.zeros((size, count)), np.zeros(size)
     ways = np.zeros((size, count))  # by which the likeliest parameters move with the noises
-    here, slope = _soon(problem, point, paths, known), problem.noise_slopes(point, point.logs)[1][pushing]
+    here = _soon(problem, point, paths, known)
     for j, i in enumerate(pushing):
         more = point.logs.copy()
         more[i] += _NOISE_STEP
-        curvature[j] = (slope - problem.noise_slopes(point, more)[1][pushing]) / _NOISE_STEP
         there = problem.with_noise(point, more)
         if not np.isfinite(there.scores).all():  # the vehicle runs away with these gains, which tells nothing
             continue
@@ -132,7 +131,7 @@ def _by_noise(
         slopes[j] = np.log(other.variances / here.variances) / _NOISE_STEP
         ways[j] = (other.ways - here.ways) / _NOISE_STEP
         fall[j] = -0.5 * (other.size - here.size) / _NOISE_STEP
-    values, vectors = np.linalg.eigh(0.5 * (curvature + curvature.T))
+    values, vectors = np.linalg.eigh(problem.noise_information(point, pushing, _NOISE_STEP))
     spread = (vectors / np.maximum(values, _LEAST_TOLD)) @ vectors.T
     variance = np.einsum("jp,jk,kp->p", slopes, spread, slopes)
     freedom = np.maximum(2.0 / np.maximum(variance, 1e-12), _LEAST_FREEDOM)

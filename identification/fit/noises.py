@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 
@@ -212,6 +212,19 @@ class Noises(Filter):
         """
         value, made = self._noise_pass(point, logs)
         return value, self._noise_slopes(point, logs, made)
+
+    def noise_information(self, point: Point, which: Sequence[int], step: float) -> np.ndarray:
+        """The information of the record on some noises' logarithms, (K, K), by differences of slopes over a step.
+
+        With what is known of them; of a point with a system, linearised about its path.
+        """
+        own, slope = list(which), self.noise_slopes(point, point.logs)[1]
+        found = np.zeros((len(own), len(own)))
+        for row, i in zip(found, own, strict=True):
+            more = point.logs.copy()
+            more[i] += step
+            row[:] = (slope - self.noise_slopes(point, more)[1])[own] / step
+        return 0.5 * (found + found.T)
 
     def slopes_in_parts(self, point: Point, parts: int) -> np.ndarray:
         """Slopes by its noises of the log-likelihood of equal parts of the rows, without priors, (parts, C + 2 D).

@@ -7,9 +7,9 @@ likelihoods, each with the noises that suit it best.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import expm1, sqrt
+from math import expm1
 
 import numpy as np
 from scipy import stats
@@ -29,28 +29,29 @@ _LEAST_REST = 1e-3  # of a term's squared length beside what is fitted, below wh
 
 @dataclass(frozen=True)
 class Weight:
-    """Twice the gain in log-likelihood by a term, and the degrees of freedom of the noises.
+    """Twice the gain in log-likelihood by some parameters, and the degrees of freedom of the noises.
 
     The noises are estimated as if from so many independent readings (Satterthwaite 1946, Biometrics Bulletin 2).
     """
 
     evidence: float
     freedom: float
+    parameters: int = 1
 
     @property
     def chance(self) -> float:
-        """The probability of as much where the term is not there.
+        """The probability of as much where nothing is missing.
 
-        With few degrees of freedom a likelihood ratio is larger by chance: one of a regression corresponds to Student's
-        t (Kendall and Stuart 1979, ch. 24).
+        With few degrees of freedom a likelihood ratio is larger by chance: one of a regression corresponds to Fisher's
+        F, of one parameter to Student's t squared (Kendall and Stuart 1979, ch. 24).
         """
-        if self.freedom <= 1.0:
+        if self.freedom <= self.parameters:
             return 1.0
         if not np.isfinite(self.freedom):
-            return float(stats.chi2.sf(self.evidence, 1))
-        rest = self.freedom - 1.0
-        t = sqrt(rest * expm1(min(max(self.evidence, 0.0) / self.freedom, _MOST)))
-        return float(2.0 * stats.t.sf(t, rest))
+            return float(stats.chi2.sf(max(self.evidence, 0.0), self.parameters))
+        rest = self.freedom - self.parameters
+        ratio = rest / self.parameters * expm1(min(max(self.evidence, 0.0) / self.freedom, _MOST))
+        return float(stats.f.sf(ratio, self.parameters, rest))
 
 
 def weigh(
@@ -69,8 +70,14 @@ def weigh(
     for k in range(len(terms.paths)):
         term = terms.at([k])
         weight = Weight(_evidence(first, term, without), np.inf)
-        found.append(weight if weight.chance > enough else replace(weight, freedom=_freedom(problem, renewed, term)))
+        if weight.chance <= enough:
+            weight = replace(weight, freedom=freedom_of(problem, renewed, _slopes_by(problem, term)))
+        found.append(weight)
     return tuple(found)
+
+
+def _slopes_by(problem: PredictionErrors, term: Responses) -> Callable[[Point], np.ndarray]:
+    return lambda point: problem.counted_flat(problem.slopes_by(point, term))
 
 
 def _evidence(first: Regression, term: Responses, without: float) -> float:
@@ -114,25 +121,24 @@ def _beside(point: Point, term: Responses, size: float) -> Point:
     return replace(point, system=replace(system, forcing=forcing, error=error))
 
 
-def _freedom(problem: PredictionErrors, point: Point, term: Responses) -> float:
-    """Degrees of freedom of a point's noises, as far as the precision of a term depends on them.
+def freedom_of(problem: PredictionErrors, point: Point, slopes: Callable[[Point], np.ndarray]) -> float:
+    """Degrees of freedom of a point's noises, as far as the precision of some parameters depends on them.
 
-    The noises' information is that of the likelihood's slopes; the term's precision is that of the linearised filter.
+    The noises' information is that of the likelihood's slopes.  slopes: those of the errors by the parameters, (P, n),
+    at a point; their precision is what they would have if nothing else were fitted.
     """
-    logs = point.logs
     moved = [*range(len(problem.channels)), *problem.pushing(point)]
-    slope, precision = problem.noise_slopes(point, logs)[1], _precision(problem, point, term)
-    information, changes = np.zeros((len(moved), len(moved))), np.zeros(len(moved))
+    precision, changes = _precision(slopes(point)), np.zeros(len(moved))
     for k, i in enumerate(moved):
-        there = logs.copy()
+        there = point.logs.copy()
         there[i] += _SMALL_STEP
-        information[k] = (slope - problem.noise_slopes(point, there)[1])[moved] / _SMALL_STEP
-        changes[k] = (_precision(problem, problem.with_noise(point, there), term) - precision) / _SMALL_STEP
-    values, vectors = np.linalg.eigh(0.5 * (information + information.T))
+        changes[k] = (_precision(slopes(problem.with_noise(point, there))) - precision) / _SMALL_STEP
+    values, vectors = np.linalg.eigh(problem.noise_information(point, moved, _SMALL_STEP))
     told = vectors.T @ changes
     return float(2.0 / max(told @ (told / np.maximum(values, _LEAST_INFORMATION)), 1e-12))
 
 
-def _precision(problem: PredictionErrors, point: Point, term: Responses) -> float:
-    """The logarithm of a term's precision if nothing else were fitted."""
-    return float(np.log(max(np.sum(problem.counted_flat(problem.slopes_by(point, term)) ** 2), 1e-300)))
+def _precision(slopes: np.ndarray) -> float:
+    """The logarithm of the precision of parameters, the mean of as many as act in ways of their own."""
+    values = np.linalg.eigvalsh(slopes @ slopes.T)
+    return float(np.log(np.maximum(values, max(1e-12 * values[-1], 1e-300))).mean())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.stats import chi2
@@ -12,6 +13,7 @@ from scipy.stats import chi2
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.records.record import Record
 from identification.deciding import BLOCKS, MOST_PARTS, UNSTEADY
+from identification.diagnosis.search.beside_noise import Weight, freedom_of
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
 from identification.fit.changing import ChangingPlant, Course, change
@@ -65,22 +67,22 @@ def steadiness(
     By a regression on changes from each sixth on; with `quietly` also with weaker accelerations: these grow to explain
     what does not fit, and then hide it.  Only where that promises a difference, it is fitted, with noises that suit it,
     and no farther than is sure enough: the probability is then an upper bound.
-    tried: from how many paths these were chosen; by default they are all.  level: the probability that is asked for.
+    tried: from how many paths these were chosen; by default they are all.  level: the probability that is asked for;
+    one above it takes noises for known exactly.
     """
     count = len(paths) if tried is None else tried
     rows, block = bench.problem.rows, bench.block_of_row
     begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(1, MOST_PARTS)]
     courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, 2)}
-    best, evidence, _, _ = _changed(bench, state, paths, courses, level / count, quietly, False)
-    chance = count * float(chi2.sf(max(evidence, 0.0), len(courses)))
-    return Steadiness(best, min(chance, 1.0))
+    best, chance, _, _ = _changed(bench, state, paths, courses, level / count, quietly, False)
+    return Steadiness(best, min(count * chance, 1.0))
 
 
 def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
     """The size of an effect in each dive, if the dives of the record surely contradict each other in it.
 
-    Each dive costs a parameter, but for the first where the effect is fitted already: evidence must be above the 0.1 %
-    point of chi-square with as many degrees of freedom.
+    Each dive costs a parameter, but for the first where the effect is fitted already: so much evidence for as many must
+    have a chance of less than 0.1 %.
     """
     dives = dives_of(bench.record, bench.problem.rows)
     if len(dives) < 2:
@@ -89,8 +91,8 @@ def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
     courses = {
         f"dive{k + 1}": Course((begins[k], begins[k + 1]), (0.0, 1.0, 0.0)) for k in range(int(fitted), len(dives))
     }
-    _, evidence, by_dive, found = _changed(bench, state, [path], courses, UNSTEADY, True, True)
-    if found is None or evidence <= chi2.isf(UNSTEADY, len(courses)):
+    _, chance, by_dive, found = _changed(bench, state, [path], courses, UNSTEADY, True, True)
+    if found is None or chance >= UNSTEADY:
         return None
     sizes, limits, common = [], spec_at(found.plant, path).bounds, {path: 1.0} if fitted else {}
     for k, (dive, _) in enumerate(dives, 1):
@@ -116,14 +118,15 @@ def _changed(
     state: State,
     paths: Sequence[str],
     courses: Mapping[str, Course],
-    chance: float,
+    level: float,
     quietly: bool,
     whole: bool,
 ) -> tuple[str, float, Workbench, State | None]:
-    """The path that changes in these courses are likeliest of, the evidence, and bench and fit with them.
+    """The path that changes in these courses are likeliest of, the chance of as much, and bench and fit with them.
 
-    No fit where a regression promises less than what chance has with a probability.  whole: whether the fit goes on
-    when its beginning has more evidence than that.
+    No fit where a regression promises less than what chance has with the probability `level`.  whole: whether the fit
+    goes on when its beginning is less probable than that.  Accelerations cost nothing here: of two models that may both
+    have them, chance prefers neither.
     """
     problem, changing = copy(bench.problem), copy(bench)
     problem.plant = plant = ChangingPlant.of(bench.plant, {form: list(paths) for form in courses}, courses)
@@ -133,29 +136,37 @@ def _changed(
     near = replace(state.point, vector=here.vector)
     _soon(bench, problem, state, near, paths, courses)
     parts = {Candidate(p, tuple(change(form, p) for form in courses)): p for p in paths}
-    bar = float(chi2.isf(chance, len(courses)))
+    bar = float(chi2.isf(level, len(courses)))
     quiet = problem.quieted(near) if quietly and problem.pushed else None
     bases = (near,) if quiet is None else (near, quiet)
-    found = [(screen(problem, base, state.paths, list(parts), bar)[0], base) for base in bases]
+    found = [(screen(problem, one, state.paths, list(parts), bar)[0], one) for one in bases]
     best, base = max(found, key=lambda f: f[0].evidence)
     path = parts[best.candidate]
     if best.evidence <= bar:
-        return path, best.evidence, changing, None
-    free = (*state.paths, *best.candidate.paths)
-    before, tried = bench.problem.objective(state.point, state.paths), list[Point]()
+        return path, float(chi2.sf(best.evidence, len(courses))), changing, None
+    free, moves = (*state.paths, *best.candidate.paths), moves_of(best.candidate.paths)
+    without, tried = bench.problem.likelihood(state.point, state.paths), list[Point]()
+
+    @cache
+    def freedom() -> float:
+        return freedom_of(problem, near, lambda point: problem.counted_flat(problem.columns_of(point, moves)))
+
+    def chance(point: Point) -> float:
+        weight = Weight(2.0 * (problem.likelihood(point, free) - without), np.inf, len(courses))
+        return weight.chance if weight.chance >= level else replace(weight, freedom=freedom()).chance
+
     for share in _SHARES:
         vector = problem.moved_vector(base.vector, free, share * np.r_[best.beside, best.estimate])
         tried.append(problem.renewed(problem.point(vector, base.logs, base), state.point.logs, free))
-        if 2.0 * (problem.objective(tried[-1], free) - before) > bar:
+        if chance(tried[-1]) < level:
             break
-    fitted = max(tried, key=lambda point: problem.objective(point, free))
-    if whole or 2.0 * (problem.objective(fitted, free) - before) <= bar:
+    fitted = min(tried, key=chance)
+    if whole or chance(fitted) >= level:
         fitted = problem.solve(problem.plant_at(fitted, free), free, fitted, ITERATIONS, gain=TRIAL_GAIN)
-    if 2.0 * (problem.objective(fitted, free) - before) > bar:  # at the noises of the rival, too, without a change
-        without = bench.problem.renewed(state.point, fitted.logs, state.paths)
-        before = max(before, bench.problem.objective(without, state.paths))
-    evidence = 2.0 * (problem.objective(fitted, free) - before)
-    return path, evidence, changing, State(problem.plant_at(fitted, free), free, fitted)
+    if chance(fitted) < level:  # at the noises of the rival, too, without a change
+        renewed = bench.problem.renewed(state.point, fitted.logs, state.paths)
+        without = max(without, bench.problem.likelihood(renewed, state.paths))
+    return path, chance(fitted), changing, State(problem.plant_at(fitted, free), free, fitted)
 
 
 def _soon(

@@ -24,7 +24,7 @@ def gusts(problem: PredictionErrors, point: Point, level: float = LEFT) -> tuple
         return ()
     strengths = [len(problem.channels) + int(d) for d in np.flatnonzero(problem.pushes(point))]
     slopes = problem.slopes_in_parts(point, GUST_PARTS)[:, strengths]
-    informations, found = np.array([_information(problem, point, i) for i in strengths]), []
+    informations, found = np.diag(problem.noise_information(point, strengths, _SMALL_STEP)), []
     tried = [slopes.reshape(-1, together, len(strengths)).sum(axis=1) for together in (1, 2, 4)]
     count = len(strengths) * sum(len(one) for one in tried)
     for k, (i, information) in enumerate(zip(strengths, informations, strict=True)):
@@ -33,11 +33,3 @@ def gusts(problem: PredictionErrors, point: Point, level: float = LEFT) -> tuple
         if count * min(chances, default=1.0) < level:
             found.append(problem.pushed[i - len(problem.channels)])
     return tuple(found)
-
-
-def _information(problem: PredictionErrors, point: Point, i: int) -> float:
-    """The information of the record on the logarithm of a noise."""
-    near = np.repeat(point.logs[None], 2, axis=0)
-    near[:, i] += [-_SMALL_STEP, _SMALL_STEP]
-    weaker, stronger = (problem.noise_slopes(point, logs)[1][i] for logs in near)
-    return (weaker - stronger) / (2.0 * _SMALL_STEP)

@@ -48,7 +48,7 @@ class Reconsidering:
         for number, made in _numbered(rounds):
             without = self._without(state, made)
             pair = self._best_pair(without, rounds, made.candidate)
-            if pair is None:
+            if pair is None or pair[0].state is None:
                 continue
             gained = self.bench.gain(state, pair[0].state)
             if gained > bar:

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from auv_gym.param import replace_at
 from identification.fit import intervals
 from identification.fit.intervals import Information, _by_noise, information_of, interval_of, told_by_part
+from identification.fit.noises import Noises
 from identification.fit.prediction_errors import PredictionErrors
 from tests.identification.diagnosis.stand_ins import point_of
 from tests.identification.fit.test_prediction_errors import GLIDER, OFFSET, glider_log
@@ -214,6 +215,8 @@ class Mean:
 
     def __init__(self, curvature, pushing=(1, 2), error=0.0):
         self.curvature, self._pushing, self.error = np.array(curvature), list(pushing), error
+
+    noise_information = Noises.noise_information
 
     def pushing(self, point):
         return self._pushing

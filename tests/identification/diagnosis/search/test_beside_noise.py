@@ -77,7 +77,7 @@ def test_what_is_not_there_weighs_next_to_nothing(still):
 
 def test_degrees_of_freedom_are_asked_for_only_where_they_may_matter(layered, monkeypatch):
     bench, state = layered
-    monkeypatch.setattr(beside_noise, "_freedom", lambda *args: pytest.fail("asked for"))
+    monkeypatch.setattr(beside_noise, "freedom_of", lambda *args: pytest.fail("asked for"))
     (weight,) = weigh(bench.problem, state.point, state.paths, below(bench, state), 0.0)
     assert weight.freedom == np.inf
 

@@ -13,7 +13,7 @@ from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge import findings, holding, remaining
 from identification.diagnosis.judge.verdict import VARIES
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.search import remainder
+from identification.diagnosis.search import constancy, remainder
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.constancy import Steadiness, dives_of, sizes_by_dive, steadiness
 from identification.diagnosis.search.discovery import Discovery
@@ -25,6 +25,7 @@ from identification.fit import filtering
 from scripts.blind.changing import ChangingGlider
 
 OFFSET, DEADBAND, AIR = "effects.rudder.offset", "effects.rudder.deadband", "effects.volume.air"
+MOMENT = "effects.yaw.moment"
 
 
 def log_of(begins, path=OFFSET, size=0.03):
@@ -82,6 +83,35 @@ def test_a_change_has_no_evidence_by_noises_that_would_suit_the_vehicle_without_
     left = replace(state, point=bench.problem.point(state.point.vector, poor, state.point))
     assert bench.problem.objective(left.point, left.paths) < bench.problem.objective(state.point, state.paths) - 20.0
     assert steadiness(bench, left, [OFFSET]).probability > 0.01
+
+
+def moved_slowly(seed, size=1.0, time=100.0):
+    """The bench and the state of a log with a random yaw moment: so many probes, this correlation time, s."""
+    plant, rng, times = load_vehicle("slocum"), np.random.default_rng(seed), np.arange(0.0, 700.0, 4.0)
+    kept, moments = np.exp(-4.0 / time), [rng.normal()]
+    for _ in times[1:]:
+        moments.append(kept * moments[-1] + np.sqrt(1.0 - kept**2) * rng.normal())
+    probe = size * spec_at(plant, MOMENT).probe
+    moving = ChangingGlider(plant, lambda t: replace_at(plant, MOMENT, probe * np.interp(t, times, moments)))
+    log = check_log(closed_loop(moving, rng=rng, duration=600.0), plant, Asked(trust=True))
+    bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
+    return bench, bench.fit(bench.plant, (*plant.coefficients, MOMENT))
+
+
+def test_slow_random_moments_are_no_contradiction_between_parts(monkeypatch):
+    """Six correlation times of a moment tell next to nothing of its noise, which chi-square takes for known."""
+    bench, state = moved_slowly(3)
+    assert steadiness(bench, state, [MOMENT]).probability > UNSTEADY
+    monkeypatch.setattr(constancy, "freedom_of", lambda *_: np.inf)
+    assert steadiness(bench, state, [MOMENT]).probability < UNSTEADY
+
+
+def test_what_accelerations_cost_is_no_evidence_for_a_change(monkeypatch):
+    """A change may make them needless, and what these had cost before is then saved, whatever the change is."""
+    bench, state = moved_slowly(3)
+    cost = lambda self, logs: 50.0 * np.array_equal(logs, state.point.logs)  # noqa: E731
+    monkeypatch.setattr(filtering.Filter, "_cost", cost)
+    assert steadiness(bench, state, [MOMENT]).probability > UNSTEADY
 
 
 @pytest.mark.slow

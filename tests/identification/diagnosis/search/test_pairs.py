@@ -121,7 +121,7 @@ def test_a_pair_is_for_the_search_that_has_room_for_two(monkeypatch):
     assert Reconsidering(bench, (A, B, C), 2, ()).paired(start, [before, last]) == (start, [before, last])
 
 
-@pytest.mark.parametrize(("alone", "room", "better"), [(150.0, 2, True), (190.0, 2, False), (150.0, 1, False)])
+@pytest.mark.parametrize("alone, room, better", [(150.0, 2, True), (190.0, 2, False), (150.0, 1, False)])
 def test_a_pair_takes_an_effects_place_where_it_is_likelier_by_more_than_chance(monkeypatch, alone, room, better):
     """Of three candidates a pair can be chosen in three ways: 9.9 is by chance one time in 200."""
     bench, _ = promising(monkeypatch)
