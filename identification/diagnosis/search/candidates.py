@@ -369,5 +369,6 @@ class Regression:
     def _imitation(self, signature: np.ndarray, power: float) -> str:
         overlap = [abs(signature @ n) / np.sqrt(power * (n @ n) + 1e-30) for n in self.tall]
         if max(overlap, default=0.0) > ALIKE:
-            return f"{self.fitted[int(np.argmax(overlap))]} has the same effect"
+            title = spec_at(self.problem.plant, self.fitted[int(np.argmax(overlap))]).title
+            return f"{title} has the same effect"
         return "the parameters already fitted have the same effect"

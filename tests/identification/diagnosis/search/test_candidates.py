@@ -90,7 +90,7 @@ def test_what_is_known_of_a_coefficient_tells_it_from_the_effect_that_acts_alike
         point = bench.fit(QUICK, ()).point
         (seen[doubt],) = screen(bench.problem, point, COEFFICIENTS, [candidate("effects.yaw.speed_squared")], BAR)
     assert seen[np.inf].seen < SEEN < seen[0.03].seen < seen[0.01].seen
-    assert seen[np.inf].unseen == "hull.n_delta has the same effect"
+    assert seen[np.inf].unseen == "rudder effectiveness N_dr has the same effect"
     assert (seen[np.inf].evidence, seen[np.inf].detectable[0]) == (0.0, np.inf)
     assert seen[0.01].detectable[0] < 0.5 * seen[0.03].detectable[0]
 
