@@ -134,18 +134,24 @@ class PredictionErrors(Noises):
         points = [here, *side_by_side(lambda logs: self.point(here.vector, logs, here), list(tried.values()))]
         return max(points, key=lambda p: self.objective(p, paths))
 
-    def quieted(self, here: Point) -> Point | None:
+    def quieted(self, here: Point, which: np.ndarray | slice = slice(None)) -> Point | None:
         """The same parameters, what pushes the vehicle taken for much weaker; None where the filter loses its way.
 
         An unstable vehicle that hardly anything may push leaves the record, and its slopes then tell nothing.
+        which: of the accelerations, by default all.
         """
         count, pushed = len(self.channels), len(self.pushed)
         logs = here.logs.copy()
-        logs[count : count + pushed] -= np.log(_QUIETER)
+        logs[count : count + pushed][which] -= np.log(_QUIETER)
         there = self.point(here.vector, logs, here)
         if here.system is None or not np.isfinite(there.scores).all() or not self._keeps_to(there, here.system):
             return None
         return there
+
+    def lasting(self, here: Point) -> np.ndarray:
+        """Which accelerations of a point last longer than the vehicle's own motions do, (D,)."""
+        pushed = len(self.pushed)
+        return self._there(here.logs) & (here.logs[len(here.logs) - pushed :] > self.slowness[0])
 
     def renewed(self, point: Point, logs: np.ndarray, paths: Sequence[str]) -> Point:
         """The parameters of a point with the noises that suit them best, sought from some that may, or its own."""

@@ -194,9 +194,17 @@ def misjudged(bench: Workbench, base: State) -> float:
 
 
 def quieted(bench: Workbench, state: State) -> list[State]:
-    """The state with less process noise, if its filter still follows the record."""
-    point = bench.problem.quieted(state.point) if bench.problem.pushed else None
-    return [] if point is None else [State(state.plant, state.paths, point, True)]
+    """The state with less process noise, if its filter still follows the record; and with less of what lasts alone.
+
+    Accelerations that last take a steady effect's part, while shorter ones, as of waves, may be needed all the same.
+    """
+    problem = bench.problem
+    if not problem.pushed:
+        return []
+    lasting = problem.lasting(state.point)
+    some = lasting.any() and (problem.pushes(state.point) & ~lasting).any()
+    found = [problem.quieted(state.point), problem.quieted(state.point, lasting) if some else None]
+    return [State(state.plant, state.paths, point, True) for point in found if point is not None]
 
 
 def _short_list(
