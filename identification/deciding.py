@@ -29,6 +29,9 @@ PRICE = 2.0
 
 MOST_PARTS = 6
 """Parts of a log.  Source: gives twenty halves of three parts, and five sixths to fit without any one part."""
+MOST_FOLLOWED = 48_000
+"""Samples times states of the vehicle from which on a first search counts a part of the log.
+Source: time; four thousand samples of a body in six degrees of freedom."""
 LEAST_WINDOWS = 4
 """Fewest windows of free runs in a log.  Source: convention."""
 SETTLE_SHARE = 0.2

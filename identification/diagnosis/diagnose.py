@@ -13,9 +13,9 @@ from auv_gym.records.record import Record
 from identification.deciding import DOUBT, MOST_EFFECTS
 from identification.diagnosis.judge.judging import judge
 from identification.diagnosis.judge.verdict import Diagnosis
-from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
 from identification.diagnosis.search.known import fit_known
-from identification.diagnosis.search.searching import search_effects
+from identification.diagnosis.search.searching import Searched, search_effects
 from identification.diagnosis.search.trials import Progress
 
 T = TypeVar("T")
@@ -59,8 +59,12 @@ def diagnose(
     def timed(step: str, run: Callable[[], T]) -> T:
         begin = perf_counter()
         found = run()
-        seconds[step] = perf_counter() - begin
+        seconds[step] = seconds.get(step, 0.0) + perf_counter() - begin
         return found
+
+    def sought(log: CheckedLog) -> Searched:
+        known = timed("fitting what is known", lambda: fit_known(log, progress))
+        return timed("searching effects", lambda: search_effects(log, known, progress))
 
     progress(0.0, "looking for slips in the log")
     log = timed("checking the log", lambda: check_log(record, plant, asked))
@@ -68,8 +72,12 @@ def diagnose(
         trusting = diagnose(record, plant, **vars(replace(asked, trust=True)), source=source, progress=progress)
         if not trusting.unexplained:  # effects explain it to the noise, mislabelled or not
             return replace(trusting, asked=asked)
-    known = timed("fitting what is known", lambda: fit_known(log, progress))
-    searched = timed("searching effects", lambda: search_effects(log, known, progress))
+    brief = log.in_brief()
+    searched = sought(brief)
+    if brief is not log and searched.state is searched.nominal:  # what is weak needs all of the log
+        searched = sought(log)
+    else:
+        log = brief
     found = timed("judging", lambda: judge(log, searched, source, progress))
     # with the channels that were not compared, and the rows that windows count
-    return replace(found, record=described(plant, record), seconds=seconds)
+    return replace(found, record=described(plant, record).with_notes(log.record.notes), seconds=seconds)

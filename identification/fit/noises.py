@@ -84,26 +84,31 @@ class Noises(Filter):
         """The log-likelihood of noises by the linearised filter, less the cost of accelerations that are there."""
         return float(self.counted @ run_filter(system, *self._numbers(logs)).scores) - self._cost(logs)
 
-    def _without_one(self, logs: np.ndarray, d: int) -> np.ndarray:
-        """The noises with one acceleration that is hardly any."""
+    def _without(self, logs: np.ndarray, which: Sequence[int]) -> np.ndarray:
+        """The noises with some accelerations that are hardly any."""
         less = logs.copy()
-        less[len(self.channels) + d] = np.log(LEAST_PROCESS * self.unit[d])
+        less[[len(self.channels) + d for d in which]] = [np.log(LEAST_PROCESS * self.unit[d]) for d in which]
         return less
 
     def _likeliest(
-        self, system: System, logs: np.ndarray, which: Iterable[int], guesses: np.ndarray | None = None
+        self,
+        system: System,
+        logs: np.ndarray,
+        which: Iterable[int],
+        guesses: np.ndarray | None = None,
+        slowness: float | None = None,
     ) -> np.ndarray:
         """The noises, each of these accelerations in turn the likeliest of none, of some guesses, or as it was.
 
-        guesses: (G, D), logarithms of strengths; NaN is none.
+        guesses: (G, D), logarithms of strengths; NaN is none.  slowness: of their times, by default the usual ones.
         """
         best = self._likelihood(system, logs)
         for d in which:
             strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
-            tried = [self._without_one(logs, int(d))]
+            tried = [self._without(logs, [d])]
             for guess in () if guesses is None else guesses[np.isfinite(guesses[:, d]), d]:
                 tried.append(logs.copy())
-                tried[-1][[strength, time]] = guess, self.slowness[0]
+                tried[-1][[strength, time]] = guess, self.slowness[0] if slowness is None else slowness
             for other, reached in zip(tried, side_by_side(partial(self._likelihood, system), tried), strict=True):
                 if reached > best:
                     logs, best = other, reached
@@ -273,7 +278,7 @@ class Noises(Filter):
             whole = self._likelihood(point.system, point.logs)
             for d, name in enumerate(self.pushed):
                 if self._there(point.logs)[d] and whole > self._likelihood(
-                    point.system, self._without_one(point.logs, d)
+                    point.system, self._without(point.logs, [d])
                 ):
                     stated[name] = (float(deviations[d]), float(times[d]))
         return Noise(dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True)), stated)

@@ -127,7 +127,7 @@ class PredictionErrors(Noises):
         there, none = np.flatnonzero(self._there(here.logs)), here.logs
         logs = self._likeliest(here.system, here.logs, there)
         for d in there:
-            none = self._without_one(none, int(d))
+            none = self._without(none, [d])
         lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
         far = lost > FAR * len(self.rows)
         tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
@@ -143,15 +143,33 @@ class PredictionErrors(Noises):
         count, pushed = len(self.channels), len(self.pushed)
         logs = here.logs.copy()
         logs[count : count + pushed][which] -= np.log(_QUIETER)
+        return self._if_it_follows(here, logs)
+
+    def hurried(self, here: Point) -> Point | None:
+        """The same parameters, accelerations that last taken for brief ones of the likeliest strengths.
+
+        None where nothing lasts, or the filter loses its way.
+        """
+        lasting = np.flatnonzero(self.lasting(here))
+        if here.system is None or not lasting.size:
+            return None
+        brief = self.slowness[2]
+        logs = self._likeliest(here.system, self._without(here.logs, lasting.tolist()), lasting, self._guesses, brief)
+        return self._if_it_follows(here, logs)
+
+    def lasting(self, here: Point) -> np.ndarray:
+        """Which accelerations of a point last longer than the vehicle's own motions do, (D,).
+
+        What lasts takes a steady effect's part, which what is brief cannot.
+        """
+        return self._there(here.logs) & (here.logs[len(self.channels) + len(self.pushed) :] > self.slowness[0])
+
+    def _if_it_follows(self, here: Point, logs: np.ndarray) -> Point | None:
+        """A point with other noises, None where its filter does not follow the record as that of the point does."""
         there = self.point(here.vector, logs, here)
         if here.system is None or not np.isfinite(there.scores).all() or not self._keeps_to(there, here.system):
             return None
         return there
-
-    def lasting(self, here: Point) -> np.ndarray:
-        """Which accelerations of a point last longer than the vehicle's own motions do, (D,)."""
-        pushed = len(self.pushed)
-        return self._there(here.logs) & (here.logs[len(here.logs) - pushed :] > self.slowness[0])
 
     def renewed(self, point: Point, logs: np.ndarray, paths: Sequence[str]) -> Point:
         """The parameters of a point with the noises that suit them best, sought from some that may, or its own."""
@@ -173,19 +191,21 @@ class PredictionErrors(Noises):
         return there
 
     def _quieter(self, here: Point, paths: Sequence[str]) -> Point:
-        """The point that is reached if what pushes the vehicle is taken for much weaker at first.
+        """The point that is reached if what pushes the vehicle is taken for much weaker at first, or for brief.
 
         Where an effect was missing, accelerations have grown to take its part, and would leave little of it to find.
         Where the parameters then leave each row far less likely, they are needed: better noises would bring them back.
         """
-        quiet = self.quieted(here)
-        if quiet is None:
-            return here
-        there = self.descended(quiet, paths)
-        lost = self.objective(here, paths) - self.objective(there, paths)
-        if not lost < FAR * len(self.rows):
-            return here
-        return self.renewed(there, here.logs, paths)
+        for quiet, brief in ((self.quieted(here), False), (self.hurried(here), True)):
+            if quiet is None:
+                continue
+            there = self.descended(quiet, paths)
+            lost = self.objective(here, paths) - self.objective(there, paths)
+            if lost < FAR * len(self.rows):
+                there = self.renewed(there, there.logs if brief else here.logs, paths)
+                if self.objective(there, paths) > self.objective(here, paths):
+                    return there
+        return here
 
     def _renewed(
         self, here: Point, paths: Sequence[str], steps: int, known: np.ndarray | None = None

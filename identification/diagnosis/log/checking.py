@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from auv_gym.plant import Chart, Plant
 from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described
 from auv_gym.records.record import Record
-from identification.deciding import LEAST_WINDOWS, MOST_GROWTH, MOST_PARTS, SETTLE_SHARE
-from identification.diagnosis.log.parts import Part, parts_of, windows_of
+from identification.deciding import LEAST_WINDOWS, MOST_FOLLOWED, MOST_GROWTH, MOST_PARTS, SETTLE_SHARE
+from identification.diagnosis.log.parts import Part, excerpts, parts_of, windows_of
 from identification.diagnosis.log.plausibility import Doubt, log_doubts
-from identification.fit.shooting import Shooting
+from identification.fit.shooting import Shooting, unknown_states
 from identification.fit.steps import readings_noise
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
@@ -66,6 +66,23 @@ class CheckedLog:
     def firm(self) -> bool:
         """Whether a doubt needs no model to be sure."""
         return any(d.firm for d in self.doubts)
+
+    def in_brief(self) -> CheckedLog:
+        """The log, of which fits count one stretch of each part if it is long; windows are those of the whole log.
+
+        Not where each segment has an unknown of its own, which a stretch of it would tell less well.
+        """
+        states, samples = len(self.plant.family.states), sum(p.stop - p.start for part in self.parts for p in part)
+        if samples * states <= MOST_FOLLOWED or unknown_states(self.plant):
+            return self
+        each = MOST_FOLLOWED // (states * len(self.parts))
+        parts = excerpts(self.record, self.parts, self.plant.family.required, each)
+        share = sum(p.stop - p.start for part in parts for p in part) / samples
+        line = (
+            f"The log is long: the fits count {100.0 * share:.0f} % of it, from each of its {len(parts)} parts the "
+            "stretch in which the commands move most. Free runs are compared with all of it."
+        )
+        return replace(self, record=self.record.with_notes([*self.record.notes, line]), parts=parts)
 
 
 def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:

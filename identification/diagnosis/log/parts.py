@@ -45,6 +45,22 @@ def parts_of(plant: Plant, record: Record, most: int = MOST_PARTS) -> tuple[Part
     return tuple(tuple(part) for part in found if part)
 
 
+def excerpts(record: Record, parts: Sequence[Part], inputs: Sequence[str], samples: int) -> tuple[Part, ...]:
+    """Of each part the stretch of at most so many samples in which the inputs move most.
+
+    No reading decides which of them count, only what was commanded.
+    """
+    signals, found = [record[name] for name in inputs if record.has(name)], list[Part]()
+    for part in parts:
+        pieces = [slice(a, min(a + samples, p.stop)) for p in part for a in range(p.start, p.stop, samples)]
+        longest = max(p.stop - p.start for p in pieces)
+        pieces = [p for p in pieces if 2 * (p.stop - p.start) >= longest]
+        moves = np.array([[float(np.std(signal[p])) for signal in signals] for p in pieces])
+        most = np.maximum(moves.max(axis=0), 1e-12)
+        found.append((pieces[int(np.argmax((moves / most).sum(axis=1)))],))
+    return tuple(found)
+
+
 def block_numbers(record: Record, stretches: Sequence[slice], count: int) -> np.ndarray:
     """For each row of the stretches, which of `count` equal times it is in, what lies between stretches left out."""
     lengths = [record.time[s] - record.time[s.start] for s in stretches]

@@ -12,7 +12,7 @@ from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 from identification.deciding import COST, LEAST_PROCESS
 from identification.experiments.missions import run_mission
-from identification.fit import filtering, stretches
+from identification.fit import filtering, prediction_errors, stretches
 from identification.fit.greybox import GreyBox
 from identification.fit.intervals import information_of, profile_interval
 from identification.fit.kalman import run_filter
@@ -215,7 +215,7 @@ def test_an_acceleration_that_is_far_too_strong_is_not_given_up_before_weaker_on
     strong[first] = np.log(30.0 * problem.unit[0])
     point = problem.point(plant.vector, strong)
     assert point.system is not None
-    none = problem._without_one(strong, 0)
+    none = problem._without(strong, [0])
     assert problem._likelihood(point.system, none) > problem._likelihood(point.system, strong)
     assert problem._there(problem.better_noise(point)[0]).all()
 
@@ -469,6 +469,36 @@ def test_weaker_accelerations_are_tried_only_where_the_filter_keeps_to_the_recor
     )
     assert problem.quieted(point) is None
     assert problem._quieter(point, PATHS) is point
+
+
+def test_a_push_that_lasts_is_tried_as_a_brief_one_which_cannot_take_a_steady_effects_part(monkeypatch):
+    """Nothing pushes this glider, and its rudder's offset is missing: a push that lasts is found in its place."""
+    log = glider_log(0, push=0.0)
+    problem = PredictionErrors(GLIDER, log, whole(log))
+    lasting = problem.solve(GLIDER, COEFFICIENTS)
+    assert problem.lasting(lasting).all()
+    brief = problem.hurried(lasting)
+    assert brief is not None
+    assert brief.logs[-1] == problem.slowness[2]
+    assert problem.hurried(brief) is None  # nothing lasts any more
+    monkeypatch.setattr(problem, "quieted", lambda here: None)
+    assert problem._quieter(lasting, PATHS) is lasting  # 1.8 less likely in each row
+    monkeypatch.setattr(prediction_errors, "FAR", 2.0)
+    there = problem._quieter(lasting, PATHS)
+    assert problem.objective(there, PATHS) > problem.objective(lasting, PATHS) + 5.0
+    monkeypatch.setattr(problem, "hurried", lambda here: None)
+    assert problem._quieter(lasting, PATHS) is lasting
+
+
+def test_some_accelerations_alone_are_taken_for_weaker(pushed):
+    problem = PredictionErrors(GLIDER, pushed, whole(pushed))
+    point = problem.solve(GLIDER, PATHS)
+    same = problem.quieted(point, np.zeros(len(problem.pushed), dtype=bool))
+    weaker = problem.quieted(point)
+    assert same is not None
+    assert weaker is not None
+    assert np.array_equal(same.logs, point.logs)
+    assert weaker.logs[len(problem.channels)] < point.logs[len(problem.channels)] - 1.0
 
 
 def test_better_noises_are_not_sought_where_weaker_accelerations_leave_rows_far_less_likely(pushed, monkeypatch):

@@ -1,13 +1,18 @@
 """Parts of a record that follow from the record alone, and the windows in them."""
 
+from importlib import import_module
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record, concat
 from identification.deciding import MOST_PARTS
+from identification.diagnosis import diagnose
+from identification.diagnosis.log import checking
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.log.parts import block_numbers, parts_of, windows_of
+from identification.diagnosis.log.parts import block_numbers, excerpts, parts_of, windows_of
 from identification.experiments.missions import run_mission
 from identification.fit.windows import stretches_of
 from tests.identification.gliders import QUICK
@@ -75,3 +80,54 @@ def test_parts_are_the_same_for_long_windows_and_for_short_ones(record):
     assert short.parts == long.parts
     assert len(short.every_window) > len(long.every_window)
     assert [len(own) for own in long.windows] == [2] * MOST_PARTS
+
+
+def test_of_a_long_log_the_stretch_of_each_part_counts_in_which_the_commands_move_most(record):
+    rudder = 0.01 * np.ones(len(record))
+    parts = parts_of(QUICK, record)
+    moved = [part[0].start + 25 for part in parts]
+    for k in moved:
+        rudder[k : k + 4] = 0.2
+    found = excerpts(record.with_channels({"rudder_rad": rudder}), parts, ("rudder_rad", "u_mps"), 20)
+    for (piece,), (whole,), k in zip(found, parts, moved, strict=True):
+        assert piece.start <= k < piece.stop
+        assert piece.stop - piece.start <= 20
+        assert whole.start <= piece.start < piece.stop <= whole.stop
+
+
+def test_fits_count_a_share_of_a_long_log_and_free_runs_all_of_it(record, monkeypatch):
+    log = check_log(record, QUICK, Asked())
+    assert log.in_brief() is log
+    states, rows = len(QUICK.family.states), len(rows_of(p for part in log.parts for p in part))
+    monkeypatch.setattr(checking, "MOST_FOLLOWED", states * rows // 2)
+    brief = log.in_brief()
+    counted = rows_of(p for part in brief.parts for p in part)
+    assert 0.4 * rows < len(counted) <= 0.5 * rows
+    assert len(brief.parts) == len(log.parts)
+    assert brief.windows == log.windows
+    assert "the fits count" in brief.record.notes[-1]
+
+
+@pytest.mark.parametrize("found", [True, False])
+def test_what_a_share_of_a_long_log_does_not_show_is_sought_in_all_of_it(record, monkeypatch, found):
+    steps = import_module("identification.diagnosis.diagnose")
+    whole, counted = check_log(record, QUICK, Asked()), []
+    monkeypatch.setattr(checking, "MOST_FOLLOWED", 100 * len(QUICK.family.states))
+    monkeypatch.setattr(steps, "fit_known", lambda log, progress: counted.append(log.parts))
+    state = object()
+    searched = SimpleNamespace(nominal=state, state=object() if found else state)
+    monkeypatch.setattr(steps, "search_effects", lambda log, known, progress: searched)
+    judged = []
+
+    def judge(log, searched, source, progress):
+        judged.append(log.parts)
+        raise StopIteration
+
+    monkeypatch.setattr(steps, "judge", judge)
+    with pytest.raises(StopIteration):
+        diagnose(record, QUICK)
+    lengths = [len(rows_of(p for part in parts for p in part)) for parts in counted]
+    assert lengths[0] <= 100
+    assert judged == [counted[-1]]
+    assert len(counted) == (1 if found else 2)
+    assert found or counted[-1] == whole.parts

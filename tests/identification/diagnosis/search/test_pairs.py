@@ -87,7 +87,10 @@ def test_two_that_act_alike_are_no_pair(screened):
 
 
 @pytest.mark.slow
-def test_two_effects_of_one_rudder_are_both_named(log):
+@pytest.mark.parametrize("way", ["paired", "paired_instead"])
+def test_two_effects_of_one_rudder_are_both_named(log, monkeypatch, way):
+    """Pairs are tried beside what was found first, and instead of it: either way finds these."""
+    monkeypatch.setattr(Reconsidering, way, lambda self, state, rounds: (state, rounds))
     found = diagnose(log, QUICK)
     assert {e.path for e in found.effects} == set(TRUE)
     for path, size in TRUE.items():

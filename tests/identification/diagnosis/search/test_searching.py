@@ -14,7 +14,9 @@ from identification.diagnosis.search.attribution import attribute
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.known import Known, fit_known
+from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.searching import search_effects
+from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import run_mission
@@ -96,3 +98,20 @@ def test_what_is_known_is_fitted_in_the_steps_that_suit_it(monkeypatch):
     known = fit_known(log, lambda fraction, text: None)
     assert known.plant.longest_step < 0.05
     assert known.given.plant.longest_step == known.nominal.plant.longest_step == known.plant.longest_step
+
+
+@pytest.mark.parametrize("pushed, left, tried", [(True, False, True), (False, True, True), (False, False, False)])
+def test_pairs_are_tried_beside_process_noise_which_may_have_taken_their_part(monkeypatch, pushed, left, tried):
+    plant, asked = load_vehicle("slocum"), []
+    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), plant, Asked())
+    known = fit_known(log, lambda fraction, text: None)
+    monkeypatch.setattr(searching, "what_is_left", lambda *_: Left(("heading_rad",)) if left else Left())
+    monkeypatch.setattr(known.bench.problem, "is_pushed", lambda point: pushed)
+
+    def paired(self, state, rounds):
+        asked.append(state)
+        return state, rounds
+
+    monkeypatch.setattr(Reconsidering, "paired", paired)
+    search_effects(log, known, lambda fraction, text: None)
+    assert bool(asked) is tried

@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from identification.diagnosis.search.candidates import Candidate, Screening, can
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.missions import run_mission
-from tests.identification.diagnosis.stand_ins import state_of
+from tests.identification.diagnosis.stand_ins import PLANT, state_of
 from tests.identification.gliders import QUICK
 
 OFFSET, GAIN, LAG = "effects.rudder.offset", "effects.rudder.gain", "effects.rudder.lag"
@@ -98,6 +99,27 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
     assert renewed
     for candidate in renewed:
         assert bench.gain(begun[candidate].state, nears[candidate]) > 10.0
+
+
+@pytest.mark.parametrize(
+    "there, lasts, asked",
+    [((1, 1), (0, 1), [None, (0, 1)]), ((1, 1), (0, 0), [None]), ((0, 1), (0, 1), [None]), ((1, 1), (1, 1), [None])],
+)
+def test_what_lasts_is_taken_for_weaker_by_itself_beside_what_is_brief(there, lasts, asked):
+    found = []
+
+    def quieted(point, which=None):
+        found.append(None if which is None else tuple(which.astype(int)))
+        return point
+
+    masks = [np.array(m, dtype=bool) for m in (there, lasts)]
+    problem = SimpleNamespace(
+        pushed=("u", "w"), pushes=lambda point: masks[0], lasting=lambda point: masks[1], quieted=quieted
+    )
+    bases = trials.quieted(SimpleNamespace(problem=problem), state_of(PLANT))
+    assert found == asked
+    assert len(bases) == len(asked)
+    assert all(base.quiet for base in bases)
 
 
 def test_starts_move_with_a_candidate_and_the_coefficients_that_it_moves():
