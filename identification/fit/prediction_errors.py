@@ -124,10 +124,8 @@ class PredictionErrors(Noises):
         """
         if here.system is None or not self.pushed:
             return here
-        there, none = np.flatnonzero(self._there(here.logs)), here.logs
-        logs = self._likeliest(here.system, here.logs, there)
-        for d in there:
-            none = self._without(none, [d])
+        there = np.flatnonzero(self._there(here.logs))
+        logs, none = self._likeliest(here.system, here.logs, there), self._without(here.logs, there.tolist())
         lost = self._likelihood(here.system, here.logs) - self._likelihood(here.system, none)
         far = lost > FAR * len(self.rows)
         tried = {tuple(t): t for t in (logs, here.logs if far else none) if not np.array_equal(t, here.logs)}
@@ -196,7 +194,8 @@ class PredictionErrors(Noises):
         Where an effect was missing, accelerations have grown to take its part, and would leave little of it to find.
         Where the parameters then leave each row far less likely, they are needed: better noises would bring them back.
         """
-        for quiet, brief in ((self.quieted(here), False), (self.hurried(here), True)):
+        for taken, brief in ((self.quieted, False), (self.hurried, True)):
+            quiet = taken(here)
             if quiet is None:
                 continue
             there = self.descended(quiet, paths)

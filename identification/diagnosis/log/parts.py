@@ -50,15 +50,20 @@ def excerpts(record: Record, parts: Sequence[Part], inputs: Sequence[str], sampl
 
     No reading decides which of them count, only what was commanded.
     """
-    signals, found = [record[name] for name in inputs if record.has(name)], list[Part]()
+    found = list[Part]()
     for part in parts:
         pieces = [slice(a, min(a + samples, p.stop)) for p in part for a in range(p.start, p.stop, samples)]
         longest = max(p.stop - p.start for p in pieces)
         pieces = [p for p in pieces if 2 * (p.stop - p.start) >= longest]
-        moves = np.array([[float(np.std(signal[p])) for signal in signals] for p in pieces])
-        most = np.maximum(moves.max(axis=0), 1e-12)
-        found.append((pieces[int(np.argmax((moves / most).sum(axis=1)))],))
+        found.append((pieces[int(np.argmax(excitation(record, inputs, pieces)))],))
     return tuple(found)
+
+
+def excitation(record: Record, inputs: Sequence[str], pieces: Sequence[slice]) -> np.ndarray:
+    """How much those inputs that a record has move in each of some pieces, each over its most in any, summed; (K,)."""
+    signals = [record[name] for name in inputs if record.has(name)]
+    moves = np.array([[float(np.std(signal[p])) for signal in signals] for p in pieces])
+    return np.sum(moves / np.maximum(moves.max(axis=0), 1e-12), axis=1)
 
 
 def block_numbers(record: Record, stretches: Sequence[slice], count: int) -> np.ndarray:

@@ -30,6 +30,7 @@ from identification.deciding import (
     SLIP_GAIN,
     SLIP_LEFT,
 )
+from identification.diagnosis.log.parts import excitation
 from identification.diagnosis.log.slips import Slip, possible_slips, undone
 from identification.diagnosis.log.thruster_slips import likely_slips, thruster_slips
 from identification.fit.first_readings import RATES
@@ -214,11 +215,9 @@ def _excited(record: Record, plant: Plant, windows: Sequence[slice], settle: flo
         start = int(np.searchsorted(record.time[w], record.time[w.start] + settle)) + w.start
         # one sample is left out, so that neighbours stay apart
         pieces += [slice(a, b - 1) for a, b in pairwise([*range(start, w.stop, ROWS), w.stop]) if b - a > 8]
-    names = [name for name in plant.family.required if record.has(name)]
-    if not pieces or not names:
+    if not pieces or not any(record.has(name) for name in plant.family.required):
         return mask
-    moves = np.stack([[np.std(record[name][p]) for name in names] for p in pieces])
-    order = np.argsort(-np.sum(moves / np.maximum(moves.max(axis=0), 1e-12), axis=1), kind="stable")
+    order = np.argsort(-excitation(record, plant.family.required, pieces), kind="stable")
     for k in order[:PIECES]:
         mask[pieces[k]] = True
     return mask
