@@ -21,7 +21,7 @@ from identification.diagnosis.search.attribution import Round, selected, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen_signatures
 from identification.diagnosis.search.known import Known, fit_known
-from identification.diagnosis.search.trials import Progress, quieted
+from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, changed
 from identification.fit.linearised import at_once
@@ -260,7 +260,7 @@ def _promising(
     assert isinstance(plant, ChangingPlant)
     best, gained = dict[Candidate, float](), dict[str, tuple[float, tuple[int, int]]]()
     each = max((len(f.screened) for f in forms), default=1) * bench.problem.measured.size
-    for base in (state, *quieted(bench, state)):
+    for base in (state, *bench.quieted(state)):
         for some in at_once(len(forms), each):
             every = [c for f in forms[some] for c in f.screened]
             signed, rest = screen_signatures(bench.problem, base.point, state.paths, every, bar)

@@ -16,7 +16,6 @@ from identification.diagnosis.search.candidates import Candidate, Screening, scr
 from identification.diagnosis.search.trials import (
     Trial,
     gate,
-    quieted,
     rival_of,
     tried_from,
 )
@@ -34,7 +33,7 @@ def best_pair(
     many = count * (count - 1) // 2
     promising = []
     for known in (*bench.with_given(state), state):
-        base = (*quieted(bench, known), known)[0]
+        base = (*bench.quieted(known), known)[0]
         pairs = screen_pairs(bench.problem, base.point, state.paths, left, threshold(many, 2), PAIRS, instead)
         rival = rival_of(bench, state, base)
         promising += [(base, rival, whole, parts) for whole, parts in pairs]

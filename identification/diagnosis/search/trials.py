@@ -152,7 +152,7 @@ def _screened(
     found: dict[Candidate, Screening] = {}
     bases: dict[Candidate, State] = {}
     here: dict[Candidate, Screening] = {}
-    for base in (state, *bench.with_given(state), *quieted(bench, state)):
+    for base in (state, *bench.with_given(state), *bench.quieted(state)):
         regression = Regression(problem, base.point, state.paths, bar)
         less, times = _behind(bench, state, base, regression), misjudged(bench, base)
         promising = regression.screened(left)
@@ -191,20 +191,6 @@ def misjudged(bench: Workbench, base: State) -> float:
         return 1.0
     squares = float((base.point.errors**2 * bench.problem.counted[:, None]).sum())
     return max(squares / max(bench.problem.count, 1), 1.0)
-
-
-def quieted(bench: Workbench, state: State) -> list[State]:
-    """The state with less process noise, if its filter still follows the record; and with less of what lasts alone.
-
-    Accelerations that last take a steady effect's part, while shorter ones, as of waves, may be needed all the same.
-    """
-    problem = bench.problem
-    if not problem.pushed:
-        return []
-    lasting = problem.lasting(state.point)
-    some = lasting.any() and (problem.pushes(state.point) & ~lasting).any()
-    found = [problem.quieted(state.point), problem.quieted(state.point, lasting) if some else None]
-    return [State(state.plant, state.paths, point, True) for point in found if point is not None]
 
 
 def _short_list(
@@ -255,9 +241,9 @@ def rival_of(bench: Workbench, state: State, base: State) -> State:
     point = problem.descended(base.point, paths, FIRST_ITERATIONS)
     there = State(problem.plant_at(point, paths), paths, point, base.quiet)
     if base.quiet:
-        rivals = quieted(bench, state) or [state]
+        rivals = bench.quieted(state) or (state,)
     else:
-        rivals = [replace(state, point=problem.point(state.point.vector, base.point.logs, state.point))]
+        rivals = (replace(state, point=problem.point(state.point.vector, base.point.logs, state.point)),)
     return max((there, *rivals), key=lambda one: problem.objective(one.point, paths))
 
 

@@ -88,6 +88,7 @@ class Workbench:
         self._by_part: WeakKeyDictionary[State, ByPart] = WeakKeyDictionary()
         self._told: WeakKeyDictionary[State, Information] = WeakKeyDictionary()
         self._as_given: WeakKeyDictionary[State, tuple[State, ...]] = WeakKeyDictionary()
+        self._quieted: WeakKeyDictionary[State, tuple[State, ...]] = WeakKeyDictionary()
 
     def in_suited_steps(self, state: State) -> Workbench:
         """A bench in shorter steps of integration if the present ones move the filter of a state, else itself."""
@@ -196,6 +197,22 @@ class Workbench:
 
         found = side_by_side(renewed, [near.point, None])
         return State(plant, (), max(found, key=lambda point: problem.objective(point, ())))
+
+    def quieted(self, state: State) -> tuple[State, ...]:
+        """The state with less process noise, if its filter still follows the record; and with less of what lasts alone.
+
+        Accelerations that last take a steady effect's part, while shorter ones, as of waves, may be needed all the
+        same.
+        """
+        problem = self.problem
+        if not problem.pushed:
+            return ()
+        if state not in self._quieted:
+            lasting = problem.lasting(state.point)
+            some = lasting.any() and (problem.pushes(state.point) & ~lasting).any()
+            found = [problem.quieted(state.point), problem.quieted(state.point, lasting) if some else None]
+            self._quieted[state] = tuple(State(state.plant, state.paths, p, True) for p in found if p is not None)
+        return self._quieted[state]
 
     def worth(self, state: State, paths: Sequence[str]) -> float:
         """The evidence for some of a state's paths, all else refitted to second order, but for the noises."""

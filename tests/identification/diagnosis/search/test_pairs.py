@@ -162,7 +162,7 @@ def promising(monkeypatch, together=(200.0, 100.0), first=(20.0, 1.0), second=(9
     both = with_probes({OFFSET: 5.0, LAG: 5.0}, *COEFFICIENTS)
     whole = Screening(Candidate("both", (OFFSET, LAG)), np.ones(2), 50.0, 1.0, np.ones(2))
     parts = tuple(replace(whole, candidate=c) for c in (A, B))
-    monkeypatch.setattr(pairs, "quieted", lambda bench, state: [])
+    bench.quieted = lambda state: ()
     monkeypatch.setattr(pairs, "screen_pairs", lambda *_: [(whole, parts)])
 
     def tried(bench, state, base, rival, screening, count):

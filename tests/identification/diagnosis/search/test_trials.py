@@ -3,6 +3,7 @@
 from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import pytest
@@ -116,7 +117,8 @@ def test_what_lasts_is_taken_for_weaker_by_itself_beside_what_is_brief(there, la
     problem = SimpleNamespace(
         pushed=("u", "w"), pushes=lambda point: masks[0], lasting=lambda point: masks[1], quieted=quieted
     )
-    bases = trials.quieted(SimpleNamespace(problem=problem), state_of(PLANT))
+    bench = SimpleNamespace(problem=problem, _quieted=WeakKeyDictionary())
+    bases = Workbench.quieted(bench, state_of(PLANT))
     assert found == asked
     assert len(bases) == len(asked)
     assert all(base.quiet for base in bases)
@@ -189,14 +191,14 @@ def test_a_candidate_promises_more_than_what_is_free_without_it_brings(start, mo
     path = state.paths[0]
     off = replace_at(state.plant, path, 1.1 * value_at(state.plant, path))
     base = replace(state, plant=off, point=bench.problem.with_gains(state.point, off.vector), quiet=True)
-    monkeypatch.setattr(trials, "quieted", lambda bench, state: [base])
+    monkeypatch.setattr(bench, "quieted", lambda state: (base,))
     screening = screen(bench.problem, base.point, state.paths, [offset], 10.0)[0]
     promised = trials._begun(bench, state, base, screening, trials.rival_of(bench, state, base))
     whole = bench.gain(base, promised.state) / trials.misjudged(bench, base)
     assert 0.0 < promised.promise < 0.8 * whole
     # and where the state itself cannot be quieter, it is what has to be surpassed
     far = replace(base, point=replace(base.point, scores=base.point.scores - 1e3))
-    monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
+    monkeypatch.setattr(bench, "quieted", lambda state: ())
     monkeypatch.setattr(bench.problem, "descended", lambda point, paths, iterations: far.point)
     assert trials.rival_of(bench, state, base) is state
 
@@ -292,7 +294,7 @@ def test_signatures_are_taken_with_coefficients_as_given_where_these_promise_mor
         return [Screening(only[0], np.zeros(1), promised[id(point)], 1.0, np.zeros(1))]
 
     monkeypatch.setattr(bench, "with_given", lambda state: (given,))
-    monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
+    monkeypatch.setattr(bench, "quieted", lambda state: ())
     monkeypatch.setattr(trials, "Regression", regression_of(screened, regained))
     monkeypatch.setattr(bench.problem, "point", lambda vector, logs, near: near)  # the noises are the same
     _, bases, here = trials._screened(bench, state, only, 10.0)
@@ -319,7 +321,7 @@ def test_signatures_are_taken_with_weaker_accelerations_where_these_promise_more
         return [Screening(only[0], np.zeros(1), evidence, 1.0, np.array([detectable]))]
 
     monkeypatch.setattr(bench, "with_given", lambda state: ())
-    monkeypatch.setattr(trials, "quieted", lambda bench, state: [quieted])
+    monkeypatch.setattr(bench, "quieted", lambda state: (quieted,))
     monkeypatch.setattr(trials, "Regression", regression_of(screened))
     (found,), bases, _ = trials._screened(bench, state, only, 10.0)
     assert bases[only[0]] is {"quieted": quieted, "fitted": state}[taken]
@@ -375,7 +377,7 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
         ]
 
     monkeypatch.setattr(bench, "with_given", lambda state: ())
-    monkeypatch.setattr(trials, "quieted", lambda bench, state: [quieted])
+    monkeypatch.setattr(bench, "quieted", lambda state: (quieted,))
     monkeypatch.setattr(trials, "Regression", regression_of(screened))
     found, _, here = trials._screened(bench, state, candidates, 10.0)
     here = list(here)[: trials.HERE]
@@ -408,7 +410,7 @@ def test_one_beside_louder_promises_is_fitted_all_the_same(start, monkeypatch):
         trials, "_finalists", lambda begun, plain, least: [b for b in begun if b.screening.candidate != left[0]]
     )
     monkeypatch.setattr(trials, "_short_list", lambda screened, here, bar, plain: screened)
-    monkeypatch.setattr(trials, "quieted", lambda bench, state: [])
+    monkeypatch.setattr(bench, "quieted", lambda state: ())
     left.sort(key=lambda c: OFFSET not in c.paths)
     found = {t.candidate.paths[0]: t for t in trials_of(bench, state, left, len(candidates), quiet)}
     assert found[OFFSET].objection == ""
