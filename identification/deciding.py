@@ -87,6 +87,12 @@ Source: convention, a bound by Cauchy and Schwarz; what they really move it by i
 COST = 5.4
 """Log-likelihood that each acceleration must bring, or weak pushes that last would hide a steady effect.
 Source: half the 0.1 % point of chi-square with one degree of freedom."""
+LONGEST_SWELL = 25.0
+"""Longest period, s, at which waves are looked for.  Source: the longest ocean swell."""
+MOST_SWELLS = 3
+"""Most periods of waves.  Source: convention, time: each is two more states of the filter for each velocity."""
+LEAST_OF_SWELL = 2
+"""Fewest velocities that waves push.  Source: a sea moves a vehicle more ways than one; a loop that swings need not."""
 LEAST_PROCESS = 1e-6
 """Size of an acceleration, in its unit; ten times more count as there.  Source: far below any that matters."""
 

@@ -374,7 +374,7 @@ class Correction:
     """What corrects a run at every row, see `auv_gym.plant.rollout.rollout`.
 
     measured: (rows, n_outputs), NaN where nothing is.  gains: (rows, F, n_outputs), or (0, ...) for free runs.
-    kicks: (D, 3).  decays: (rows, D).  carried: (W,) bool.  constant: (n_states,) bool.
+    kicks: (D, 4).  decays: (rows, D).  carried: (W,) bool.  constant: (n_states,) bool.
     """
 
     measured: np.ndarray
@@ -389,7 +389,7 @@ class Correction:
         """Free runs."""
         outputs, windows = len(plant.outputs), runs.begin.size
         return cls(
-            np.empty((0, outputs)), np.empty((0, 0, outputs)), np.empty((0, 3)), np.empty((0, 0)),
+            np.empty((0, outputs)), np.empty((0, 0, outputs)), np.empty((0, 4)), np.empty((0, 0)),
             np.zeros(windows, dtype=bool), np.zeros(len(plant.family.states), dtype=bool),
         )  # fmt: skip
 

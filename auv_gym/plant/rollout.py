@@ -21,6 +21,7 @@ import numpy as np
 from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import lag_progress, travel
+from auv_gym.physics.pushes import fade
 from auv_gym.physics.rotations import into_chart, into_level_chart, out_of_chart
 from auv_gym.records.attitude import ANGLES
 from auv_gym.vehicles.family import Family, RightHandSide
@@ -246,9 +247,8 @@ def along(
                     physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, out)
                     for c in range(OUTPUTS):
                         y[row, c] = shares[m, c] * out[c] + (y[row, c] if m > k else 0.0)
-                else:
-                    for j in range(pushed):
-                        push[j] *= decays[row, j]
+                elif pushed > 0:
+                    fade(push, decays[row], kicks, times[min(last, n - 1)] - times[k])
                 if corrected and (single or m == last):
                     for c in range(OUTPUTS):
                         reading = measured[row, c]
@@ -273,8 +273,8 @@ def along(
                         into_chart(references[chart], attitude)
                     for j in range(pushed):
                         x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
-                        if single:
-                            push[j] *= decays[row, j]
+                    if single and pushed > 0:
+                        fade(push, decays[row], kicks, duration)
             if after.shape[0] > 0:
                 for i in range(STATES):
                     after[row, i] = x[i]
@@ -304,7 +304,8 @@ def rollout(
     stride: samples of a row, of which windows are whole multiples.  Outputs of a row of several are the sums of theirs
     by `shares`, (n, OUTPUTS); it is corrected at its end, where the next row begins.
     measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
-    kicks: (D, 3): the pushed state, and the shares of an acceleration that act before and after each sample's interval.
+    kicks: (D, 4): the pushed state, the shares of an acceleration that act before and after each sample's interval, and
+    the angular frequency, rad/s, with which it turns into the acceleration after it, which pushes nothing; or 0.
     decays: (rows, D), of the accelerations to the next row.
     earlier: (S, E, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
     y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -241,8 +241,12 @@ def _discovered(d: Diagnosis) -> dict[str, Any] | None:
 def _noise(d: Diagnosis) -> dict[str, Any] | None:
     if d.noise is None:
         return None
-    process = {n: {"rms": size, "correlation_time_s": time} for n, (size, time) in d.noise.process.items()}
-    return {"measurement": dict(d.noise.measurement), "process": process}
+
+    def told(pushes: Mapping[str, tuple[float, float]]) -> dict[str, dict[str, float]]:
+        return {n: {"rms": size, "correlation_time_s": time} for n, (size, time) in pushes.items()}
+
+    swell = [{"period_s": period, "pushes": told(pushes)} for period, pushes in d.noise.swell.items()]
+    return {"measurement": dict(d.noise.measurement), "process": told(d.noise.process), "swell": swell}
 
 
 def _errors(stage: Stage) -> dict[str, dict[str, float]]:

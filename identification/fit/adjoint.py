@@ -37,7 +37,7 @@ def slopes_of(
     means, covariances = np.zeros((len(s.origin), size)), np.zeros((len(s.origin), size, size))
     numbers = (s.a, s.c, s.finite, s.counts, s.begin, s.constant, s.durations)
     _backward(
-        *numbers, weights, variances, deviations[kept], times[kept],
+        *numbers, weights, variances, deviations[kept], times[kept], s.turning,
         np.compress(own, found.gains, axis=1), found.whiten, found.innovations, found.roots, found.means,
         slopes, means, covariances,
     )  # fmt: skip
@@ -47,7 +47,7 @@ def slopes_of(
 
 @outlined
 def _backward(
-    a, c, finite, counts, begin, constant, durations, weights, variances, deviations, times,
+    a, c, finite, counts, begin, constant, durations, weights, variances, deviations, times, turns,
     gains, whiten, innovations, roots, means, slopes, mean_slopes, covariance_slopes,
 ):  # fmt: skip
     """The adjoint of `_forward`; see `slopes_of`."""
@@ -59,6 +59,7 @@ def _backward(
     inverse, inner, across = np.zeros((count, count)), np.zeros((count, count)), np.zeros((count, size))
     weighted, reach, left = np.zeros((size, count)), np.zeros((count, size)), np.zeros((size, size))
     scaled, onto, told = np.zeros(count), np.zeros(count), np.zeros(size)
+    keeps, gives, partner = np.zeros(pushed), np.zeros(pushed), np.arange(pushed) + solid
     stretch = mean_slopes.shape[0]
     for k in range(rows - 1, -1, -1):
         # from the next row's beginning back to after this row's readings
@@ -67,13 +68,14 @@ def _backward(
             for d in range(pushed):
                 slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
             for i in range(size):  # of what goes on, without its company
-                keeps = constant[i] and not ends
-                mean[i] = mean[i] if keeps else 0.0
+                goes_on = constant[i] and not ends
+                mean[i] = mean[i] if goes_on else 0.0
                 for j in range(size):
-                    covariance[i, j] = covariance[i, j] if keeps and i == j else 0.0
+                    covariance[i, j] = covariance[i, j] if goes_on and i == j else 0.0
         if not ends:
             _known(roots[k], known)
             _updated(known, gains[k], c[k], reach)
+            _of_turns(durations[k], times, turns, keeps, gives, partner, solid)
             for i in range(size):  # P A^T P_next A, by rows
                 for j in range(size):
                     product[i, j] = 0.0
@@ -85,20 +87,28 @@ def _backward(
                 before[i] = 0.0
             for d in range(pushed):
                 j = solid + d
-                decay = np.exp(-durations[k] / times[d])
                 for i in range(size):
-                    product[i, j] += covariance[i, j] * decay
+                    product[i, j] += covariance[i, j] * keeps[d]
+                if gives[d] != 0.0:
+                    for i in range(size):
+                        product[i, j] += covariance[i, partner[d]] * gives[d]
             for d in range(pushed):
                 i = solid + d
                 decay = np.exp(-durations[k] / times[d])
                 ratio = decay * durations[k] / times[d]  # of the decay, by the logarithm of the time
                 if begin[k + 1] == 0:
                     slopes[count + d] += covariance[i, i] * 2.0 * deviations[d] ** 2 * (1.0 - decay * decay)
-                    total = mean[i] * means[k, i] - 2.0 * deviations[d] ** 2 * decay * covariance[i, i]
+                    total = mean[i] * means[k, i]
                     for n in range(size):
                         total += 2.0 * product[i, n] * known[n, i]
+                    if gives[d] != 0.0:
+                        turned = mean[i] * means[k, partner[d]]
+                        for n in range(size):
+                            turned += 2.0 * product[i, n] * known[n, partner[d]]
+                        total = (keeps[d] * total - gives[d] * turned) / decay
+                    total -= 2.0 * deviations[d] ** 2 * decay * covariance[i, i]
                     slopes[count + pushed + d] += total * ratio
-                before[i] = decay * mean[i]
+                before[i] = keeps[d] * mean[i] + gives[d] * mean[partner[d]]
             for n in range(solid):
                 factor = mean[n]
                 for j in range(size):
@@ -115,9 +125,11 @@ def _backward(
                             covariance[i, j] += factor * product[n, j]
             for d in range(pushed):
                 i = solid + d
-                decay = np.exp(-durations[k] / times[d])
                 for j in range(size):
-                    covariance[i, j] += decay * product[i, j]
+                    covariance[i, j] += keeps[d] * product[i, j]
+                if gives[d] != 0.0:
+                    for j in range(size):
+                        covariance[i, j] += gives[d] * product[partner[d], j]
         # the readings
         for m in range(count):
             scaled[m] = 0.0
@@ -204,6 +216,20 @@ def _backward(
                     covariance_slopes[stretch, i, j] = covariance[i, j]
     for d in range(pushed):
         slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
+
+
+@outlined
+def _of_turns(duration, times, turns, keeps, gives, partner, solid):
+    """What of each acceleration, (D,), is its own after a duration, s, and what that of its partner has given to it."""
+    for d in range(times.shape[0]):
+        decay = np.exp(-duration / times[d])
+        if turns[d] == 0.0:
+            if d == 0 or turns[d - 1] == 0.0:
+                keeps[d], gives[d] = decay, 0.0
+            continue
+        keeps[d], gives[d] = decay * np.cos(turns[d] * duration), decay * np.sin(turns[d] * duration)
+        partner[d], partner[d + 1] = solid + d + 1, solid + d
+        keeps[d + 1], gives[d + 1] = keeps[d], -gives[d]
 
 
 @outlined

@@ -19,7 +19,8 @@ def driven_slopes(
     s, rows, count = system, *system.c.shape[:2]
     slopes = np.zeros((rows, count, len(responses.paths)))
     decays = np.exp(-s.durations[:, None] / times)
-    numbers = (s.a, s.c, s.begin, s.constant, decays, np.ascontiguousarray(gains), whiten)
+    angles = s.durations[:, None] * s.turning
+    numbers = (s.a, s.c, s.begin, s.constant, decays, angles, np.ascontiguousarray(gains), whiten)
     _driven(*numbers, np.ascontiguousarray(responses.onward), np.ascontiguousarray(responses.seen), slopes)
     return np.ascontiguousarray(slopes.transpose(2, 0, 1))
 
@@ -36,8 +37,8 @@ def _add_product(sums, sign, matrix, rows):
 
 
 @outlined
-def _driven(a, c, begin, constant, decays, gains, whiten, onward, seen, slopes):
-    """See `driven_slopes`.  decays: (rows, D); slopes: (rows, C, P).  All parameters side by side."""
+def _driven(a, c, begin, constant, decays, angles, gains, whiten, onward, seen, slopes):
+    """See `driven_slopes`.  decays, angles: (rows, D); slopes: (rows, C, P).  All parameters side by side."""
     rows, count, size = c.shape
     solid, number = onward.shape[1], onward.shape[2]
     moved, after, change = np.zeros((size, number)), np.zeros((solid, number)), np.zeros((count, number))
@@ -63,3 +64,10 @@ def _driven(a, c, begin, constant, decays, gains, whiten, onward, seen, slopes):
         for d in range(size - solid):
             for p in range(number):
                 moved[solid + d, p] *= decays[k, d]
+        for d in range(size - solid):
+            if angles[k, d] != 0.0:
+                cosine, sine = np.cos(angles[k, d]), np.sin(angles[k, d])
+                for p in range(number):
+                    one, other = moved[solid + d, p], moved[solid + d + 1, p]
+                    moved[solid + d, p] = cosine * one - sine * other
+                    moved[solid + d + 1, p] = sine * one + cosine * other

@@ -12,6 +12,7 @@ import numpy as np
 
 from auv_gym.compiled import OPEN, bind, compiled, ready
 from auv_gym.param import list_paths
+from auv_gym.physics.pushes import fade
 from auv_gym.plant import Plant
 from identification.fit.kalman import read_row, to_next_row
 
@@ -68,6 +69,7 @@ def filtered(
     reflector, share_of, forcing = np.zeros(total + pushes), np.zeros(total), np.zeros(size)
     gains, whiten, innovations = np.zeros((total, count)), np.zeros((count, count)), np.zeros(count)
     slopes, onward = np.zeros((count, total)), np.zeros((total, size))
+    turns = kicks[:, 3].copy()
     for w in range(begin.shape[0]):
         for i in range(whole):
             if not (carried[w] and i < STATES and constant[i]):
@@ -137,14 +139,15 @@ def filtered(
                 for i in range(size):
                     state[live[i]] += mean[j] * onward[j, i]
             for d in range(pushes):
-                state[STATES + SENSORS + d] = decays[row, d] * (state[STATES + SENSORS + d] + mean[size + d])
+                state[STATES + SENSORS + d] += mean[size + d]
+            fade(state[STATES + SENSORS :], decays[row], kicks, durations[row])
             for j in range(size):  # a sensor without a lag has no state that lasts
                 if live[j] >= STATES and abs(onward[j, j] - 1.0) < 1e-9:
                     for i in range(size):
                         onward[j, i] = 0.0
                         onward[i, j] = 0.0
             mean[:] = 0.0
-            held_for = (durations[row], deviations, correlation)
+            held_for = (durations[row], deviations, correlation, turns)
             to_next_row(root, mean, onward, forcing, *held_for, wide, room, reflector, share_of)
             row += 1
 

@@ -136,8 +136,8 @@ class Filter(Linearised):
         every: those accelerations, too, that are hardly there, which a filter does without.
         """
         count, pushed = len(self.channels), len(self.pushed)
-        deviations = np.exp(logs[count : count + pushed]) * (self._there(logs) | every)
-        return np.exp(2.0 * logs[:count]), deviations, np.exp(logs[count + pushed :])
+        deviations = np.exp(logs[count : count + pushed][self.leads]) * (self._there(logs) | every)
+        return np.exp(2.0 * logs[:count]), deviations, np.exp(logs[count + pushed :][self.leads])
 
     def point(self, vector: np.ndarray, logs: np.ndarray, near: Point | None = None) -> Point:
         """The filter with parameters and noises, linearised along its own path.
@@ -267,8 +267,17 @@ class Filter(Linearised):
         assert moves is not None
         late = np.zeros_like(gains)
         late[:, self.live] = moves @ gains[:, self._moving]
-        late[:, self._size :] = decays[:, :, None] * gains[:, self._size :]
+        late[:, self._size :] = self._turned(decays[:, :, None] * gains[:, self._size :])
         return late
+
+    def _turned(self, pushes: np.ndarray) -> np.ndarray:
+        """What turns of a swell make of accelerations in a row, (rows, D, C), when the next one begins."""
+        turned = pushes.copy()
+        for d in np.flatnonzero(self.kicks[:, 3]):
+            angle = self.kicks[d, 3] * self.durations[:, None]
+            turned[:, d] = np.cos(angle) * pushes[:, d] - np.sin(angle) * pushes[:, d + 1]
+            turned[:, d + 1] = np.sin(angle) * pushes[:, d] + np.cos(angle) * pushes[:, d + 1]
+        return turned
 
     def _scored(self, whiten: np.ndarray, innovations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         errors = np.einsum("rmc,rc->rm", whiten, innovations)
@@ -293,20 +302,24 @@ class Filter(Linearised):
 
     def is_pushed(self, point: Point) -> bool:
         """Whether random accelerations have any part in a point."""
-        return bool(self.pushes(point).any())
+        return bool(self._there(point.logs).any())
 
     def pushes(self, point: Point) -> np.ndarray:
-        """Which of the accelerations have a part in a point, (D,)."""
-        return self._there(point.logs)
+        """Which of the accelerations have a part in a point, those of a swell apart, (D,)."""
+        return self._there(point.logs) & ~self.swells
+
+    def swelling(self, point: Point) -> np.ndarray:
+        """Which accelerations of a swell have a part in a point, (D,)."""
+        return self._there(point.logs) & self.swells
 
     def _cost(self, logs: np.ndarray) -> float:
         """What accelerations must be worth to be there, of the log-likelihood."""
-        return COST * float(self._there(logs).sum())
+        return COST * float(self._there(logs)[self._leading].sum())
 
     def _there(self, logs: np.ndarray, least: float = 10.0 * LEAST_PROCESS) -> np.ndarray:
         """Which accelerations are more than the least, in their units, (D,)."""
         first, pushed = len(self.channels), len(self.pushed)
-        return np.exp(logs[first : first + pushed]) > least * np.array(self.unit)
+        return np.exp(logs[first : first + pushed][self.leads]) > least * np.array(self.unit)
 
     def _prior(self, logs: np.ndarray) -> tuple[float, np.ndarray]:
         """Log-density of correlation times, which a vehicle's time scales bound, less what starts take up; its slope.
@@ -320,7 +333,7 @@ class Filter(Linearised):
         if not pushed:
             return value, slope
         centre, deviation, *_ = self.slowness
-        far = (logs[-pushed:] - centre) / deviation
+        far = np.where(self._leading, (logs[-pushed:] - centre) / deviation, 0.0)
         slope[-pushed:] = -far / deviation
         return value - 0.5 * float(far @ far), slope
 

@@ -1,7 +1,9 @@
 """A square-root Kalman filter of a linear, time-varying system; `adjoint.py` has the gradient of its likelihood.
 
-The state is [x | d]: d are accelerations, each a first-order Gauss-Markov process, that push x.  Rows follow each
-other in stretches; a stretch begins from a start of its own.
+The state is [x | d]: d are accelerations, each a first-order Gauss-Markov process, that push x.  Those of a swell come
+in pairs: two such processes that turn into each other, of which the first one pushes; its spectrum has a peak at the
+frequency of the turn, the wider the briefer the process is (Harvey 1989, sec. 2.3.5, a stochastic cycle).  Rows follow
+each other in stretches; a stretch begins from a start of its own.
 Source: Potter's update and the triangular time update, Bierman 1977, sec. II.3 and V.
 """
 
@@ -30,6 +32,7 @@ class System:
     durations: (rows,), s, to the next row.  start: (W, N - D, N - D), transposed square root of the covariance of x
     where a stretch begins; where constant states go on, zero in their rows and columns.  origin: (W, N), the mean.
     moves: (rows, N - D, N), as `a`, also of sensors without a lag; only where gains act at the end of a row.
+    turns: (D,), rad/s, with which an acceleration and the one after it turn into each other; 0, or None, where none do.
     vector: (n_parameters,), of the vehicle whose slopes these are; path: (rows, F), about which they were taken.
     responses: of its parameters, taken there or near by, if there are any.
     """
@@ -49,6 +52,12 @@ class System:
     vector: np.ndarray | None = None
     path: np.ndarray | None = None
     responses: Responses | None = None
+    turns: np.ndarray | None = None
+
+    @property
+    def turning(self) -> np.ndarray:
+        """The turns, (D,)."""
+        return np.zeros(self.a.shape[2] - self.a.shape[1]) if self.turns is None else self.turns
 
     def with_pushes(self, kept: np.ndarray) -> System:
         """The system without some of its accelerations; kept: (D,) bool."""
@@ -61,6 +70,7 @@ class System:
             c=np.take(self.c, own, axis=2),
             constant=self.constant[own],
             origin=np.take(self.origin, own, axis=1),
+            turns=self.turning[kept],
         )
 
 
@@ -95,7 +105,7 @@ def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, ti
     start = np.ascontiguousarray(s.start)
     numbers = (onward, s.c, s.forcing, s.error, s.finite, s.counts, s.begin, s.constant, s.durations, start, s.origin)
     made = (gains, whiten, innovations, scores, roots, means)
-    _forward(*numbers, variances, deviations[kept], times[kept], *made)
+    _forward(*numbers, variances, deviations[kept], times[kept], s.turning, *made)
     return Pass(among(gains, own, 1), whiten, innovations, scores, roots, means)
 
 
@@ -144,7 +154,8 @@ def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: n
     slopes = np.zeros((s.a.shape[1], rows, count))
     decays = np.exp(-s.durations[:, None] / times)
     onward = np.ascontiguousarray(s.a.transpose(0, 2, 1))
-    _started(onward, s.c, s.begin, s.constant, decays, np.ascontiguousarray(gains), whiten, slopes)
+    angles = s.durations[:, None] * s.turning
+    _started(onward, s.c, s.begin, s.constant, decays, angles, np.ascontiguousarray(gains), whiten, slopes)
     return slopes
 
 
@@ -153,8 +164,8 @@ def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: n
 
 @outlined
 def _forward(
-    onward, c, forcing, error, finite, counts, begin, constant, durations, start, origin, variances, deviations, times,
-    gains, whiten, innovations, scores, roots, means,
+    onward, c, forcing, error, finite, counts, begin, constant, durations, start, origin, variances, deviations,
+    times, turns, gains, whiten, innovations, scores, roots, means,
 ):  # fmt: skip
     """The filter; see `run_filter`.  onward: (rows, N, N - D), `a` transposed."""
     rows, count, size = c.shape
@@ -186,7 +197,7 @@ def _forward(
         for i in range(size):
             means[k, i] = mean[i]
         if k + 1 < rows and begin[k + 1] != 1:
-            pushes = (durations[k], deviations, times)
+            pushes = (durations[k], deviations, times, turns)
             to_next_row(root, mean, onward[k], forcing[k], *pushes, wide, moved, reflector, share_of)
 
 
@@ -248,7 +259,7 @@ def read_row(root, mean, c, error, finite, counts, variances, column, gain, gain
 
 
 @compiled
-def to_next_row(root, mean, onward, forcing, duration, deviations, times, wide, moved, reflector, share_of):
+def to_next_row(root, mean, onward, forcing, duration, deviations, times, turns, wide, moved, reflector, share_of):
     """Root (transposed, N, N) and mean (N,) moved to the next row, duration s later: [A S | sqrt(Q)], made square.
 
     onward: (N, N - D), `a` of the row transposed.  wide: work, (N + D, N), as are moved (N,) and those of reflections.
@@ -279,6 +290,14 @@ def to_next_row(root, mean, onward, forcing, duration, deviations, times, wide, 
         for j in range(size):
             wide[j, i] = decay * root[j, i]
         wide[size + d, i] = deviations[d] * np.sqrt(max(1.0 - decay * decay, 0.0))
+    for d in range(pushed):
+        if turns[d] != 0.0:
+            i = solid + d
+            c, s = np.cos(turns[d] * duration), np.sin(turns[d] * duration)
+            moved[i], moved[i + 1] = c * moved[i] - s * moved[i + 1], s * moved[i] + c * moved[i + 1]
+            for j in range(size):
+                one, other = wide[j, i], wide[j, i + 1]
+                wide[j, i], wide[j, i + 1] = c * one - s * other, s * one + c * other
     for i in range(size):
         mean[i] = moved[i]
     _made_square(wide, root, reflector, share_of)
@@ -316,8 +335,8 @@ def _made_square(wide, root, reflector, share_of):
 
 
 @outlined
-def _started(onward, c, begin, constant, decays, gains, whiten, slopes):
-    """See `start_slopes`.  onward: (rows, N, N - D), `a` transposed; decays: (rows, D)."""
+def _started(onward, c, begin, constant, decays, angles, gains, whiten, slopes):
+    """See `start_slopes`.  onward: (rows, N, N - D), `a` transposed; decays, angles: (rows, D)."""
     rows, count, size = c.shape
     solid = slopes.shape[0]
     moved, after, change = np.zeros((solid, size)), np.zeros(size), np.zeros(count)
@@ -347,3 +366,9 @@ def _started(onward, c, begin, constant, decays, gains, whiten, slopes):
                 moved[j, i] = after[i]
             for d in range(size - solid):
                 moved[j, solid + d] *= decays[k, d]
+            for d in range(size - solid):
+                if angles[k, d] != 0.0:
+                    cosine, sine = np.cos(angles[k, d]), np.sin(angles[k, d])
+                    one, other = moved[j, solid + d], moved[j, solid + d + 1]
+                    moved[j, solid + d] = cosine * one - sine * other
+                    moved[j, solid + d + 1] = sine * one + cosine * other

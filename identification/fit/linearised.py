@@ -96,6 +96,7 @@ class Linearised(Stretches):
             np.ascontiguousarray(np.concatenate([a, kicked], axis=2)),
             np.ascontiguousarray(np.concatenate([c, felt], axis=2)), forcing, error, self.finite, self.counts,
             begin, constant, self.durations, roots, self._origin(path, starts), moves, vector, path,
+            turns=np.ascontiguousarray(self.kicks[:, 3]),
         )  # fmt: skip
 
     def _residual(

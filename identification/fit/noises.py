@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -32,10 +32,12 @@ class Noise:
     """Standard deviations of white noise by channel, and of accelerations (m/s^2, rad/s^2) with correlation times, s.
 
     process: by the velocity that is pushed, as (standard deviation, correlation time); what is absent is zero.
+    swell: the same, by period, s, of accelerations in a narrow band about it, which stay in phase for so many seconds.
     """
 
     measurement: Mapping[str, float]
     process: Mapping[str, tuple[float, float]]
+    swell: Mapping[float, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
 
 
 class Noises(Filter):
@@ -47,7 +49,8 @@ class Noises(Filter):
         if not self.pushed:
             return logs
         system, times = self._first_system, np.full(len(self.pushed), self.slowness[0])
-        tried = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
+        guesses = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
+        tried = [self._without(guess, np.flatnonzero(self.swells).tolist()) for guess in guesses]
         likely = np.array(side_by_side(partial(self._likelihood, system), tried))
         if not np.isfinite(likely).any():
             raise ValueError(
@@ -55,6 +58,15 @@ class Noises(Filter):
                 "parameters and the units of the record."
             )
         return tried[int(np.nanargmax(likely))]
+
+    def joined(self, slopes: np.ndarray) -> np.ndarray:
+        """Slopes by noises, (..., C + 2 D), those of an acceleration that has another one's noises added to its own."""
+        joined = slopes.copy()
+        for d in np.flatnonzero(~self._leading):
+            for first in (len(self.channels), len(self.channels) + len(self.pushed)):
+                joined[..., first + self.leads[d]] += slopes[..., first + d]
+                joined[..., first + d] = 0.0
+        return joined
 
     def first_point(self, logs: np.ndarray | None = None) -> Point:
         """The plant's values with noises, by default those to begin with; gains are of the path where all begins."""
@@ -103,7 +115,7 @@ class Noises(Filter):
         guesses: (G, D), logarithms of strengths; NaN is none.  slowness: of their times, by default the usual ones.
         """
         best = self._likelihood(system, logs)
-        for d in which:
+        for d in (d for d in which if self._leading[d]):
             strength, time = len(self.channels) + d, len(self.channels) + len(self.pushed) + d
             tried = [self._without(logs, [d])]
             for guess in () if guesses is None else guesses[np.isfinite(guesses[:, d]), d]:
@@ -168,7 +180,7 @@ class Noises(Filter):
 
     def left_out(self, point: Point) -> np.ndarray:
         """Which accelerations have no part in a point, numbers of them."""
-        return np.flatnonzero(~self._there(point.logs))
+        return np.flatnonzero(~self._there(point.logs) & self._leading)
 
     def with_acceleration(self, point: Point, logs: np.ndarray, d: int) -> list[np.ndarray]:
         """Noises, and one more acceleration of several strengths each with which a point with a system is not far less
@@ -241,7 +253,7 @@ class Noises(Filter):
         made = run_filter(point.system, *numbers)
         self.work.add(parts * FILTERED * len(self.rows))
         within = [self.counted * (part == k) for k in range(parts)]
-        return np.array([slopes_of(point.system, made, weights, *numbers).noises for weights in within])
+        return self.joined(np.array([slopes_of(point.system, made, weights, *numbers).noises for weights in within]))
 
     def _noise_pass(self, point: Point, logs: np.ndarray, every: bool = False) -> tuple[float, Pass]:
         """Log-likelihood of noises with their prior, and its pass; every: see `_numbers`."""
@@ -255,7 +267,8 @@ class Noises(Filter):
         assert point.system is not None
         if not np.isfinite(made.scores).all():
             return np.zeros(logs.size)
-        return slopes_of(point.system, made, self.counted, *self._numbers(logs, every)).noises + self._prior(logs)[1]
+        slopes = slopes_of(point.system, made, self.counted, *self._numbers(logs, every)).noises
+        return self.joined(slopes) + self._prior(logs)[1]
 
     def with_noise(self, point: Point, logs: np.ndarray) -> Point:
         """A point with other noises, linearised about the same path."""
@@ -267,27 +280,27 @@ class Noises(Filter):
     def pushing(self, point: Point) -> list[int]:
         """Which of a point's noises are strengths and correlation times of accelerations that are there."""
         first, pushed = len(self.channels), len(self.pushed)
-        strengths = first + np.flatnonzero(self._there(point.logs))
+        strengths = first + np.flatnonzero(self._there(point.logs) & self._leading)
         return [*strengths.tolist(), *(strengths + pushed).tolist()]
 
     def noise_at(self, point: Point) -> Noise:
         """The noises of a point; accelerations that add nothing to the likelihood are left out."""
         variances, deviations, times = self._numbers(point.logs)
-        stated = {}
+        stated, swell = dict[str, tuple[float, float]](), dict[float, dict[str, tuple[float, float]]]()
         if point.system is not None:
             whole = self._likelihood(point.system, point.logs)
-            for d, name in enumerate(self.pushed):
-                if self._there(point.logs)[d] and whole > self._likelihood(
-                    point.system, self._without(point.logs, [d])
-                ):
-                    stated[name] = (float(deviations[d]), float(times[d]))
-        return Noise(dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True)), stated)
+            for d in np.flatnonzero(self._there(point.logs) & self._leading):
+                if whole > self._likelihood(point.system, self._without(point.logs, [int(d)])):
+                    told = swell.setdefault(float(self.periods[d]), {}) if self.swells[d] else stated
+                    told[self.pushed[d]] = (float(deviations[d]), float(times[d]))
+        measured = dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True))
+        return Noise(measured, stated, swell)
 
     def logs_of(self, noise: Noise) -> np.ndarray:
         """The logarithms of given noises."""
         process = [
-            noise.process.get(n, (LEAST_PROCESS * u, np.exp(self.slowness[0])))
-            for n, u in zip(self.pushed, self.unit, strict=True)
+            (noise.swell.get(t, {}) if t else noise.process).get(n, (LEAST_PROCESS * u, np.exp(self.slowness[0])))
+            for n, u, t in zip(self.pushed, self.unit, self.periods.tolist(), strict=True)
         ]
         values = [noise.measurement[n] for n in self.channels] + [p[0] for p in process] + [p[1] for p in process]
         return np.log(values)

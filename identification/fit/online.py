@@ -9,6 +9,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.compiled import OPEN, bind, ready
+from auv_gym.physics.pushes import fade
 from auv_gym.plant import Plant
 from auv_gym.plant.rollout import scratch_for
 from identification.fit.kalman import read_row, to_next_row
@@ -30,7 +31,7 @@ def pushed_step(x, push, inputs, ages, kicks, longest_step, derived, work):
 
 def one_sample(
     measured, moves, varies, inputs, x, push, root, ages, longest_step, derived, work,
-    places, columns, angles, probes, kicks, pushed, deviations, times, variances,
+    places, columns, angles, probes, kicks, pushed, deviations, times, turns, variances,
     fading, gains, whiten, innovations, y, room,
 ):  # fmt: skip
     """The filter one sample on, by `inputs` that were held since the one before, and corrected by what is measured.
@@ -74,10 +75,11 @@ def one_sample(
             for n in range(total):
                 for i in range(size):
                     root[n, i] *= fading
-            pushes = (forcing, duration, deviations, times)
+            pushes = (forcing, duration, deviations, times, turns)
             to_next_row(root, mean, onward, *pushes, wide, moved, reflector, share_of)
         for d in range(push.shape[0]):
-            push[d] *= np.exp(-duration / times[d])
+            other[d] = np.exp(-duration / times[d])
+        fade(push, other, kicks, duration)
     read(x, derived, y)
     finite = np.empty(count, dtype=np.bool_)
     for c in range(count):
@@ -181,7 +183,7 @@ class OnlineFilter:
         numbers = (
             self._places, self._columns, np.array([channel(name).angle for name in plan.channels]), plan.probes,
             np.ascontiguousarray(plan.kicks), np.searchsorted(plan.live, plan.kicks[:, 0].astype(int)),
-            plan.deviations, plan.times, plan.variances,
+            plan.deviations, plan.times, np.ascontiguousarray(plan.kicks[:, 3]), plan.variances,
             np.sqrt(1.0 + 1.0 / plan.memory),
         )  # fmt: skip
         width = max(size + pushes, len(plant.states), count, len(plant.outputs))

@@ -132,12 +132,25 @@ class PredictionErrors(Noises):
         points = [here, *side_by_side(lambda logs: self.point(here.vector, logs, here), list(tried.values()))]
         return max(points, key=lambda p: self.objective(p, paths))
 
-    def quieted(self, here: Point, which: np.ndarray | slice = slice(None)) -> Point | None:
+    def in_this_swell(self, point: Point) -> Point:
+        """A point of the problem without its last swell, half of what pushes there taken for that.
+
+        Where accelerations have taken a swell's part they leave none of it to find: both begin.
+        """
+        count, pushed = len(self.channels), (point.logs.size - len(self.channels)) // 2
+        anew = np.arange(len(self.pushed)) >= pushed
+        shares = np.where(anew, 0.5, np.where(self.swells, 1.0, 0.7))
+        strengths = point.logs[count : count + pushed][self._of] + np.log(shares)
+        times = np.where(anew, np.log(2.0 * self.periods[-1]), point.logs[count + pushed :][self._of])
+        return self.point(point.vector, np.r_[point.logs[:count], strengths, times])
+
+    def quieted(self, here: Point, which: np.ndarray | None = None) -> Point | None:
         """The same parameters, what pushes the vehicle taken for much weaker; None where the filter loses its way.
 
         An unstable vehicle that hardly anything may push leaves the record, and its slopes then tell nothing.
-        which: of the accelerations, by default all.
+        which: of the accelerations, by default all but those of a swell, which take no steady effect's part.
         """
+        which = ~self.swells if which is None else which
         count, pushed = len(self.channels), len(self.pushed)
         logs = here.logs.copy()
         logs[count : count + pushed][which] -= np.log(_QUIETER)
@@ -160,7 +173,7 @@ class PredictionErrors(Noises):
 
         What lasts takes a steady effect's part, which what is brief cannot.
         """
-        return self._there(here.logs) & (here.logs[len(self.channels) + len(self.pushed) :] > self.slowness[0])
+        return self.pushes(here) & (here.logs[len(self.channels) + len(self.pushed) :] > self.slowness[0])
 
     def _if_it_follows(self, here: Point, logs: np.ndarray) -> Point | None:
         """A point with other noises, None where its filter does not follow the record as that of the point does."""
@@ -244,7 +257,7 @@ class PredictionErrors(Noises):
         solid, states = len(self.live), len(self._shared)
         lasting = (self.live < states) | point.system.a[:, np.arange(solid), :solid].any(axis=(0, 2))
         variances, deviations, times = self._numbers(point.logs)
-        there, live = deviations > 0.0, self.live[lasting]
+        there, live = (deviations > 0.0) & ~self.swells, self.live[lasting]
         shared, first = np.r_[self._shared, np.zeros(self._size - states, bool)][live], point.path[:, :states]
         return FilterPlan(
             self.plant, self.channels, live, shared, np.median(first, axis=0), self.spread[live], self._probes(live),

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import pairwise
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
@@ -121,7 +123,7 @@ class Stretches(Parameters):
         self.resting = np.array([n in resting and n not in self.driven for n in family.states])
         self.pushed = tuple(names) if self.process else ()
         self._pushed = np.array([family.states.index(n) for n in self.pushed], dtype=int)
-        self.kicks = np.array([[i, 0.5, 0.5] for i in self._pushed]).reshape(-1, 3)
+        self.kicks = np.array([[i, 0.5, 0.5, 0.0] for i in self._pushed]).reshape(-1, 4)
 
     def _begin(self, readings: np.ndarray, samples: np.ndarray, guess: np.ndarray | None) -> None:
         """Guess and spread of the states at the stretches' starts, the path along which all begins, and the scales.
@@ -166,6 +168,8 @@ class Stretches(Parameters):
         self.starts, self.first_path = np.delete(self.starts, drop, axis=1), np.delete(path, drop, axis=1)
         self._balance_kicks(np.delete(path, drop, axis=1))
         self.unit = self._units(spread)
+        self.leads, self.periods = np.arange(len(self.pushed)), np.zeros(len(self.pushed))
+        self._of = self.leads
         if self.chart.on:
             readings, held = self.signals, self.finite
         else:
@@ -176,6 +180,42 @@ class Stretches(Parameters):
         step = float(np.median(self.durations))
         centre, deviation = np.log(max(_USUAL_TIME[0], 3.0 * step)), _USUAL_TIME[1]
         self.slowness = (centre, deviation, np.log(0.5 * step), centre + 2.0 * deviation)  # slower ones are effects
+
+    def in_swell(self, period: float) -> Self:
+        """The same where one more swell, of a period, s, may push velocities, each by a pair of accelerations.
+
+        See `identification.fit.kalman`.  The second one of a pair pushes nothing, and has the noises of the first.
+        """
+        other, before = copy(self), len(self.pushed)
+        pairs = [d for d in self.velocities for _ in range(2)]
+        every = np.r_[np.arange(before), pairs].astype(int)
+        other.pushed = tuple(self.pushed[d] for d in every)
+        other._pushed, other.unit, other.kicks = self._pushed[every], self.unit[every], self.kicks[every]
+        other.kicks[before::2, 3], other.kicks[before + 1 :: 2, 1:] = 2.0 * np.pi / period, 0.0
+        other.leads, other.periods = np.r_[self.leads, before + np.arange(len(pairs))], np.full(len(every), period)
+        other.leads[before + 1 :: 2] -= 1
+        other.periods[:before] = self.periods
+        other._of = every
+        states = np.r_[np.arange(self._size), self._size + every]
+        other.starts, other.first_path = self.starts[:, states], self.first_path[:, states]
+        for name in ("_first_system", "_kept"):  # of the other accelerations
+            other.__dict__.pop(name, None)
+        return other
+
+    @property
+    def velocities(self) -> list[int]:
+        """Which accelerations push velocities, and fade."""
+        return [d for d in np.flatnonzero(~self.swells) if self.pushed[d].endswith(("mps", "radps"))]
+
+    @property
+    def swells(self) -> np.ndarray:
+        """Which accelerations are those of a swell, (D,)."""
+        return self.periods > 0.0
+
+    @property
+    def _leading(self) -> np.ndarray:
+        """Which accelerations have noises of their own, (D,)."""
+        return self.leads == np.arange(len(self.leads))
 
     def _units(self, spread: np.ndarray) -> np.ndarray:
         """What accelerations are counted in: as change what they push in `_SLOW`; of drifts, the speed of a place."""
@@ -236,7 +276,7 @@ class Stretches(Parameters):
             f = float(np.clip(np.median(a[:, d, d]), 1e-6, 1e6)) ** (1.0 / self.stride)
             f = f if abs(f - 1.0) > 1e-3 else 1.0 - 1e-3
             before = 1.0 / (1.0 - f) + 1.0 / np.log(f)
-            self.kicks[d, 1:] = before, (f - 1.0) / np.log(f) - before * f
+            self.kicks[d, 1:3] = before, (f - 1.0) / np.log(f) - before * f
 
     @property
     def _moving(self) -> np.ndarray:

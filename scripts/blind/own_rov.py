@@ -25,16 +25,19 @@ PUSHES = np.array([2.0, 2.0, 2.0, 0.1, 0.1, 0.15])  # N and N m, RMS of random p
 LASTING = 1.5  # s, their correlation time
 
 
-def rates(hull: Hull, current: np.ndarray, x: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+def rates(
+    hull: Hull, current: np.ndarray, x: np.ndarray, wrench: np.ndarray, fins: np.ndarray | None = None
+) -> np.ndarray:
     """dx/dt of a vehicle under a wrench, N and N m, in water that flows, m/s to the north, east and down.
 
-    State: [north east depth | roll pitch heading | u v w p q r], the velocities over ground.
+    State: [north east depth | roll pitch heading | u v w p q r], the velocities over ground.  fins: see `Hull.force`.
     """
     turn, spin = turned(x[3:6]), x[9:12]
     flow = turn.T @ current
     through = x[6:12].copy()
     through[:3] -= flow
-    moving = hull.inverse @ (wrench + hull.water(through, x[3:6]))
+    water = hull.water(through, x[3:6]) if fins is None else hull.force(through, x[3:6], fins, 1.0)
+    moving = hull.inverse @ (wrench + water)
     moving[:3] -= cross(spin, flow)
     return np.concatenate([turn @ x[6:9], angle_rates(x[3:6], spin), moving])
 

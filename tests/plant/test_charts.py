@@ -110,7 +110,7 @@ def test_a_run_is_corrected_by_turns_and_goes_on_in_the_chart_of_the_next_row(tu
 def test_a_push_of_an_attitude_is_a_turn_about_its_axes(tumbled):
     chart, size = Chart.along(PLANT.family, tumbled), len(PLANT.family.states) + len(PLANT.family.sensors)
     runs = Runs.over(PLANT, tumbled, tumbled.segments, chart)
-    kicks = np.array([[AT + 2.0, 0.0, 1.0]])
+    kicks = np.array([[AT + 2.0, 0.0, 1.0, 0.0]])
     free = Correction.none(PLANT, runs)
     none = np.empty((0, size + 1, len(PLANT.outputs)))
     correction = Correction(free.measured, none, kicks, np.ones((len(tumbled), 1)), free.carried, free.constant)

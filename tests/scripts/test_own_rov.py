@@ -8,7 +8,7 @@ from auv_gym.plant import load_vehicle
 from scripts.blind import own_rov
 from scripts.blind.own_forces import DAMPING
 from scripts.blind.own_rov import driven
-from scripts.studies.driven_rov import CASES, STUDY, truth_of
+from scripts.studies.driven import CASES, STUDY, truth_of
 from scripts.studies.harness import Found
 
 VEHICLE = load_vehicle("bluerov2_heavy")
@@ -72,5 +72,8 @@ def test_the_table_counts_what_is_right_and_what_is_not():
     }  # fmt: skip
     (sheet,) = STUDY.sheets(Found({"a thruster weak": {5: run}}, {}))
     assert sheet.rows[0][0] == "a thruster weak, 5"
-    assert list(sheet.rows[0][4:]) == ["1 of 3", "1", "1 of 1", "nothing", "61"]
+    assert list(sheet.rows[0][4:]) == ["1 of 3", "1", "1 of 1", "nothing", "none", "61"]
+    tied = {**run, "tied": [["effects.t1.lost", "effects.t3.lost"]], "swell": [{"period_s": 6.04, "pushes": {}}]}
+    (sheet,) = STUDY.sheets(Found({"a thruster weak": {5: tied}}, {}))
+    assert list(sheet.rows[0][4:]) == ["2 of 3", "0", "1 of 1", "nothing", "swell of 6.0 s", "61"]
     assert set(STUDY.cases) == set(CASES)

@@ -405,15 +405,26 @@ def _error_sentence(d: Diagnosis) -> str:
 
 def noise_sentence(d: Diagnosis) -> str:
     """The process noise that the fit found, or nothing."""
-    if d.noise is None or not d.noise.process:
+    if d.noise is None:
         return ""
+    told = []
+    if d.noise.process:
+        kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
+        pushes = _pushes(d.noise.process)
+        told.append(f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {pushes}.")
+    for period, pushes in d.noise.swell.items():
+        told.append(f"Accelerations with a period of {quantity(period, 's')} push it, as of waves: {_pushes(pushes)}.")
+    return " ".join(told)
+
+
+def _pushes(process: Mapping[str, tuple[float, float]]) -> str:
+    """Random accelerations in words."""
     pushes = []
-    for name, (size, time) in d.noise.process.items():
+    for name, (size, time) in process.items():
         known = channel(name)
         unit = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}.get(known.unit or "", f"{known.unit}/s")
         pushes.append(f"{known.label} {quantity(size, unit)} RMS with a correlation time of {quantity(time, 's')}")
-    kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
-    return f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {'; '.join(pushes)}."
+    return "; ".join(pushes)
 
 
 def _currents_sentence(d: Diagnosis) -> str:

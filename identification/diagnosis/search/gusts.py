@@ -20,7 +20,7 @@ def gusts(problem: PredictionErrors, point: Point, level: float = LEFT) -> tuple
     is distributed nearly as chi-square with n degrees of freedom, and exactly where the acceleration is read directly.
     level: probability of a yes where they are steady, shared among all accelerations and parts.
     """
-    if point.system is None or not problem.is_pushed(point):
+    if point.system is None or not problem.pushes(point).any():
         return ()
     strengths = [len(problem.channels) + int(d) for d in np.flatnonzero(problem.pushes(point))]
     slopes = problem.slopes_in_parts(point, GUST_PARTS)[:, strengths]

@@ -10,6 +10,7 @@ import numpy as np
 from auv_gym.plant import Plant
 from identification.deciding import HELD, LEAST_TRACE
 from identification.diagnosis.log.checking import CheckedLog
+from identification.diagnosis.search.swell import in_swells
 from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 from identification.fit.parameters import moves_of
@@ -40,6 +41,16 @@ class Known:
         given = bench.taken_over(self.given)
         nominal = given if self.nominal is self.given else bench.taken_over(self.nominal)
         return Known(bench, self.coefficients, given, nominal)
+
+    def in_swells(self, state: State) -> Known:
+        """The same fits with swells that may push the vehicle where a state's errors show them, else these.
+
+        Of a state with the effects that a search has found: what makes a loop swing is no swell.
+        """
+        bench, (given, nominal) = in_swells(self.bench, state, [self.given, self.nominal])
+        if bench is self.bench:
+            return self
+        return Known(bench, self.coefficients, given, given if self.nominal is self.given else nominal)
 
     def out_of_valley(self, trials: Sequence[Trial], bar: float) -> Known:
         """The same, its nominal fit gone on from the end of the likeliest trial, if that is likelier; else these.

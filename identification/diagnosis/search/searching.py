@@ -39,8 +39,8 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
-    effect that is there leaves less noise than its absence.  So it is where trials show that the fit without any effect
-    has stopped too early.
+    effect that is there leaves less noise than its absence.  So it is where the errors beside what was found show a
+    swell, and where trials show that the fit without any effect has stopped too early.
     """
     bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
     kinematics = kinematic_findings(log.record, bench.plant)
@@ -49,6 +49,8 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
         bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
     )
     anew = known.in_suited_steps(state)
+    if anew is known:
+        anew = known.in_swells(state)
     if anew is known and state is nominal and rounds:
         anew = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
     if anew is not known:

@@ -100,6 +100,13 @@ class Workbench:
         other._begin()
         return other
 
+    def in_swell(self, period: float) -> Workbench:
+        """A bench in which a swell of a period, s, may push the vehicle."""
+        other = copy(self)
+        other._as_stepped, other.problem = self._as_stepped.in_swell(period), self.problem.in_swell(period)
+        other._begin()
+        return other
+
     def taken_over(self, state: State) -> State:
         """A state of a bench in other steps, fitted in those of this one."""
         plant = replace(state.plant, longest_step=self.plant.longest_step)
@@ -199,18 +206,19 @@ class Workbench:
         return State(plant, (), max(found, key=lambda point: problem.objective(point, ())))
 
     def quieted(self, state: State) -> tuple[State, ...]:
-        """The state with less process noise, if its filter still follows the record; and with less of what lasts alone.
+        """The state with less process noise, if its filter still follows the record; and with less of some kinds of it.
 
         Accelerations that last take a steady effect's part, while shorter ones, as of waves, may be needed all the
-        same.
+        same; a swell takes that of regular waves, or of what makes a loop swing.
         """
         problem = self.problem
         if not problem.pushed:
             return ()
         if state not in self._quieted:
             lasting = problem.lasting(state.point)
-            some = lasting.any() and (problem.pushes(state.point) & ~lasting).any()
-            found = [problem.quieted(state.point), problem.quieted(state.point, lasting) if some else None]
+            brief, swell = problem.pushes(state.point) & ~lasting, problem.swelling(state.point)
+            kinds = [None, *[lasting] * bool(lasting.any() and brief.any()), *[swell] * bool(swell.any())]
+            found = [problem.quieted(state.point, which) for which in kinds]
             self._quieted[state] = tuple(State(state.plant, state.paths, p, True) for p in found if p is not None)
         return self._quieted[state]
 

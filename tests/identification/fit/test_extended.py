@@ -98,6 +98,22 @@ def test_a_filter_far_from_its_record_is_as_likely_as_its_linearisation(stride):
     assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
 
 
+@pytest.mark.parametrize("stride", [1, 3])
+def test_a_filter_in_a_swell_is_as_likely_as_its_linearisation(stride):
+    """The vehicle run with the filter's gains, its accelerations turning in pairs, is the linear system of these."""
+    plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
+    problem, _ = problem_of(plant, log, stride)
+    problem = problem.in_swell(3.0)
+    logs, count = problem.first_noise(), len(problem.channels)
+    logs[count : count + len(problem.pushed)] = np.log(np.where(problem.swells, 0.03, 0.01) * problem.unit)
+    logs[count + len(problem.pushed) :] = np.log(np.where(problem.swells, 6.0, 10.0))
+    linear, run = filtered(problem, plant.vector, logs)
+    assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
+    still = replace(problem._followed_system(plant.vector, problem._numbers(logs), problem.starts, problem._widest))
+    fading = run_filter(replace(still, turns=None), *problem._numbers(logs)).scores
+    assert np.abs(linear - fading).max() > 0.1  # it makes a difference
+
+
 @pytest.mark.slow
 def test_it_is_the_same_from_anywhere():
     """Once its starts have settled, at noises that suit it: an unstable vehicle takes a few passes."""

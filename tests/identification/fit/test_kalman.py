@@ -12,6 +12,7 @@ from identification.fit.kalman import System, run_filter, start_slopes
 SOLID, PUSHED, CHANNELS, ROWS = 3, 2, 3, 40
 SIZE = SOLID + PUSHED
 LOGS = np.log([0.3, 0.5, 0.7, 0.4, 0.2, 3.0, 8.0])  # of channels, accelerations, correlation times
+SWELL, PAIR = np.array([1.3, 0.0]), np.log([0.3, 0.5, 0.7, 0.4, 0.4, 3.0, 3.0])  # rad/s, and noises of a pair
 
 
 def system(
@@ -62,6 +63,12 @@ class Reference(MLEModel):
         for d in range(PUSHED):
             turn[SOLID + d, SOLID + d] = decay[:, d]
             push[d, d] = deviations[d] ** 2 * (1.0 - decay[:, d] ** 2)
+            if s.turning[d] != 0.0:
+                angles = s.turning[d] * s.durations
+                pair = np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]])
+                turn[SOLID + d : SOLID + d + 2, SOLID + d : SOLID + d + 2] = pair * decay[:, d]
+                push[d + 1, d + 1] = push[d, d]
+                break
         self["transition"], self["state_cov"] = turn, push
         self["selection"] = np.eye(SIZE)[:, SOLID:]
         self["design"] = s.c.transpose(1, 2, 0)
@@ -84,6 +91,31 @@ def test_the_likelihood_is_that_of_statsmodels():
         assert ours.scores.sum() == pytest.approx(theirs.llf, rel=1e-8)
         assert ours.scores == pytest.approx(theirs.llf_obs, rel=1e-8, abs=1e-8)
         assert ours.means == pytest.approx(theirs.filtered_state.T, abs=1e-8)
+
+
+def test_the_likelihood_of_a_swell_is_that_of_statsmodels():
+    for seed in range(5):
+        s = replace(system(seed), turns=SWELL)
+        ours, theirs = run_filter(s, *numbers(PAIR)), Reference(s, PAIR).ssm.filter()
+        assert ours.scores == pytest.approx(theirs.llf_obs, rel=1e-8, abs=1e-8)
+        assert ours.means == pytest.approx(theirs.filtered_state.T, abs=1e-8)
+        assert abs(ours.scores.sum() - run_filter(replace(s, turns=None), *numbers(PAIR)).scores.sum()) > 0.1
+
+
+@pytest.mark.parametrize("begins, carried", [((0, 15), ()), ((0,), (12, 25))])
+def test_the_gradient_by_a_swell_is_that_of_central_differences(begins, carried):
+    """Of both of a pair together, which have the same noises."""
+    s, weights = replace(system(2, begins, carried), turns=SWELL), np.random.default_rng(3).random(ROWS)
+
+    def value(logs: np.ndarray) -> float:
+        return float(weights @ run_filter(s, *numbers(logs)).scores)
+
+    exact = slopes_of(s, run_filter(s, *numbers(PAIR)), weights, *numbers(PAIR)).noises
+    both = np.r_[exact[:CHANNELS], exact[CHANNELS : CHANNELS + 2].sum(), exact[-2:].sum()]
+    step, one = 1e-5, np.eye(LOGS.size)
+    moves = [*one[:CHANNELS], one[CHANNELS] + one[CHANNELS + 1], one[-2] + one[-1]]
+    numeric = [(value(PAIR + step * m) - value(PAIR - step * m)) / (2.0 * step) for m in moves]
+    assert both == pytest.approx(numeric, rel=1e-6, abs=1e-6)  # rounding of differences over 1e-5
 
 
 def test_gains_and_whitened_errors_belong_to_the_rows_covariance():
@@ -181,9 +213,10 @@ def test_slopes_by_the_starts_are_those_of_central_differences():
         assert both == pytest.approx(numeric, rel=1e-5, abs=1e-6)
 
 
+@pytest.mark.parametrize("turns", [None, SWELL], ids=["fading", "swell"])
 @pytest.mark.parametrize("begins, carried", [((0, 15), ()), ((0,), (12, 25))])
-def test_predictions_move_with_the_starts_as_those_of_the_filter_do(begins, carried):
-    s = system(9, begins, carried)
+def test_predictions_move_with_the_starts_as_those_of_the_filter_do(begins, carried, turns):
+    s = replace(system(9, begins, carried), turns=turns)
     made = run_filter(s, *numbers(LOGS))
     slopes = start_slopes(s, made.gains, made.whiten, numbers(LOGS)[2])
     for i in range(SOLID):

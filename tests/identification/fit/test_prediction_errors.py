@@ -373,7 +373,7 @@ def test_readings_without_noise_are_given_some():
 
 def test_an_acceleration_acts_on_a_velocity_that_decays_as_it_does_in_fine_steps():
     problem = PredictionErrors(GLIDER, glider_log(3), [slice(0, 100)])
-    (state, before, after), dt = problem.kicks[0], GLIDER.dt
+    (state, before, after, _), dt = problem.kicks[0], GLIDER.dt
     at, fine = int(state), replace(GLIDER, dt=dt / 200.0)
     inputs = np.zeros(len(GLIDER.inputs))
     inputs[GLIDER.inputs.index("u_mps")] = 0.5

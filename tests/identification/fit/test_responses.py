@@ -24,12 +24,16 @@ def pushed():
     return dense_log(1, rows=1500, push=2e-4)
 
 
+@pytest.mark.parametrize("period", [0.0, 12.0], ids=["fading", "swell"])
 @pytest.mark.parametrize("stride", [1, 3])
-def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride):
+def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride, period):
     """To a thousandth, as slopes are taken over steps; with accelerations, and means of several readings."""
     problem = PredictionErrors(GLIDER, pushed, whole(pushed), stride=stride)
     point = problem.solve(GLIDER, ())
-    assert problem._there(point.logs).any()
+    if period:
+        problem = problem.in_swell(period)
+        point = problem.in_this_swell(point)
+    assert problem._there(point.logs).all()
     point = problem.prepared(point, COEFFICIENTS)
     found = problem.soon_slopes(point, COEFFICIENTS)
     exact = problem.counted_slopes(point, COEFFICIENTS)

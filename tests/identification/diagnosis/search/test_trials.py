@@ -103,19 +103,29 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
 
 
 @pytest.mark.parametrize(
-    "there, lasts, asked",
-    [((1, 1), (0, 1), [None, (0, 1)]), ((1, 1), (0, 0), [None]), ((0, 1), (0, 1), [None]), ((1, 1), (1, 1), [None])],
+    "there, lasts, swells, asked",
+    [
+        ((1, 1), (0, 1), (0, 0), [None, (0, 1)]),
+        ((1, 1), (0, 0), (0, 0), [None]),
+        ((0, 1), (0, 1), (0, 0), [None]),
+        ((1, 1), (1, 1), (0, 0), [None]),
+        ((1, 0), (0, 0), (0, 1), [None, (0, 1)]),
+    ],
 )
-def test_what_lasts_is_taken_for_weaker_by_itself_beside_what_is_brief(there, lasts, asked):
+def test_what_lasts_and_a_swell_are_taken_for_weaker_by_themselves_beside_what_is_brief(there, lasts, swells, asked):
     found = []
 
     def quieted(point, which=None):
         found.append(None if which is None else tuple(which.astype(int)))
         return point
 
-    masks = [np.array(m, dtype=bool) for m in (there, lasts)]
+    masks = [np.array(m, dtype=bool) for m in (there, lasts, swells)]
     problem = SimpleNamespace(
-        pushed=("u", "w"), pushes=lambda point: masks[0], lasting=lambda point: masks[1], quieted=quieted
+        pushed=("u", "w"),
+        pushes=lambda point: masks[0],
+        lasting=lambda point: masks[1],
+        swelling=lambda point: masks[2],
+        quieted=quieted,
     )
     bench = SimpleNamespace(problem=problem, _quieted=WeakKeyDictionary())
     bases = Workbench.quieted(bench, state_of(PLANT))

@@ -1,0 +1,108 @@
+"""Whether a swell pushes the vehicle: errors of prediction have a peak in their spectrum then, and not in gusts.
+
+Accelerations that merely fade have most power at low frequencies, whatever their correlation time, and no filter with
+them alone can be right in waves: its errors keep their period, and coefficients that imitate a resonance pay for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import f as fisher
+
+from identification.deciding import COST, FALSE_ALARM, LEAST_OF_SWELL, LONGEST_SWELL, MOST_SWELLS
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.filtering import Point
+from identification.fit.prediction_errors import PredictionErrors
+
+_ROWS = 4  # the shortest period that is sought
+_WIDTH = 1.15  # ratio of neighbouring frequencies; a band goes from one below to one above
+_BELOW, _ABOVE = (0.5, 0.35, 0.25), (2.0, 2.8)  # of its frequency: bands that a peak stands out from
+_LEAST = 4  # frequencies in a band
+
+
+def in_swells(bench: Workbench, state: State, others: Sequence[State]) -> tuple[Workbench, list[State]]:
+    """A bench in which swells may push the vehicle, as long as a state is likelier so, and other states fitted on it.
+
+    The same bench, and the others as they are, where it is not, or where only one velocity swings.  A swell's period is
+    one parameter more, and costs as much as an acceleration does.
+    """
+    found = list(others)
+    while np.unique(bench.problem.periods).size <= MOST_SWELLS:
+        period = period_of_swell(bench.problem, state.point)
+        if period is None:
+            break
+        other = bench.in_swell(period)
+        there = _fitted(other, state)
+        before = bench.problem.objective(state.point, state.paths)
+        if not other.problem.objective(there.point, there.paths) - before > COST:
+            break
+        if len(other.problem.noise_at(there.point).swell.get(period, ())) < LEAST_OF_SWELL:
+            break
+        bench, state, found = other, there, [_fitted(other, one) for one in found]
+    return bench, found
+
+
+def _fitted(bench: Workbench, state: State) -> State:
+    """A state of the bench without its last swell, fitted with it."""
+    near = State(state.plant, state.paths, bench.problem.in_this_swell(state.point))
+    return bench.fit(state.plant, state.paths, near)
+
+
+def period_of_swell(problem: PredictionErrors, point: Point) -> float | None:
+    """The period, s, at which the errors of a point have a peak that those of noise have not, None without one.
+
+    The power in a narrow band is compared with that of bands beside it, on either side the weakest, since a sea may
+    have more than one peak: white errors make all equal (Fisher's F).  The most certain of all bands counts, its chance
+    times the number of comparisons.
+    """
+    if point.system is None or len(problem.velocities) < LEAST_OF_SWELL or not np.isfinite(point.scores).all():
+        return None
+    step = float(np.median(problem.durations))
+    shortest = _ROWS * step
+    if shortest * _WIDTH >= LONGEST_SWELL:
+        return None
+    frequencies, powers = _spectrum(problem, point, step)
+    count = int(np.log(LONGEST_SWELL / shortest) / np.log(_WIDTH))
+    middles = _WIDTH ** np.arange(1, count) / LONGEST_SWELL
+
+    def band(middle: float) -> np.ndarray:
+        return (frequencies > middle / _WIDTH) & (frequencies < middle * _WIDTH)
+
+    read = float(problem.finite.mean(axis=0).sum())  # channels, those that are read rarely in part
+    best, least = None, FALSE_ALARM / max(len(middles) * len(_BELOW + _ABOVE), 1)
+    for middle in middles:
+        own = band(middle)
+        if own.sum() < _LEAST:
+            continue
+        sides = [[s for away in ways if (s := band(middle * away)).any()] for ways in (_BELOW, _ABOVE)]
+        if not all(sides):
+            continue
+        chance = max(min(_chance(powers[own], powers[s], read) for s in side) for side in sides)
+        if chance < least:
+            best, least = own, chance
+    if best is None:
+        return None
+    weights = powers[best] / powers[best].sum()
+    return float(1.0 / (weights @ frequencies[best]))
+
+
+def _spectrum(problem: PredictionErrors, point: Point, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies, Hz, and powers of the errors there, summed over the channels, of all stretches, (n,) both."""
+    errors, found = point.errors * problem.counted[:, None], []
+    for w in range(len(problem.stretches)):
+        own = errors[problem.stretch_of_row == w]
+        frequencies = np.fft.rfftfreq(len(own), step)
+        powers = np.abs(np.fft.rfft(own, axis=0)) ** 2 / max(len(own), 1)
+        found.append(np.stack([frequencies, powers.sum(axis=1)])[:, 1:])
+    frequencies, powers = np.concatenate(found, axis=1)
+    return frequencies, powers
+
+
+def _chance(powers: np.ndarray, others: np.ndarray, channels: float) -> float:
+    """The probability that powers of white errors are so much larger than others.
+
+    Each has two degrees of freedom for each of the channels that it is a sum over.
+    """
+    return float(fisher.sf(powers.mean() / others.mean(), 2 * channels * powers.size, 2 * channels * others.size))

@@ -1,0 +1,177 @@
+"""A swell: found by the errors' spectrum, followed by the filter, and no reason for a name."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from auv_gym.param import replace_at
+from auv_gym.plant import load_vehicle
+from auv_gym.records.record import Record
+from identification.diagnosis import as_json, diagnose
+from identification.diagnosis.search import swell
+from identification.diagnosis.search.swell import in_swells, period_of_swell
+from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.prediction_errors import PredictionErrors
+from scripts.blind import own_cruise
+from scripts.blind.own_cruise import cruised
+from scripts.studies.driven import CASES, truth_of
+
+GLIDER, OFFSET = load_vehicle("slocum"), "effects.rudder.offset"
+PERIOD, LASTING, PUSH = 14.0, 60.0, 2e-3  # s, s, rad/s^2
+ROWS, SIZE = 1000, 0.15  # rad, of the offset
+
+
+def cycle(rng: np.random.Generator, rows: int, dt: float) -> np.ndarray:
+    """A stochastic cycle of deviation 1, (rows,), as a complex number that turns and fades."""
+    keeps, found, z = np.exp((2j * np.pi / PERIOD - 1.0 / LASTING) * dt), np.empty(rows), 0.0
+    z = rng.standard_normal() + 1j * rng.standard_normal()
+    for k in range(rows):
+        found[k] = z.real
+        z = keeps * z + np.sqrt(1.0 - abs(keeps) ** 2) * (rng.standard_normal() + 1j * rng.standard_normal())
+    return found
+
+
+def log_of(push: float, seed: int = 0, fading: float = 0.0, rows: int = ROWS) -> Record:
+    """A glider with a rudder offset under random yaw accelerations: of a swell, and such as fade over 14 s."""
+    plant, rng = replace(replace_at(GLIDER, OFFSET, SIZE), dt=1.0), np.random.default_rng(seed)
+    swell, gusts = push * cycle(rng, rows, 1.0), np.zeros(rows)
+    for k in range(1, rows):
+        gusts[k] = np.exp(-1.0 / PERIOD) * (gusts[k - 1] + 0.4 * fading * rng.standard_normal())
+    inputs = np.zeros((rows, len(plant.inputs)))
+    inputs[:, plant.inputs.index("rudder_rad")] = np.repeat(rng.choice([-0.2, 0.2], rows // 25), 25)
+    inputs[:, plant.inputs.index("u_mps")] = 0.5
+    x, at, readings = plant.initial(np.full(len(plant.outputs), np.nan)), plant.family.states.index("r_radps"), []
+    for u, a in zip(inputs, swell + gusts, strict=True):
+        readings.append(plant.output(x))
+        x[at] += 0.5 * a
+        x = plant.step(x, u)
+        x[at] += 0.5 * a
+    heading = np.array(readings)[:, plant.outputs.index("heading_rad")] + 0.01 * rng.standard_normal(rows)
+    channels = {name: inputs[:, j] for j, name in enumerate(plant.inputs) if name in ("rudder_rad", "u_mps")}
+    return Record.from_arrays(np.arange(rows, dtype=float), channels | {"heading_rad": heading})
+
+
+def bench_of(record: Record) -> Workbench:
+    parts = [[slice(k, k + ROWS // 5)] for k in range(0, ROWS, ROWS // 5)]
+    return Workbench(replace(GLIDER, dt=1.0), record, parts, 0.1)
+
+
+def fitted(record: Record) -> tuple[Workbench, State]:
+    bench = bench_of(record)
+    near = bench.fit(replace_at(bench.plant, OFFSET, SIZE), ())
+    return bench, near
+
+
+@pytest.fixture(autouse=True)
+def one_velocity_is_enough(monkeypatch):
+    """The glider's, whose filter is soon made."""
+    monkeypatch.setattr(swell, "LEAST_OF_SWELL", 1)
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    return fitted(log_of(PUSH))
+
+
+def test_a_swell_is_found_with_its_period_and_noises(pushed):
+    bench, state = pushed
+    period = period_of_swell(bench.problem, state.point)
+    assert period == pytest.approx(PERIOD, rel=0.05)
+    other, (found,) = in_swells(bench, state, [state])
+    assert other is not bench
+    (size, time) = other.problem.noise_at(found.point).swell[other.problem.periods[-1]]["r_radps"]
+    assert size == pytest.approx(PUSH, rel=0.3)  # a thousand rows hold some ten of its correlation times
+    assert LASTING / 3.0 < time < 3.0 * LASTING
+    assert other.problem.objective(found.point, ()) > bench.problem.objective(state.point, ()) + 20.0
+    assert period_of_swell(other.problem, found.point) is None  # its errors have no peak any more
+
+
+@pytest.mark.parametrize("fading", [0.0, 2e-3])
+def test_none_is_found_in_noise_or_gusts(fading):
+    for seed in range(3):
+        bench, state = fitted(log_of(0.0, seed, fading))
+        assert period_of_swell(bench.problem, state.point) is None
+        assert in_swells(bench, state, [state]) == (bench, [state])
+
+
+@pytest.mark.parametrize("peak, found", [(0.0, False), (3.0, True)])
+def test_errors_that_merely_fade_have_no_peak(peak, found):
+    """A spectrum that falls with frequency, and one with a peak on the slope."""
+    rows, rng = 4000, np.random.default_rng(0)
+    drift, keeps = np.zeros(rows), np.exp(-1.0 / 3.0)
+    for k in range(1, rows):
+        drift[k] = keeps * drift[k - 1] + np.sqrt(1.0 - keeps**2) * rng.standard_normal()
+    errors = (drift + peak * cycle(rng, rows, 1.0))[:, None]
+    point = SimpleNamespace(errors=errors, scores=np.zeros(rows), system="any")
+    problem = SimpleNamespace(
+        velocities=[0], channels=("heading_rad",), durations=np.ones(rows), counted=np.ones(rows),
+        finite=np.ones((rows, 1), dtype=bool), stretches=[slice(0, rows)],
+        stretch_of_row=np.zeros(rows, dtype=int),
+    )  # fmt: skip
+    period = period_of_swell(problem, point)
+    assert period == (pytest.approx(PERIOD, rel=0.05) if found else None)
+
+
+def test_one_that_brings_less_than_it_costs_is_not_taken(pushed, monkeypatch):
+    bench, state = pushed
+    monkeypatch.setattr(swell, "COST", 1e6)
+    assert in_swells(bench, state, [state]) == (bench, [state])
+
+
+def test_rows_longer_than_a_quarter_of_any_swell_show_none(pushed, monkeypatch):
+    bench, state = pushed
+    monkeypatch.setattr(bench.problem, "durations", np.full(ROWS, 8.0))
+    assert period_of_swell(bench.problem, state.point) is None
+
+
+def test_both_of_a_pair_have_the_noises_of_the_first_and_cost_as_one(pushed):
+    bench, state = pushed
+    problem = bench.problem.in_swell(PERIOD)
+    point = problem.in_this_swell(state.point)
+    count, size = len(problem.channels), len(problem.pushed)
+    other = point.logs.copy()
+    other[count + size - 1] += 3.0  # the second one's own
+    other[-1] += 1.0
+    for one, same in zip(problem._numbers(point.logs), problem._numbers(other), strict=True):
+        assert np.array_equal(one, same)
+    without = problem._without(point.logs, [size - 2])
+    assert problem._cost(point.logs) - problem._cost(without) == pytest.approx(swell.COST)
+    assert problem._prior(point.logs)[0] == problem._prior(other)[0]
+    assert problem.noise_slopes(point, point.logs)[1][[count + size - 1, -1]] == pytest.approx(0.0)
+    assert not problem.pushes(point)[-2:].any()
+
+
+def test_a_filter_for_samples_one_by_one_knows_no_swell(pushed):
+    bench, _ = pushed
+    problem = PredictionErrors(bench.plant, bench.record, [slice(0, ROWS)]).in_swell(PERIOD)
+    logs, count = problem.first_noise(), len(problem.channels)
+    logs[count : count + len(problem.pushed)] = np.log(0.1 * problem.unit)
+    plan = problem.online(problem.point(bench.plant.vector, logs), 100.0)
+    assert len(plan.times) == int((~problem.swells).sum())
+    assert not plan.kicks[:, 3].any()
+
+
+def test_what_swings_in_one_velocity_alone_is_no_swell(pushed, monkeypatch):
+    """A loop may, by a deadband or play; and a vehicle of one velocity is not asked."""
+    bench, state = pushed
+    taken = []
+    monkeypatch.setattr(swell, "LEAST_OF_SWELL", 2)
+    monkeypatch.setattr(swell, "_spectrum", lambda *_: taken.append(1))
+    assert in_swells(bench, state, [state]) == (bench, [state])
+    assert not taken
+    monkeypatch.setattr(swell, "period_of_swell", lambda problem, point: PERIOD)
+    assert in_swells(bench, state, [state]) == (bench, [state])
+
+
+@pytest.mark.slow
+def test_a_current_is_named_in_a_swell_and_the_swell_is_told():
+    """Without one in the noises, the verdict is `unexplained`, with a false added inertia in roll."""
+    case = "torpedo, swell"
+    rng = np.random.default_rng([1, 1])
+    found = diagnose(cruised(truth_of(case, rng), rng, **CASES[case].pushes), load_vehicle("vt690"))
+    assert {e.path for e in found.effects} == set(CASES[case].true)
+    told = as_json(found)["process_noise"]["swell"]
+    assert told[0]["period_s"] == pytest.approx(own_cruise.PERIOD, rel=0.05)
+    assert "as of waves" in found.summary()
