@@ -42,6 +42,14 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     effect that is there leaves less noise than its absence.  So it is where the errors beside what was found show a
     swell, and where trials show that the fit without any effect has stopped too early.
     """
+    found: Searched | Known = known
+    while isinstance(found, Known):  # what a search that is repeated has fitted is not kept meanwhile
+        found = _searched(log, found, progress)
+    return found
+
+
+def _searched(log: CheckedLog, known: Known, progress: Progress) -> Searched | Known:
+    """A search, or what was fitted before it where that must be repeated, and the search with it."""
     bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
     kinematics = kinematic_findings(log.record, bench.plant)
     candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
@@ -54,7 +62,7 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     if anew is known and state is nominal and rounds:
         anew = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
     if anew is not known:
-        return search_effects(log, anew, progress)
+        return anew
     state, rounds = settled(bench, nominal, state, rounds, len(candidates))
     left = what_is_left(bench, state)
     second = Reconsidering(bench, candidates, most, kinematics.mismatches)
@@ -79,5 +87,5 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
         left = what_is_left(bench, given)
     suited = known.in_suited_steps(state)
     if suited is not known:
-        return search_effects(log, suited, progress)
+        return suited
     return Searched(known, tuple(candidates), kinematics, nominal, state, tuple(rounds), left)

@@ -17,7 +17,7 @@ from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.searching import search_effects
 from identification.diagnosis.search.swaps import Reconsidering
-from identification.diagnosis.search.workbench import Workbench
+from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import run_mission
 from identification.fit.steps import in_steps
@@ -85,6 +85,24 @@ def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_t
     monkeypatch.setattr(searching, "settled", lambda bench, nominal, state, rounds, count: (state, []))
     found = search_effects(log, stuck, lambda fraction, text: None)
     assert bench.gain(found.nominal, top) == pytest.approx(0.0, abs=0.5)
+
+
+def test_a_search_is_repeated_where_its_errors_show_a_swell(monkeypatch):
+    """Beside what it has found: those of the vehicle without it may swing for another reason."""
+    plant, asked = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05), []
+    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), load_vehicle("slocum"), Asked())
+    known = fit_known(log, lambda fraction, text: None)
+    other = replace(known)
+
+    def in_swells(self: Known, state: State) -> Known:
+        asked.append(state.paths)
+        return other if self is known else self
+
+    monkeypatch.setattr(Known, "in_swells", in_swells)
+    found = search_effects(log, known, lambda fraction, text: None)
+    assert found.known is other
+    assert len(asked) == 2
+    assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths in asked)
 
 
 @pytest.mark.slow
