@@ -42,15 +42,15 @@ class Known:
         nominal = given if self.nominal is self.given else bench.taken_over(self.nominal)
         return Known(bench, self.coefficients, given, nominal)
 
-    def in_swells(self, state: State) -> Known:
-        """The same fits with swells that may push the vehicle where a state's errors show them, else these.
+    def in_swells(self, state: State) -> tuple[Known, State]:
+        """The same fits with swells that may push the vehicle where a state's errors show them, else these; the state.
 
         Of a state with the effects that a search has found: what makes a loop swing is no swell.
         """
-        bench, (given, nominal) = in_swells(self.bench, state, [self.given, self.nominal])
+        bench, (there, given, nominal) = in_swells(self.bench, [state, self.given, self.nominal])
         if bench is self.bench:
-            return self
-        return Known(bench, self.coefficients, given, given if self.nominal is self.given else nominal)
+            return self, state
+        return Known(bench, self.coefficients, given, given if self.nominal is self.given else nominal), there
 
     def out_of_valley(self, trials: Sequence[Trial], bar: float) -> Known:
         """The same, its nominal fit gone on from the end of the likeliest trial, if that is likelier; else these.

@@ -34,18 +34,31 @@ class Searched:
     rounds: tuple[Round, ...]
     left: Left
 
+    @property
+    def chosen(self) -> int:
+        """How many effects there are."""
+        return sum(made.chosen is not None for made in self.rounds)
+
 
 def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
-    effect that is there leaves less noise than its absence.  So it is where the errors beside what was found show a
-    swell, and where trials show that the fit without any effect has stopped too early.
+    effect that is there leaves less noise than its absence.  So it is where trials show that the fit without any effect
+    has stopped too early, and where the errors beside what was found show a swell; that search counts unless it has
+    lost the way, and explains the log less well in the swell than what was found before.
     """
     found: Searched | Known = known
-    while isinstance(found, Known):  # what a search that is repeated has fitted is not kept meanwhile
+    while isinstance(found, Known):
         found = _searched(log, found, progress)
-    return found
+    swelling, state = found.known.in_swells(found.state)
+    if swelling is found.known:
+        return found
+    again = search_effects(log, swelling, progress)
+    ahead = swelling.bench.problem.objective(state.point, state.paths)
+    ahead -= again.known.bench.problem.objective(again.state.point, again.state.paths)
+    more = max(found.chosen - again.chosen, 1)
+    return found if 2.0 * ahead > more * threshold(len(found.candidates)) else again
 
 
 def _searched(log: CheckedLog, known: Known, progress: Progress) -> Searched | Known:
@@ -57,8 +70,6 @@ def _searched(log: CheckedLog, known: Known, progress: Progress) -> Searched | K
         bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
     )
     anew = known.in_suited_steps(state)
-    if anew is known:
-        anew = known.in_swells(state)
     if anew is known and state is nominal and rounds:
         anew = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
     if anew is not known:

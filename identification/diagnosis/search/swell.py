@@ -22,16 +22,17 @@ _BELOW, _ABOVE = (0.5, 0.35, 0.25), (2.0, 2.8)  # of its frequency: bands that a
 _LEAST = 4  # frequencies in a band
 
 
-def in_swells(bench: Workbench, state: State, others: Sequence[State]) -> tuple[Workbench, list[State]]:
-    """A bench in which swells may push the vehicle, as long as a state is likelier so, and other states fitted on it.
+def in_swells(bench: Workbench, states: Sequence[State]) -> tuple[Workbench, list[State]]:
+    """A bench in which swells may push the vehicle, as long as the first of some states is likelier so; all on it.
 
-    The same bench, and the others as they are, where it is not, or where only one velocity swings.  A swell's period is
+    The same bench, and the states as they are, where it is not, or where only one velocity swings.  A swell's period is
     one parameter more, and costs as much as an acceleration does.
     """
-    found = list(others)
+    found = list(states)
     while np.unique(bench.problem.periods).size <= MOST_SWELLS:
+        state = found[0]
         period = period_of_swell(bench.problem, state.point)
-        if period is None:
+        if period is None or not bench.goes_on("looked for waves"):
             break
         other = bench.in_swell(period)
         there = _fitted(other, state)
@@ -40,7 +41,7 @@ def in_swells(bench: Workbench, state: State, others: Sequence[State]) -> tuple[
             break
         if len(other.problem.noise_at(there.point).swell.get(period, ())) < LEAST_OF_SWELL:
             break
-        bench, state, found = other, there, [_fitted(other, one) for one in found]
+        bench, found = other, [there, *(_fitted(other, one) for one in found[1:])]
     return bench, found
 
 

@@ -79,7 +79,7 @@ def test_a_swell_is_found_with_its_period_and_noises(pushed):
     bench, state = pushed
     period = period_of_swell(bench.problem, state.point)
     assert period == pytest.approx(PERIOD, rel=0.05)
-    other, (found,) = in_swells(bench, state, [state])
+    other, (found,) = in_swells(bench, [state])
     assert other is not bench
     (size, time) = other.problem.noise_at(found.point).swell[other.problem.periods[-1]]["r_radps"]
     assert size == pytest.approx(PUSH, rel=0.3)  # a thousand rows hold some ten of its correlation times
@@ -93,7 +93,7 @@ def test_none_is_found_in_noise_or_gusts(fading):
     for seed in range(3):
         bench, state = fitted(log_of(0.0, seed, fading))
         assert period_of_swell(bench.problem, state.point) is None
-        assert in_swells(bench, state, [state]) == (bench, [state])
+        assert in_swells(bench, [state]) == (bench, [state])
 
 
 @pytest.mark.parametrize("peak, found", [(0.0, False), (3.0, True)])
@@ -117,7 +117,7 @@ def test_errors_that_merely_fade_have_no_peak(peak, found):
 def test_one_that_brings_less_than_it_costs_is_not_taken(pushed, monkeypatch):
     bench, state = pushed
     monkeypatch.setattr(swell, "COST", 1e6)
-    assert in_swells(bench, state, [state]) == (bench, [state])
+    assert in_swells(bench, [state]) == (bench, [state])
 
 
 def test_rows_longer_than_a_quarter_of_any_swell_show_none(pushed, monkeypatch):
@@ -159,10 +159,10 @@ def test_what_swings_in_one_velocity_alone_is_no_swell(pushed, monkeypatch):
     taken = []
     monkeypatch.setattr(swell, "LEAST_OF_SWELL", 2)
     monkeypatch.setattr(swell, "_spectrum", lambda *_: taken.append(1))
-    assert in_swells(bench, state, [state]) == (bench, [state])
+    assert in_swells(bench, [state]) == (bench, [state])
     assert not taken
     monkeypatch.setattr(swell, "period_of_swell", lambda problem, point: PERIOD)
-    assert in_swells(bench, state, [state]) == (bench, [state])
+    assert in_swells(bench, [state]) == (bench, [state])
 
 
 @pytest.mark.slow
