@@ -12,6 +12,12 @@ from auv_gym.compiled import compiled
 
 
 @compiled
+def turned(one, other, cosine, sine):
+    """Two numbers turned into each other by an angle."""
+    return cosine * one - sine * other, sine * one + cosine * other
+
+
+@compiled
 def fade(push, decays, kicks, duration):
     """Accelerations after a duration, s, (D,), in place: all decay, and those of a swell turn in pairs as they do.
 
@@ -22,5 +28,4 @@ def fade(push, decays, kicks, duration):
     for j in range(push.shape[0]):
         if kicks[j, 3] != 0.0:
             angle = kicks[j, 3] * duration
-            c, s, one, other = np.cos(angle), np.sin(angle), push[j], push[j + 1]
-            push[j], push[j + 1] = c * one - s * other, s * one + c * other
+            push[j], push[j + 1] = turned(push[j], push[j + 1], np.cos(angle), np.sin(angle))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+
+from auv_gym.channels import channel
 
 
 def quantity(value: float, unit: str, figures: int = 3) -> str:
@@ -36,6 +38,16 @@ def sized(title: str, size: str, limits: str, *more: str) -> str:
     name, _, remark = title.removesuffix(")").partition(" (")
     told = [f"95 % interval {limits}", *more, *([remark] if remark else [])]
     return f"{name}{'' if name.endswith(' by') else ','} {size} ({', '.join(told)})"
+
+
+def accelerations(process: Mapping[str, tuple[float, float]]) -> str:
+    """What pushes a vehicle at random: by velocity or place, the deviation and the correlation time, s, in words."""
+    pushes = []
+    for name, (size, time) in process.items():
+        known = channel(name)
+        unit = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}.get(known.unit or "", f"{known.unit}/s")
+        pushes.append(f"{known.label} {quantity(size, unit)} RMS with a correlation time of {quantity(time, 's')}")
+    return "; ".join(pushes)
 
 
 def short(title: str) -> str:

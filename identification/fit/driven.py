@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from auv_gym.compiled import compiled, outlined
+from auv_gym.physics.pushes import turned
 from identification.fit.kalman import System
 from identification.fit.responses import Responses
 
@@ -66,8 +67,6 @@ def _driven(a, c, begin, constant, decays, angles, gains, whiten, onward, seen, 
                 moved[solid + d, p] *= decays[k, d]
         for d in range(size - solid):
             if angles[k, d] != 0.0:
-                cosine, sine = np.cos(angles[k, d]), np.sin(angles[k, d])
+                i, cosine, sine = solid + d, np.cos(angles[k, d]), np.sin(angles[k, d])
                 for p in range(number):
-                    one, other = moved[solid + d, p], moved[solid + d + 1, p]
-                    moved[solid + d, p] = cosine * one - sine * other
-                    moved[solid + d + 1, p] = sine * one + cosine * other
+                    moved[i, p], moved[i + 1, p] = turned(moved[i, p], moved[i + 1, p], cosine, sine)

@@ -272,12 +272,12 @@ class Filter(Linearised):
 
     def _turned(self, pushes: np.ndarray) -> np.ndarray:
         """What turns of a swell make of accelerations in a row, (rows, D, C), when the next one begins."""
-        turned = pushes.copy()
+        found = pushes.copy()
         for d in np.flatnonzero(self.kicks[:, 3]):
             angle = self.kicks[d, 3] * self.durations[:, None]
-            turned[:, d] = np.cos(angle) * pushes[:, d] - np.sin(angle) * pushes[:, d + 1]
-            turned[:, d + 1] = np.sin(angle) * pushes[:, d] + np.cos(angle) * pushes[:, d + 1]
-        return turned
+            found[:, d] = np.cos(angle) * pushes[:, d] - np.sin(angle) * pushes[:, d + 1]
+            found[:, d + 1] = np.sin(angle) * pushes[:, d] + np.cos(angle) * pushes[:, d + 1]
+        return found
 
     def _scored(self, whiten: np.ndarray, innovations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         errors = np.einsum("rmc,rc->rm", whiten, innovations)

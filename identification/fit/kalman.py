@@ -15,6 +15,7 @@ from weakref import ref
 import numpy as np
 
 from auv_gym.compiled import compiled, outlined
+from auv_gym.physics.pushes import turned
 from identification.fit.responses import Responses
 
 LEAST_VARIANCE = 1e-300
@@ -294,10 +295,9 @@ def to_next_row(root, mean, onward, forcing, duration, deviations, times, turns,
         if turns[d] != 0.0:
             i = solid + d
             c, s = np.cos(turns[d] * duration), np.sin(turns[d] * duration)
-            moved[i], moved[i + 1] = c * moved[i] - s * moved[i + 1], s * moved[i] + c * moved[i + 1]
+            moved[i], moved[i + 1] = turned(moved[i], moved[i + 1], c, s)
             for j in range(size):
-                one, other = wide[j, i], wide[j, i + 1]
-                wide[j, i], wide[j, i + 1] = c * one - s * other, s * one + c * other
+                wide[j, i], wide[j, i + 1] = turned(wide[j, i], wide[j, i + 1], c, s)
     for i in range(size):
         mean[i] = moved[i]
     _made_square(wide, root, reflector, share_of)
@@ -368,7 +368,5 @@ def _started(onward, c, begin, constant, decays, angles, gains, whiten, slopes):
                 moved[j, solid + d] *= decays[k, d]
             for d in range(size - solid):
                 if angles[k, d] != 0.0:
-                    cosine, sine = np.cos(angles[k, d]), np.sin(angles[k, d])
-                    one, other = moved[j, solid + d], moved[j, solid + d + 1]
-                    moved[j, solid + d] = cosine * one - sine * other
-                    moved[j, solid + d + 1] = sine * one + cosine * other
+                    i, cosine, sine = solid + d, np.cos(angles[k, d]), np.sin(angles[k, d])
+                    moved[j, i], moved[j, i + 1] = turned(moved[j, i], moved[j, i + 1], cosine, sine)

@@ -27,7 +27,7 @@ from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.workbench import State
-from identification.diagnosis.wording import capital, interval, listed, quantity, short, sized
+from identification.diagnosis.wording import accelerations, capital, interval, listed, quantity, short, sized
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
@@ -410,21 +410,13 @@ def noise_sentence(d: Diagnosis) -> str:
     told = []
     if d.noise.process:
         kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
-        pushes = _pushes(d.noise.process)
-        told.append(f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {pushes}.")
+        pushed = accelerations(d.noise.process)
+        told.append(f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {pushed}.")
     for period, pushes in d.noise.swell.items():
-        told.append(f"Accelerations with a period of {quantity(period, 's')} push it, as of waves: {_pushes(pushes)}.")
+        told.append(
+            f"Accelerations with a period of {quantity(period, 's')} push it, as of waves: {accelerations(pushes)}."
+        )
     return " ".join(told)
-
-
-def _pushes(process: Mapping[str, tuple[float, float]]) -> str:
-    """Random accelerations in words."""
-    pushes = []
-    for name, (size, time) in process.items():
-        known = channel(name)
-        unit = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}.get(known.unit or "", f"{known.unit}/s")
-        pushes.append(f"{known.label} {quantity(size, unit)} RMS with a correlation time of {quantity(time, 's')}")
-    return "; ".join(pushes)
 
 
 def _currents_sentence(d: Diagnosis) -> str:
