@@ -139,9 +139,10 @@ class PredictionErrors(Noises):
         """
         count, pushed = len(self.channels), (point.logs.size - len(self.channels)) // 2
         anew = np.arange(len(self.pushed)) >= pushed
+        of = np.r_[np.arange(pushed), np.repeat(self.velocities, 2)].astype(int)
         shares = np.where(anew, 0.5, np.where(self.swells, 1.0, 0.7))
-        strengths = point.logs[count : count + pushed][self._of] + np.log(shares)
-        times = np.where(anew, np.log(2.0 * self.periods[-1]), point.logs[count + pushed :][self._of])
+        strengths = point.logs[count : count + pushed][of] + np.log(shares)
+        times = np.where(anew, np.log(2.0 * self.periods[-1]), point.logs[count + pushed :][of])
         return self.point(point.vector, np.r_[point.logs[:count], strengths, times])
 
     def quieted(self, here: Point, which: np.ndarray | None = None) -> Point | None:

@@ -169,7 +169,6 @@ class Stretches(Parameters):
         self._balance_kicks(np.delete(path, drop, axis=1))
         self.unit = self._units(spread)
         self.leads, self.periods = np.arange(len(self.pushed)), np.zeros(len(self.pushed))
-        self._of = self.leads
         if self.chart.on:
             readings, held = self.signals, self.finite
         else:
@@ -187,7 +186,7 @@ class Stretches(Parameters):
         See `identification.fit.kalman`.  The second one of a pair pushes nothing, and has the noises of the first.
         """
         other, before = copy(self), len(self.pushed)
-        pairs = [d for d in self.velocities for _ in range(2)]
+        pairs = np.repeat(self.velocities, 2)
         every = np.r_[np.arange(before), pairs].astype(int)
         other.pushed = tuple(self.pushed[d] for d in every)
         other._pushed, other.unit, other.kicks = self._pushed[every], self.unit[every], self.kicks[every]
@@ -195,7 +194,6 @@ class Stretches(Parameters):
         other.leads, other.periods = np.r_[self.leads, before + np.arange(len(pairs))], np.full(len(every), period)
         other.leads[before + 1 :: 2] -= 1
         other.periods[:before] = self.periods
-        other._of = every
         states = np.r_[np.arange(self._size), self._size + every]
         other.starts, other.first_path = self.starts[:, states], self.first_path[:, states]
         for name in ("_first_system", "_kept"):  # of the other accelerations

@@ -17,7 +17,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import find_cruise
 from auv_gym.records.record import Record
 from scripts.blind.own_forces import Hull
-from scripts.blind.own_rov import rates
+from scripts.blind.own_rov import logged, rates
 
 STEP, EVERY = 0.02, 5  # s, and steps to a sample
 TILT, HEADING, RATE, SPEED, DEPTH = 0.15 * pi / 180.0, 0.4 * pi / 180.0, 0.2 * pi / 180.0, 0.02, 0.01
@@ -65,13 +65,7 @@ def cruised(
         x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + moved(x + STEP * k3))
         if not (abs(x[4]) < 1.2 and x[2] > 0.0):
             raise ValueError(f"The run of {plant.name} was cut short after {k * STEP:.0f} s: lower push or swell.")
-    names = (
-        "time_s", "roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps",
-        "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "depth_m", *plant.inputs,
-    )  # fmt: skip
-    columns = dict(zip(names, np.array(rows).T, strict=True))
-    attrs = {"source": "simulated", "vehicle": plant.name}
-    return Record.from_arrays(columns.pop("time_s"), columns, attrs=attrs)
+    return logged(plant, rows, plant.inputs)
 
 
 def _rates(

@@ -8,6 +8,7 @@ a compass noisier than the inclinometers, so that attitudes err about the vertic
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from math import cos, exp, pi, sin, sqrt
 
@@ -73,9 +74,14 @@ def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push
         x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + moved(x + STEP * k3, wrench))
         if not abs(x[4]) < 1.4:
             raise ValueError(f"The run of {plant.name} came near the vertical after {k * STEP:.0f} s.")
+    return logged(plant, rows, thrusters.channels)
+
+
+def logged(plant: Plant, rows: Sequence[Sequence[float]], commands: Sequence[str]) -> Record:
+    """Rows of a time, attitude, rates, speeds over ground, depth and commands as a record."""
     names = (
         "time_s", "roll_rad", "pitch_rad", "heading_rad", "p_radps", "q_radps", "r_radps",
-        "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "depth_m", *thrusters.channels,
+        "u_dvl_mps", "v_dvl_mps", "w_dvl_mps", "depth_m", *commands,
     )  # fmt: skip
     columns = dict(zip(names, np.array(rows).T, strict=True))
     attrs = {"source": "simulated", "vehicle": plant.name}

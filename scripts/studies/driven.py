@@ -61,9 +61,7 @@ class Case:
 BY_HAND = Mission(
     "bluerov2_heavy", driven, {"effects.current.north": 0.1, "effects.current.east": -0.05}, DAMPING.__contains__
 )
-CRUISE = Mission(
-    "vt690", cruised, {"effects.current.north": 0.15, "effects.current.east": -0.1}, lambda path: bool(path)
-)
+CRUISE = Mission("vt690", cruised, {"effects.current.north": 0.15, "effects.current.east": -0.1}, lambda path: True)
 STILL, GUSTS, SWELL = {"push": 0.0, "swell": 0.0}, {"push": 0.5, "swell": 0.0}, {"push": 0.5, "swell": 0.5}
 CASES: Mapping[str, Case] = {
     "nothing pushes it": Case(BY_HAND, pushes={"push": 0.0}),

@@ -47,10 +47,12 @@ class Known:
 
         Of a state with the effects that a search has found: what makes a loop swing is no swell.
         """
-        bench, (there, given, nominal) = in_swells(self.bench, [state, self.given, self.nominal])
+        states = list(dict.fromkeys([state, self.given, self.nominal]))  # any two may be one
+        bench, found = in_swells(self.bench, states)
         if bench is self.bench:
             return self, state
-        return Known(bench, self.coefficients, given, given if self.nominal is self.given else nominal), there
+        there = dict(zip(states, found, strict=True))
+        return Known(bench, self.coefficients, there[self.given], there[self.nominal]), there[state]
 
     def out_of_valley(self, trials: Sequence[Trial], bar: float) -> Known:
         """The same, its nominal fit gone on from the end of the likeliest trial, if that is likelier; else these.
