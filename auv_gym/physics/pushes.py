@@ -1,7 +1,10 @@
-"""Random accelerations that push a vehicle, from one row of a record to the next.
+"""Random accelerations that push a vehicle, and errors of readings that last, from one row of a record to the next.
 
 Each is a first-order Gauss-Markov process; those of a swell come in pairs of such processes that turn into each other,
 of which the first one pushes.  Source: Harvey 1989, sec. 2.3.5 (stochastic cycle).
+Where they act is in `kicks`, (D, 4): the state that one pushes, or -1 less the output that it is added to; the shares
+of it that act before and after each sample's interval; and the angular frequency, rad/s, with which it and the one
+after it turn into each other, 0 for those that merely fade.
 """
 
 from __future__ import annotations
@@ -19,13 +22,29 @@ def turned(one, other, cosine, sine):
 
 @compiled
 def fade(push, decays, kicks, duration):
-    """Accelerations after a duration, s, (D,), in place: all decay, and those of a swell turn in pairs as they do.
-
-    decays: (D,).  kicks: (D, 4), see `auv_gym.plant.rollout.rollout`.
-    """
+    """Accelerations after a duration, s, (D,), in place: all decay, by (D,), and those of a swell turn in pairs."""
     for j in range(push.shape[0]):
         push[j] *= decays[j]
     for j in range(push.shape[0]):
         if kicks[j, 3] != 0.0:
             angle = kicks[j, 3] * duration
             push[j], push[j + 1] = turned(push[j], push[j + 1], np.cos(angle), np.sin(angle))
+
+
+@compiled
+def shove(x, push, kicks, side, duration):
+    """What accelerations, (D,), do to the states that they push over a duration, s, in place.
+
+    side: 1 for their share before an interval, 2 for that after it.
+    """
+    for j in range(push.shape[0]):
+        if kicks[j, 0] >= 0.0:
+            x[int(kicks[j, 0])] += duration * kicks[j, side] * push[j]
+
+
+@compiled
+def misread(y, push, kicks):
+    """What errors of readings that last, (D,), add to the outputs, in place."""
+    for j in range(push.shape[0]):
+        if kicks[j, 0] < 0.0:
+            y[int(-kicks[j, 0]) - 1] += push[j]

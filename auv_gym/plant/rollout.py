@@ -21,7 +21,7 @@ import numpy as np
 from auv_gym.compiled import OPEN, bind, namespace, ready, view_as
 from auv_gym.param import list_paths
 from auv_gym.physics.actuators import lag_progress, travel
-from auv_gym.physics.pushes import fade
+from auv_gym.physics.pushes import fade, misread, shove
 from auv_gym.physics.rotations import into_chart, into_level_chart, out_of_chart
 from auv_gym.records.attitude import ANGLES
 from auv_gym.vehicles.family import Family, RightHandSide
@@ -243,11 +243,13 @@ def along(
                     if charted:
                         into_level_chart(references[k], y[row, SENSED : SENSED + 3])
                         into_chart(references[k], attitude)
+                    misread(y[row], push, kicks)
                 elif m < last:
                     physics.output(x[:STATES], x[STATES : STATES + ACTUATORS], sensors, p, out)
                     for c in range(OUTPUTS):
                         y[row, c] = shares[m, c] * out[c] + (y[row, c] if m > k else 0.0)
                 elif pushed > 0:
+                    misread(y[row], push, kicks)
                     fade(push, decays[row], kicks, times[min(last, n - 1)] - times[k])
                 if corrected and (single or m == last):
                     for c in range(OUTPUTS):
@@ -263,16 +265,14 @@ def along(
                                 push[j] += gains[row, size + j, c] * error[c]
                 if m + 1 < last or (m < last and goes_on):
                     duration = times[m + 1] - times[m]
-                    for j in range(pushed):
-                        x[int(kicks[j, 0])] += duration * kicks[j, 1] * push[j]
+                    shove(x, push, kicks, 1, duration)
                     if charted:
                         out_of_chart(references[k], attitude)
                     interval(x, inputs[m], shaped, times, first[m], m, times[m], times[m + 1], longest_step, p, work)
                     if charted:
                         chart = last
                         into_chart(references[chart], attitude)
-                    for j in range(pushed):
-                        x[int(kicks[j, 0])] += duration * kicks[j, 2] * push[j]
+                    shove(x, push, kicks, 2, duration)
                     if single and pushed > 0:
                         fade(push, decays[row], kicks, duration)
             if after.shape[0] > 0:
@@ -294,7 +294,7 @@ def rollout(
 ):  # fmt: skip
     """Outputs of runs over windows of a record, for several parameter vectors, into y; free, or corrected at every row.
 
-    The state is [states | sensors | accelerations]; the accelerations push the `kicks` states and decay between rows.
+    The state is [states | sensors | accelerations]; the accelerations act by their `kicks` and decay between rows.
     vectors: (S, n_parameters), or longer by a table.  starts: (S or 1, W, F), F = STATES + SENSORS + D; or with states
     alone, (S or 1, W, STATES), where sensors start settled.
     begin, stop: (W,) rows.  times: (n,) s.  inputs: (n, INPUTS).  first: (n,) row at which each row's segment starts.
@@ -304,9 +304,8 @@ def rollout(
     stride: samples of a row, of which windows are whole multiples.  Outputs of a row of several are the sums of theirs
     by `shares`, (n, OUTPUTS); it is corrected at its end, where the next row begins.
     measured: (rows, OUTPUTS), NaN where nothing is.  gains: (rows, F, OUTPUTS), or none of them for free runs.
-    kicks: (D, 4): the pushed state, the shares of an acceleration that act before and after each sample's interval, and
-    the angular frequency, rad/s, with which it turns into the acceleration after it, which pushes nothing; or 0.
-    decays: (rows, D), of the accelerations to the next row.
+    kicks: (D, 4), where accelerations act, or errors of readings that last; see `auv_gym.physics.pushes`.
+    decays: (rows, D), of these to the next row.
     earlier: (S, E, n_parameters), by which actuators have moved in rows up to `until`, (E,), one after the other.
     y: (S, rows, OUTPUTS), before the correction.  after: (S, rows, F), one row later; not filled if S is 0.
     """

@@ -246,7 +246,9 @@ def _noise(d: Diagnosis) -> dict[str, Any] | None:
         return {n: {"rms": size, "correlation_time_s": time} for n, (size, time) in pushes.items()}
 
     swell = [{"period_s": period, "pushes": told(pushes)} for period, pushes in d.noise.swell.items()]
-    return {"measurement": dict(d.noise.measurement), "process": told(d.noise.process), "swell": swell}
+    lasting = [{"period_s": period or None, "errors": told(errors)} for period, errors in d.noise.lasting.items()]
+    process = told(d.noise.process)
+    return {"measurement": dict(d.noise.measurement), "process": process, "swell": swell, "lasting": lasting}
 
 
 def _errors(stage: Stage) -> dict[str, dict[str, float]]:

@@ -50,6 +50,15 @@ def accelerations(process: Mapping[str, tuple[float, float]]) -> str:
     return "; ".join(pushes)
 
 
+def lasting_errors(errors: Mapping[str, tuple[float, float]]) -> str:
+    """Errors of readings that last: by channel, the deviation and the correlation time, s, in words."""
+    return "; ".join(
+        f"{channel(name).label} {quantity(size, channel(name).unit)} RMS with a correlation time of "
+        f"{quantity(time, 's')}"
+        for name, (size, time) in errors.items()
+    )
+
+
 def short(title: str) -> str:
     """A title without its remark in brackets."""
     return title.partition(" (")[0]

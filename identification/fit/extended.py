@@ -98,6 +98,9 @@ def filtered(
                 error[m] = measured[row, m] - seen[0, columns[m]] if finite[row, m] else 0.0
                 for j in range(many - 1):  # an acceleration does nothing to a single reading
                     slopes[m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
+                for d in range(pushes):  # but an error that lasts is added to it
+                    if kicks[d, 0] < 0.0:
+                        slopes[m, size + d] = 1.0 if int(-kicks[d, 0]) - 1 == columns[m] else 0.0
             mean[:] = 0.0
             gains[:, :] = 0.0
             whiten[:, :] = 0.0
@@ -127,9 +130,10 @@ def filtered(
                     a[row, i, j] = (moved_on[j + 1, live[i]] - moved_on[0, live[i]]) / probes[j]
                     onward[j, i] = a[row, i, j]
             for d in range(pushes):
-                for i in range(size):
-                    onward[size + d, i] = durations[row] * kicks[d, 1] * onward[pushed[d], i]
-                onward[size + d, pushed[d]] += durations[row] * kicks[d, 2]
+                if kicks[d, 0] >= 0.0:
+                    for i in range(size):
+                        onward[size + d, i] = durations[row] * kicks[d, 1] * onward[pushed[d], i]
+                    onward[size + d, pushed[d]] += durations[row] * kicks[d, 2]
             for j in range(size, many - 1):
                 for i in range(size):
                     onward[j, i] = (moved_on[j + 1, live[i]] - moved_on[0, live[i]]) / probes[j]

@@ -552,11 +552,14 @@ class Filter(Linearised):
         return Responses((path,) * shares.shape[2], whole.onward * shares, whole.seen * shares)
 
     def pushed_by(self, point: Point, axis: int, laws: np.ndarray) -> Responses:
-        """Responses to accelerations of the `axis`-th pushed state that follow laws, (P, rows).
+        """Responses to accelerations, or lasting errors, of the `axis`-th kind that follow laws, (P, rows).
 
-        Of a point with a system; an acceleration is that of a row until the next one begins.
+        Of a point with a system; an acceleration is that of a row until the next one begins.  A reading errs by what a
+        law was a row before: states and commands of its own row have been told by it.
         """
         assert point.system is not None
+        if self.misread[axis]:
+            laws = laws[:, np.maximum(np.arange(len(self.rows)) - 1, self.offsets[self.stretch_of_row])]
         solid, laws = len(self.live), laws.T[:, None]
         moved, seen = point.system.a[:, :, solid + axis, None], point.system.c[:, :, solid + axis, None]
         return Responses(("",) * laws.shape[2], moved * laws, seen * laws)

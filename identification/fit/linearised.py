@@ -78,6 +78,9 @@ class Linearised(Stretches):
         else:
             kicked, felt = np.zeros((rows, solid, pushed)), np.zeros((rows, c.shape[1], pushed))
             for d, i in enumerate(self._pushed):
+                if self.kicks[d, 0] < 0.0:
+                    felt[:, self.columns == int(-self.kicks[d, 0]) - 1, d] = 1.0
+                    continue
                 j = int(np.flatnonzero(live == i)[0])
                 kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]
                 kicked[:, j, d] += self.kicks[d, 2]

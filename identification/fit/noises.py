@@ -33,11 +33,19 @@ class Noise:
 
     process: by the velocity that is pushed, as (standard deviation, correlation time); what is absent is zero.
     swell: the same, by period, s, of accelerations in a narrow band about it, which stay in phase for so many seconds.
+    lasting: errors of readings that last, by period, s, 0 for those that merely fade, and by channel, in its unit.
     """
 
     measurement: Mapping[str, float]
     process: Mapping[str, tuple[float, float]]
     swell: Mapping[float, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+    lasting: Mapping[float, Mapping[str, tuple[float, float]]] = field(default_factory=dict)
+
+    def told(self, misread: bool, period: float) -> Mapping[str, tuple[float, float]]:
+        """What is told of errors of readings that last, or of accelerations, of a period, s, or none (0)."""
+        if misread:
+            return self.lasting.get(period, {})
+        return self.swell.get(period, {}) if period else self.process
 
 
 class Noises(Filter):
@@ -50,7 +58,7 @@ class Noises(Filter):
             return logs
         system, times = self._first_system, np.full(len(self.pushed), self.slowness[0])
         guesses = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
-        tried = [self._without(guess, np.flatnonzero(self.swells).tolist()) for guess in guesses]
+        tried = [self._without(guess, np.flatnonzero(self.swells | self.misread).tolist()) for guess in guesses]
         likely = np.array(side_by_side(partial(self._likelihood, system), tried))
         if not np.isfinite(likely).any():
             raise ValueError(
@@ -286,21 +294,23 @@ class Noises(Filter):
     def noise_at(self, point: Point) -> Noise:
         """The noises of a point; accelerations that add nothing to the likelihood are left out."""
         variances, deviations, times = self._numbers(point.logs)
-        stated, swell = dict[str, tuple[float, float]](), dict[float, dict[str, tuple[float, float]]]()
+        process, swell, lasting = {}, {}, {}
         if point.system is not None:
             whole = self._likelihood(point.system, point.logs)
             for d in np.flatnonzero(self._there(point.logs) & self._leading):
                 if whole > self._likelihood(point.system, self._without(point.logs, [int(d)])):
-                    told = swell.setdefault(float(self.periods[d]), {}) if self.swells[d] else stated
+                    period, told = float(self.periods[d]), process
+                    if self.misread[d] or period:
+                        told = (lasting if self.misread[d] else swell).setdefault(period, {})
                     told[self.pushed[d]] = (float(deviations[d]), float(times[d]))
         measured = dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True))
-        return Noise(measured, stated, swell)
+        return Noise(measured, process, swell, lasting)
 
     def logs_of(self, noise: Noise) -> np.ndarray:
         """The logarithms of given noises."""
         process = [
-            (noise.swell.get(t, {}) if t else noise.process).get(n, (LEAST_PROCESS * u, np.exp(self.slowness[0])))
-            for n, u, t in zip(self.pushed, self.unit, self.periods.tolist(), strict=True)
+            noise.told(misread, t).get(n, (LEAST_PROCESS * u, np.exp(self.slowness[0])))
+            for n, u, t, misread in zip(self.pushed, self.unit, self.periods.tolist(), self.misread, strict=True)
         ]
         values = [noise.measurement[n] for n in self.channels] + [p[0] for p in process] + [p[1] for p in process]
         return np.log(values)

@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.compiled import OPEN, bind, ready
-from auv_gym.physics.pushes import fade
+from auv_gym.physics.pushes import fade, shove
 from auv_gym.plant import Plant
 from auv_gym.plant.rollout import scratch_for
 from identification.fit.kalman import read_row, to_next_row
@@ -22,11 +22,9 @@ read: Any = OPEN
 def pushed_step(x, push, inputs, ages, kicks, longest_step, derived, work):
     """The vehicle a sample on, in place, pushed by accelerations before and after, see `plant.rollout.rollout`."""
     duration = ages[ages.shape[0] - 1]
-    for d in range(push.shape[0]):
-        x[int(kicks[d, 0])] += duration * kicks[d, 1] * push[d]
+    shove(x, push, kicks, 1, duration)
     step(x, inputs, ages, longest_step, derived, work)
-    for d in range(push.shape[0]):
-        x[int(kicks[d, 0])] += duration * kicks[d, 2] * push[d]
+    shove(x, push, kicks, 2, duration)
 
 
 def one_sample(

@@ -132,17 +132,26 @@ class PredictionErrors(Noises):
         points = [here, *side_by_side(lambda logs: self.point(here.vector, logs, here), list(tried.values()))]
         return max(points, key=lambda p: self.objective(p, paths))
 
-    def in_this_swell(self, point: Point) -> Point:
-        """A point of the problem without its last swell, half of what pushes there taken for that.
+    def begun_with(self, point: Point) -> Point:
+        """A point of the problem without its last noises (`with_noises`), with first guesses of these.
 
-        Where accelerations have taken a swell's part they leave none of it to find: both begin.
+        Half of what pushes there is taken for a swell: where accelerations have taken its part, they leave none of it
+        to find.  What lasts of a reading's errors is taken to be as large as they are.
         """
         count, pushed = len(self.channels), (point.logs.size - len(self.channels)) // 2
         anew = np.arange(len(self.pushed)) >= pushed
-        of = np.r_[np.arange(pushed), np.repeat(self.velocities, 2)].astype(int)
-        shares = np.where(anew, 0.5, np.where(self.swells, 1.0, 0.7))
-        strengths = point.logs[count : count + pushed][of] + np.log(shares)
-        times = np.where(anew, np.log(2.0 * self.periods[-1]), point.logs[count + pushed :][of])
+        strengths, times = np.zeros(len(anew)), np.full(len(anew), self.slowness[0])
+        strengths[~anew], times[~anew] = np.split(point.logs[count:], 2)
+        for d in np.flatnonzero(anew):
+            if self.misread[d]:
+                strengths[d] = point.logs[self.channels.index(self.pushed[d])]
+            else:
+                of = next(e for e in self.velocities if self.pushed[e] == self.pushed[d])
+                strengths[d] = strengths[of] + np.log(0.5)
+            if self.swells[d]:
+                times[d] = np.log(2.0 * self.periods[d])
+        if self.swells[anew].any():
+            strengths[~anew & ~self.swells] += np.log(0.7)
         return self.point(point.vector, np.r_[point.logs[:count], strengths, times])
 
     def quieted(self, here: Point, which: np.ndarray | None = None) -> Point | None:
@@ -258,7 +267,7 @@ class PredictionErrors(Noises):
         solid, states = len(self.live), len(self._shared)
         lasting = (self.live < states) | point.system.a[:, np.arange(solid), :solid].any(axis=(0, 2))
         variances, deviations, times = self._numbers(point.logs)
-        there, live = (deviations > 0.0) & ~self.swells, self.live[lasting]
+        there, live = (deviations > 0.0) & ~self.swells & ~self.misread, self.live[lasting]
         shared, first = np.r_[self._shared, np.zeros(self._size - states, bool)][live], point.path[:, :states]
         return FilterPlan(
             self.plant, self.channels, live, shared, np.median(first, axis=0), self.spread[live], self._probes(live),

@@ -32,6 +32,7 @@ _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their r
 # correlation time of what pushes a vehicle, s, and deviation of its logarithm: from swell, some seconds, to turbulence
 # and changing currents, minutes
 _USUAL_TIME = (25.0, 1.0)
+_OF_READINGS = 10.0  # what errors of readings that last are counted in, of their channel's noise
 _NO_SCALES: Mapping[str, float] = MappingProxyType({})
 
 
@@ -180,35 +181,50 @@ class Stretches(Parameters):
         centre, deviation = np.log(max(_USUAL_TIME[0], 3.0 * step)), _USUAL_TIME[1]
         self.slowness = (centre, deviation, np.log(0.5 * step), centre + 2.0 * deviation)  # slower ones are effects
 
-    def in_swell(self, period: float) -> Self:
-        """The same where one more swell, of a period, s, may push velocities, each by a pair of accelerations.
+    def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float = 0.0) -> Self:
+        """The same with more noises: accelerations of a swell, and errors of readings that last.
 
-        See `identification.fit.kalman`.  The second one of a pair pushes nothing, and has the noises of the first.
+        velocities: the accelerations beside which those of a swell may push.  readings: the channels, by number, whose
+        errors may last.  period: s; both then come in pairs, see `identification.fit.kalman`, of which the second one
+        does nothing by itself, and has the noises of the first.  0: errors of readings that merely fade.
         """
-        other, before = copy(self), len(self.pushed)
-        pairs = np.repeat(self.velocities, 2)
-        every = np.r_[np.arange(before), pairs].astype(int)
-        other.pushed = tuple(self.pushed[d] for d in every)
-        other._pushed, other.unit, other.kicks = self._pushed[every], self.unit[every], self.kicks[every]
-        other.kicks[before::2, 3], other.kicks[before + 1 :: 2, 1:] = 2.0 * np.pi / period, 0.0
-        other.leads, other.periods = np.r_[self.leads, before + np.arange(len(pairs))], np.full(len(every), period)
-        other.leads[before + 1 :: 2] -= 1
-        other.periods[:before] = self.periods
-        states = np.r_[np.arange(self._size), self._size + every]
-        other.starts, other.first_path = self.starts[:, states], self.first_path[:, states]
-        for name in ("_first_system", "_kept"):  # of the other accelerations
+        other, before, copies = copy(self), len(self.pushed), 2 if period else 1
+        states = [*self._pushed[list(velocities)], *[self.live[0]] * len(readings)]
+        units = [*self.unit[list(velocities)], *(_OF_READINGS * self.floors[c] for c in readings)]
+        kicks = [*self.kicks[list(velocities)], *([-1.0 - self.columns[c], 0.0, 0.0, 0.0] for c in readings)]
+        names = [*(self.pushed[d] for d in velocities), *(self.channels[c] for c in readings)]
+        other.pushed = (*self.pushed, *(name for name in names for _ in range(copies)))
+        other._pushed = np.r_[self._pushed, np.repeat(states, copies)].astype(int)
+        other.unit = np.r_[self.unit, np.repeat(units, copies)]
+        other.kicks = np.vstack([self.kicks, np.repeat(np.array(kicks), copies, axis=0)])
+        added = np.arange(copies * len(names))
+        other.leads = np.r_[self.leads, before + added // copies * copies]
+        other.periods = np.r_[self.periods, np.full(len(added), period)]
+        if period:
+            other.kicks[before::2, 3] = 2.0 * np.pi / period
+            other.kicks[before + 1 :: 2] = [[state, 0.0, 0.0, 0.0] for state in states]
+        none = np.zeros((len(self.first_path), len(added)))
+        other.starts = np.hstack([self.starts, none[: len(self.starts)]])
+        other.first_path = np.hstack([self.first_path, none])
+        for name in ("_first_system", "_kept"):  # of fewer noises
             other.__dict__.pop(name, None)
         return other
 
     @property
     def velocities(self) -> list[int]:
         """Which accelerations push velocities, and fade."""
-        return [d for d in np.flatnonzero(~self.swells) if self.pushed[d].endswith(("mps", "radps"))]
+        of = np.flatnonzero(~(self.swells | self.misread))
+        return [d for d in of.tolist() if self.pushed[d].endswith(("mps", "radps"))]
 
     @property
     def swells(self) -> np.ndarray:
-        """Which accelerations are those of a swell, (D,)."""
+        """Which noises are those of a swell, (D,)."""
         return self.periods > 0.0
+
+    @property
+    def misread(self) -> np.ndarray:
+        """Which noises are errors of readings that last, and push nothing, (D,)."""
+        return self.kicks[self.leads, 0] < 0.0
 
     @property
     def _leading(self) -> np.ndarray:

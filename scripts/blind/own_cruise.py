@@ -3,7 +3,8 @@
 Newton and Euler in body axes about the origin, Euler angles, RK4 at 50 Hz.  Loops of a few lines follow legs and depths
 by what the sensors say, ten times a second.  Gusts push the vehicle, accelerations that fade in seconds, and a swell:
 of each axis an oscillator that white noise drives.  Sensors as on such vehicles: a Doppler log of half the rate whose
-cells are blank in between, and sometimes for longer; a compass noisier than the inclinometers; depth in cm.
+cells are blank in between, and sometimes for longer; a compass noisier than the inclinometers; depth in cm.  In some
+logs the compass wanders, which the loops follow, and in some the Doppler log swings with waves that move nothing else.
 """
 
 from __future__ import annotations
@@ -21,16 +22,25 @@ from scripts.blind.own_rov import logged, rates
 
 STEP, EVERY = 0.02, 5  # s, and steps to a sample
 TILT, HEADING, RATE, SPEED, DEPTH = 0.15 * pi / 180.0, 0.4 * pi / 180.0, 0.2 * pi / 180.0, 0.02, 0.01
+WANDERING = 30.0  # s, correlation time of a compass's errors that last
+SWINGING = 5.0  # s, period of those of a Doppler log; they keep in phase for as much as the swell does
 BLANK = 0.02  # share of the Doppler log's readings that are lost
 PUSHES = np.array([0.02, 0.02, 0.02, 0.02, 0.01, 0.01])  # m/s^2 and rad/s^2, RMS of gusts and swell of strength 1
 LASTING, PERIOD, DAMPING = 3.0, 6.0, 0.05  # s, the gusts' correlation time; s, the swell's period, and its damping
 
 
 def cruised(
-    plant: Plant, rng: np.random.Generator, duration: float = 300.0, push: float = 0.5, swell: float = 0.5
+    plant: Plant,
+    rng: np.random.Generator,
+    duration: float = 300.0,
+    push: float = 0.5,
+    swell: float = 0.5,
+    wander: float = 0.0,
+    swing: float = 0.0,
 ) -> Record:
     """A log of a torpedo at 10 Hz; push, swell: how strong gusts and swell are, over `PUSHES`.
 
+    wander, swing: RMS of the lasting errors of compass, rad, and Doppler log, m/s.
     Effects that it has: `effects.current`, `effects.load.net_buoyancy`, of the fins `offset`, `lost` and `lag`,
     `effects.gyros.bias_r` and `effects.dvl_ground.misalignment`.  Raises ValueError where the run is cut short.
     """
@@ -43,21 +53,24 @@ def cruised(
     mass, omega = np.linalg.inv(hull.inverse), 2.0 * pi / PERIOD
     x, gust, wave, rows = np.zeros(12), np.zeros(6), np.zeros((2, 6)), []
     x[2], x[6:9] = 8.0, find_cruise(plant).state[:3]
+    compass, doppler = wander * rng.standard_normal() if wander else 0.0, np.zeros((2, 3))
     loops, held = Loops(plant, rng, x[2]), np.array([0.0, 0.0, parts.propeller.design])
     command = held
     for k in range(int(duration / STEP)):
         if k % EVERY == 0:
-            seen = _read(plant, x, k // EVERY, rng)
+            seen = _read(plant, x, k // EVERY, rng, compass, swing * doppler[0])
             command = loops.act(k * STEP, seen[1], seen[2], seen[-1])
             rows.append([k * STEP, *seen, *command])
         told = command.copy()
         told[:2] = np.clip(told[:2] + offsets, -loops.limits, loops.limits)  # fins go no further than their stops
         held = told + keeps * (held - told)
         gust = fades * gust + sqrt(1.0 - fades * fades) * rng.standard_normal(6)
-        kick = sqrt(4.0 * DAMPING * omega**3 * STEP) * rng.standard_normal(6)
-        wave[1] += kick - STEP * (2.0 * DAMPING * omega * wave[1] + omega**2 * wave[0])
-        wave[0] += STEP * wave[1]
+        wave = _swung(wave, omega, rng)
         pushed = mass @ (PUSHES * (push * gust + swell * wave[0]))
+        if wander:
+            compass += -STEP / WANDERING * compass + wander * sqrt(2.0 * STEP / WANDERING) * rng.standard_normal()
+        if swing:
+            doppler = _swung(doppler, 2.0 * pi / SWINGING, rng)
         moved = partial(_rates, hull, flows, own.load.net_buoyancy, pushed, held * left)
         k1 = moved(x)
         k2 = moved(x + 0.5 * STEP * k1)
@@ -66,6 +79,13 @@ def cruised(
         if not (abs(x[4]) < 1.2 and x[2] > 0.0):
             raise ValueError(f"The run of {plant.name} was cut short after {k * STEP:.0f} s: lower push or swell.")
     return logged(plant, rows, plant.inputs)
+
+
+def _swung(wave: np.ndarray, omega: float, rng: np.random.Generator) -> np.ndarray:
+    """Oscillators that white noise drives a step on: values of deviation 1 and their rates, (2, n)."""
+    kick = sqrt(4.0 * DAMPING * omega**3 * STEP) * rng.standard_normal(wave.shape[1])
+    rate = wave[1] + kick - STEP * (2.0 * DAMPING * omega * wave[1] + omega**2 * wave[0])
+    return np.array([wave[0] + STEP * rate, rate])
 
 
 def _rates(
@@ -112,14 +132,16 @@ def _wrapped(angle):
     return (angle + pi) % (2.0 * pi) - pi
 
 
-def _read(plant: Plant, x: np.ndarray, row: int, rng: np.random.Generator) -> list[float]:
-    """Attitude, rates, speeds over ground and depth, as the sensors give them."""
+def _read(
+    plant: Plant, x: np.ndarray, row: int, rng: np.random.Generator, compass: float, doppler: np.ndarray
+) -> list[float]:
+    """Attitude, rates, speeds over ground and depth, as the sensors give them; compass, doppler: errors that last."""
     angles = x[3:6] + np.array([TILT, TILT, HEADING]) * rng.standard_normal(3)
-    angles[2] = _wrapped(angles[2])
+    angles[2] = _wrapped(angles[2] + compass)
     spins = x[9:12] + RATE * rng.standard_normal(3) + [0.0, 0.0, plant.effects.gyros.bias_r]
     turn, (u, v, w) = plant.effects.dvl_ground.misalignment, x[6:9]
     speeds = np.array([cos(turn) * u + sin(turn) * v, cos(turn) * v - sin(turn) * u, w])
-    speeds += SPEED * rng.standard_normal(3)
+    speeds += SPEED * rng.standard_normal(3) + doppler
     if row % 2 or rng.random() < BLANK:
         speeds[:] = np.nan
     depth = round(float(x[2] + DEPTH * rng.standard_normal()), 2)

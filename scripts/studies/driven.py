@@ -6,7 +6,8 @@
 `bluerov2_heavy` is driven by hand, with damping that is 10 % off (standard deviation); in all but the first case random
 pushes of 0.6 N and 0.03 N m act on it, with a correlation time of 1.5 s; see `scripts.blind.own_rov`.  `vt690`, the
 torpedo, follows legs and depths by its own loops, with all coefficients 10 % off; random accelerations of 0.01 m/s^2
-and 0.3 to 0.6 deg/s^2 push it, with a correlation time of 3 s, and in some cases a swell of 6 s, as strong; see
+and 0.3 to 0.6 deg/s^2 push it, with a correlation time of 3 s, and in some cases a swell of 6 s, as strong; in others
+its compass wanders by 0.03 rad, or its Doppler log swings by 0.03 m/s with waves that move nothing else; see
 `scripts.blind.own_cruise`.  Either is in a current that nobody declared, and some have one more effect.  Logs of 300 s
 at 10 Hz have attitude, rates, speeds over ground at 5 Hz, depth and commands.
 """
@@ -63,6 +64,7 @@ BY_HAND = Mission(
 )
 CRUISE = Mission("vt690", cruised, {"effects.current.north": 0.15, "effects.current.east": -0.1}, lambda path: True)
 STILL, GUSTS, SWELL = {"push": 0.0, "swell": 0.0}, {"push": 0.5, "swell": 0.0}, {"push": 0.5, "swell": 0.5}
+WANDERS, SWINGS = GUSTS | {"wander": 0.03}, GUSTS | {"swing": 0.03}
 CASES: Mapping[str, Case] = {
     "nothing pushes it": Case(BY_HAND, pushes={"push": 0.0}),
     "pushed": Case(BY_HAND),
@@ -78,6 +80,9 @@ CASES: Mapping[str, Case] = {
     "torpedo, swell, rudder offset": Case(CRUISE, {"effects.rudder.offset": 0.05}, SWELL),
     "torpedo, swell, too light": Case(CRUISE, {"effects.load.net_buoyancy": 3.0}, SWELL),
     "torpedo, swell, gyro bias": Case(CRUISE, {"effects.gyros.bias_r": 0.01}, SWELL),
+    "torpedo, compass wanders": Case(CRUISE, pushes=WANDERS),
+    "torpedo, compass wanders, rudder offset": Case(CRUISE, {"effects.rudder.offset": 0.05}, WANDERS),
+    "torpedo, Doppler log swings, rudder offset": Case(CRUISE, {"effects.rudder.offset": 0.05}, SWINGS),
 }
 
 
@@ -106,6 +111,7 @@ def attempt(case: str, seed: int, duration: float) -> dict[str, Any]:
         "left": left,
         "process": {name: list(one.values()) for name, one in found["process_noise"]["process"].items()},
         "swell": found["process_noise"]["swell"],
+        "lasting": found["process_noise"]["lasting"],
         "seconds": perf_counter() - began,
     }
 
@@ -124,7 +130,10 @@ def sheets(found: Found) -> list[Sheet]:
                 path not in true and not any(path in group and true.keys() & set(group) for group in one["tied"])
                 for path in one["effects"]
             )
-            periods = [f"swell of {swell['period_s']:.1f} s" for swell in one.get("swell", [])]
+            told = [f"swell of {swell['period_s']:.1f} s" for swell in one.get("swell", [])]
+            for errors in one.get("lasting", []):
+                period = f" of {errors['period_s']:.1f} s" if errors["period_s"] else ""
+                told.append(f"lasting errors{period} ({', '.join(errors['errors'])})")
             rows.append([
                 f"{case}, {seed}",
                 ", ".join(f"{path.removeprefix('effects.')} {value:g}" for path, value in true.items()),
@@ -134,12 +143,12 @@ def sheets(found: Found) -> list[Sheet]:
                 str(false),
                 f"{held} of {sum(path in true for path in one['effects'])}",
                 ", ".join(one["left"]) or "nothing",
-                ", ".join(periods) or "none",
+                ", ".join(told) or "none",
                 f"{one['seconds']:.0f}",
             ])  # fmt: skip
     heads = (
         "case, seed", "true", "verdict", "named (95 % interval)", "right or tied", "false", "intervals hold", "left",
-        "waves", "s>",
+        "waves, lasting errors", "s>",
     )  # fmt: skip
     return [Sheet("driven", "Vehicles on missions, by code of its own", heads, rows)]
 

@@ -56,6 +56,23 @@ def test_its_sensors_err_as_they_say():
     assert turned == pytest.approx(np.cos(0.3) * u + np.sin(0.3) * v, abs=0.15)  # six deviations of the noise
 
 
+def test_errors_of_its_sensors_last():
+    """The compass wanders, and the loops with it; the Doppler log swings, and nothing follows."""
+    plain, off, swung = (
+        cruised(VEHICLE, np.random.default_rng(4), 120.0, 0.0, 0.0, **errs)
+        for errs in ({}, {"wander": 0.2}, {"swing": 0.3})
+    )
+    wander = off["heading_rad"] - np.cumsum(0.1 * off["r_radps"])  # the boat hardly rolls or pitches
+    assert np.std(wander) > 3.0 * np.std(plain["heading_rad"] - np.cumsum(0.1 * plain["r_radps"]))
+    read = swung.readings("w_dvl_mps")
+    errors = np.where(read, swung["w_dvl_mps"], 0.0)
+    power, frequencies = np.abs(np.fft.rfft(errors)) ** 2, np.fft.rfftfreq(len(errors), 0.1)
+    near = np.abs(frequencies * own_cruise.SWINGING - 1.0) < 0.2
+    slow = (frequencies > 0.02) & (frequencies < 2.0)
+    assert power[near].mean() > 10.0 * power[slow & ~near].mean()
+    assert np.std(swung["q_radps"]) == pytest.approx(np.std(plain["q_radps"]), rel=0.2)
+
+
 def test_a_run_that_surfaces_is_cut_short():
     with pytest.raises(ValueError, match="was cut short after"):
         cruised(replace_at(VEHICLE, "effects.load.net_buoyancy", 300.0), np.random.default_rng(0), 60.0)

@@ -27,7 +27,16 @@ from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.workbench import State
-from identification.diagnosis.wording import accelerations, capital, interval, listed, quantity, short, sized
+from identification.diagnosis.wording import (
+    accelerations,
+    capital,
+    interval,
+    lasting_errors,
+    listed,
+    quantity,
+    short,
+    sized,
+)
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
@@ -370,13 +379,17 @@ def left_sentence(d: Diagnosis) -> str:
     if left.depends:
         of, pushed = channel(left.depends.signal).label, channel(left.depends.pushed).label
         law = f"past changes of {of}" if left.depends.remembers else of
-        shown.append(f"depend on {law} (acting on {pushed})")
+        how = f"as errors of the reading of {pushed}" if left.depends.misread else f"acting on {pushed}"
+        shown.append(f"depend on {law} ({how})")
     text = f"One-step prediction errors {listed(shown)}. " if shown else ""
     if left.gusts:
         pushed = listed([channel(name).label for name in left.gusts])
         text += (
             f"Random accelerations ({pushed}) are stronger at some times than at others: something acts now and then. "
         )
+    if left.misread:
+        misread = listed([channel(name).label for name in left.misread])
+        text += f"Lasting sensor errors ({misread}) are larger at some times than at others. "
     if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
         title = spec_at(d.state.plant, left.changes).title or left.changes
         text += f"The {title} differs between parts of the log: something changed during the log. "
@@ -416,6 +429,9 @@ def noise_sentence(d: Diagnosis) -> str:
         told.append(
             f"Accelerations with a period of {quantity(period, 's')} push it, as of waves: {accelerations(pushes)}."
         )
+    for period, errors in d.noise.lasting.items():
+        how = f"swing with a period of {quantity(period, 's')}" if period else "last"
+        told.append(f"Some sensor errors {how}: {lasting_errors(errors)}.")
     return " ".join(told)
 
 

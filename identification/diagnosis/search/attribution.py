@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -47,11 +47,13 @@ def attribute(
     most: int,
     sensors: Sequence[Mismatch],
     progress: Progress,
+    outdone: Callable[[State, float], bool] | None = None,
 ) -> tuple[State, list[Round]]:
     """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
 
     sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.  What kinematics
     shows plainly comes before any force.
+    outdone: whether something else explains more, beside a state, than an effect with so much evidence; then it ends.
 
     Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
     and accepts the one with most evidence if parts foretell it of each other.
@@ -71,6 +73,8 @@ def attribute(
             number < most,
         )
         rounds.append(made)
+        if outdone is not None and outdone(state, made.chosen.train if made.chosen else 0.0):
+            break
         if made.chosen is None:
             break
         assert made.chosen.state is not None

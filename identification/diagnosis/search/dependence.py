@@ -32,12 +32,14 @@ _LEAST_REST = 1e-3  # share of a signature beside what is fitted, below which it
 class Dependence:
     """What follows what: a velocity (or position) that is pushed, and the signal that the push depends on.
 
+    misread: whether it is a channel whose lasting errors follow the signal.
     remembers: whether it depends on what the signal did before, as with hysteresis, play or sticking.
     """
 
     pushed: str
     signal: str
     remembers: bool
+    misread: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +84,7 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     for name, values in signals_of(problem, point).items():
         for remembers, laws in enumerate(laws_of(name, values, begins, PIECES if few else FEWER_PIECES)):
             for axis in axes if laws else ():
-                told = Dependence(problem.pushed[axis], name, bool(remembers))
+                told = Dependence(problem.pushed[axis], name, bool(remembers), bool(problem.misread[axis]))
                 terms = problem.pushed_by(point, int(axis), np.array(laws))
                 evidence, rest = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
                 tried = zip(evidence, laws, summed_up(rest), strict=True)

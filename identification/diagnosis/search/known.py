@@ -10,7 +10,7 @@ import numpy as np
 from auv_gym.plant import Plant
 from identification.deciding import HELD, LEAST_TRACE
 from identification.diagnosis.log.checking import CheckedLog
-from identification.diagnosis.search.swell import in_swells
+from identification.diagnosis.search.further_noises import with_further_noises
 from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 from identification.fit.parameters import moves_of
@@ -42,13 +42,14 @@ class Known:
         nominal = given if self.nominal is self.given else bench.taken_over(self.nominal)
         return Known(bench, self.coefficients, given, nominal)
 
-    def in_swells(self, state: State) -> tuple[Known, State]:
-        """The same fits with swells that may push the vehicle where a state's errors show them, else these; the state.
+    def with_further_noises(self, state: State, least: float = 0.0) -> tuple[Known, State]:
+        """The same fits with the noises of a sea and of sensors that a state's errors show, else these; the state.
 
-        Of a state with the effects that a search has found: what makes a loop swing is no swell.
+        Of a state with the effects that a search has found: what these do is no noise.  least: that such noises must
+        bring, see `further_noises`.
         """
         states = list(dict.fromkeys([state, self.given, self.nominal]))  # any two may be one
-        bench, found = in_swells(self.bench, states)
+        bench, found = with_further_noises(self.bench, states, least)
         if bench is self.bench:
             return self, state
         there = dict(zip(states, found, strict=True))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.stats import chi2
@@ -23,20 +23,21 @@ class Left:
     """What the filter's errors still hold, which noise would not.
 
     coloured: channels whose errors are not white.  bursts: those whose errors are large at some times and small at
-    others.  gusts: velocities that are pushed harder at some times.  depends: what they depend on most.  changes: a
-    coefficient or an effect in which parts of the record contradict each other, or "".  passing: an effect that the
-    whole record does not show, but parts of it do, or "".
+    others.  gusts: velocities that are pushed harder at some times.  misread: channels whose lasting errors are larger
+    at some times.  depends: what they depend on most.  changes: a coefficient or an effect in which parts of the record
+    contradict each other, or "".  passing: an effect that the whole record does not show, but parts of it do, or "".
     """
 
     coloured: tuple[str, ...] = ()
     bursts: tuple[str, ...] = ()
     gusts: tuple[str, ...] = ()
+    misread: tuple[str, ...] = ()
     depends: Dependence | None = None
     changes: str = ""
     passing: str = ""
 
     def __bool__(self) -> bool:
-        return bool(self.coloured or self.bursts or self.gusts or self.depends or self.changes or self.passing)
+        return any(getattr(self, told.name) for told in fields(self))
 
 
 def what_is_left(bench: Workbench, state: State) -> Left:
@@ -50,20 +51,30 @@ def what_is_left(bench: Workbench, state: State) -> Left:
     problem, point = bench.problem, state.point
     if not np.isfinite(point.scores).all():  # a filter that is lost explains nothing
         return Left(tuple(problem.channels))
-    fitted = bench.fitted_basis(state)
-    coloured, bursts, level = [], [], LEFT / len(problem.channels)
-    for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True)):
-        errors, stretch = point.errors[seen, c], problem.stretch_of_row[seen]
-        if is_coloured(errors, stretch, fitted[seen, c], level):
-            coloured.append(name)
-        if comes_in_bursts(errors, stretch, level):
-            bursts.append(name)
+    level = LEFT / len(problem.channels)
+    bursts = [name for name, errors, stretch, _ in _by_channel(bench, state) if comes_in_bursts(errors, stretch, level)]
     own, changes = [p for p in state.paths if p in state.plant.doubted], ""
     if own and (least := steadiness(bench, state, own, quietly=False, level=LEFT)).probability < LEFT:
         changes = least.path
     elif clock_varies(bench, state):
         changes = CLOCK
-    return Left(tuple(coloured), tuple(bursts), gusts(problem, point), dependence(bench, state), changes)
+    pushed, misread = gusts(problem, point)
+    coloured, depends = coloured_channels(bench, state), dependence(bench, state)
+    return Left(coloured, tuple(bursts), pushed, misread, depends, changes)
+
+
+def coloured_channels(bench: Workbench, state: State) -> tuple[str, ...]:
+    """The channels whose errors are surely not white."""
+    fitted, level = bench.fitted_basis(state), LEFT / len(bench.problem.channels)
+    every = _by_channel(bench, state)
+    return tuple(name for name, errors, stretch, seen in every if is_coloured(errors, stretch, fitted[seen], level))
+
+
+def _by_channel(bench: Workbench, state: State) -> Iterator[tuple[str, np.ndarray, np.ndarray, tuple[np.ndarray, int]]]:
+    """Channel by channel the name, its errors, their stretches, and rows and number of the channel."""
+    problem = bench.problem
+    for c, (name, seen) in enumerate(zip(problem.channels, problem.finite.T, strict=True)):
+        yield name, state.point.errors[seen, c], problem.stretch_of_row[seen], (seen, c)
 
 
 def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidate]) -> str:

@@ -40,35 +40,54 @@ class Searched:
         return sum(made.chosen is not None for made in self.rounds)
 
 
-def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
+@dataclass(frozen=True, eq=False)
+class Noisier:
+    """Noises that a search must begin again with, and what it had found so far, beside them."""
+
+    known: Known
+    state: State
+
+
+def search_effects(log: CheckedLog, known: Known, progress: Progress, noises: bool = True) -> Searched:
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
     effect that is there leaves less noise than its absence.  So it is where trials show that the fit without any effect
-    has stopped too early, and where the errors beside what was found show a swell; that search counts unless it has
-    lost the way, and explains the log less well in the swell than what was found before.
+    has stopped too early.  With `noises` it is also repeated where errors show a swell, or readings whose errors last,
+    that explain more than the effect that is found next: beside errors that last, all effects seem certain.  A search
+    beside these that has lost the way, and explains the log less well than what was found before, does not count.
     """
-    found: Searched | Known = known
+    found: Searched | Known | Noisier = known
     while isinstance(found, Known):
-        found = _searched(log, found, progress)
-    swelling, state = found.known.in_swells(found.state)
-    if swelling is found.known:
+        known, found = found, _searched(log, found, progress, noises)
+    if isinstance(found, Searched):
         return found
-    again = search_effects(log, swelling, progress)
-    ahead = swelling.bench.problem.objective(state.point, state.paths)
+    again = search_effects(log, found.known, progress)
+    ahead = found.known.bench.problem.objective(found.state.point, found.state.paths)
     ahead -= again.known.bench.problem.objective(again.state.point, again.state.paths)
-    more = max(found.chosen - again.chosen, 1)
-    return found if 2.0 * ahead > more * threshold(len(found.candidates)) else again
+    more = max(len(found.state.paths) - len(again.state.paths), 1)
+    lost = 2.0 * ahead > more * threshold(len(again.candidates))
+    return search_effects(log, known, progress, noises=False) if lost else again
 
 
-def _searched(log: CheckedLog, known: Known, progress: Progress) -> Searched | Known:
+def _searched(log: CheckedLog, known: Known, progress: Progress, noises: bool) -> Searched | Known | Noisier:
     """A search, or what was fitted before it where that must be repeated, and the search with it."""
     bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
     kinematics = kinematic_findings(log.record, bench.plant)
     candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
+    noisier, beside = known, nominal
+
+    def outdone(state: State, evidence: float) -> bool:
+        nonlocal noisier, beside
+        noisier, beside = known.with_further_noises(state, 0.5 * evidence)
+        return noisier is not known
+
     state, rounds = attribute(
-        bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
-    )
+        bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t),
+        outdone if noises else None,
+    )  # fmt: skip
+    if noisier is not known:
+        return Noisier(noisier, beside)
     anew = known.in_suited_steps(state)
     if anew is known and state is nominal and rounds:
         anew = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))

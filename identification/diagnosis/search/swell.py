@@ -1,4 +1,4 @@
-"""Whether a swell pushes the vehicle: errors of prediction have a peak in their spectrum then, and not in gusts.
+"""The period of a swell: errors of prediction have a peak in their spectrum there, which those of gusts have not.
 
 Accelerations that merely fade have most power at low frequencies, whatever their correlation time, and no filter with
 them alone can be right in waves: its errors keep their period, and coefficients that imitate a resonance pay for it.
@@ -6,13 +6,10 @@ them alone can be right in waves: its errors keep their period, and coefficients
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.stats import f as fisher
 
-from identification.deciding import COST, FALSE_ALARM, LEAST_OF_SWELL, LONGEST_SWELL, MOST_SWELLS
-from identification.diagnosis.search.workbench import State, Workbench
+from identification.deciding import FALSE_ALARM, LONGEST_SWELL
 from identification.fit.filtering import Point
 from identification.fit.prediction_errors import PredictionErrors
 
@@ -22,35 +19,6 @@ _BELOW, _ABOVE = (0.5, 0.35, 0.25), (2.0, 2.8)  # of its frequency: bands that a
 _LEAST = 4  # frequencies in a band
 
 
-def in_swells(bench: Workbench, states: Sequence[State]) -> tuple[Workbench, list[State]]:
-    """A bench in which swells may push the vehicle, as long as the first of some states is likelier so; all on it.
-
-    The same bench, and the states as they are, where it is not, or where only one velocity swings.  A swell's period is
-    one parameter more, and costs as much as an acceleration does.
-    """
-    found = list(states)
-    while np.unique(bench.problem.periods).size <= MOST_SWELLS:
-        state = found[0]
-        period = period_of_swell(bench.problem, state.point)
-        if period is None or not bench.goes_on("looked for waves"):
-            break
-        other = bench.in_swell(period)
-        there = _fitted(other, state)
-        before = bench.problem.objective(state.point, state.paths)
-        if not other.problem.objective(there.point, there.paths) - before > COST:
-            break
-        if len(other.problem.noise_at(there.point).swell.get(period, ())) < LEAST_OF_SWELL:
-            break
-        bench, found = other, [there, *(_fitted(other, one) for one in found[1:])]
-    return bench, found
-
-
-def _fitted(bench: Workbench, state: State) -> State:
-    """A state of the bench without its last swell, fitted with it."""
-    near = State(state.plant, state.paths, bench.problem.in_this_swell(state.point))
-    return bench.fit(state.plant, state.paths, near)
-
-
 def period_of_swell(problem: PredictionErrors, point: Point) -> float | None:
     """The period, s, at which the errors of a point have a peak that those of noise have not, None without one.
 
@@ -58,7 +26,7 @@ def period_of_swell(problem: PredictionErrors, point: Point) -> float | None:
     have more than one peak: white errors make all equal (Fisher's F).  The most certain of all bands counts, its chance
     times the number of comparisons.
     """
-    if point.system is None or len(problem.velocities) < LEAST_OF_SWELL or not np.isfinite(point.scores).all():
+    if point.system is None or not np.isfinite(point.scores).all():
         return None
     step = float(np.median(problem.durations))
     shortest = _ROWS * step

@@ -100,10 +100,10 @@ class Workbench:
         other._begin()
         return other
 
-    def in_swell(self, period: float) -> Workbench:
-        """A bench in which a swell of a period, s, may push the vehicle."""
-        other = copy(self)
-        other._as_stepped, other.problem = self._as_stepped.in_swell(period), self.problem.in_swell(period)
+    def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float) -> Workbench:
+        """A bench with more noises, see `identification.fit.stretches.Stretches.with_noises`."""
+        other, added = copy(self), (velocities, readings, period)
+        other._as_stepped, other.problem = self._as_stepped.with_noises(*added), self.problem.with_noises(*added)
         other._begin()
         return other
 

@@ -98,12 +98,16 @@ def test_a_filter_far_from_its_record_is_as_likely_as_its_linearisation(stride):
     assert linear == pytest.approx(run, abs=1e-3 * np.abs(run).max())
 
 
+@pytest.mark.parametrize("readings", [0, 3], ids=["accelerations", "readings"])
 @pytest.mark.parametrize("stride", [1, 3])
-def test_a_filter_in_a_swell_is_as_likely_as_its_linearisation(stride):
-    """The vehicle run with the filter's gains, its accelerations turning in pairs, is the linear system of these."""
+def test_a_filter_in_a_swell_is_as_likely_as_its_linearisation(stride, readings):
+    """The vehicle run with the filter's gains, its accelerations turning in pairs, is the linear system of these.
+
+    So it is where readings err in the same way.
+    """
     plant, log = replace(load_vehicle("remus100"), dt=0.1), torpedo_log(300)
     problem, _ = problem_of(plant, log, stride)
-    problem = problem.in_swell(3.0)
+    problem = problem.with_noises([] if readings else problem.velocities, range(readings), 3.0)
     logs, count = problem.first_noise(), len(problem.channels)
     logs[count : count + len(problem.pushed)] = np.log(np.where(problem.swells, 0.03, 0.01) * problem.unit)
     logs[count + len(problem.pushed) :] = np.log(np.where(problem.swells, 6.0, 10.0))

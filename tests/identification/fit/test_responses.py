@@ -31,8 +31,8 @@ def test_slopes_of_the_linearised_filter_are_those_of_the_vehicle(pushed, stride
     problem = PredictionErrors(GLIDER, pushed, whole(pushed), stride=stride)
     point = problem.solve(GLIDER, ())
     if period:
-        problem = problem.in_swell(period)
-        point = problem.in_this_swell(point)
+        problem = problem.with_noises(problem.velocities, range(len(problem.channels)), period)
+        point = problem.begun_with(point)
     assert problem._there(point.logs).all()
     point = problem.prepared(point, COEFFICIENTS)
     found = problem.soon_slopes(point, COEFFICIENTS)

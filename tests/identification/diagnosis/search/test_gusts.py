@@ -17,12 +17,12 @@ def fitted(record):
 
 
 def test_a_gust_shows_and_steady_pushes_do_not():
-    assert gusts(*fitted(glider_log(0, push=0.003, gust=5.0))) == ("r_radps",)
-    assert gusts(*fitted(glider_log(0, push=0.003))) == ()
+    assert gusts(*fitted(glider_log(0, push=0.003, gust=5.0))) == (("r_radps",), ())
+    assert gusts(*fitted(glider_log(0, push=0.003))) == ((), ())
 
 
 def test_where_nothing_pushes_there_are_no_gusts():
-    assert gusts(*fitted(glider_log(0, push=0.0))) == ()
+    assert gusts(*fitted(glider_log(0, push=0.0))) == ((), ())
 
 
 def test_slopes_of_all_parts_are_those_of_the_whole():
@@ -36,11 +36,11 @@ def test_slopes_of_all_parts_are_those_of_the_whole():
 @pytest.mark.slow
 def test_the_level_is_shared_by_parts_and_accelerations():
     """At a level that all parts together reach by chance, something shows; at the level that is asked for, seldom."""
-    false = sum(bool(gusts(*fitted(glider_log(seed)), level=0.05)) for seed in range(20, 44))
+    false = sum(any(gusts(*fitted(glider_log(seed)), level=0.05)) for seed in range(20, 44))
     assert false <= 4  # 24 at 5 %: more in 0.6 %
 
 
 @pytest.mark.slow
 def test_steady_pushes_are_flagged_as_seldom_as_is_said():
     for level, most in ((0.05, 22), (0.01, 7)):  # of 200: more have a chance of 0.02 % and 0.1 %
-        assert sum(bool(gusts(*fitted(glider_log(seed)), level=level)) for seed in range(400, 600)) <= most
+        assert sum(any(gusts(*fitted(glider_log(seed)), level=level)) for seed in range(400, 600)) <= most

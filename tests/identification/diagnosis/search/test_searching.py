@@ -88,24 +88,45 @@ def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_t
 
 
 @pytest.mark.parametrize("ahead, kept", [(0.0, False), (5.0, False), (50.0, True)])
-def test_a_search_is_repeated_where_its_errors_show_a_swell(monkeypatch, ahead, kept):
+def test_a_search_is_repeated_beside_further_noises(monkeypatch, ahead, kept):
     """Beside what it has found; the first one counts where the second has lost the way."""
     plant, asked = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05), []
     log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), load_vehicle("slocum"), Asked())
     known = fit_known(log, lambda fraction, text: None)
     other = replace(known)
 
-    def in_swells(self: Known, state: State) -> tuple[Known, State]:
+    def noisier(self: Known, state: State, least: float = 0.0) -> tuple[Known, State]:
+        if least > 0.0:  # than the first effect brings
+            return self, state
         asked.append(state.paths)
         likelier = replace(state.point, scores=state.point.scores + ahead / state.point.scores.size)
         return (other, replace(state, point=likelier)) if self is known else (self, state)
 
-    monkeypatch.setattr(Known, "in_swells", in_swells)
+    monkeypatch.setattr(Known, "with_further_noises", noisier)
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known is (known if kept else other)
     assert found.chosen == 1
     assert len(asked) == 2
     assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths in asked)
+
+
+def test_noises_that_explain_more_than_the_first_effect_come_before_it(monkeypatch):
+    """Whatever else the search does then, it does beside them."""
+    plant, asked = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05), []
+    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), load_vehicle("slocum"), Asked())
+    known = fit_known(log, lambda fraction, text: None)
+    other = replace(known)
+
+    def noisier(self: Known, state: State, least: float = 0.0) -> tuple[Known, State]:
+        asked.append((state.paths, least))
+        return (other if self is known else self), state
+
+    monkeypatch.setattr(Known, "with_further_noises", noisier)
+    found = search_effects(log, known, lambda fraction, text: None)
+    assert found.known is other
+    (paths, least), *_ = asked
+    assert paths == known.nominal.paths
+    assert least == pytest.approx(0.5 * known.bench.gain(known.nominal, found.state), rel=0.1)
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A swell: found by the errors' spectrum, followed by the filter, and no reason for a name."""
+"""Further noises: a swell, found by the errors' spectrum, and errors of readings that last; neither makes a name."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -9,9 +9,12 @@ import pytest
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
+from identification.deciding import COST
 from identification.diagnosis import as_json, diagnose
-from identification.diagnosis.search import swell
-from identification.diagnosis.search.swell import in_swells, period_of_swell
+from identification.diagnosis.search import further_noises
+from identification.diagnosis.search.further_noises import with_further_noises
+from identification.diagnosis.search.remainder import coloured_channels, what_is_left
+from identification.diagnosis.search.swell import period_of_swell
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.blind import own_cruise
@@ -33,8 +36,12 @@ def cycle(rng: np.random.Generator, rows: int, dt: float) -> np.ndarray:
     return found
 
 
-def log_of(push: float, seed: int = 0, fading: float = 0.0, rows: int = ROWS) -> Record:
-    """A glider with a rudder offset under random yaw accelerations: of a swell, and such as fade over 14 s."""
+def log_of(push: float, seed: int = 0, fading: float = 0.0, wander: float | None = None, read=np.real) -> Record:
+    """A glider with a rudder offset under random yaw accelerations: of a swell, and such as fade over 14 s.
+
+    wander: deviation of lasting errors of the compass, rad, beside which a gyro is logged.
+    """
+    rows = ROWS
     plant, rng = replace(replace_at(GLIDER, OFFSET, SIZE), dt=1.0), np.random.default_rng(seed)
     swell, gusts = push * cycle(rng, rows, 1.0), np.zeros(rows)
     for k in range(1, rows):
@@ -50,7 +57,18 @@ def log_of(push: float, seed: int = 0, fading: float = 0.0, rows: int = ROWS) ->
         x[at] += 0.5 * a
     heading = np.array(readings)[:, plant.outputs.index("heading_rad")] + 0.01 * rng.standard_normal(rows)
     channels = {name: inputs[:, j] for j, name in enumerate(plant.inputs) if name in ("rudder_rad", "u_mps")}
+    if wander is not None:
+        rates = np.array(readings)[:, plant.outputs.index("r_radps")] + 1e-3 * rng.standard_normal(rows)
+        heading, channels = heading + wander * drifted(rng, rows, LASTING), channels | {"r_radps": rates}
     return Record.from_arrays(np.arange(rows, dtype=float), channels | {"heading_rad": heading})
+
+
+def drifted(rng: np.random.Generator, rows: int, lasting: float) -> np.ndarray:
+    """A first-order Gauss-Markov process of deviation 1, (rows,), a row each second; lasting: s."""
+    keeps, found = np.exp(-1.0 / lasting), rng.standard_normal(rows)
+    for k in range(1, rows):
+        found[k] = keeps * found[k - 1] + np.sqrt(1.0 - keeps**2) * found[k]
+    return found
 
 
 def bench_of(record: Record) -> Workbench:
@@ -67,7 +85,7 @@ def fitted(record: Record) -> tuple[Workbench, State]:
 @pytest.fixture(autouse=True)
 def one_velocity_is_enough(monkeypatch):
     """The glider's, whose filter is soon made."""
-    monkeypatch.setattr(swell, "LEAST_OF_SWELL", 1)
+    monkeypatch.setattr(further_noises, "LEAST_OF_SWELL", 1)
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +97,7 @@ def test_a_swell_is_found_with_its_period_and_noises(pushed):
     bench, state = pushed
     period = period_of_swell(bench.problem, state.point)
     assert period == pytest.approx(PERIOD, rel=0.05)
-    other, (found,) = in_swells(bench, [state])
+    other, (found,) = with_further_noises(bench, [state])
     assert other is not bench
     (size, time) = other.problem.noise_at(found.point).swell[other.problem.periods[-1]]["r_radps"]
     assert size == pytest.approx(PUSH, rel=0.3)  # a thousand rows hold some ten of its correlation times
@@ -93,7 +111,7 @@ def test_none_is_found_in_noise_or_gusts(fading):
     for seed in range(3):
         bench, state = fitted(log_of(0.0, seed, fading))
         assert period_of_swell(bench.problem, state.point) is None
-        assert in_swells(bench, [state]) == (bench, [state])
+        assert with_further_noises(bench, [state]) == (bench, [state])
 
 
 @pytest.mark.parametrize("peak, found", [(0.0, False), (3.0, True)])
@@ -116,8 +134,10 @@ def test_errors_that_merely_fade_have_no_peak(peak, found):
 
 def test_one_that_brings_less_than_it_costs_is_not_taken(pushed, monkeypatch):
     bench, state = pushed
-    monkeypatch.setattr(swell, "COST", 1e6)
-    assert in_swells(bench, [state]) == (bench, [state])
+    monkeypatch.setattr(further_noises, "coloured_channels", lambda *_: ())  # the swell alone
+    assert with_further_noises(bench, [state])[0] is not bench
+    monkeypatch.setattr(further_noises, "COST", 1e6)
+    assert with_further_noises(bench, [state]) == (bench, [state])
 
 
 def test_rows_longer_than_a_quarter_of_any_swell_show_none(pushed, monkeypatch):
@@ -128,8 +148,8 @@ def test_rows_longer_than_a_quarter_of_any_swell_show_none(pushed, monkeypatch):
 
 def test_both_of_a_pair_have_the_noises_of_the_first_and_cost_as_one(pushed):
     bench, state = pushed
-    problem = bench.problem.in_swell(PERIOD)
-    point = problem.in_this_swell(state.point)
+    problem = bench.problem.with_noises(bench.problem.velocities, [], PERIOD)
+    point = problem.begun_with(state.point)
     count, size = len(problem.channels), len(problem.pushed)
     other = point.logs.copy()
     other[count + size - 1] += 3.0  # the second one's own
@@ -137,7 +157,7 @@ def test_both_of_a_pair_have_the_noises_of_the_first_and_cost_as_one(pushed):
     for one, same in zip(problem._numbers(point.logs), problem._numbers(other), strict=True):
         assert np.array_equal(one, same)
     without = problem._without(point.logs, [size - 2])
-    assert problem._cost(point.logs) - problem._cost(without) == pytest.approx(swell.COST)
+    assert problem._cost(point.logs) - problem._cost(without) == pytest.approx(COST)
     assert problem._prior(point.logs)[0] == problem._prior(other)[0]
     assert problem.noise_slopes(point, point.logs)[1][[count + size - 1, -1]] == pytest.approx(0.0)
     assert not problem.pushes(point)[-2:].any()
@@ -145,11 +165,12 @@ def test_both_of_a_pair_have_the_noises_of_the_first_and_cost_as_one(pushed):
 
 def test_a_filter_for_samples_one_by_one_knows_no_swell(pushed):
     bench, _ = pushed
-    problem = PredictionErrors(bench.plant, bench.record, [slice(0, ROWS)]).in_swell(PERIOD)
+    problem = PredictionErrors(bench.plant, bench.record, [slice(0, ROWS)])
+    problem = problem.with_noises(problem.velocities, [0], PERIOD).with_noises([], [0])
     logs, count = problem.first_noise(), len(problem.channels)
     logs[count : count + len(problem.pushed)] = np.log(0.1 * problem.unit)
     plan = problem.online(problem.point(bench.plant.vector, logs), 100.0)
-    assert len(plan.times) == int((~problem.swells).sum())
+    assert len(plan.times) == int((~(problem.swells | problem.misread)).sum())
     assert not plan.kicks[:, 3].any()
 
 
@@ -157,12 +178,57 @@ def test_what_swings_in_one_velocity_alone_is_no_swell(pushed, monkeypatch):
     """A loop may, by a deadband or play; and a vehicle of one velocity is not asked."""
     bench, state = pushed
     taken = []
-    monkeypatch.setattr(swell, "LEAST_OF_SWELL", 2)
-    monkeypatch.setattr(swell, "_spectrum", lambda *_: taken.append(1))
-    assert in_swells(bench, [state]) == (bench, [state])
+    monkeypatch.setattr(further_noises, "LEAST_OF_SWELL", 2)
+    monkeypatch.setattr(further_noises, "period_of_swell", lambda *_: taken.append(1))
+    assert with_further_noises(bench, [state]) == (bench, [state])
     assert not taken
-    monkeypatch.setattr(swell, "period_of_swell", lambda problem, point: PERIOD)
-    assert in_swells(bench, [state]) == (bench, [state])
+    assert further_noises._pruned(bench, state, (bench.problem.velocities, (), PERIOD), 0.0) is None
+
+
+@pytest.fixture(scope="module")
+def wandering():
+    return fitted(log_of(0.0, 1, wander=0.03))
+
+
+def test_what_lasts_of_a_compass_s_errors_is_found_beside_a_gyro(wandering):
+    bench, state = wandering
+    assert coloured_channels(bench, state)
+    other, (found,) = with_further_noises(bench, [state])
+    ((size, time),) = other.problem.noise_at(found.point).lasting[0.0].values()
+    assert size == pytest.approx(0.03, rel=0.4)  # a thousand rows hold some fifteen of its correlation times
+    assert LASTING / 3.0 < time < 3.0 * LASTING
+    assert not what_is_left(other, found)
+    assert with_further_noises(other, [found]) == (other, [found])
+    assert other.problem.misread.sum() == 1  # what came to nothing is no longer there
+
+
+def test_noises_must_bring_as_much_as_is_asked_of_them(wandering):
+    """So much as the effect that was found next does, half its evidence."""
+    bench, state = wandering
+    other, (found,) = with_further_noises(bench, [state])
+    gain = other.problem.objective(found.point, ()) - bench.problem.objective(state.point, ())
+    assert with_further_noises(bench, [state], 0.5 * gain)[0] is not bench
+    assert with_further_noises(bench, [state], 2.0 * gain) == (bench, [state])
+
+
+def test_a_law_of_what_a_reading_errs_by_is_that_of_the_row_before(wandering):
+    """States and commands of its own row have been told by the reading."""
+    bench, state = wandering
+    other, (found,) = with_further_noises(bench, [state])
+    problem, axis = other.problem, len(other.problem.pushed) - 1
+    law = np.zeros((1, len(problem.rows)))
+    law[0, 10] = 1.0
+    seen = problem.pushed_by(found.point, axis, law).seen[:, :, 0]
+    assert np.flatnonzero(seen.any(axis=1)).tolist() == [11]
+    pushed = problem.pushed_by(found.point, 0, law).onward[:, :, 0]
+    assert np.flatnonzero(pushed.any(axis=1)).tolist() == [10]
+
+
+def test_noises_of_readings_are_those_that_were_given(wandering):
+    bench, state = wandering
+    other, (found,) = with_further_noises(bench, [state])
+    noise = other.problem.noise_at(found.point)
+    assert np.exp(other.problem.logs_of(noise)[-1]) == pytest.approx(next(iter(noise.lasting[0.0].values()))[1])
 
 
 @pytest.mark.slow
