@@ -93,6 +93,9 @@ MOST_SWELLS = 3
 """Most periods of waves.  Source: convention, time: each is two more states of the filter for each velocity."""
 LEAST_OF_SWELL = 2
 """Fewest velocities that waves push.  Source: a sea moves a vehicle more ways than one; a loop that swings need not."""
+FORETELLS = 0.1
+"""By how much free runs must be nearer to the log with an effect for it to come before noises that explain more, mean
+logarithm over channels.  Source: convention; noises foretell nothing, an effect that does is worth more."""
 LEAST_PROCESS = 1e-6
 """Size of an acceleration, in its unit; ten times more count as there.  Source: far below any that matters."""
 

@@ -47,13 +47,13 @@ def attribute(
     most: int,
     sensors: Sequence[Mismatch],
     progress: Progress,
-    outdone: Callable[[State, float], bool] | None = None,
+    outdone: Callable[[State, Round], bool] = lambda state, made: False,
 ) -> tuple[State, list[Round]]:
     """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
 
     sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.  What kinematics
     shows plainly comes before any force.
-    outdone: whether something else explains more, beside a state, than an effect with so much evidence; then it ends.
+    outdone: whether something else comes before what a round has chosen, if anything, beside a state; then it ends.
 
     Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
     and accepts the one with most evidence if parts foretell it of each other.
@@ -73,15 +73,14 @@ def attribute(
             number < most,
         )
         rounds.append(made)
-        if outdone is not None and outdone(state, made.chosen.train if made.chosen else 0.0):
-            break
+        beside = outdone(state, made)
         if made.chosen is None:
             break
         assert made.chosen.state is not None
         # however far behind the given coefficients are at first: one fit a round, where trials could not afford it
         state = bench.likelier_from_given(made.chosen.state, np.inf)
         left = [c for c in left if c is not made.chosen.candidate]
-        if bench.in_suited_steps(state) is not bench:  # all that follows would be repeated
+        if beside or bench.in_suited_steps(state) is not bench:  # all that follows would be repeated
             break
     return state, rounds
 

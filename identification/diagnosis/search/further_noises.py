@@ -26,7 +26,7 @@ def with_further_noises(bench: Workbench, states: Sequence[State], least: float 
     channel are coloured, errors of its readings that last.  The same bench, and the states as they are, where none is
     likelier, and for a vehicle of one velocity: nothing tells there an error that lasts from what moves the vehicle.
     A swell's period is one parameter more, and costs as much as an acceleration does.
-    least: of the log-likelihood, that noises must bring, all else held; after the first kind, more than nothing.
+    least: of the log-likelihood, that each noise must bring, all else held; after the first kind, more than nothing.
     """
     found = list(states)
     while len(bench.problem.velocities) >= LEAST_OF_SWELL and (kinds := _kinds(bench, found[0])):
@@ -59,22 +59,29 @@ def _kinds(bench: Workbench, state: State) -> list[_Added]:
 def _pruned(bench: Workbench, state: State, added: _Added, least: float) -> tuple[Workbench, State] | None:
     """A bench with those of some noises that come to something beside a state, and the state; None where none does.
 
-    least: that they must bring with all else held.
+    least: that each must bring, all of them together, with all else held.
     """
-    velocities, readings, period = added
     other = bench.with_noises(*added)
-    near, problem = _begun(other, state), bench.problem
-    if not _gain(bench, state, other, near) > least:
+    near = _begun(other, state)
+    pushing, misread = _told(other, near, added)
+    if not _gain(bench, state, other, near) > least * (len(pushing) + len(misread)):
         return None
     there = other.fit(state.plant, state.paths, near)
-    told = other.problem.noise_at(there.point)
-    pushing = [d for d in velocities if problem.pushed[d] in told.told(False, period)]
-    misread = [c for c in readings if problem.channels[c] in told.told(True, period)]
+    pushing, misread = _told(other, there, added)
+    velocities, readings, period = added
     if not (pushing or misread) or (velocities and len(pushing) < LEAST_OF_SWELL):
         return None
     if len(misread) < len(readings):
         return _pruned(bench, state, (pushing, misread, period), least)
     return other, there
+
+
+def _told(bench: Workbench, state: State, added: _Added) -> tuple[list[int], list[int]]:
+    """Those of the noises that were added last which have a part in a state: velocities, and channels."""
+    velocities, readings, period = added
+    problem, noise = bench.problem, bench.problem.noise_at(state.point)
+    pushing = [d for d in velocities if problem.pushed[d] in noise.told(False, period)]
+    return pushing, [c for c in readings if problem.channels[c] in noise.told(True, period)]
 
 
 def _gain(bench: Workbench, state: State, other: Workbench, there: State) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from identification.deciding import FEW_STATES
+from identification.deciding import FEW_STATES, FORETELLS
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
@@ -41,58 +41,89 @@ class Searched:
 
 
 @dataclass(frozen=True, eq=False)
-class Noisier:
-    """Noises that a search must begin again with, and what it had found so far, beside them."""
+class _Chosen:
+    """What forward selection has chosen.
+
+    noisier: where noises explain more than what comes next, the fits with them, and the state beside them.
+    """
 
     known: Known
+    candidates: tuple[Candidate, ...]
+    kinematics: Kinematics
     state: State
+    rounds: tuple[Round, ...]
+    noisier: tuple[Known, State] | None
 
 
-def search_effects(log: CheckedLog, known: Known, progress: Progress, noises: bool = True) -> Searched:
+def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
     effect that is there leaves less noise than its absence.  So it is where trials show that the fit without any effect
-    has stopped too early.  With `noises` it is also repeated where errors show a swell, or readings whose errors last,
-    that explain more than the effect that is found next: beside errors that last, all effects seem certain.  A search
-    beside these that has lost the way, and explains the log less well than what was found before, does not count.
+    has stopped too early.  It is also repeated where errors show a swell, or readings whose errors last, that explain
+    more than the effect that is found next, if that does not bring free runs nearer to the record: beside errors that
+    last, all effects seem certain.  That search counts unless it has lost the way.
     """
-    found: Searched | Known | Noisier = known
+    found: Searched | Known = known
     while isinstance(found, Known):
-        known, found = found, _searched(log, found, progress, noises)
-    if isinstance(found, Searched):
-        return found
-    again = search_effects(log, found.known, progress)
-    ahead = found.known.bench.problem.objective(found.state.point, found.state.paths)
+        chosen = _selected(log, found, progress)
+        if isinstance(chosen, Known):
+            found = chosen
+            continue
+        if chosen.noisier is not None:
+            again = search_effects(log, chosen.noisier[0], progress)
+            if not _lost(*chosen.noisier, again):
+                return again
+        found = _reconsidered(log, chosen, progress)
+    return found
+
+
+def _lost(noisier: Known, state: State, again: Searched) -> bool:
+    """Whether a search beside further noises explains the record less well than what was found without them.
+
+    By the likelihood beside the same noises, or by free runs: noises may take an effect's part, but foretell nothing.
+    """
+    ahead = noisier.bench.problem.objective(state.point, state.paths)
     ahead -= again.known.bench.problem.objective(again.state.point, again.state.paths)
-    more = max(len(found.state.paths) - len(again.state.paths), 1)
-    lost = 2.0 * ahead > more * threshold(len(again.candidates))
-    return search_effects(log, known, progress, noises=False) if lost else again
+    more = max(len(state.paths) - len(again.state.paths), 1)
+    return 2.0 * ahead > more * threshold(len(again.candidates)) or noisier.bench.nearer(again.state, state) > FORETELLS
 
 
-def _searched(log: CheckedLog, known: Known, progress: Progress, noises: bool) -> Searched | Known | Noisier:
-    """A search, or what was fitted before it where that must be repeated, and the search with it."""
-    bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
+def _selected(log: CheckedLog, known: Known, progress: Progress) -> _Chosen | Known:
+    """Forward selection, or what was fitted before it where that must be repeated."""
+    bench, nominal = known.bench, known.nominal
     kinematics = kinematic_findings(log.record, bench.plant)
     candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
-    noisier, beside = known, nominal
+    noisier: tuple[Known, State] | None = None
 
-    def outdone(state: State, evidence: float) -> bool:
-        nonlocal noisier, beside
-        noisier, beside = known.with_further_noises(state, 0.5 * evidence)
-        return noisier is not known
+    def outdone(state: State, made: Round) -> bool:
+        nonlocal noisier
+        trial, evidence = made.chosen, 0.0
+        if trial is not None and trial.state is not None:
+            if bench.nearer(state, trial.state) > FORETELLS:
+                return False
+            evidence = trial.train
+        found = known.with_further_noises(state, 0.5 * evidence)
+        noisier = None if found[0] is known else found
+        return noisier is not None
 
     state, rounds = attribute(
-        bench, nominal, candidates, most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t),
-        outdone if noises else None,
+        bench, nominal, candidates, log.asked.most, kinematics.mismatches,
+        lambda f, t: progress(0.05 + 0.75 * f, t), outdone,
     )  # fmt: skip
-    if noisier is not known:
-        return Noisier(noisier, beside)
-    anew = known.in_suited_steps(state)
-    if anew is known and state is nominal and rounds:
+    anew = known if noisier else known.in_suited_steps(state)
+    if anew is known and state is nominal and rounds and not noisier:
         anew = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
     if anew is not known:
         return anew
+    return _Chosen(known, tuple(candidates), kinematics, state, tuple(rounds), noisier)
+
+
+def _reconsidered(log: CheckedLog, chosen: _Chosen, progress: Progress) -> Searched | Known:
+    """What forward selection has chosen, confirmed, and second thoughts; or what must be repeated."""
+    known, state, rounds, candidates = chosen.known, chosen.state, list(chosen.rounds), chosen.candidates
+    bench, nominal, given, most = known.bench, known.nominal, known.given, log.asked.most
+    kinematics = chosen.kinematics
     state, rounds = settled(bench, nominal, state, rounds, len(candidates))
     left = what_is_left(bench, state)
     second = Reconsidering(bench, candidates, most, kinematics.mismatches)
@@ -118,4 +149,4 @@ def _searched(log: CheckedLog, known: Known, progress: Progress, noises: bool) -
     suited = known.in_suited_steps(state)
     if suited is not known:
         return suited
-    return Searched(known, tuple(candidates), kinematics, nominal, state, tuple(rounds), left)
+    return Searched(known, candidates, kinematics, nominal, state, tuple(rounds), left)

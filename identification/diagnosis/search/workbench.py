@@ -326,9 +326,23 @@ class Workbench:
 
     def flies(self, plant: Plant, settle: float | None = None) -> bool:
         """Whether free runs stay finite."""
+        return self._free_errors(plant, settle) is not None
+
+    def nearer(self, before: State, after: State) -> float:
+        """By how much free runs with a second state are nearer to the record than with a first one.
+
+        The mean of the logarithms of RMS errors over the channels, by which it is less.
+        """
+        first, second = self._free_errors(before.plant), self._free_errors(after.plant)
+        if first is None or second is None:
+            return float(first is None) - float(second is None)
+        return float(np.mean(np.log(first / second)))
+
+    def _free_errors(self, plant: Plant, settle: float | None = None) -> np.ndarray | None:
+        """RMS errors of free runs over all windows by channel, (C,); None where they diverge."""
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
+                runs = free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
         except Diverged:
-            return False
-        return True
+            return None
+        return np.maximum(np.sqrt(np.nanmean(runs.residual[runs.scored] ** 2, axis=0)), 1e-12)

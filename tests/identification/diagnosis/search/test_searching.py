@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from auv_gym.model import Diverged
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from identification.diagnosis.log.checking import Asked, check_log
@@ -87,34 +88,46 @@ def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_t
     assert bench.gain(found.nominal, top) == pytest.approx(0.0, abs=0.5)
 
 
-@pytest.mark.parametrize("ahead, kept", [(0.0, False), (5.0, False), (50.0, True)])
-def test_a_search_is_repeated_beside_further_noises(monkeypatch, ahead, kept):
-    """Beside what it has found; the first one counts where the second has lost the way."""
-    plant, asked = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05), []
+@pytest.fixture(scope="module")
+def turning():
+    """A log with a rudder offset, and what is known of its vehicle."""
+    plant = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05)
     log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), load_vehicle("slocum"), Asked())
-    known = fit_known(log, lambda fraction, text: None)
+    return log, fit_known(log, lambda fraction, text: None)
+
+
+@pytest.mark.parametrize(
+    "ahead, farther, kept", [(0.0, False, False), (5.0, False, False), (50.0, False, True), (0.0, True, True)]
+)
+def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead, farther, kept):
+    """Beside what it has found; the first one counts where the second has lost the way, or foretells less."""
+    (log, known), asked = turning, []
     other = replace(known)
 
     def noisier(self: Known, state: State, least: float = 0.0) -> tuple[Known, State]:
-        if least > 0.0:  # than the first effect brings
-            return self, state
-        asked.append(state.paths)
+        asked.append((state.paths, least))
         likelier = replace(state.point, scores=state.point.scores + ahead / state.point.scores.size)
         return (other, replace(state, point=likelier)) if self is known else (self, state)
 
+    nearer = Workbench.nearer
+
+    def foretells(bench: Workbench, before: State, after: State) -> float:
+        same = before.paths == after.paths
+        return 1.0 if farther and same else nearer(bench, before, after)
+
     monkeypatch.setattr(Known, "with_further_noises", noisier)
+    monkeypatch.setattr(Workbench, "nearer", foretells)
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known is (known if kept else other)
     assert found.chosen == 1
-    assert len(asked) == 2
-    assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths in asked)
+    assert len(asked) == 2  # once in each search, where no further effect was accepted
+    assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths, _ in asked)
+    assert not any(least for _, least in asked)
 
 
-def test_noises_that_explain_more_than_the_first_effect_come_before_it(monkeypatch):
+def test_noises_that_explain_more_come_before_an_effect_that_foretells_nothing(monkeypatch, turning):
     """Whatever else the search does then, it does beside them."""
-    plant, asked = replace_at(load_vehicle("slocum"), "effects.rudder.offset", 0.05), []
-    log = check_log(closed_loop(plant, rng=np.random.default_rng(3), duration=400.0), load_vehicle("slocum"), Asked())
-    known = fit_known(log, lambda fraction, text: None)
+    (log, known), asked = turning, []
     other = replace(known)
 
     def noisier(self: Known, state: State, least: float = 0.0) -> tuple[Known, State]:
@@ -122,11 +135,31 @@ def test_noises_that_explain_more_than_the_first_effect_come_before_it(monkeypat
         return (other if self is known else self), state
 
     monkeypatch.setattr(Known, "with_further_noises", noisier)
+    monkeypatch.setattr(Workbench, "nearer", lambda bench, before, after: 0.05)
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known is other
     (paths, least), *_ = asked
     assert paths == known.nominal.paths
     assert least == pytest.approx(0.5 * known.bench.gain(known.nominal, found.state), rel=0.1)
+
+
+def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):
+    (_, known), runs = turning, workbench.free_runs
+    bench, nominal = known.bench, known.nominal
+    there = replace(nominal, plant=replace_at(nominal.plant, "effects.rudder.offset", 0.05))
+    nearer = bench.nearer(nominal, there)
+    assert nearer > 0.5
+    assert bench.nearer(there, nominal) == pytest.approx(-nearer)
+
+    def diverging(plant, *arguments):
+        if plant is there.plant:
+            raise Diverged(1.0, "north_m", {})
+        return runs(plant, *arguments)
+
+    monkeypatch.setattr(workbench, "free_runs", diverging)
+    assert bench.nearer(nominal, there) == -1.0
+    assert bench.nearer(there, nominal) == 1.0
+    assert bench.nearer(there, there) == 0.0
 
 
 @pytest.mark.slow
