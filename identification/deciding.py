@@ -94,8 +94,8 @@ MOST_SWELLS = 3
 LEAST_OF_SWELL = 2
 """Fewest velocities that waves push.  Source: a sea moves a vehicle more ways than one; a loop that swings need not."""
 FORETELLS = 0.1
-"""By how much free runs must be nearer to the log with an effect for it to come before noises that explain more, mean
-logarithm over channels.  Source: convention; noises foretell nothing, an effect that does is worth more."""
+"""By how much free runs must be nearer to the log for a search without further noises to count instead of one with
+them, mean logarithm over channels.  Source: convention; noises foretell nothing, an effect that does is worth more."""
 LEAST_PROCESS = 1e-6
 """Size of an acceleration, in its unit; ten times more count as there.  Source: far below any that matters."""
 
@@ -213,6 +213,9 @@ SLIGHT = 1.0
 """Change of free runs, over the noise of a reading, that is called little.  Source: less than one reading shows."""
 UNSTEADY = FALSE_ALARM
 """Probability of a difference between parts below which an effect is not of one size.  Source: `FALSE_ALARM`."""
+NEARLY = 0.2
+"""Share of the size of an effect by which parts of a log may differ from it where it is named all the same.
+Source: convention; what is certain in a long log may be small, and conditions change any force somewhat."""
 SIMILAR = 60.0
 """Degrees between signatures below which a result file has the angle.  Source: convention."""
 LEVEL = 0.05

@@ -184,6 +184,7 @@ def _effect(e: Effect, searched: Collection[str]) -> dict[str, Any]:
         "evidence": {"all_rows": e.evidence_train, "cross_validated": e.evidence_held},
         "frequency": e.frequency if e.path in searched else None,
         "steady": e.steady,
+        "apart": finite(e.apart),
         "by_dive": [{"dive": d.dive, "value": d.value, "ci95": list(d.ci95)} for d in e.by_dive],
         "changes": {name: finite(size) for name, size in e.changes.items()},
         "tied_with": list(e.tied_with),

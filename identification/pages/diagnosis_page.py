@@ -19,6 +19,7 @@ from identification.diagnosis.judge.verdict import (
     dropped_sentence,
     left_sentence,
     noise_sentence,
+    slight_sentence,
     unsteady_sentence,
 )
 from identification.diagnosis.search.attribution import Round
@@ -173,6 +174,7 @@ def _content(d: Diagnosis, extras: Extras) -> dict[str, Any]:
         "effects": [_effect(d, e, titles) for e in d.effects],
         "alike": [_effect(d, e, titles) for e in d.alike],
         "unsteady": unsteady_sentence(d),
+        "slight": slight_sentence(d),
         "ties": _ties(d, titles),
         "coefficients": [_coefficient(c) for c in d.coefficients],
         "detectable": [_detectable(x, plant, titles) for x in _in_order(d.detectable, plant)],

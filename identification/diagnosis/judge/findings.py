@@ -51,7 +51,7 @@ def effects_of(
         period = r.chosen.candidate.period
         with_period = f" with a period of {value_at(state.plant, period):.3g} s" if period else ""
         for path in own:
-            spec = spec_at(state.plant, path)
+            spec, steady = spec_at(state.plant, path), steadiness(bench, state, [path])
             effects.append(
                 Effect(
                     path=path,
@@ -66,7 +66,8 @@ def effects_of(
                     evidence_held=r.evidence[1],
                     tied_with=others,
                     frequency=survived.frequency,
-                    steady=steadiness(bench, state, [path]).probability,
+                    steady=steady.probability,
+                    apart=steady.apart,
                     probability=found.probability(path) if found.sets else None,
                     members=members,
                 )

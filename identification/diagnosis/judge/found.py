@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from identification.diagnosis.search.constancy import OfDive
 from identification.diagnosis.wording import interval, quantity, sized
 
@@ -47,7 +49,8 @@ class Effect:
     coefficient: what it is reported as, where it does nothing but change that one.
     probability: of all sets of effects that explain the record nearly as well, those that have it; None where it was
     found by a coefficient's change.  members: what it is tied with, the same of each.
-    steady: probability that parts of the record differ in its size as much, if it is the same in all.
+    steady: probability that parts of the record differ in its size as much, if it is the same in all.  apart: by how
+    much they do at the most, as a share of it.
     by_dive: its size in each dive, where the dives contradict each other in it.
     """
 
@@ -66,6 +69,7 @@ class Effect:
     probability: float | None = None
     members: tuple[Member, ...] = ()
     steady: float = 1.0
+    apart: float = np.inf
     by_dive: tuple[OfDive, ...] = ()
 
     @property

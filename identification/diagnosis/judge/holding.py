@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import compress
 
-from identification.deciding import UNSTEADY
 from identification.diagnosis.judge.verdict import LEANS, RARE, VARIES
 from identification.diagnosis.search.attribution import Round, confirmed
 from identification.diagnosis.search.constancy import steadiness
@@ -63,4 +62,4 @@ def what_holds(searched: Searched) -> Held:
 def _varies(bench: Workbench, state: State, trial: Trial) -> bool:
     """Whether parts of the record contradict each other in the size of an effect, but not as dives may."""
     own = [p for p in trial.candidate.free if p in state.paths and p not in bench.plant.family.by_dive]
-    return bool(own) and steadiness(bench, state, own).probability < UNSTEADY
+    return bool(own) and steadiness(bench, state, own).varies

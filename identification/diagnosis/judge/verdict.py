@@ -24,6 +24,7 @@ from identification.diagnosis.log.kinematics import Kinematics
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
+from identification.diagnosis.search.constancy import varies
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.workbench import State
@@ -200,6 +201,7 @@ class Diagnosis:
                 _halves_sentence(self),
                 _dives_sentence(self),
                 unsteady_sentence(self),
+                slight_sentence(self),
                 dropped_sentence(self),
                 _slight_sentence(self),
             ),
@@ -315,11 +317,18 @@ def _dives_sentence(d: Diagnosis) -> str:
 
 def unsteady_sentence(d: Diagnosis) -> str:
     """Effects whose size differs between parts of the log, and not from dive to dive."""
-    names = [short(e.name) for e in d.alike if e.steady < UNSTEADY and not e.by_dive]
+    names = [short(e.name) for e in d.alike if varies(e.steady, e.apart) and not e.by_dive]
     if not names:
         return ""
     which = "Its size" if len(names) == len(d.alike) == 1 else f"The size of {listed(names)}"
     return f"{which} differs between parts of the log: `auv-gym onset` looks for when the effect begins or ends."
+
+
+def slight_sentence(d: Diagnosis) -> str:
+    """Effects whose size surely differs between parts of the log, and hardly."""
+    slight = [e for e in d.added if e.steady < UNSTEADY and not varies(e.steady, e.apart) and not e.by_dive]
+    told = listed([f"{short(e.name)} (by up to {100.0 * e.apart:.2g} %)" for e in slight])
+    return f"Parts of the log differ slightly in the size of {told}." if slight else ""
 
 
 def dropped_sentence(d: Diagnosis) -> str:

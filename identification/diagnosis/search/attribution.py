@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -47,13 +47,11 @@ def attribute(
     most: int,
     sensors: Sequence[Mismatch],
     progress: Progress,
-    outdone: Callable[[State, Round], bool] = lambda state, made: False,
 ) -> tuple[State, list[Round]]:
     """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
 
     sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.  What kinematics
     shows plainly comes before any force.
-    outdone: whether something else comes before what a round has chosen, if anything, beside a state; then it ends.
 
     Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
     and accepts the one with most evidence if parts foretell it of each other.
@@ -73,14 +71,13 @@ def attribute(
             number < most,
         )
         rounds.append(made)
-        beside = outdone(state, made)
         if made.chosen is None:
             break
         assert made.chosen.state is not None
         # however far behind the given coefficients are at first: one fit a round, where trials could not afford it
         state = bench.likelier_from_given(made.chosen.state, np.inf)
         left = [c for c in left if c is not made.chosen.candidate]
-        if beside or bench.in_suited_steps(state) is not bench:  # all that follows would be repeated
+        if bench.in_suited_steps(state) is not bench:  # all that follows would be repeated
             break
     return state, rounds
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.records.record import Record
-from identification.deciding import BLOCKS, MOST_PARTS, UNSTEADY
+from identification.deciding import BLOCKS, MOST_PARTS, NEARLY, UNSTEADY
 from identification.diagnosis.search.beside_noise import Weight, freedom_of
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
@@ -29,10 +29,22 @@ class Steadiness:
     """The parameter in which sixths of a record contradict each other most.
 
     probability: of as much difference in any of those asked for, if each is the same in all parts.
+    apart: of a sixth from the whole record, at the most, as a share of the size there; infinite where it is not known.
     """
 
     path: str
     probability: float
+    apart: float = np.inf
+
+    @property
+    def varies(self) -> bool:
+        """Whether it is surely not the same in all parts, and by more than little."""
+        return varies(self.probability, self.apart)
+
+
+def varies(probability: float, apart: float) -> bool:
+    """Whether a size is surely not the same in all parts, and by more than little; see `Steadiness`."""
+    return probability < UNSTEADY and apart > NEARLY
 
 
 @dataclass(frozen=True)
@@ -74,8 +86,20 @@ def steadiness(
     rows, block = bench.problem.rows, bench.block_of_row
     begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(1, MOST_PARTS)]
     courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, 2)}
-    best, chance, _, _ = _changed(bench, state, paths, courses, level / count, quietly, False)
-    return Steadiness(best, min(count * chance, 1.0))
+    best, chance, _, found = _changed(bench, state, paths, courses, level / count, quietly, False)
+    return Steadiness(best, min(count * chance, 1.0), _apart(state, found, best, list(courses)))
+
+
+def _apart(state: State, found: State | None, path: str, forms: Sequence[str]) -> float:
+    """How far the sizes of a path along a record are from that of the whole, see `Steadiness`.
+
+    found: a fit with its changes, each of which lasts from where it begins.
+    """
+    size = value_at(state.plant, path) - spec_at(state.plant, path).neutral
+    if found is None or path not in state.paths or not size:
+        return np.inf
+    sizes = value_at(found.plant, path) + np.cumsum([0.0, *(value_at(found.plant, change(f, path)) for f in forms)])
+    return float(np.abs(sizes - value_at(state.plant, path)).max() / abs(size))
 
 
 def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:

@@ -26,22 +26,19 @@ def with_further_noises(bench: Workbench, states: Sequence[State], least: float 
     channel are coloured, errors of its readings that last.  The same bench, and the states as they are, where none is
     likelier, and for a vehicle of one velocity: nothing tells there an error that lasts from what moves the vehicle.
     A swell's period is one parameter more, and costs as much as an acceleration does.
-    least: of the log-likelihood, that each noise must bring, all else held; after the first kind, more than nothing.
     """
     found = list(states)
     while len(bench.problem.velocities) >= LEAST_OF_SWELL and (kinds := _kinds(bench, found[0])):
-        if not bench.goes_on("looked for waves and for readings whose errors last"):
-            break
         likeliest, most = None, 0.0
         for kind in kinds:
-            other = _pruned(bench, found[0], kind, least)
+            other = _pruned(bench, found[0], kind)
             gain = 0.0 if other is None else _gain(bench, found[0], *other) - COST * (kind[2] > 0.0)
             if other is not None and gain > most:
                 likeliest, most = other, gain
         if likeliest is None:
             break
         found = [likeliest[1], *(_fitted(likeliest[0], one) for one in found[1:])]
-        bench, least = likeliest[0], 0.0
+        bench = likeliest[0]
     return bench, found
 
 
@@ -56,15 +53,11 @@ def _kinds(bench: Workbench, state: State) -> list[_Added]:
     return [*kinds, ((), lasting, 0.0)] if lasting else kinds
 
 
-def _pruned(bench: Workbench, state: State, added: _Added, least: float) -> tuple[Workbench, State] | None:
-    """A bench with those of some noises that come to something beside a state, and the state; None where none does.
-
-    least: that each must bring, all of them together, with all else held.
-    """
+def _pruned(bench: Workbench, state: State, added: _Added) -> tuple[Workbench, State] | None:
+    """A bench with those of some noises that come to something beside a state, and the state; None where none does."""
     other = bench.with_noises(*added)
     near = _begun(other, state)
-    pushing, misread = _told(other, near, added)
-    if not _gain(bench, state, other, near) > least * (len(pushing) + len(misread)):
+    if not _gain(bench, state, other, near) > 0.0:  # with all else held
         return None
     there = other.fit(state.plant, state.paths, near)
     pushing, misread = _told(other, there, added)
@@ -72,7 +65,7 @@ def _pruned(bench: Workbench, state: State, added: _Added, least: float) -> tupl
     if not (pushing or misread) or (velocities and len(pushing) < LEAST_OF_SWELL):
         return None
     if len(misread) < len(readings):
-        return _pruned(bench, state, (pushing, misread, period), least)
+        return _pruned(bench, state, (pushing, misread, period))
     return other, there
 
 

@@ -42,14 +42,13 @@ class Known:
         nominal = given if self.nominal is self.given else bench.taken_over(self.nominal)
         return Known(bench, self.coefficients, given, nominal)
 
-    def with_further_noises(self, state: State, least: float = 0.0) -> tuple[Known, State]:
+    def with_further_noises(self, state: State) -> tuple[Known, State]:
         """The same fits with the noises of a sea and of sensors that a state's errors show, else these; the state.
 
-        Of a state with the effects that a search has found: what these do is no noise.  least: that such noises must
-        bring, see `further_noises`.
+        Of a state with the effects that a search has found: what these do is no noise.
         """
         states = list(dict.fromkeys([state, self.given, self.nominal]))  # any two may be one
-        bench, found = with_further_noises(self.bench, states, least)
+        bench, found = with_further_noises(self.bench, states)
         if bench is self.bench:
             return self, state
         there = dict(zip(states, found, strict=True))

@@ -44,7 +44,8 @@ class Searched:
 class _Chosen:
     """What forward selection has chosen.
 
-    noisier: where noises explain more than what comes next, the fits with them, and the state beside them.
+    noisier: where no further effect is accepted, and waves or sensor errors that last explain more, the fits with
+    these, and the state beside them.
     """
 
     known: Known
@@ -60,9 +61,9 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
     effect that is there leaves less noise than its absence.  So it is where trials show that the fit without any effect
-    has stopped too early.  It is also repeated where errors show a swell, or readings whose errors last, that explain
-    more than the effect that is found next, if that does not bring free runs nearer to the record: beside errors that
-    last, all effects seem certain.  That search counts unless it has lost the way.
+    has stopped too early, and where the errors beside what was found show waves, or readings whose errors last: beside
+    these, effects and differences between parts seem more certain than they are.  That search counts unless it has lost
+    the way.
     """
     found: Searched | Known = known
     while isinstance(found, Known):
@@ -94,28 +95,19 @@ def _selected(log: CheckedLog, known: Known, progress: Progress) -> _Chosen | Kn
     bench, nominal = known.bench, known.nominal
     kinematics = kinematic_findings(log.record, bench.plant)
     candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
-    noisier: tuple[Known, State] | None = None
-
-    def outdone(state: State, made: Round) -> bool:
-        nonlocal noisier
-        trial, evidence = made.chosen, 0.0
-        if trial is not None and trial.state is not None:
-            if bench.nearer(state, trial.state) > FORETELLS:
-                return False
-            evidence = trial.train
-        found = known.with_further_noises(state, 0.5 * evidence)
-        noisier = None if found[0] is known else found
-        return noisier is not None
-
     state, rounds = attribute(
-        bench, nominal, candidates, log.asked.most, kinematics.mismatches,
-        lambda f, t: progress(0.05 + 0.75 * f, t), outdone,
-    )  # fmt: skip
-    anew = known if noisier else known.in_suited_steps(state)
-    if anew is known and state is nominal and rounds and not noisier:
+        bench, nominal, candidates, log.asked.most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
+    )
+    anew = known.in_suited_steps(state)
+    if anew is known and state is nominal and rounds:
         anew = known.out_of_valley(rounds[-1].trials, threshold(len(candidates)))
     if anew is not known:
         return anew
+    noisier = None
+    if rounds and rounds[-1].chosen is None:
+        progress(0.8, "looking for waves and for sensor errors that last")
+        beside = known.with_further_noises(state)
+        noisier = None if beside[0] is known else beside
     return _Chosen(known, tuple(candidates), kinematics, state, tuple(rounds), noisier)
 
 

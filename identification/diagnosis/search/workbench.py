@@ -345,4 +345,6 @@ class Workbench:
                 runs = free_runs(plant, self.record, self.windows, plant.settle if settle is None else settle)
         except Diverged:
             return None
-        return np.maximum(np.sqrt(np.nanmean(runs.residual[runs.scored] ** 2, axis=0)), 1e-12)
+        squares = runs.residual[runs.scored] ** 2
+        mean = np.nansum(squares, axis=0) / np.maximum(np.isfinite(squares).sum(axis=0), 1)
+        return np.maximum(np.sqrt(mean), 1e-12)

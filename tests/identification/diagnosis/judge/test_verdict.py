@@ -16,6 +16,7 @@ from identification.diagnosis.judge.verdict import (
     dropped_sentence,
     left_sentence,
     noise_sentence,
+    slight_sentence,
     unsteady_sentence,
 )
 from identification.diagnosis.search.candidates import Candidate
@@ -84,6 +85,14 @@ def test_which_effects_differ_between_parts_is_said():
     assert left_sentence(both) == ""  # type: ignore[arg-type]  # said once
     dropped = SimpleNamespace(alike=(), left=Left(changes=trim.path), state=None, dropped={trim.path: VARIES})
     assert left_sentence(dropped) == ""  # type: ignore[arg-type]  # `dropped_sentence` says it
+
+
+def test_a_slight_difference_between_parts_is_said():
+    trim = Effect("effects.rudder.offset", "trim", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0, steady=1e-4, apart=0.13)
+    others = replace(trim, title="lag", steady=0.5), replace(trim, title="drag", apart=0.5)
+    said = slight_sentence(SimpleNamespace(added=(trim, *others)))  # type: ignore[arg-type]
+    assert said == "Parts of the log differ slightly in the size of trim (by up to 13 %)."
+    assert slight_sentence(SimpleNamespace(added=others)) == ""  # type: ignore[arg-type]
 
 
 def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be_so_and_why():

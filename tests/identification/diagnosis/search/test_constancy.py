@@ -49,6 +49,20 @@ def test_parts_contradict_each_other_where_an_effect_begins_half_way_and_only_th
     assert steadiness(*fitted(300.0), [OFFSET]).probability < UNSTEADY
 
 
+def test_a_size_that_surely_differs_but_hardly_does_not_vary():
+    """An offset that grows by a tenth half way through a log."""
+    plant = load_vehicle("slocum")
+    first, second = (replace_at(plant, OFFSET, size) for size in (0.30, 0.33))
+    moving = ChangingGlider(first, lambda t: second if t >= 600.0 else first)
+    log = check_log(closed_loop(moving, rng=np.random.default_rng(700), duration=1200.0), plant, Asked(trust=True))
+    bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
+    found = steadiness(bench, bench.fit(bench.plant, (*plant.coefficients, OFFSET)), [OFFSET], level=1.0)
+    assert 0.02 < found.apart < 0.15
+    assert not constancy.varies(0.1 * UNSTEADY, found.apart)
+    assert constancy.varies(0.1 * UNSTEADY, steadiness(*fitted(300.0), [OFFSET]).apart)
+    assert not constancy.varies(2.0 * UNSTEADY, np.inf)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [0.03, 0.06])
 def test_what_begins_half_way_and_random_accelerations_would_explain_is_said(size):

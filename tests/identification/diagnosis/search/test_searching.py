@@ -82,7 +82,9 @@ def test_a_fit_that_has_ended_in_a_valley_goes_on_from_a_trial_that_gains_more_t
     assert stuck.out_of_valley(trials[1:], bar) is stuck
     assert stuck.out_of_valley(trials, 1.1 * gained) is stuck  # chance may gain as much
     assert known.out_of_valley(trials, bar) is known  # there is nothing to gain
-    monkeypatch.setattr(searching, "attribute", lambda bench, nominal, *_: (nominal, [SimpleNamespace(trials=trials)]))
+    monkeypatch.setattr(
+        searching, "attribute", lambda bench, nominal, *_: (nominal, [SimpleNamespace(trials=trials, chosen=None)])
+    )
     monkeypatch.setattr(searching, "settled", lambda bench, nominal, state, rounds, count: (state, []))
     found = search_effects(log, stuck, lambda fraction, text: None)
     assert bench.gain(found.nominal, top) == pytest.approx(0.0, abs=0.5)
@@ -104,8 +106,8 @@ def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead,
     (log, known), asked = turning, []
     other = replace(known)
 
-    def noisier(self: Known, state: State, least: float = 0.0) -> tuple[Known, State]:
-        asked.append((state.paths, least))
+    def noisier(self: Known, state: State) -> tuple[Known, State]:
+        asked.append(state.paths)
         likelier = replace(state.point, scores=state.point.scores + ahead / state.point.scores.size)
         return (other, replace(state, point=likelier)) if self is known else (self, state)
 
@@ -121,26 +123,7 @@ def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead,
     assert found.known is (known if kept else other)
     assert found.chosen == 1
     assert len(asked) == 2  # once in each search, where no further effect was accepted
-    assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths, _ in asked)
-    assert not any(least for _, least in asked)
-
-
-def test_noises_that_explain_more_come_before_an_effect_that_foretells_nothing(monkeypatch, turning):
-    """Whatever else the search does then, it does beside them."""
-    (log, known), asked = turning, []
-    other = replace(known)
-
-    def noisier(self: Known, state: State, least: float = 0.0) -> tuple[Known, State]:
-        asked.append((state.paths, least))
-        return (other if self is known else self), state
-
-    monkeypatch.setattr(Known, "with_further_noises", noisier)
-    monkeypatch.setattr(Workbench, "nearer", lambda bench, before, after: 0.05)
-    found = search_effects(log, known, lambda fraction, text: None)
-    assert found.known is other
-    (paths, least), *_ = asked
-    assert paths == known.nominal.paths
-    assert least == pytest.approx(0.5 * known.bench.gain(known.nominal, found.state), rel=0.1)
+    assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths in asked)
 
 
 def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):
