@@ -19,7 +19,7 @@ from identification.diagnosis.search.workbench import State, Workbench
 _Added = tuple[Sequence[int], Sequence[int], float]  # as `Stretches.with_noises` takes them
 
 
-def with_further_noises(bench: Workbench, states: Sequence[State], least: float = 0.0) -> tuple[Workbench, list[State]]:
+def with_further_noises(bench: Workbench, states: Sequence[State]) -> tuple[Workbench, list[State]]:
     """A bench with the noises that make the first of some states likelier, one kind at a time, and all of them on it.
 
     Where errors have a period, a swell that pushes two velocities or more, or that sensors misread; where those of a
