@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from identification.deciding import EXPLAINED
 from identification.diagnosis.judge.common import Common
 from identification.diagnosis.judge.findings import as_coefficients, coefficient_of, coefficient_twins, twin_effects
 from identification.diagnosis.judge.found import Coefficient, Effect
@@ -51,7 +52,7 @@ def concluded(scoring: Scoring, found: Reported, scored: Scored) -> Conclusion:
     verdict = verdict_of(effects, tied, explained, bool(found.left), not found.effects, wrong)
     told = tuple(as_coefficients(known.given.plant, effects))
     unexplained = verdict == "unexplained"
-    if log.slipped or (log.doubts and unexplained):
+    if log.slipped or (log.doubts and unexplained and explained < EXPLAINED):  # with less, they are still far apart
         verdict = "doubted"
     if unexplained:
         return Conclusion(verdict, (), told, (), (), coefficients, before, explained)

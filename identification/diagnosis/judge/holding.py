@@ -33,8 +33,11 @@ class Held:
     left: Left
 
 
-def what_holds(searched: Searched) -> Held:
-    """The effects that most halves of the record see, and whose size is one, the others confirmed without the rest."""
+def what_holds(searched: Searched, varying: bool = False) -> Held:
+    """The effects that most halves of the record see, and whose size is one, the others confirmed without the rest.
+
+    varying: whether those stay of which parts of the record contradict each other; nothing constant is named then.
+    """
     bench, nominal, state, count = searched.known.bench, searched.nominal, searched.state, len(searched.candidates)
     held, survivals, dropped = list[Round](), list[Survival](), dict[Trial, str]()
     for made in searched.rounds:
@@ -43,7 +46,7 @@ def what_holds(searched: Searched) -> Held:
         found = survival(bench, made, made.before or nominal, count)
         if not found.holds:
             dropped[made.chosen] = RARE
-        elif held and _varies(bench, state, made.chosen):
+        elif held and not varying and _varies(bench, state, made.chosen):
             dropped[made.chosen] = VARIES  # beside a stronger effect; without that, nothing constant is named
         else:
             held.append(made)

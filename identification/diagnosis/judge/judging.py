@@ -12,9 +12,9 @@ from identification.diagnosis.judge.concluding import concluded
 from identification.diagnosis.judge.detectable import detectable_effects
 from identification.diagnosis.judge.holding import what_holds
 from identification.diagnosis.judge.remaining import Remaining, what_remains
-from identification.diagnosis.judge.reporting import reported, withdrawn
-from identification.diagnosis.judge.scoring import Scoring
-from identification.diagnosis.judge.verdict import Diagnosis
+from identification.diagnosis.judge.reporting import Reported, reported, withdrawn
+from identification.diagnosis.judge.scoring import Scored, Scoring
+from identification.diagnosis.judge.verdict import VARIES, Diagnosis
 from identification.diagnosis.judge.weighing import weigh
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold
@@ -31,13 +31,22 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
     source: of the record, for those who read the result.
     """
     bench, record, asked, extras = searched.known.bench, log.record, log.asked, Extras()
-    held = what_holds(searched)
-    progress(0.82, "weighing what explains the log as well")
-    found = reported(searched, held, weigh(searched, held, asked.most))
-    progress(0.84, "scoring free runs")
     scoring = Scoring(log, searched, extras)
-    scored = scoring.scored(found.state, found.weighed.rounds)
-    if found.weighed.rounds and found.left and scoring.explained(scored.refitted, scored.after) < 0.0:
+
+    def weighed(varying: bool) -> tuple[Reported, Scored, bool]:
+        held = what_holds(searched, varying)
+        progress(0.82, "weighing what explains the log as well")
+        found = reported(searched, held, weigh(searched, held, asked.most))
+        progress(0.84, "scoring free runs")
+        scored = scoring.scored(found.state, found.weighed.rounds)
+        worse = bool(found.left) and scoring.explained(scored.refitted, scored.after) < 0.0
+        return found, scored, bool(found.weighed.rounds) and worse
+
+    found, scored, worse = weighed(False)
+    if worse and VARIES in found.dropped.values():  # they may need what differs between parts
+        whole = weighed(True)
+        found, scored, worse = (found, scored, worse) if whole[2] else whole
+    if worse:
         found, scored = withdrawn(searched, found), replace(scored, after=scored.refitted)
     state, rest = found.state, [] if log.slipped else candidates_of(found.state.plant, record)
     if rest and not replace(found.left, gusts=()) and found.dives is None:

@@ -1,6 +1,7 @@
 """Whether an effect has one size: a rudder offset throughout and from half-way on, trapped air in dives."""
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from auv_gym.records.record import concat
 from identification.deciding import UNSTEADY
 from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge import findings, holding, remaining
+from identification.diagnosis.judge.scoring import Scoring
 from identification.diagnosis.judge.verdict import VARIES
 from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search import constancy, remainder
 from identification.diagnosis.search.candidates import candidates_of
 from identification.diagnosis.search.constancy import Steadiness, dives_of, sizes_by_dive, steadiness
@@ -166,6 +169,28 @@ def test_a_weaker_effect_of_which_parts_contradict_each_other_is_not_named_and_t
     assert found.dropped == {OFFSET: VARIES}
     assert found.left  # the log is not explained
     assert "but parts of the log contradict each other in the size of it" in " ".join(found.summary().split())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("explained, verdict", [(0.9, "unexplained"), (0.3, "doubted")])
+def test_an_effect_that_varies_stays_where_the_others_foretell_nothing_without_it(monkeypatch, explained, verdict):
+    """Nothing constant is named then.  With most explained, log and vehicle are not too far apart."""
+    plant = load_vehicle("slocum")
+    truth = replace_at(plant, {OFFSET: 0.006, DEADBAND: 0.08})
+    record = closed_loop(truth, rng=np.random.default_rng(701), duration=900.0)
+    unlike = lambda bench, state, paths: Steadiness(paths[0], 0.5 * UNSTEADY)  # noqa: E731
+    for module in (holding, findings):
+        monkeypatch.setattr(module, "steadiness", unlike)
+    share = lambda self, before, after: explained if value_at(after.plant, OFFSET) else -0.1  # noqa: E731
+    monkeypatch.setattr(Scoring, "explained", share)
+    monkeypatch.setattr(remaining, "discover", lambda bench, state, *_: Discovery(state.plant, state.paths, state))
+    doubt = Doubt("the log and the vehicle are far apart", ("heading_rad",), 1.0, "check the log")
+    doubting = lambda *a: replace(check_log(*a), doubts=(doubt,))  # noqa: E731
+    monkeypatch.setattr(import_module("identification.diagnosis.diagnose"), "check_log", doubting)
+    found = diagnose(record, plant)
+    assert found.verdict == verdict
+    assert {e.path for e in found.alike} == {OFFSET, DEADBAND}
+    assert (found.effects, found.dropped) == ((), {})
 
 
 def test_a_coefficient_that_changes_half_way_is_left():
