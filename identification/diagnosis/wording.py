@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -42,21 +42,23 @@ def sized(title: str, size: str, limits: str, *more: str) -> str:
 
 def accelerations(process: Mapping[str, tuple[float, float]]) -> str:
     """What pushes a vehicle at random: by velocity or place, the deviation and the correlation time, s, in words."""
-    pushes = []
-    for name, (size, time) in process.items():
-        known = channel(name)
-        unit = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}.get(known.unit or "", f"{known.unit}/s")
-        pushes.append(f"{known.label} {quantity(size, unit)} RMS with a correlation time of {quantity(time, 's')}")
-    return "; ".join(pushes)
+    rates = {"m/s": "m/s^2", "rad/s": "rad/s^2", "m": "m/s"}
+    return _random(process, lambda unit: rates.get(unit, f"{unit}/s"))
 
 
 def lasting_errors(errors: Mapping[str, tuple[float, float]]) -> str:
     """Errors of readings that last: by channel, the deviation and the correlation time, s, in words."""
-    return "; ".join(
-        f"{channel(name).label} {quantity(size, channel(name).unit)} RMS with a correlation time of "
-        f"{quantity(time, 's')}"
-        for name, (size, time) in errors.items()
-    )
+    return _random(errors, lambda unit: unit)
+
+
+def _random(noises: Mapping[str, tuple[float, float]], unit_of: Callable[[str], str]) -> str:
+    """Noises that last, in words; unit_of: of a deviation, from the channel's."""
+    told = []
+    for name, (size, time) in noises.items():
+        known = channel(name)
+        deviation = quantity(size, unit_of(known.unit or ""))
+        told.append(f"{known.label} {deviation} RMS with a correlation time of {quantity(time, 's')}")
+    return "; ".join(told)
 
 
 def short(title: str) -> str:

@@ -58,7 +58,7 @@ class Noises(Filter):
             return logs
         system, times = self._first_system, np.full(len(self.pushed), self.slowness[0])
         guesses = [np.r_[logs, np.log(share * self.unit), times] for share in _FIRST_GUESSES]
-        tried = [self._without(guess, np.flatnonzero(self.swells | self.misread).tolist()) for guess in guesses]
+        tried = [self._without(guess, np.flatnonzero(self.further).tolist()) for guess in guesses]
         likely = np.array(side_by_side(partial(self._likelihood, system), tried))
         if not np.isfinite(likely).any():
             raise ValueError(

@@ -118,7 +118,7 @@ class Stretches(Parameters):
         """Which states accelerations push: velocities, or where there are none that count, what moves by itself."""
         family = self.plant.family
         resting = family.resting(self.channels)
-        names = [n for n in family.states if n.endswith(("mps", "radps")) and n not in resting]
+        names = [n for n in family.states if _is_velocity(n) and n not in resting]
         names += [n for n in ("north_m", "east_m") if n in family.states and n in self.channels]
         self.driven = driven_states(self.plant, self.record, self.chart, self.channels)
         self.resting = np.array([n in resting and n not in self.driven for n in family.states])
@@ -213,8 +213,12 @@ class Stretches(Parameters):
     @property
     def velocities(self) -> list[int]:
         """Which accelerations push velocities, and fade."""
-        of = np.flatnonzero(~(self.swells | self.misread))
-        return [d for d in of.tolist() if self.pushed[d].endswith(("mps", "radps"))]
+        return [d for d in np.flatnonzero(~self.further).tolist() if _is_velocity(self.pushed[d])]
+
+    @property
+    def further(self) -> np.ndarray:
+        """Which noises `with_noises` has added, (D,): those of a swell, and errors of readings that last."""
+        return self.swells | self.misread
 
     @property
     def swells(self) -> np.ndarray:
@@ -236,7 +240,7 @@ class Stretches(Parameters):
         units = spread[self._pushed] / _SLOW
         within = np.diff(self.stretch_of_row) == 0
         for d, (name, i) in enumerate(zip(self.pushed, self._pushed, strict=True)):
-            if not name.endswith(("mps", "radps")):
+            if not _is_velocity(name):
                 seen = self.chart.on and name in ANGLES
                 place = self.chart.turned[self.rows, ANGLES.index(name)] if seen else self.first_path[:, i]
                 speed = np.diff(place)[within] / self.durations[:-1][within]
@@ -351,6 +355,11 @@ class Stretches(Parameters):
         names = (*family.states, *family.sensors, *self.pushed)
         sizes = [_SMALL if names[i].endswith("m3") else _PROBE for i in moved]
         return np.array(sizes) / np.where(np.asarray(moved) < self._size, 1.0, row)
+
+
+def _is_velocity(name: str) -> bool:
+    """Whether a state is a velocity, of turning too."""
+    return name.endswith(("mps", "radps"))
 
 
 def _varies(readings: np.ndarray) -> bool:

@@ -8,6 +8,7 @@ from auv_gym.plant import load_vehicle
 from scripts.blind import own_cruise
 from scripts.blind.own_cruise import cruised
 from scripts.studies.driven import CASES, truth_of
+from tests.scripts.following import assert_it_follows
 
 VEHICLE = load_vehicle("vt690")
 
@@ -27,15 +28,7 @@ def test_it_moves_as_the_compiled_vehicle_does(monkeypatch):
     # a cruise through the water is over ground here, so that the vehicle starts with less or more of the current
     x[[states.index(n) for n in ("u_mps", "v_mps", "w_mps")]] = log["u_dvl_mps"][0] - 0.1, 0.05, log["w_dvl_mps"][0]
     x[states.index("depth_m")] = 8.0
-    commands = np.column_stack([log[n] for n in plant.inputs])
-    compared = [name for name in plant.outputs if log.has(name)]
-    for k, held in enumerate(commands):
-        y = dict(zip(plant.outputs, plant.output(x), strict=True))
-        for name in compared:
-            if log.readings(name)[k]:
-                assert y[name] == pytest.approx(log[name][k], abs=0.03 if name == "depth_m" else 4e-3), (k, name)
-        for _ in range(own_cruise.EVERY):
-            x = plant.step(x, held)
+    assert_it_follows(plant, x, log, own_cruise.EVERY, depth=0.03, other=4e-3)
 
 
 def test_a_swell_pushes_it_at_its_period():

@@ -10,6 +10,7 @@ from scripts.blind.own_forces import DAMPING
 from scripts.blind.own_rov import driven
 from scripts.studies.driven import CASES, STUDY, truth_of
 from scripts.studies.harness import Found
+from tests.scripts.following import assert_it_follows
 
 VEHICLE = load_vehicle("bluerov2_heavy")
 
@@ -26,16 +27,7 @@ def test_it_moves_as_the_compiled_vehicle_does(monkeypatch):
     states = plant.family.states
     x = plant.initial(np.zeros(len(plant.outputs)))
     x[[states.index(name) for name in ("u_mps", "v_mps", "depth_m")]] = -0.1, 0.05, 5.0  # at rest over ground
-    commands = np.column_stack([log[n] if log.has(n) else np.full(len(log), plant.constants[n]) for n in plant.inputs])
-    compared = [name for name in plant.outputs if log.has(name)]
-    for k, held in enumerate(commands):
-        y = dict(zip(plant.outputs, plant.output(x), strict=True))
-        for name in compared:
-            if log.readings(name)[k]:
-                # depth is read in cm
-                assert y[name] == pytest.approx(log[name][k], abs=0.006 if name == "depth_m" else 2e-3), (k, name)
-        for _ in range(own_rov.EVERY):
-            x = plant.step(x, held)
+    assert_it_follows(plant, x, log, own_rov.EVERY, depth=0.006, other=2e-3)  # depth is read in cm
 
 
 def test_its_sensors_err_as_they_say():

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from identification.diagnosis.search.constancy import OfDive
+from identification.diagnosis.search.constancy import OfDive, varies
 from identification.diagnosis.wording import interval, quantity, sized
 
 
@@ -71,6 +71,11 @@ class Effect:
     steady: float = 1.0
     apart: float = np.inf
     by_dive: tuple[OfDive, ...] = ()
+
+    @property
+    def unsteady(self) -> bool:
+        """Whether its size differs much between parts of the record, and not from dive to dive."""
+        return varies(self.steady, self.apart) and not self.by_dive
 
     @property
     def name(self) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 from identification.deciding import EXPLAINED, MANY_WINDOWS
 from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.verdict import Stage, Verdict
-from identification.diagnosis.search.constancy import varies
 from identification.fit.residual import noise_floors
 
 
@@ -37,7 +36,7 @@ def many_windows(windows: Sequence[slice], steady: bool) -> bool:
 
 def unsteady_of(effects: Sequence[Effect]) -> list[Effect]:
     """The effects whose size differs much between parts of the record, and not from dive to dive; the surest first."""
-    return sorted((e for e in effects if varies(e.steady, e.apart) and not e.by_dive), key=lambda e: e.steady)
+    return sorted((e for e in effects if e.unsteady), key=lambda e: e.steady)
 
 
 def verdict_of(

@@ -24,7 +24,6 @@ from identification.diagnosis.log.kinematics import Kinematics
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
-from identification.diagnosis.search.constancy import varies
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.workbench import State
@@ -317,7 +316,7 @@ def _dives_sentence(d: Diagnosis) -> str:
 
 def unsteady_sentence(d: Diagnosis) -> str:
     """Effects whose size differs between parts of the log, and not from dive to dive."""
-    names = [short(e.name) for e in d.alike if varies(e.steady, e.apart) and not e.by_dive]
+    names = [short(e.name) for e in d.alike if e.unsteady]
     if not names:
         return ""
     which = "Its size" if len(names) == len(d.alike) == 1 else f"The size of {listed(names)}"
@@ -326,7 +325,7 @@ def unsteady_sentence(d: Diagnosis) -> str:
 
 def slight_sentence(d: Diagnosis) -> str:
     """Effects whose size surely differs between parts of the log, and hardly."""
-    slight = [e for e in d.added if e.steady < UNSTEADY and not varies(e.steady, e.apart) and not e.by_dive]
+    slight = [e for e in d.added if e.steady < UNSTEADY and not (e.unsteady or e.by_dive)]
     told = listed([f"{short(e.name)} (by up to {100.0 * e.apart:.2g} %)" for e in slight])
     return f"Parts of the log differ slightly in the size of {told}." if slight else ""
 

@@ -34,11 +34,6 @@ class Searched:
     rounds: tuple[Round, ...]
     left: Left
 
-    @property
-    def chosen(self) -> int:
-        """How many effects there are."""
-        return sum(made.chosen is not None for made in self.rounds)
-
 
 @dataclass(frozen=True, eq=False)
 class _Chosen:
