@@ -121,6 +121,8 @@ FINALISTS = 3
 """Candidates that are fitted to the end.  Source: convention, time."""
 CLOSER = 0.8
 """Share of the best promise from which more are fitted to the end.  Source: convention."""
+PROMISED = 0.5
+"""Share of what an effect must bring that few steps of its fit must promise.  Source: convention, time."""
 HOPELESS = 60.0
 """Evidence by which an effect is behind at the noises of another, too much to make up.  Source: convention."""
 FAR_FROM_GIVEN = DOUBT

@@ -28,10 +28,12 @@ from auv_gym.cli import (  # noqa: F401  # each puts its command into `app`
 )
 from auv_gym.cli.application import app
 from auv_gym.cli.options.console import errors
+from auv_gym.cli.options.heaps import with_few_heaps
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command line; returns the exit code: 1 for an error in the data or settings, 2 for one in the usage."""
+    with_few_heaps()
     if arguments is None and sys.argv[1:2] == ["look"]:  # a process of its own, which simulates nothing
         os.environ.setdefault("AUV_GYM_JIT", "0")  # so numba is not imported,
         sys.modules.setdefault("dask", None)  # ty: ignore[no-matching-overload]  # nor dask, by xarray: a second and a half

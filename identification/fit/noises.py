@@ -25,6 +25,7 @@ FAR = 1.0  # of the log-likelihood, for each row, by which a vehicle is far from
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)
 NOISE_STEPS = 6  # to better noises, after each turn of a fit
+_FADING = 2.0  # of the log-likelihood, that an e-fold less of an acceleration promises where it may be too strong
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,7 @@ class Noises(Filter):
         logs = np.clip(point.logs, *limits.T)
         value, made = self._noise_pass(point, logs, fresh)
         slope = self._noise_slopes(point, logs, made, fresh) / unit
-        other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope, fresh)
+        other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope * unit, fresh)
         if other is not logs:
             logs, inverse, (value, made) = other, np.eye(logs.size), self._noise_pass(point, other)
             slope = self._noise_slopes(point, logs, made) / unit
@@ -219,7 +220,7 @@ class Noises(Filter):
         assert point.system is not None
         first, pushed = len(self.channels), len(self.pushed)
         strengths = logs[first : first + pushed]
-        which = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < 0.0))
+        which = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < -_FADING))
         if not which.size:
             return logs
         weaker = np.where(self._guesses < strengths, self._guesses, np.nan) if fresh else None

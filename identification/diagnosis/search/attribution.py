@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -47,11 +47,12 @@ def attribute(
     most: int,
     sensors: Sequence[Mismatch],
     progress: Progress,
+    sought: Collection[str] = (),
 ) -> tuple[State, list[Round]]:
     """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
 
     sensors: what kinematics says of them; where runs do not tell a sensor from a force, that decides.  What kinematics
-    shows plainly comes before any force.
+    shows plainly comes before any force.  sought: paths that are fitted to the end whatever they promise.
 
     Each round screens every candidate by regression, fits the promising ones jointly with all that was fitted before,
     and accepts the one with most evidence if parts foretell it of each other.
@@ -69,6 +70,7 @@ def attribute(
             sensors,
             lambda f, text, d=done, s=share: progress(d + s * f, text),
             number < most,
+            sought,
         )
         rounds.append(made)
         if made.chosen is None:
@@ -90,13 +92,14 @@ def selected(
     sensors: Sequence[Mismatch],
     progress: Progress = lambda fraction, text: None,
     more: bool = True,
+    sought: Collection[str] = (),
 ) -> Round:
     """One round beside what was fitted before; nothing is chosen where no trial is accepted or no `more` are wanted.
 
-    count: of all candidates, for the bar.
+    count: of all candidates, for the bar.  sought: as in `attribute`.
     """
     plain = {path for m in sensors if m.evidence >= PLAIN for path in (m.path, *m.tied)}
-    trials = trials_of(bench, state, left, count, progress, plain)
+    trials = trials_of(bench, state, left, count, progress, {*plain, *sought})
     accepted = [t for t in trials if not t.objection]
     accepted = [t for t in accepted if not plain.isdisjoint(t.candidate.paths)] or accepted
     if not accepted or not more:

@@ -8,9 +8,11 @@ effects that imitate it, and differences between parts of a record, look more ce
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
+from auv_gym.threads import side_by_side
 from identification.deciding import COST, LEAST_OF_SWELL, MOST_SWELLS
 from identification.diagnosis.search.remainder import coloured_channels
 from identification.diagnosis.search.swell import period_of_swell
@@ -30,15 +32,14 @@ def with_further_noises(bench: Workbench, states: Sequence[State]) -> tuple[Work
     found = list(states)
     while len(bench.problem.velocities) >= LEAST_OF_SWELL and (kinds := _kinds(bench, found[0])):
         likeliest, most = None, 0.0
-        for kind in kinds:
-            other = _pruned(bench, found[0], kind)
+        for kind, other in zip(kinds, side_by_side(partial(_pruned, bench, found[0]), kinds), strict=True):
             gain = 0.0 if other is None else _gain(bench, found[0], *other) - COST * (kind[2] > 0.0)
             if other is not None and gain > most:
                 likeliest, most = other, gain
         if likeliest is None:
             break
-        found = [likeliest[1], *(_fitted(likeliest[0], one) for one in found[1:])]
-        bench = likeliest[0]
+        bench, first = likeliest
+        found = [first, *side_by_side(partial(_fitted, bench), found[1:])]
     return bench, found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from identification.deciding import FEW_STATES, FORETELLS
@@ -50,8 +51,13 @@ class _Chosen:
     rounds: tuple[Round, ...]
     noisier: tuple[Known, State] | None
 
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Those of the effects."""
+        return tuple(p for made in self.rounds if made.chosen is not None for p in made.chosen.candidate.paths)
 
-def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searched:
+
+def search_effects(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str] = ()) -> Searched:
     """Forward selection, what it chose confirmed, and second thoughts where something is left.
 
     Where the steps of integration turn out to be too long for what was found, all is repeated in shorter ones: an
@@ -59,15 +65,18 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress) -> Searche
     has stopped too early, and where the errors beside what was found show waves, or readings whose errors last: beside
     these, effects and differences between parts seem more certain than they are.  That search counts unless it has lost
     the way.
+
+    sought: paths that are fitted to the end whatever they promise; beside further noises, those that were chosen
+    without them.
     """
     found: Searched | Known = known
     while isinstance(found, Known):
-        chosen = _selected(log, found, progress)
+        chosen = _selected(log, found, progress, sought)
         if isinstance(chosen, Known):
             found = chosen
             continue
         if chosen.noisier is not None:
-            again = search_effects(log, chosen.noisier[0], progress)
+            again = search_effects(log, chosen.noisier[0], progress, chosen.paths)
             if not _lost(*chosen.noisier, again):
                 return again
         found = _reconsidered(log, chosen, progress)
@@ -85,13 +94,14 @@ def _lost(noisier: Known, state: State, again: Searched) -> bool:
     return 2.0 * ahead > more * threshold(len(again.candidates)) or noisier.bench.nearer(again.state, state) > FORETELLS
 
 
-def _selected(log: CheckedLog, known: Known, progress: Progress) -> _Chosen | Known:
+def _selected(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str]) -> _Chosen | Known:
     """Forward selection, or what was fitted before it where that must be repeated."""
     bench, nominal = known.bench, known.nominal
     kinematics = kinematic_findings(log.record, bench.plant)
     candidates = [] if log.slipped else candidates_of(bench.plant, log.record)
+    most, sensors = log.asked.most, kinematics.mismatches
     state, rounds = attribute(
-        bench, nominal, candidates, log.asked.most, kinematics.mismatches, lambda f, t: progress(0.05 + 0.75 * f, t)
+        bench, nominal, candidates, most, sensors, lambda f, t: progress(0.05 + 0.75 * f, t), sought
     )
     anew = known.in_suited_steps(state)
     if anew is known and state is nominal and rounds:

@@ -20,6 +20,7 @@ from identification.deciding import (
     LEAST_TRACE,
     PART_LEVEL,
     PRICE,
+    PROMISED,
     SEEN,
     SHORT_LIST,
 )
@@ -278,7 +279,7 @@ def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial
     near, paths = begun.state, begun.state.paths
     if near.quiet:
         near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
-    return judged(bench, state, begun.screening.candidate, begun.screening, near, count)
+    return judged(bench, state, begun.screening.candidate, begun.screening, near, count, again=not begun.state.quiet)
 
 
 def _all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
@@ -306,19 +307,36 @@ def _overtaken(
 ) -> list[Begun]:
     """Those that were no finalists, and yet promise more than any of these reached, once all promises are true.
 
-    gain: the true promises.
+    Half as much where random accelerations were taken as strong as they are: these promises are true, less than whole
+    fits bring, and what weaker accelerations promise has hidden them.  gain: the true promises.
     """
     done = {t.candidate for t in trials}
     least = max([bar, *(t.train for t in trials if not t.objection)])
-    left = [b for b in begun if b.screening.candidate not in done and gain[b.screening.candidate] > least]
+    left = [
+        b
+        for b in begun
+        if b.screening.candidate not in done
+        and gain[b.screening.candidate] > least * (1.0 if b.state.quiet else PROMISED)
+    ]
     return sorted(left, key=lambda b: -gain[b.screening.candidate])[:FINALISTS]
 
 
 def judged(
-    bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
+    bench: Workbench,
+    state: State,
+    candidate: Candidate,
+    screening: Screening,
+    near: State,
+    count: int,
+    again: bool = True,
 ) -> Trial:
-    """The trial of a candidate fitted from a state near by."""
-    reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
+    """The trial of a candidate fitted from a state near by.
+
+    again: whether weaker accelerations may help a fit that has nearly come far enough; not where it began with them.
+    """
+    least = PROMISED * threshold(count, len(near.paths) - len(state.paths)) if again else np.inf
+    worth = bench.problem.objective(state.point, state.paths) + 0.5 * least
+    reached = bench.likelier_from_given(tried(bench.problem, near, worth), HOPELESS, worth)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

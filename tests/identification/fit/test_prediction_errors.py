@@ -471,6 +471,35 @@ def test_weaker_accelerations_are_tried_only_where_the_filter_keeps_to_the_recor
     assert problem._quieter(point, PATHS) is point
 
 
+@pytest.mark.parametrize("worth, tried", [(-1.0, True), (1.0, False)])
+def test_weaker_accelerations_are_not_tried_where_a_fit_has_not_reached_what_is_worth_it(
+    pushed, monkeypatch, worth, tried
+):
+    problem, asked = PredictionErrors(GLIDER, pushed, whole(pushed)), []
+    reached = problem.objective(problem.solve(GLIDER, PATHS), PATHS)
+    monkeypatch.setattr(problem, "_quieter", lambda here, paths: asked.append(here) or here)
+    problem.solve(GLIDER, PATHS, worth=reached + worth)
+    assert bool(asked) is tried
+
+
+def test_accelerations_that_suit_a_record_are_not_tried_at_other_strengths(pushed, monkeypatch):
+    """Of the likeliest strengths some could be a little less likely greater, which says nothing of far weaker ones."""
+    problem, asked = PredictionErrors(GLIDER, pushed, whole(pushed)), []
+    point = problem.solve(GLIDER, PATHS)
+    first, pushes = len(problem.channels), len(problem.pushed)
+    strong = point.logs.copy()
+    strong[first : first + pushes] += 2.0
+    tried = problem._likeliest
+    monkeypatch.setattr(problem, "_likeliest", lambda *which: asked.append(which) or tried(*which))
+    near = point.logs.copy()
+    near[first : first + pushes] += 0.01
+    assert -2.0 < problem.noise_slopes(point, near)[1][first] < 0.0
+    problem.better_noise(problem.with_noise(point, near))
+    assert not asked
+    problem.better_noise(problem.with_noise(point, strong))
+    assert asked
+
+
 def test_a_push_that_lasts_is_tried_as_a_brief_one_which_cannot_take_a_steady_effects_part(monkeypatch):
     """Nothing pushes this glider, and its rudder's offset is missing: a push that lasts is found in its place."""
     log = glider_log(0, push=0.0)

@@ -18,6 +18,7 @@ from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.search.searching import search_effects
 from identification.diagnosis.search.swaps import Reconsidering
+from identification.diagnosis.search.trials import FAR_LESS
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import run_mission
@@ -49,8 +50,8 @@ def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behi
     known, asked = fit_known(log, lambda fraction, text: None), []
     fits = Workbench.likelier_from_given
 
-    def likelier(bench, state, hopeless):
-        found = fits(bench, state, hopeless)
+    def likelier(bench, state, hopeless, *worth):
+        found = fits(bench, state, hopeless, *worth)
         if hopeless == np.inf:
             found = replace(found)
             asked.append((state, found))
@@ -98,12 +99,24 @@ def turning():
     return log, fit_known(log, lambda fraction, text: None)
 
 
+def test_what_is_sought_is_fitted_to_the_end_however_little_it_promises(turning):
+    log, known = turning
+    candidates = candidates_of(known.bench.plant, log.record)
+
+    def fitted(*sought):
+        _, rounds = attribute(known.bench, known.nominal, candidates, 1, [], lambda fraction, text: None, sought)
+        return {t.candidate.paths: t for t in rounds[0].trials}
+
+    (behind, *_) = (paths for paths, t in fitted().items() if t.objection == FAR_LESS)
+    assert fitted(behind[0])[behind].state is not None
+
+
 @pytest.mark.parametrize(
     "ahead, farther, kept", [(0.0, False, False), (5.0, False, False), (50.0, False, True), (0.0, True, True)]
 )
 def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead, farther, kept):
     """Beside what it has found; the first one counts where the second has lost the way, or foretells less."""
-    (log, known), asked = turning, []
+    (log, known), asked, sought = turning, [], []
     other = replace(known)
 
     def noisier(self: Known, state: State) -> tuple[Known, State]:
@@ -113,17 +126,24 @@ def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead,
 
     nearer = Workbench.nearer
 
+    def selecting(*arguments):
+        sought.append(arguments[-1])
+        return attribute(*arguments)
+
     def foretells(bench: Workbench, before: State, after: State) -> float:
         same = before.paths == after.paths
         return 1.0 if farther and same else nearer(bench, before, after)
 
     monkeypatch.setattr(Known, "with_further_noises", noisier)
     monkeypatch.setattr(Workbench, "nearer", foretells)
+    monkeypatch.setattr(searching, "attribute", selecting)
     found = search_effects(log, known, lambda fraction, text: None)
     assert found.known is (known if kept else other)
     assert sum(made.chosen is not None for made in found.rounds) == 1
     assert len(asked) == 2  # once in each search, where no further effect was accepted
     assert all("effects.rudder.offset" in paths or "effects.yaw.moment" in paths for paths in asked)
+    assert not sought[0]
+    assert set(sought[1]) == {*asked[0]} - {*known.nominal.paths}  # what was found without them is tried to the end
 
 
 def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):

@@ -14,6 +14,7 @@ from auv_gym.plant import load_vehicle
 from identification.deciding import HOPELESS
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
@@ -53,7 +54,7 @@ def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypa
     bench, state, candidates = start
     asked, better = [], []
 
-    def likelier(self: Workbench, reached: State, hopeless: float) -> State:
+    def likelier(self: Workbench, reached: State, hopeless: float, worth: float) -> State:
         asked.append(hopeless)
         better.append(replace(reached))
         return better[-1]
@@ -62,6 +63,21 @@ def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypa
     (found,) = trials_of(bench, state, [c for c in candidates if OFFSET in c.paths], len(candidates), quiet)
     assert asked == [HOPELESS]
     assert found.state is better[0]
+
+
+@pytest.mark.parametrize("again", [True, False])
+def test_weaker_accelerations_may_help_a_trial_that_reaches_half_of_what_is_needed(start, monkeypatch, again):
+    (bench, state, candidates), asked = start, []
+    least = bench.problem.objective(state.point, state.paths) + 0.25 * threshold(len(candidates))
+
+    def reaching(problem, near, worth):
+        asked.append(worth)
+        return near
+
+    monkeypatch.setattr(trials, "tried", reaching)
+    near = replace(state, paths=(*state.paths, OFFSET))
+    trials.judged(bench, state, candidates[0], screened_of(OFFSET), near, len(candidates), again)
+    assert asked == pytest.approx([least if again else np.inf])
 
 
 def test_one_whose_step_promises_nothing_is_not_fitted(start):
@@ -88,8 +104,9 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
         begun[args[3].candidate] = own(*args)
         return begun[args[3].candidate]
 
-    def kept(bench, state, candidate, screening, near, count):
+    def kept(bench, state, candidate, screening, near, count, again):
         nears[candidate] = near
+        assert again is not begun[candidate].state.quiet  # it has begun with weaker accelerations already
         return trials.Trial(candidate, near, 1.0, 1.0, screening, "")
 
     own = trials._begun
@@ -397,20 +414,30 @@ def test_what_promises_most_from_the_state_as_it_is_is_listed_whatever_weak_acce
 
 
 def test_what_promises_more_than_finalists_reached_is_fitted_too():
-    """The finalist, from a quieted state, keeps a tenth of what it promised, and one from the state as it is less."""
+    """The finalist, from a quieted state, keeps a tenth of what it promised, and two from the state as it is less.
+
+    Of these, half of what is needed is enough: whole fits bring more.
+    """
+    quieted = replace(state_of(QUICK, OFFSET), quiet=True)
     begun = [
-        trials.Begun(screened_of(p), state_of(QUICK, p), r) for p, r in ((OFFSET, 400.0), (GAIN, 90.0), (LAG, 40.0))
+        trials.Begun(screened_of(OFFSET), quieted, 400.0),
+        trials.Begun(screened_of(GAIN), replace(quieted), 90.0),
+        trials.Begun(screened_of(LAG), state_of(QUICK, LAG), 40.0),
+        trials.Begun(screened_of("effects.yaw.moment"), state_of(QUICK), 7.0),
     ]
-    gain = dict(zip((b.screening.candidate for b in begun), (40.0, 9.0, 40.0), strict=True))
+    gain = dict(zip((b.screening.candidate for b in begun), (40.0, 9.0, 40.0, 7.0), strict=True))
     refused = trials.Trial(begun[0].screening.candidate, None, 39.0, 0.0, begun[0].screening, UNSTABLE)
     accepted = replace(refused, train=45.0, objection="")
 
     def overtaken(trial, bar):
         return [b.screening.candidate.paths[0] for b in trials._overtaken(begun, [trial], gain, bar)]
 
-    assert overtaken(refused, 12.0) == [LAG]
-    assert overtaken(refused, 41.0) == []
-    assert overtaken(accepted, 12.0) == []
+    assert overtaken(refused, 12.0) == [LAG, "effects.yaw.moment"]
+    assert overtaken(refused, 8.0) == [LAG, GAIN, "effects.yaw.moment"]
+    assert overtaken(refused, 79.0) == [LAG]
+    assert overtaken(refused, 81.0) == []
+    assert overtaken(accepted, 12.0) == [LAG]
+    assert overtaken(replace(accepted, train=81.0), 12.0) == []
 
 
 def test_one_beside_louder_promises_is_fitted_all_the_same(start, monkeypatch):
