@@ -17,7 +17,7 @@ import numpy as np
 from auv_gym.plant import Plant
 from auv_gym.plant.cruise import find_cruise
 from auv_gym.records.record import Record
-from scripts.blind.own_forces import Hull
+from scripts.blind.own_forces import Hull, stepped
 from scripts.blind.own_rov import logged, rates
 
 STEP, EVERY = 0.02, 5  # s, and steps to a sample
@@ -71,11 +71,7 @@ def cruised(
             compass += -STEP / WANDERING * compass + wander * sqrt(2.0 * STEP / WANDERING) * rng.standard_normal()
         if swing:
             doppler = _swung(doppler, 2.0 * pi / SWINGING, rng)
-        moved = partial(_rates, hull, flows, own.load.net_buoyancy, pushed, held * left)
-        k1 = moved(x)
-        k2 = moved(x + 0.5 * STEP * k1)
-        k3 = moved(x + 0.5 * STEP * k2)
-        x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + moved(x + STEP * k3))
+        x = stepped(partial(_rates, hull, flows, own.load.net_buoyancy, pushed, held * left), x, STEP)
         if not (abs(x[4]) < 1.2 and x[2] > 0.0):
             raise ValueError(f"The run of {plant.name} was cut short after {k * STEP:.0f} s: lower push or swell.")
     return logged(plant, rows, plant.inputs)

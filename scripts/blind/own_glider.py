@@ -6,12 +6,14 @@ Nothing but the coefficients' numbers is shared with the family it stands beside
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from math import ceil, cos, sin
 
 import numpy as np
 
 from auv_gym.plant import Plant
 from scripts.blind.disturbances import Sticking, Tripping, lopsided
+from scripts.blind.own_forces import stepped
 
 _STEP = 0.2  # s
 _GRAVITY = 9.81
@@ -51,11 +53,7 @@ class OwnGlider:
             if self.tripping is not None:
                 x[6] = self.tripping.tripped(bool(x[6]), abs(x[1]))
             y, drag = x[:4], 1.0 if self.tripping is None else self.tripping.factor(bool(x[6]))
-            k1 = self._rates(y, held, drag)
-            k2 = self._rates(y + 0.5 * h * k1, held, drag)
-            k3 = self._rates(y + 0.5 * h * k2, held, drag)
-            k4 = self._rates(y + h * k3, held, drag)
-            x[:4] = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            x[:4] = stepped(partial(self._rates, inputs=held, drag=drag), y, h)
             x[4] += h
         return x
 

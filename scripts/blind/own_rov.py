@@ -17,7 +17,7 @@ import numpy as np
 from auv_gym.plant import Plant
 from auv_gym.plant.thrusters import command_of_thrust, find_thrusters
 from auv_gym.records.record import Record
-from scripts.blind.own_forces import Hull, angle_rates, cross, skew, turned
+from scripts.blind.own_forces import Hull, angle_rates, cross, skew, stepped, turned
 
 STEP, EVERY = 0.01, 10  # s, and steps to a sample
 TILT, HEADING, RATE, SPEED, DEPTH = 0.3 * pi / 180.0, 0.8 * pi / 180.0, 0.3 * pi / 180.0, 0.02, 0.01
@@ -68,10 +68,7 @@ def driven(plant: Plant, rng: np.random.Generator, duration: float = 300.0, push
         thrust = [np.interp(c, curve[:, 1], curve[:, 0]) for c, curve in zip(middle, thrusters.curves, strict=True)]
         random = keeps * random + push * PUSHES * sqrt(1.0 - keeps * keeps) * rng.standard_normal(6)
         wrench = thrusters.wrench @ ((1.0 - lost) * thrust) + random
-        k1 = moved(x, wrench)
-        k2 = moved(x + 0.5 * STEP * k1, wrench)
-        k3 = moved(x + 0.5 * STEP * k2, wrench)
-        x = x + STEP / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + moved(x + STEP * k3, wrench))
+        x = stepped(partial(moved, wrench=wrench), x, STEP)
         if not abs(x[4]) < 1.4:
             raise ValueError(f"The run of {plant.name} came near the vertical after {k * STEP:.0f} s.")
     return logged(plant, rows, thrusters.channels)

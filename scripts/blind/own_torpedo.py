@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from controllers.autopilots import autopilot
 from controllers.composed.excited import Excited
 from identification.experiments.manoeuvres import draw_manoeuvres, steered
 from scripts.blind.disturbances import Around, Slack, lopsided
-from scripts.blind.own_forces import Hull, angle_rates, cross, turned
+from scripts.blind.own_forces import Hull, angle_rates, cross, stepped, turned
 
 _SUBSTEPS = 2
 SENSORS = {  # the outputs of each, in the order of a reading
@@ -96,11 +96,7 @@ class Body:
             target[0] = lopsided(held, self.around.side)
             if self.around.tripping is not None:
                 x[16] = self.around.tripping.tripped(bool(x[16]), abs(x[0]))
-            k1 = self._rates(x, target)
-            k2 = self._rates(x + 0.5 * h * k1, target)
-            k3 = self._rates(x + 0.5 * h * k2, target)
-            k4 = self._rates(x + h * k3, target)
-            x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+            x = stepped(partial(self._rates, target=target), x, h)
             for i, (lag, slowness) in enumerate(self.actuators):
                 if lag == 0.0 and slowness == 0.0:
                     x[12 + i] = target[i]

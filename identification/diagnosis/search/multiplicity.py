@@ -14,7 +14,7 @@ def summed_up(signatures: np.ndarray) -> np.ndarray:
 
     Sums with random signs over random groups (Charikar, Chen and Farach-Colton 2004, Theoretical Computer Science 312).
     """
-    count, size = signatures.shape
+    size = signatures.shape[1]
     if size <= _NUMBERS:
         return signatures
     rng = np.random.default_rng(0)
