@@ -41,7 +41,6 @@ class PredictionErrors(Noises):
         iterations: int = 12,
         noise: bool = True,
         gain: float = LEAST_GAIN,
-        worth: float = -np.inf,
     ) -> Point:
         """The point of greatest likelihood over the paths and, with `noise`, the noises, from the plant's values.
 
@@ -49,8 +48,6 @@ class PredictionErrors(Noises):
         In turns: parameters with the filter's gains held, gains made anew, noises.  It ends where a turn raises the
         log-likelihood by less than `gain`.  Where turns bring hardly less than those before, they go along a narrow
         valley by short steps, and the next one is made longer as long as that helps.
-
-        worth: what must be reached for a start from weaker accelerations to be tried at the end, too.
         """
         here, known = self._begun(plant.vector, near), None
         if noise:
@@ -75,7 +72,7 @@ class PredictionErrors(Noises):
             if answered and not exact:
                 exact = True  # no fit ends by slopes that were taken farther away
                 continue
-            there = self._weaker(here, paths, worth) if noise else here
+            there = self._weaker(here, paths) if noise else here
             if not self.objective(there, paths) > self.objective(here, paths) + gain:
                 break
             here, known, exact = there, None, False
@@ -112,13 +109,10 @@ class PredictionErrors(Noises):
             there = self.with_gains(here, here.vector + _SHORTER * (there.vector - here.vector))
         return here
 
-    def _weaker(self, here: Point, paths: Sequence[str], worth: float) -> Point:
-        """The likelier of what is reached from weaker accelerations: without any, or from much weaker ones.
-
-        worth: what must be reached for the latter to be tried.
-        """
+    def _weaker(self, here: Point, paths: Sequence[str]) -> Point:
+        """The likelier of what is reached from weaker accelerations: without any, or from much weaker ones."""
         there = self._stilled(here, paths)
-        if there is here and paths and self.pushed and self.objective(here, paths) >= worth:
+        if there is here and paths and self.pushed:
             there = self._quieter(here, paths)
         return there
 

@@ -279,7 +279,7 @@ def _finished(bench: Workbench, state: State, begun: Begun, count: int) -> Trial
     near, paths = begun.state, begun.state.paths
     if near.quiet:
         near = State(near.plant, paths, bench.problem.renewed(near.point, state.point.logs, paths))
-    return judged(bench, state, begun.screening.candidate, begun.screening, near, count, again=not begun.state.quiet)
+    return judged(bench, state, begun.screening.candidate, begun.screening, near, count)
 
 
 def _all_finished(bench: Workbench, state: State, begun: Sequence[Begun], count: int) -> list[Trial]:
@@ -322,21 +322,10 @@ def _overtaken(
 
 
 def judged(
-    bench: Workbench,
-    state: State,
-    candidate: Candidate,
-    screening: Screening,
-    near: State,
-    count: int,
-    again: bool = True,
+    bench: Workbench, state: State, candidate: Candidate, screening: Screening, near: State, count: int
 ) -> Trial:
-    """The trial of a candidate fitted from a state near by.
-
-    again: whether weaker accelerations may help a fit that has nearly come far enough; not where it began with them.
-    """
-    least = PROMISED * threshold(count, len(near.paths) - len(state.paths)) if again else np.inf
-    worth = bench.problem.objective(state.point, state.paths) + 0.5 * least
-    reached = bench.likelier_from_given(tried(bench.problem, near, worth), HOPELESS, worth)
+    """The trial of a candidate fitted from a state near by."""
+    reached = bench.likelier_from_given(tried(bench.problem, near), HOPELESS)
     found = gate(bench, state, reached, [(candidate, screening)], count)
     return Trial(candidate, reached, found.train, found.held, screening, found.objection)
 

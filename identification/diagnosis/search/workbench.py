@@ -47,9 +47,9 @@ class State:
         return bool(np.isfinite(self.point.scores).all())
 
 
-def tried(problem: PredictionErrors, near: State, worth: float = -np.inf) -> State:
-    """The likeliest state that a trial's fit reaches from a state; worth: see `PredictionErrors.solve`."""
-    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN, worth=worth)
+def tried(problem: PredictionErrors, near: State) -> State:
+    """The likeliest state that a trial's fit reaches from a state."""
+    point = problem.solve(near.plant, near.paths, near.point, ITERATIONS, gain=TRIAL_GAIN)
     return State(problem.plant_at(point, near.paths), near.paths, point)
 
 
@@ -165,14 +165,14 @@ class Workbench:
         far = any(abs(value_at(state.plant, p) - v) > FAR_FROM_GIVEN * abs(v) for p, v in values.items())
         return replace_at(state.plant, values) if far else None
 
-    def likelier_from_given(self, state: State, hopeless: float, worth: float = -np.inf) -> State:
+    def likelier_from_given(self, state: State, hopeless: float) -> State:
         """The state, or what a fit reaches from its effects and the coefficients as given, whichever is likelier.
 
         Coefficients that have paid for what was missing may lie in a valley of the likelihood that no fit leaves once
-        it is there.  hopeless: evidence by which that vehicle may be behind at first to be fitted.  worth: see `tried`.
+        it is there.  hopeless: evidence by which that vehicle may be behind at first to be fitted.
         """
         plant = self._put_back(state)
-        return state if plant is None or not state.finite else self._likelier(state, plant, state, hopeless, worth)
+        return state if plant is None or not state.finite else self._likelier(state, plant, state, hopeless)
 
     def likelier_beside(self, state: State, trial: State) -> State:
         """The state, or what a fit reaches from a trial's end without what the trial has added, whichever is likelier.
@@ -182,12 +182,12 @@ class Workbench:
         plant = replace_at(state.plant, {p: value_at(trial.plant, p) for p in state.paths})
         return self._likelier(state, plant, trial, np.inf)
 
-    def _likelier(self, state: State, plant: Plant, near: State, hopeless: float, worth: float = -np.inf) -> State:
+    def _likelier(self, state: State, plant: Plant, near: State, hopeless: float) -> State:
         """The state, or what a fit of the same paths reaches from a plant with the noises of a state near it."""
         there = State(plant, state.paths, self.problem.point(plant.vector, near.point.logs, near.point))
         if not there.finite or self.gain(there, state) > hopeless:
             return state
-        there = tried(self.problem, there, worth)
+        there = tried(self.problem, there)
         return there if self.gain(state, there) > 0.0 else state
 
     def _renewed_at(self, plant: Plant, near: State) -> State:

@@ -471,17 +471,6 @@ def test_weaker_accelerations_are_tried_only_where_the_filter_keeps_to_the_recor
     assert problem._quieter(point, PATHS) is point
 
 
-@pytest.mark.parametrize("worth, tried", [(-1.0, True), (1.0, False)])
-def test_weaker_accelerations_are_not_tried_where_a_fit_has_not_reached_what_is_worth_it(
-    pushed, monkeypatch, worth, tried
-):
-    problem, asked = PredictionErrors(GLIDER, pushed, whole(pushed)), []
-    reached = problem.objective(problem.solve(GLIDER, PATHS), PATHS)
-    monkeypatch.setattr(problem, "_quieter", lambda here, paths: asked.append(here) or here)
-    problem.solve(GLIDER, PATHS, worth=reached + worth)
-    assert bool(asked) is tried
-
-
 def test_accelerations_that_suit_a_record_are_not_tried_at_other_strengths(pushed, monkeypatch):
     """Of the likeliest strengths some could be a little less likely greater, which says nothing of far weaker ones."""
     problem, asked = PredictionErrors(GLIDER, pushed, whole(pushed)), []

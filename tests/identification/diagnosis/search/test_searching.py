@@ -50,8 +50,8 @@ def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behi
     known, asked = fit_known(log, lambda fraction, text: None), []
     fits = Workbench.likelier_from_given
 
-    def likelier(bench, state, hopeless, *worth):
-        found = fits(bench, state, hopeless, *worth)
+    def likelier(bench, state, hopeless):
+        found = fits(bench, state, hopeless)
         if hopeless == np.inf:
             found = replace(found)
             asked.append((state, found))

@@ -14,7 +14,6 @@ from auv_gym.plant import load_vehicle
 from identification.deciding import HOPELESS
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search import trials
-from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, candidates_of, screen
 from identification.diagnosis.search.trials import FAR_LESS, NO_TRACE, UNSEEN, UNSTABLE, trials_of
 from identification.diagnosis.search.workbench import State, Workbench
@@ -54,7 +53,7 @@ def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypa
     bench, state, candidates = start
     asked, better = [], []
 
-    def likelier(self: Workbench, reached: State, hopeless: float, worth: float) -> State:
+    def likelier(self: Workbench, reached: State, hopeless: float) -> State:
         asked.append(hopeless)
         better.append(replace(reached))
         return better[-1]
@@ -63,21 +62,6 @@ def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypa
     (found,) = trials_of(bench, state, [c for c in candidates if OFFSET in c.paths], len(candidates), quiet)
     assert asked == [HOPELESS]
     assert found.state is better[0]
-
-
-@pytest.mark.parametrize("again", [True, False])
-def test_weaker_accelerations_may_help_a_trial_that_reaches_half_of_what_is_needed(start, monkeypatch, again):
-    (bench, state, candidates), asked = start, []
-    least = bench.problem.objective(state.point, state.paths) + 0.25 * threshold(len(candidates))
-
-    def reaching(problem, near, worth):
-        asked.append(worth)
-        return near
-
-    monkeypatch.setattr(trials, "tried", reaching)
-    near = replace(state, paths=(*state.paths, OFFSET))
-    trials.judged(bench, state, candidates[0], screened_of(OFFSET), near, len(candidates), again)
-    assert asked == pytest.approx([least if again else np.inf])
 
 
 def test_one_whose_step_promises_nothing_is_not_fitted(start):
@@ -104,9 +88,8 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
         begun[args[3].candidate] = own(*args)
         return begun[args[3].candidate]
 
-    def kept(bench, state, candidate, screening, near, count, again):
+    def kept(bench, state, candidate, screening, near, count):
         nears[candidate] = near
-        assert again is not begun[candidate].state.quiet  # it has begun with weaker accelerations already
         return trials.Trial(candidate, near, 1.0, 1.0, screening, "")
 
     own = trials._begun
