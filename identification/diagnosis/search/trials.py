@@ -307,16 +307,17 @@ def _overtaken(
 ) -> list[Begun]:
     """Those that were no finalists, and yet promise more than any of these reached, once all promises are true.
 
-    Half as much where random accelerations were taken as strong as they are: these promises are true, less than whole
-    fits bring, and what weaker accelerations promise has hidden them.  gain: the true promises.
+    Where none of these was accepted, half of the bar is enough of what was begun with random accelerations as strong as
+    they are: such promises are true, less than whole fits bring, and what weaker accelerations promise has hidden them.
+    gain: the true promises.
     """
     done = {t.candidate for t in trials}
-    least = max([bar, *(t.train for t in trials if not t.objection)])
+    reached = max((t.train for t in trials if not t.objection), default=0.0)
     left = [
         b
         for b in begun
         if b.screening.candidate not in done
-        and gain[b.screening.candidate] > least * (1.0 if b.state.quiet else PROMISED)
+        and gain[b.screening.candidate] > max(reached, bar * (1.0 if b.state.quiet else PROMISED))
     ]
     return sorted(left, key=lambda b: -gain[b.screening.candidate])[:FINALISTS]
 

@@ -419,8 +419,8 @@ def test_what_promises_more_than_finalists_reached_is_fitted_too():
     assert overtaken(refused, 8.0) == [LAG, GAIN, "effects.yaw.moment"]
     assert overtaken(refused, 79.0) == [LAG]
     assert overtaken(refused, 81.0) == []
-    assert overtaken(accepted, 12.0) == [LAG]
-    assert overtaken(replace(accepted, train=81.0), 12.0) == []
+    assert overtaken(accepted, 12.0) == []
+    assert overtaken(replace(accepted, train=13.0), 12.0) == [LAG]
 
 
 def test_one_beside_louder_promises_is_fitted_all_the_same(start, monkeypatch):
