@@ -40,8 +40,8 @@ class Searched:
 class _Chosen:
     """What forward selection has chosen.
 
-    noisier: where no further effect is accepted, and waves or sensor errors that last explain more, the fits with
-    these, and the state beside them.
+    noisier: where waves or sensor errors that last explain more beside what was chosen, the fits with these, and the
+    state beside them.
     """
 
     known: Known
@@ -109,7 +109,7 @@ def _selected(log: CheckedLog, known: Known, progress: Progress, sought: Collect
     if anew is not known:
         return anew
     noisier = None
-    if rounds and rounds[-1].chosen is None:
+    if rounds and (rounds[-1].chosen is None or not sought):
         progress(0.8, "looking for waves and for sensor errors that last")
         beside = known.with_further_noises(state)
         noisier = None if beside[0] is known else beside

@@ -146,6 +146,23 @@ def test_a_search_is_repeated_beside_further_noises(monkeypatch, turning, ahead,
     assert set(sought[1]) == {*asked[0]} - {*known.nominal.paths}  # what was found without them is tried to the end
 
 
+def test_further_noises_are_looked_for_also_where_there_was_no_time_for_a_further_effect(turning, monkeypatch):
+    """Once: a search beside them that has no time left ends with what it has."""
+    (log, known), asked = turning, []
+    other = replace(known)
+
+    def noisier(self: Known, state: State) -> tuple[Known, State]:
+        asked.append(self)
+        return (other, state) if self is known else (self, state)
+
+    monkeypatch.setattr(Known, "with_further_noises", noisier)
+    monkeypatch.setattr(Workbench, "goes_on", lambda bench, step: step != "looked for a further effect")
+    found = search_effects(log, known, lambda fraction, text: None)
+    assert asked == [known]
+    assert found.known is other
+    assert [made.chosen is None for made in found.rounds] == [False]
+
+
 def test_free_runs_are_nearer_with_what_is_there(turning, monkeypatch):
     (_, known), runs = turning, workbench.free_runs
     bench, nominal = known.bench, known.nominal
