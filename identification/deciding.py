@@ -215,7 +215,7 @@ SLIGHT = 1.0
 """Change of free runs, over the noise of a reading, that is called little.  Source: less than one reading shows."""
 UNSTEADY = FALSE_ALARM
 """Probability of a difference between parts below which an effect is not of one size.  Source: `FALSE_ALARM`."""
-NEARLY = 0.2
+SLIGHTLY = 0.2
 """Share of the size of an effect by which parts of a log may differ from it where it is named all the same.
 Source: convention; what is certain in a long log may be small, and conditions change any force somewhat."""
 SIMILAR = 60.0

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.records.record import Record
-from identification.deciding import BLOCKS, MOST_PARTS, NEARLY, UNSTEADY
+from identification.deciding import BLOCKS, MOST_PARTS, SLIGHTLY, UNSTEADY
 from identification.diagnosis.search.beside_noise import Weight, freedom_of
 from identification.diagnosis.search.candidates import Candidate, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
@@ -44,7 +44,7 @@ class Steadiness:
 
 def varies(probability: float, apart: float) -> bool:
     """Whether a size is surely not the same in all parts, and by more than little; see `Steadiness`."""
-    return probability < UNSTEADY and apart > NEARLY
+    return probability < UNSTEADY and apart > SLIGHTLY
 
 
 @dataclass(frozen=True)
