@@ -32,7 +32,7 @@ def slopes_of(
 ) -> Slopes:
     """The gradient of the weighted sum of the scores of a pass, by its adjoint; by what it left out, zero."""
     kept = deviations > 0.0
-    s, own, count, size = latest(system, kept)[0], own_states(system, kept), variances.size, found.means.shape[1]
+    s, own, count, size = latest(system, kept), own_states(system, kept), variances.size, found.means.shape[1]
     slopes = np.zeros(count + 2 * int(kept.sum()))
     means, covariances = np.zeros((len(s.origin), size)), np.zeros((len(s.origin), size, size))
     numbers = (s.a, s.c, s.finite, s.counts, s.begin, s.constant, s.durations)
@@ -57,7 +57,7 @@ def _backward(
     mean, covariance = np.zeros(size), np.zeros((size, size))  # slopes by what the next row begins with
     before, product, known = np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
     inverse, inner, across = np.zeros((count, count)), np.zeros((count, count)), np.zeros((count, size))
-    weighted, reach, left = np.zeros((size, count)), np.zeros((count, size)), np.zeros((size, size))
+    weighted, reach = np.zeros((size, count)), np.zeros((count, size))
     scaled, onto, told = np.zeros(count), np.zeros(count), np.zeros(size)
     keeps, gives, partner = np.zeros(pushed), np.zeros(pushed), np.arange(pushed) + solid
     stretch = mean_slopes.shape[0]
@@ -164,27 +164,28 @@ def _backward(
                 inner[m, n] += 0.5 * weights[k] * (scaled[m] * scaled[n] - inverse[m, n])
             if finite[k, m]:
                 slopes[m] += inner[m, m] * 2.0 * (variances[m] / counts[k, m])
-        # G becomes L^T G L with L = I - K C, as a product: along an unstable vehicle the terms of a sum would be so
-        # large that only their rounding is left
+        # G becomes L^T G L with L = I - K C, one side after the other: along an unstable vehicle the terms of both at
+        # once would be so large that only their rounding is left
         for i in range(size):
+            before[i], told[i] = mean[i], 0.0
             for j in range(size):
-                left[i, j] = 1.0 if i == j else 0.0
+                product[i, j] = covariance[i, j]
+            for m in range(count):
+                factor = weighted[i, m]
+                for j in range(size):
+                    product[i, j] -= factor * c[k, m, j]
+        for m in range(count):
+            for j in range(size):
+                reach[m, j] = 0.0
+        for i in range(size):
             for m in range(count):
                 factor = gains[k, i, m]
                 for j in range(size):
-                    left[i, j] -= factor * c[k, m, j]
-        for i in range(size):
-            before[i], told[i] = 0.0, 0.0
+                    reach[m, j] += factor * product[i, j]
+        for m in range(count):
+            factor = onto[m]
             for j in range(size):
-                product[i, j] = 0.0
-            for n in range(size):
-                factor = covariance[i, n]
-                for j in range(size):
-                    product[i, j] += factor * left[n, j]
-        for n in range(size):
-            factor = mean[n]
-            for j in range(size):
-                before[j] += factor * left[n, j]
+                before[j] -= factor * c[k, m, j]
         for m in range(count):
             for j in range(size):
                 told[j] += scaled[m] * c[k, m, j]
@@ -197,17 +198,15 @@ def _backward(
             mean[i] = before[i] + weights[k] * told[i]
             for j in range(size):
                 covariance[i, j] = 0.5 * (before[i] * told[j] + told[i] * (before[j] + weights[k] * told[j]))
-        for n in range(size):
-            for i in range(size):
-                factor = left[n, i]
-                for j in range(size):
-                    covariance[i, j] += factor * product[n, j]
+                covariance[i, j] += product[i, j]
         for m in range(count):
+            for j in range(size):
+                reach[m, j] += 0.5 * weights[k] * across[m, j]
             for i in range(size):
-                factor = 0.5 * weights[k] * c[k, m, i]
+                factor = c[k, m, i]
                 if factor != 0.0:
                     for j in range(size):
-                        covariance[i, j] -= factor * across[m, j]
+                        covariance[i, j] -= factor * reach[m, j]
         if begin[k] > 0:
             stretch -= 1
             for i in range(size):

@@ -99,34 +99,34 @@ def run_filter(system: System, variances: np.ndarray, deviations: np.ndarray, ti
     An acceleration without deviation is left out, at no loss: nothing is in its rows of the pass.
     """
     kept = deviations > 0.0
-    (s, onward), own = latest(system, kept), own_states(system, kept)
+    s, own = latest(system, kept), own_states(system, kept)
     (rows, count, _), size = system.c.shape, int(own.sum())
     gains, roots, means = np.zeros((rows, size, count)), np.zeros((rows, size, size)), np.zeros((rows, size))
     whiten, innovations, scores = np.zeros((rows, count, count)), np.zeros((rows, count)), np.zeros(rows)
     start = np.ascontiguousarray(s.start)
-    numbers = (onward, s.c, s.forcing, s.error, s.finite, s.counts, s.begin, s.constant, s.durations, start, s.origin)
+    numbers = (s.a, s.c, s.forcing, s.error, s.finite, s.counts, s.begin, s.constant, s.durations, start, s.origin)
     made = (gains, whiten, innovations, scores, roots, means)
     _forward(*numbers, variances, deviations[kept], times[kept], s.turning, *made)
     return Pass(among(gains, own, 1), whiten, innovations, scores, roots, means)
 
 
-_Prepared = tuple[System, np.ndarray]
-_prepared: tuple[tuple[ref[System], bytes, _Prepared], ...] = ()
+_latest: tuple[tuple[ref[System], bytes, System], ...] = ()
 
 
-def latest(system: System, kept: np.ndarray) -> _Prepared:
-    """A system without some of its accelerations, kept: (D,) bool, and its `a` transposed, (rows, N, N - D).
+def latest(system: System, kept: np.ndarray) -> System:
+    """A system without some of its accelerations, kept: (D,) bool.
 
     A search of noises asks for the same again and again, so that the last few are held as long as their systems live.
     """
-    global _prepared
-    for held, own, found in _prepared:
+    global _latest
+    if kept.all():
+        return system
+    for held, own, found in _latest:
         if held() is system and own == kept.tobytes():
             return found
     s = system.with_pushes(kept)
-    made = s, np.ascontiguousarray(s.a.transpose(0, 2, 1))
-    _prepared = ((ref(system), kept.tobytes(), made), *[p for p in _prepared if p[0]() is not None][:_HELD])
-    return made
+    _latest = ((ref(system), kept.tobytes(), s), *[p for p in _latest if p[0]() is not None][:_HELD])
+    return s
 
 
 def own_states(system: System, kept: np.ndarray) -> np.ndarray:
@@ -154,9 +154,8 @@ def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: n
     s, (rows, count, _) = system, system.c.shape
     slopes = np.zeros((s.a.shape[1], rows, count))
     decays = np.exp(-s.durations[:, None] / times)
-    onward = np.ascontiguousarray(s.a.transpose(0, 2, 1))
     angles = s.durations[:, None] * s.turning
-    _started(onward, s.c, s.begin, s.constant, decays, angles, np.ascontiguousarray(gains), whiten, slopes)
+    _started(s.a, s.c, s.begin, s.constant, decays, angles, np.ascontiguousarray(gains), whiten, slopes)
     return slopes
 
 
@@ -165,14 +164,15 @@ def start_slopes(system: System, gains: np.ndarray, whiten: np.ndarray, times: n
 
 @outlined
 def _forward(
-    onward, c, forcing, error, finite, counts, begin, constant, durations, start, origin, variances, deviations,
+    a, c, forcing, error, finite, counts, begin, constant, durations, start, origin, variances, deviations,
     times, turns, gains, whiten, innovations, scores, roots, means,
 ):  # fmt: skip
-    """The filter; see `run_filter`.  onward: (rows, N, N - D), `a` transposed."""
+    """The filter; see `run_filter`."""
     rows, count, size = c.shape
     pushed = deviations.shape[0]
     solid = size - pushed
     root, wide = np.zeros((size, size)), np.zeros((size + pushed, size))  # transposed
+    onward = np.zeros((size, solid))
     mean, moved, column, gain = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
     reflector, share_of = np.zeros(size + pushed), np.zeros(size)
     stretch = -1
@@ -199,7 +199,17 @@ def _forward(
             means[k, i] = mean[i]
         if k + 1 < rows and begin[k + 1] != 1:
             pushes = (durations[k], deviations, times, turns)
-            to_next_row(root, mean, onward[k], forcing[k], *pushes, wide, moved, reflector, share_of)
+            turned_over(a[k], onward)
+            to_next_row(root, mean, onward, forcing[k], *pushes, wide, moved, reflector, share_of)
+
+
+@compiled
+def turned_over(a, onward):
+    """A row's `a` (N - D, N) transposed into onward, (N, N - D)."""
+    solid, size = a.shape
+    for n in range(size):
+        for i in range(solid):
+            onward[n, i] = a[i, n]
 
 
 @compiled
@@ -288,9 +298,11 @@ def to_next_row(root, mean, onward, forcing, duration, deviations, times, turns,
         i = solid + d
         decay = np.exp(-duration / times[d])
         moved[i] = decay * mean[i]
-        for j in range(size):
-            wide[j, i] = decay * root[j, i]
+        reflector[d] = decay
         wide[size + d, i] = deviations[d] * np.sqrt(max(1.0 - decay * decay, 0.0))
+    for j in range(size):
+        for d in range(pushed):
+            wide[j, solid + d] = reflector[d] * root[j, solid + d]
     for d in range(pushed):
         if turns[d] != 0.0:
             i = solid + d
@@ -317,30 +329,34 @@ def _made_square(wide, root, reflector, share_of):
             sign = 1.0 if wide[i, i] >= 0.0 else -1.0
             power = 2.0 / (2.0 * norm * (norm + abs(wide[i, i])))
             reflector[i] += sign * norm
-            for n in range(i + 1, size):
+            first, left = i + 1, size - i - 1  # loops count from 0: from another start they would not be vectorised
+            for n in range(left):
                 share_of[n] = 0.0
             for j in range(i, width):
                 factor = reflector[j]
                 if factor != 0.0:
-                    for n in range(i + 1, size):
-                        share_of[n] += factor * wide[j, n]
+                    for n in range(left):
+                        share_of[n] += factor * wide[j, first + n]
             for j in range(i, width):
                 factor = power * reflector[j]
                 if factor != 0.0:
-                    for n in range(i + 1, size):
-                        wide[j, n] -= factor * share_of[n]
+                    for n in range(left):
+                        wide[j, first + n] -= factor * share_of[n]
             wide[i, i] = -sign * norm
-        for j in range(size):
+    for j in range(size):
+        for i in range(size):
             root[j, i] = wide[j, i] if j <= i and abs(wide[j, i]) > NOTHING else 0.0
 
 
 @outlined
-def _started(onward, c, begin, constant, decays, angles, gains, whiten, slopes):
-    """See `start_slopes`.  onward: (rows, N, N - D), `a` transposed; decays, angles: (rows, D)."""
+def _started(a, c, begin, constant, decays, angles, gains, whiten, slopes):
+    """See `start_slopes`.  decays, angles: (rows, D)."""
     rows, count, size = c.shape
     solid = slopes.shape[0]
     moved, after, change = np.zeros((solid, size)), np.zeros(size), np.zeros(count)
+    onward = np.zeros((size, solid))
     for k in range(rows):
+        turned_over(a[k], onward)
         for j in range(solid):
             if begin[k] > 0:
                 for i in range(size):
@@ -361,7 +377,7 @@ def _started(onward, c, begin, constant, decays, angles, gains, whiten, slopes):
                 factor = moved[j, n]
                 if factor != 0.0:
                     for i in range(solid):
-                        after[i] += factor * onward[k, n, i]
+                        after[i] += factor * onward[n, i]
             for i in range(solid):
                 moved[j, i] = after[i]
             for d in range(size - solid):
