@@ -56,8 +56,7 @@ def one_after_the_other(records: list[Record]) -> Record:
         return records[0]
     common = set.intersection(*(set(record.names) for record in records))
     others = sorted({name for record in records for name in record.names} - common)
-    epochs = [record.attrs.get("start_epoch_s") for record in records]
-    start = [float(epoch) for epoch in epochs if epoch is not None]
+    start = [float(record.attrs["start_epoch_s"]) for record in records if "start_epoch_s" in record.attrs]
     if len(start) == len(records):
         order = sorted(range(len(records)), key=start.__getitem__)
         records = [records[k].later(start[k] - start[order[0]]) for k in order]
@@ -65,8 +64,8 @@ def one_after_the_other(records: list[Record]) -> Record:
     everywhere = [line for line in records[0].notes if all(line in record.notes for record in records)]
     own = [f"{record.labels[0]}: {line}" for record in records for line in record.notes if line not in everywhere]
     left = [f"{name}: left out, since not all of the files have it." for name in others]
-    attrs = {} if start[0] is None else {"start_epoch_s": min(float(epoch) for epoch in start if epoch is not None)}
-    return joined.with_notes([*everywhere, *left, *own], **attrs)
+    dated = {key: value for key, value in records[0].attrs.items() if key == "start_epoch_s"}
+    return joined.with_notes([*everywhere, *left, *own], **dated)
 
 
 def labelled(record: Record, label: str) -> Record:

@@ -2,8 +2,9 @@ from pathlib import Path
 
 import numpy as np
 
-from auv_gym.records.joining import side_by_side
+from auv_gym.records.joining import one_after_the_other, side_by_side
 from auv_gym.records.log import Group, Log
+from auv_gym.records.record import Record
 
 
 def log(label, start, *names, format="Slocum log"):
@@ -33,3 +34,25 @@ def test_dives_of_one_number_and_stretches_apart_stay_apart():
     assert len(joined(one, log("dive 3", 0.0, "sci_temp"))) == 2
     assert len(joined(one, log("dive 2", 0.0, "sci_temp", format="another"))) == 2
     assert len(joined(log("", 0.0, "a"), log("", 0.0, "b"))) == 2  # files without a label
+
+
+def dive(start, **attrs):
+    return Record.from_arrays(start + np.arange(3.0), {"depth_m": np.arange(3.0)}).with_notes([], **attrs)
+
+
+def test_files_without_a_date_are_joined_in_the_order_in_which_they_are_given():
+    both = one_after_the_other([dive(5.0), dive(0.0)])
+    assert len(both.segments) == 2
+    assert both.time.tolist() == [5.0, 6.0, 7.0, 0.0, 1.0, 2.0]
+    assert "start_epoch_s" not in both.attrs
+
+
+def test_files_with_dates_are_joined_in_their_order_and_on_one_clock():
+    both = one_after_the_other([dive(0.0, start_epoch_s=150.0), dive(0.0, start_epoch_s=100.0)])
+    assert both.time.tolist() == [0.0, 1.0, 2.0, 50.0, 51.0, 52.0]
+    assert both.attrs["start_epoch_s"] == 100.0
+
+
+def test_where_some_files_have_no_date_the_clock_is_that_of_the_first():
+    assert one_after_the_other([dive(0.0, start_epoch_s=150.0), dive(5.0)]).attrs["start_epoch_s"] == 150.0
+    assert "start_epoch_s" not in one_after_the_other([dive(5.0), dive(0.0, start_epoch_s=150.0)]).attrs
