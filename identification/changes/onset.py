@@ -14,14 +14,14 @@ from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, kind_of, sized, tied_names, usable_log
 from identification.changes.spans import BETWEEN, OUTSIDE, best_spans, spans_of
 from identification.changes.times import moved_to_best, placed, split_evidence
-from identification.deciding import BLOCKS, DOUBT, MOST_EFFECTS, MOST_PARTS, UNSTEADY
+from identification.deciding import BLOCKS, DOUBT, MOST_EFFECTS, MOST_PARTS, PROMISED, UNSTEADY
 from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part, block_numbers
 from identification.diagnosis.search.attribution import Round, selected, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen_signatures
 from identification.diagnosis.search.known import Known, fit_known
-from identification.diagnosis.search.trials import Progress
+from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, changed
 from identification.fit.linearised import at_once
@@ -178,10 +178,11 @@ def _searched(
 ) -> tuple[Workbench, State, list[Round], dict[str, list[Sized]]]:
     """Forward selection among effects throughout and, of each form of each, the member that promises most just then.
 
-    The times of what is chosen are sought at once between those that were screened: what is a little late or early
-    leaves enough to see for more of the same.  All others in its form are then tried at these times, too, since what
-    was chosen may have been the one whose coarse time happened to be the best.  Returned are the bench with these
-    times, state, rounds, and times by form.
+    The times of what is chosen, or nearly, are sought at once between those that were screened: what is a little late
+    or early leaves enough to see for more of the same.  All others in its form are then tried at these times, too,
+    since what was chosen may have been the one whose coarse time happened to be the best, and effects throughout, which
+    are kept unless the times are worth what a name needs.  Returned are the bench with these times, state, rounds, and
+    times by form.
     """
     bench, state, rounds, times = known.bench, known.nominal, [], dict[str, list[Sized]]()
     for number in range(most):
@@ -190,17 +191,21 @@ def _searched(
         left, spans = _promising(bench, state, forms, threshold(count))
         bench, state = placed(bench, state, spans)
         made = selected(bench, state, left, count, (), lambda f, text, s=share: progress(s, text))
-        if made.chosen is None or made.chosen.state is None:
+        best = made.chosen or _nearly(made, threshold(count))
+        if best is None:
             break
-        before, reached = state, _at_best_times(bench, made)
-        rivals, spans = _at_the_same_times(forms, made.chosen.candidate, reached)
+        reached = _at_best_times(bench, best)
+        rivals, spans = _at_the_same_times(forms, best.candidate, reached)
         if rivals:
-            bench, before = placed(reached.bench, before, spans)
-            again = selected(bench, before, rivals, count, ())
+            bench, state = placed(reached.bench, state, spans)
+            again = selected(bench, state, rivals, count, ())
             if again.chosen is not None:
-                other = reached if again.chosen.candidate is made.chosen.candidate else _at_best_times(bench, again)
-                if reached.bench.gain(reached.state, other.state) >= 0.0:
+                other = reached if again.chosen.candidate is best.candidate else _at_best_times(bench, again.chosen)
+                if made.chosen is None or reached.bench.gain(reached.state, other.state) >= 0.0:
                     made, reached = again, other
+        if made.chosen is None:
+            break
+        made, reached = _unless_throughout(state, forms, made, reached, count)
         assert made.chosen is not None
         own, bench, state = made.chosen.candidate, reached.bench, reached.state
         rounds.append(made)
@@ -224,11 +229,18 @@ class _Reached:
         return plant.courses[form].edges
 
 
-def _at_best_times(bench: Workbench, made: Round) -> _Reached:
-    """What a round has chosen, its times sought."""
-    assert made.chosen is not None
-    assert made.chosen.state is not None
-    form, state, found = changed(made.chosen.candidate.paths[0])[0], made.chosen.state, dict[int, Sized]()
+def _nearly(made: Round, bar: float) -> Trial | None:
+    """What acts from a time on, until one, or between two, and has half of what a name needs, at a coarse time."""
+    times = (FROM, UNTIL, BETWEEN, OUTSIDE)
+    near = [t for t in made.trials if t.state is not None and t.train >= PROMISED * bar]
+    timed = [t for t in near if kind_of(changed(t.candidate.paths[0])[0]) in times]
+    return max(timed, key=lambda t: t.total, default=None)
+
+
+def _at_best_times(bench: Workbench, trial: Trial) -> _Reached:
+    """What a trial has fitted, its times sought."""
+    assert trial.state is not None
+    form, state, found = changed(trial.candidate.paths[0])[0], trial.state, dict[int, Sized]()
     # of two, the first anew once the second is where it belongs
     for edge in {FROM: (0,), UNTIL: (0,), BETWEEN: (0, 1, 0), OUTSIDE: (0, 1, 0)}.get(kind_of(form), ()):
         bench, state, found[edge] = moved_to_best(bench, state, form, edge)
@@ -246,6 +258,27 @@ def _at_the_same_times(
     if kind_of(form) in (FROM, UNTIL):
         return [c for f in forms for group in f.groups for c in group if changed(c.paths[0])[0] == form], {}
     return [], {}
+
+
+def _unless_throughout(
+    before: State, forms: Sequence[_Forms], made: Round, reached: _Reached, count: int
+) -> tuple[Round, _Reached]:
+    """What was chosen, or what explains the log best throughout, unless the times of the former are worth their bar.
+
+    A time near either end fits nearly as well as none, and one of many fits better by chance.
+    """
+    assert made.chosen is not None
+    own = made.chosen.candidate
+    whole = next((f for f in forms if f.throughout is not None and own in (*f.screened, *f.spans)), None)
+    if whole is None or whole.throughout is None or own is whole.throughout:
+        return made, reached
+    bench, before = placed(reached.bench, before, {})
+    again = selected(bench, before, [f.throughout for f in forms if f.throughout is not None], count, ())
+    if again.chosen is None or again.chosen.state is None:
+        return made, reached
+    if bench.gain(again.chosen.state, reached.state) >= threshold(whole.count):
+        return made, reached
+    return again, _at_best_times(bench, again.chosen)
 
 
 def _promising(

@@ -30,7 +30,9 @@ from identification.changes.wording import (
     timeline_summary,
     when_words,
 )
-from identification.deciding import BLOCKS
+from identification.deciding import BLOCKS, SURPRISE
+from identification.diagnosis.search.bars import threshold
+from identification.diagnosis.search.candidates import deviations_shown
 from identification.diagnosis.wording import for_people, interval, quantity
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
@@ -158,7 +160,13 @@ def _course(t: Timed, over: tuple[float, float]) -> tuple[np.ndarray, np.ndarray
 def series_page(found: Series) -> str:
     """The trends over missions as the text of one HTML page, with one picture."""
     rows = [
-        (t.title, (rate.replace("-", "−"), limits.replace("-", "−")), t.per, scatter_of(t))
+        (
+            t.title,
+            (rate.replace("-", "−"), limits.replace("-", "−")),
+            t.per,
+            scatter_of(t),
+            tied_words(t.tied, found.plant) or "–",
+        )
         for t in found.trends
         for rate, limits in [rate_of(t)]
     ]
@@ -179,7 +187,7 @@ def series_page(found: Series) -> str:
             "interval of a trend allows for it.",
             *texts,
         ],
-        [Table(("what", "trend", "per", "scatter"), rows)],
+        [Table(("what", "trend", "per", "scatter", "alternatives"), rows)],
         pictures,
     )
     content: dict[str, Any] = {
@@ -227,8 +235,8 @@ def comparison_page(found: Comparison) -> str:
                     lambda: change_figure(found),
                     "changes",
                     "Estimated change of each parameter with its 95 % interval, relative to its detectable change.",
-                    "Orange: estimated changes with their 95 % intervals, in units of the smallest change that would "
-                    "have been found with 95 % probability. Blue: parameters that changed, in units of their change.",
+                    "Estimated changes with their 95 % intervals, in units of the smallest change that would have been "
+                    "found with 95 % probability (dashed lines). Blue: parameters that changed.",
                 )
             ],
         ),
@@ -297,7 +305,7 @@ def _typed(text: str) -> str:
 
 
 def change_figure(found: Comparison) -> Figure:
-    """Changes with their intervals, each relative to its smallest detectable change."""
+    """Changes with their intervals, each relative to the smallest one of it that the missions would show."""
     from matplotlib.figure import Figure
 
     steady = [u for u in found.unchanged if np.isfinite(u.detectable)]
@@ -305,8 +313,9 @@ def change_figure(found: Comparison) -> Figure:
     axes = figure.add_subplot()
     names = []
     for c in found.changed:
-        size = abs(c.change.value)
-        axes.errorbar(*_bar(c.change.value, c.change.ci95, size or 1.0, len(names)), fmt="o", color=AFTER, capsize=3)
+        error = 0.5 * (c.change.ci95[1] - c.change.ci95[0]) / SURPRISE
+        scale = error * deviations_shown(threshold(found.candidates)) or 1.0
+        axes.errorbar(*_bar(c.change.value, c.change.ci95, scale, len(names)), fmt="o", color=AFTER, capsize=3)
         names.append(f"{named(c)} (changed)")
     for u in steady:
         axes.errorbar(*_bar(u.change.value, u.change.ci95, u.detectable, len(names)), fmt="o", color=BEFORE, capsize=3)

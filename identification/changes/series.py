@@ -30,6 +30,7 @@ from identification.diagnosis.search.workbench import Workbench
 
 MISSIONS, FOLLOWED = "missions", "followed.json"
 LEAST = 4  # missions of a trend, which leave two degrees of freedom
+_KEEPS = ["paths", "values", "tied"]  # of the comparison, in its file
 _DAY = 86400.0  # s
 
 
@@ -39,7 +40,7 @@ class Trend:
 
     rate: per `per`, with its 95 % interval, which allows for what missions differ by beyond their own intervals;
     scatter: standard deviation of that.  level: of the line at the mean of `at`, (M,), when the missions were, in
-    `per`; sizes: of each, from it alone.
+    `per`; sizes: of each, from it alone.  tied: paths of what else would explain what was named, see `Comparison`.
     """
 
     path: str
@@ -51,6 +52,7 @@ class Trend:
     level: float
     at: tuple[float, ...]
     sizes: tuple[Sized, ...]
+    tied: tuple[str, ...] = ()
 
     @property
     def sure(self) -> bool:
@@ -109,13 +111,18 @@ def _followed(
     out = writable_folder(folder / MISSIONS)
     for part in (*folder.glob(f".{FOLLOWED}.*.part"), *out.glob(".*.part")):  # what a killed process was writing
         part.unlink(missing_ok=True)
-    key = _key(plant, [digest_of(r) for r in missions.values()], most, doubt, trust)
+    key = _key(plant, [digest_of(r) for r in missions.values()], most, doubt, trust, _KEEPS)
     followed: dict[str, Any] | None = _kept(folder / FOLLOWED, key)
     if followed is None:
         records, half = list(missions.values()), len(missions) // 2
         halves = concat(records[:half]), concat(records[half:])
         found = compare_missions(*halves, plant, most=most, doubt=doubt, trust=trust, progress=progress)
-        followed = {"key": key, "paths": followed_paths(found), "values": found.fitted}
+        followed = {
+            "key": key,
+            "paths": followed_paths(found),
+            "values": found.fitted,
+            "tied": {c.path: _paths_tied(c.tied) for c in (*found.changed, *found.common)},
+        }
         write_json(folder / FOLLOWED, followed)
     paths = followed["paths"]
     held = replace_at(plant, {p: v for p, v in followed["values"].items() if p not in paths})
@@ -134,7 +141,8 @@ def _followed(
     each = {name: own for name, own in told.items() if own is not None}
     at, per = times
     usable = [(when, each[name]["sizes"]) for name, when in zip(missions, at, strict=True) if "sizes" in each[name]]
-    trends = [t for path in paths if (t := _trend(plant, path, usable, per)) is not None]
+    tied = followed["tied"]
+    trends = [t for path in paths if (t := _trend(plant, path, usable, per, tied.get(path, ()))) is not None]
     failed = {name: own["failed"] for name, own in each.items() if "failed" in own}
     return Series(plant, tuple(missions), tuple(trends), failed)
 
@@ -143,6 +151,11 @@ def followed_paths(found: Comparison) -> list[str]:
     """The first coefficients of a vehicle that are not zero, and what a comparison names."""
     first = [p for p in found.plant.coefficients if value_at(found.plant, p) != 0.0]
     return list(dict.fromkeys([*first, *(c.path for c in (*found.changed, *found.common))]))
+
+
+def _paths_tied(tied: Sequence[str]) -> list[str]:
+    """The paths of a comparison's alternatives, whichever side they act on: a trend has no sides."""
+    return list(dict.fromkeys(name.rpartition(" ")[2] for name in tied))
 
 
 def _sizes_or_why(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, Any]:
@@ -161,7 +174,9 @@ def sizes_of(record: Record, plant: Plant, paths: Sequence[str], trust: bool) ->
     return {path: (value, error) for path, (value, error, _) in bench.intervals(state).items()}
 
 
-def _trend(plant: Plant, path: str, usable: Sequence[tuple[float, Mapping[str, Any]]], per: str) -> Trend | None:
+def _trend(
+    plant: Plant, path: str, usable: Sequence[tuple[float, Mapping[str, Any]]], per: str, tied: Sequence[str]
+) -> Trend | None:
     """The line through the missions' sizes, weighted, with a scatter of their own; None of too few that tell it."""
     told = [(when, *sizes[path]) for when, sizes in usable if 0.0 < sizes[path][1] < np.inf]
     if len(told) < LEAST:
@@ -173,7 +188,7 @@ def _trend(plant: Plant, path: str, usable: Sequence[tuple[float, Mapping[str, A
     sizes = tuple(Sized(v, (v - far, v + far)) for v, far in ends)
     spec = spec_at(plant, path)
     rate = Sized(slope, (slope - half, slope + half))
-    return Trend(path, spec.title or path, spec.unit, per, rate, scatter, level, tuple(at.tolist()), sizes)
+    return Trend(path, spec.title or path, spec.unit, per, rate, scatter, level, tuple(at.tolist()), sizes, tuple(tied))
 
 
 def line(at: np.ndarray, values: np.ndarray, errors: np.ndarray) -> tuple[float, float, float, float]:

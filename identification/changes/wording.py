@@ -11,24 +11,34 @@ import numpy as np
 from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.writing import finite
-from identification.changes.missions import Changed, Common, Comparison, Unchanged
-from identification.changes.onset import FROM, Timed, Timeline
+from identification.changes.missions import AFTER, BEFORE, Changed, Common, Comparison, Unchanged
+from identification.changes.onset import FROM, GROWING, UNTIL, Timed, Timeline
 from identification.changes.series import Series, Trend
-from identification.changes.spans import OUTSIDE
+from identification.changes.spans import BETWEEN, OUTSIDE
 from identification.diagnosis.wording import capital, interval, quantity, sized
 
 _FAR = 3.0  # half intervals; a scatter beyond that many is no trend, but a change that asks for an explanation
+_WHEN = {  # an effect acts, by its form
+    BEFORE: "only before",
+    AFTER: "only after",
+    FROM: "from some time on",
+    UNTIL: "until some time",
+    GROWING: "growing",
+    BETWEEN: "between two times",
+    OUTSIDE: "except between two times",
+}
 _TOLD = 4  # that did not change, in the summary; the page has all
 
 
 def summary(found: Comparison) -> list[str]:
     """What changed, what is the same on both sides, and the smallest detectable changes; one sentence each."""
-    lines = [changed_words(c, found.plant) for c in found.changed] or ["These missions show no change."]
+    lines = [changed_words(c, found.plant) for c in found.changed] or ["No change was found between these missions."]
     lines += [common_words(c, found.plant) for c in found.common]
     steady = [u for u in found.unchanged if np.isfinite(u.detectable)][:_TOLD]
     if steady:
         told = "; ".join(f"{named(u)}, {size_of(u.detectable, u)}" for u in steady)
-        lines.append(f"No other change was found. The smallest detectable changes are: {told}.")
+        other = "No other change was found. " if found.changed else ""
+        lines.append(f"{other}The smallest detectable changes are: {told}.")
     return lines
 
 
@@ -44,9 +54,16 @@ def changed_words(c: Changed, plant: Plant) -> str:
 
 
 def tied_words(tied: Sequence[str], plant: Plant) -> str:
-    """What else would explain it, by title, with the form in brackets: `yaw moment (after), rudder offset`."""
+    """What else would explain it, by title, with when it acts: `yaw moment (only after), rudder offset`."""
     split = [name.rpartition(" ")[::2] for name in tied]
-    return ", ".join(f"{spec_at(plant, path).title or path}{f' ({form})' if form else ''}" for form, path in split)
+    return ", ".join(f"{spec_at(plant, path).title or path}{_when_of(form, path)}" for form, path in split)
+
+
+def _when_of(form: str, path: str) -> str:
+    """When an alternative acts, in brackets; nothing of one that acts throughout."""
+    if form in (BEFORE, AFTER) and not path.startswith("effects."):
+        return " (changed)"
+    return f" ({_WHEN[form]})" if form else ""
 
 
 def common_words(c: Common, plant: Plant) -> str:
@@ -113,6 +130,8 @@ def series_summary(found: Series) -> list[str]:
         size, limits = rate_of(t)
         rate = f"{size} a {t.per} (95 % interval {limits})"
         lines.append(f"{capital(named(t))} {'changes by' if t.sure else 'shows no trend:'} {rate}.")
+        if t.tied:
+            lines[-1] += f" The missions cannot tell this from: {tied_words(t.tied, found.plant)}."
         if not t.sure and t.scatter > _FAR * max(0.5 * (s.ci95[1] - s.ci95[0]) for s in t.sizes):
             lines[-1] += " The missions differ by far more than their own intervals, but not along a line."
     return lines or ["Too few of the missions show any parameter, so there is no trend to report."]

@@ -28,6 +28,12 @@ def test_a_step_between_missions_is_no_trend_and_is_said_to_be_more_than_noise()
     assert series_summary(series(replace(OFFSET, scatter=0.001)))[0].endswith("deg).")
 
 
+def test_what_else_would_explain_a_trend_is_said_and_on_the_page():
+    tied = replace(OFFSET, tied=("effects.yaw.moment",))
+    assert " The missions cannot tell this from: constant yaw moment." in series_summary(series(tied))[0]
+    assert "cannot tell" not in series_summary(series(OFFSET))[0]
+
+
 def test_scatter_has_the_unit_of_the_trend():
     assert scatter_of(OFFSET) == "0.544 deg"
     damping = replace(OFFSET, path="hull.n_r", unit="1", sizes=(Sized(-0.001, (-0.0011, -0.0009)),) * 4, scatter=1e-5)
@@ -37,6 +43,9 @@ def test_scatter_has_the_unit_of_the_trend():
 def test_the_page_names_few_missions_and_stands_without_a_trend():
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     assert series_page(series(OFFSET)).count("<svg") == 1
+    assert (
+        "constant yaw moment" in series_page(series(replace(OFFSET, tied=("effects.yaw.moment",)))).split("<table")[1]
+    )
     text = series_page(series())
     assert "Too few of the missions show any parameter" in text
     assert "<svg" not in text
