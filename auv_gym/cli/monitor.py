@@ -53,8 +53,9 @@ def monitor(
         settings = (plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
         record = logs.read_cut(log, *settings)
         if clean:
-            known = logs.read_cut(clean, *settings)
+            known, learned_from = logs.read_cut(clean, *settings), Path(clean).name
         else:
+            learned_from = "the first quarter of the log"
             early = np.arange(len(record)) < _CLEAN * len(record)
             known, record = record.select(early), record.select(~early)
         watcher = Monitor.learn(
@@ -62,7 +63,9 @@ def monitor(
             progress=lambda f, text: progress(0.05 + 0.4 * f, text),
         )  # fmt: skip
         progress(0.5, "replaying the log")
-        found = watch(watcher, record, trust=trust, progress=lambda f, text: progress(0.5 + 0.45 * f, text))
+        found = watch(
+            watcher, record, clean=learned_from, trust=trust, progress=lambda f, text: progress(0.5 + 0.45 * f, text)
+        )
         written = write_watched(found, out)
     output.print()
     for line in watched_summary(found):

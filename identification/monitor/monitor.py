@@ -12,11 +12,12 @@ from auv_gym.model import inputs_of, outputs_of
 from auv_gym.plant import Chart, Plant
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
-from identification.changes.forms import usable_log
+from identification.changes.forms import Changeable, tied_names, usable_log
 from identification.changes.onset import Timeline, find_onsets
 from identification.deciding import DOUBT
 from identification.diagnosis.log.checking import Asked
-from identification.diagnosis.search.known import fit_known
+from identification.diagnosis.search.attribution import selected
+from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.trials import Progress
 from identification.fit.noises import Noise
 from identification.fit.online import FilterPlan, OnlineFilter
@@ -57,7 +58,8 @@ class Learned:
 
     interval: s, between samples.  unit: (C,), root mean square of the innovations.  signals: names, the constant first;
     columns: of the others among inputs and states.  clean: (n, J - 1), these.  present: (n, C), where the log has
-    readings.  memories, inflation: see `Bank`.
+    readings.  memories, inflation: see `Bank`.  missing: paths of an effect that the clean log itself shows, and of
+    what else would explain it; no alarm is to be expected of that effect.
     """
 
     plant: Plant
@@ -70,6 +72,7 @@ class Learned:
     present: np.ndarray
     memories: np.ndarray
     inflation: np.ndarray
+    missing: tuple[str, ...] = ()
 
 
 class Monitor:
@@ -125,13 +128,15 @@ class Monitor:
 
         steady: hold the filter's mean gains of the clean log but for the first seconds, in place of gains for each
         sample's motion.  doubt: as of a diagnosis; 0 holds the coefficients.  noise: where a fit has estimated it:
-        nothing is fitted then.  Innovations that are not quite white in the clean log raise the bars.
+        nothing is fitted then.  Innovations that are not quite white in the clean log raise the bars; an effect that it
+        shows is in `learned.missing`.
         Raises ValueError where the log cannot be used, or the attitude turns too far for the filter.
         """
-        errors: dict[str, float] = {}
+        errors, missing = dict[str, float](), ()
         if noise is None:
             log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "of the healthy vehicle")
-            known = fit_known(log, progress)
+            known = fit_known(log, lambda f, text: progress(0.5 * f, text))
+            missing = _missing(known, plant, doubt, lambda f, text: progress(0.5 + 0.5 * f, text))
             bench, state, record = known.bench, known.nominal, log.record
             noise, plant = bench.problem.noise_at(state.point), state.plant
             errors = {p: error for p, (_, error, _) in bench.intervals(state).items() if 0.0 < error < np.inf}
@@ -148,7 +153,7 @@ class Monitor:
         point = problem.point(plant.vector, problem.logs_of(noise))
         longest = min(_LONGEST, _OF_CLEAN * len(record))
         learned = _learned(record, problem.online(point, _KEPT_ON * longest), memories(longest), steady)
-        return cls(learned, false_alarms_per_hour, seed)
+        return cls(replace(learned, missing=missing), false_alarms_per_hour, seed)
 
     def begin(self, inputs: Values, measured: Values) -> None:
         """Begin the filter anew where the vehicle is, as after a gap; the tests go on.  inputs: the commands now."""
@@ -237,6 +242,13 @@ class Monitor:
         self._bank.clear()
         looks_back = float(learned.memories[memory] * learned.interval)
         return Alarm(self.time, name, (*learned.signals, SCATTER)[signal], looks_back, float(self.over))
+
+
+def _missing(known: Known, plant: Plant, doubt: float, progress: Progress) -> tuple[str, ...]:
+    """The effect that a clean log shows most plainly by the bar of a diagnosis, and what else would explain it."""
+    effects = Changeable.of(plant, known.bench.record, doubt).effects
+    found = selected(known.bench, known.nominal, effects, len(effects), (), progress)
+    return () if found.chosen is None else (*found.chosen.candidate.paths, *tied_names([found]))
 
 
 def _learned(record: Record, plan: FilterPlan, lasting: np.ndarray, steady: bool) -> Learned:

@@ -6,7 +6,6 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.channels import channel
+from auv_gym.param import spec_at
 from auv_gym.records.record import Record
 from auv_gym.writing import finite, writable_folder, write_text
 from identification.changes.onset import Timeline
@@ -36,11 +36,13 @@ _SIGNALS = {CONSTANT: "none (steady offset)", SCATTER: "none (larger errors)"}
 class Watched:
     """What a monitor found in a log.
 
-    hours: of the log.  time: (n,) s, and over: (n,), the greatest statistic over its bar.  timeline: of the stretch
-    about the first alarm, None without an alarm; problem: why there is none otherwise.
+    clean: which log the monitor has learned from.  hours: of the log.  time: (n,) s, and over: (n,), the greatest
+    statistic over its bar.  timeline: of the stretch about the first alarm, None without an alarm; problem: why there
+    is none otherwise.
     """
 
     monitor: Monitor
+    clean: str
     hours: float
     alarms: tuple[Alarm, ...]
     time: np.ndarray
@@ -48,11 +50,35 @@ class Watched:
     timeline: Timeline | None = None
     problem: str = ""
 
+    @property
+    def apart(self) -> float:
+        """The time, s, after which an alarm is a new one: the longest memory of the tests."""
+        return float(self.monitor.learned.memories.max() * self.monitor.learned.interval)
+
+    @property
+    def episodes(self) -> list[list[Alarm]]:
+        """The alarms, those together that follow one another by less than `apart`: a fault that stays repeats them."""
+        found: list[list[Alarm]] = []
+        for alarm in self.alarms:
+            if found and alarm.time - found[-1][-1].time < self.apart:
+                found[-1].append(alarm)
+            else:
+                found.append([alarm])
+        return found
+
 
 def watch(
-    monitor: Monitor, record: Record, *, trust: bool = False, progress: Progress = lambda fraction, text: None
+    monitor: Monitor,
+    record: Record,
+    *,
+    clean: str = "the clean log",
+    trust: bool = False,
+    progress: Progress = lambda fraction, text: None,
 ) -> Watched:
-    """Replay a log, and find what has gone wrong by the stretch about the first alarm."""
+    """Replay a log, and find what has gone wrong by the stretch about the first alarm.
+
+    clean: what the report calls the log that the monitor has learned from.
+    """
     found = [(monitor.time, monitor.over, alarm) for alarm in monitor.replay(record)]
     alarms = tuple(alarm for _, _, alarm in found if alarm is not None)
     timeline, problem = None, ""
@@ -62,11 +88,12 @@ def watch(
         except ValueError as error:
             problem = str(error)
     time, over = (np.array([row[k] for row in found]) for k in (0, 1))
-    return Watched(monitor, record.duration_s / 3600.0, alarms, time, over, timeline, problem)
+    return Watched(monitor, clean, record.duration_s / 3600.0, alarms, time, over, timeline, problem)
 
 
-def alarm_words(alarm: Alarm) -> str:
-    """`Alarm at 412 s: the heading departs steadily from its prediction (memory of the test: 50 s).`"""
+def alarm_words(alarms: Sequence[Alarm]) -> str:
+    """`Alarm at 412 s: the heading departs steadily from its prediction (over the last 50 s).`, and until when."""
+    alarm = alarms[0]
     what = f"the {channel(alarm.channel).label}" if alarm.channel else "several readings together"
     verb = "departs" if alarm.channel else "depart"
     if alarm.signal == SCATTER:
@@ -75,17 +102,35 @@ def alarm_words(alarm: Alarm) -> str:
         text = f"{what} {verb} steadily from the prediction"
     else:
         text = f"{what} {verb} from the prediction, in proportion to the {channel(alarm.signal).label}"
-    return f"Alarm at {alarm.time:.0f} s: {text} (memory of the test: {alarm.memory:.0f} s)."
+    text = f"Alarm at {alarm.time:.0f} s: {text} (over the last {alarm.memory:.0f} s)."
+    return text + (f" It is repeated until {alarms[-1].time:.0f} s." if len(alarms) > 1 else "")
+
+
+def learned_words(found: Watched) -> str:
+    """Which log the monitor has learned from, and whether that log shows a fault itself."""
+    learned = found.monitor.learned
+    hours = len(learned.clean) * learned.interval / 3600.0
+    text = f"The monitor takes the vehicle in {found.clean} ({hours:.2g} h) for healthy."
+    if learned.missing:
+        names = " or ".join(dict.fromkeys(spec_at(learned.plant, path).title for path in learned.missing))
+        text += (
+            f" But that log itself shows a fault: {names}. A fault of that kind and size raises no alarm. Diagnose "
+            "that log first, or take another one (--clean)."
+        )
+    return text
 
 
 def watched_summary(found: Watched) -> list[str]:
-    """The alarms, and what has gone wrong, a sentence each."""
-    rate, alarms, hours = found.monitor.false_alarms_per_hour, found.alarms, found.hours
-    if not alarms:
-        return [f"No alarm was raised in {hours:.2g} h, with the false-alarm rate set to {rate:g} per hour."]
-    lines = [alarm_words(alarm) for alarm in alarms[:_TOLD]]
-    if len(alarms) > _TOLD:
-        lines.append(f"{len(alarms) - _TOLD} more alarms follow, the last one at {alarms[-1].time:.0f} s.")
+    """What the monitor has learned from, the alarms, and what has gone wrong, a sentence each."""
+    rate, episodes, hours = found.monitor.false_alarms_per_hour, found.episodes, found.hours
+    lines = [learned_words(found)]
+    if not episodes:
+        return [*lines, f"No alarm was raised in {hours:.2g} h, with the false-alarm rate set to {rate:g} per hour."]
+    lines += [alarm_words(alarms) for alarms in episodes[:_TOLD]]
+    if len(episodes) > _TOLD:
+        left = len(episodes) - _TOLD
+        follow = "1 more alarm follows" if left == 1 else f"{left} more alarms follow"
+        lines.append(f"{follow}, the last one at {episodes[-1][0].time:.0f} s.")
     lines.append(
         f"The false-alarm rate is set to {rate:g} per hour: expect {rate * hours:.2g} false alarms in {hours:.2g} h."
     )
@@ -100,6 +145,7 @@ def watched_json(found: Watched) -> dict[str, Any]:
         {
             "vehicle": found.monitor.learned.plant.name,
             "summary": watched_summary(found),
+            "clean": {"log": found.clean, "missing": list(found.monitor.learned.missing)},
             "false_alarms_per_hour": found.monitor.false_alarms_per_hour,
             "alarms": [asdict(alarm) for alarm in found.alarms],
             "timeline": None if found.timeline is None else timeline_json(found.timeline),
@@ -121,11 +167,16 @@ def write_watched(found: Watched, folder: str | os.PathLike) -> dict[str, Path]:
 
 def watched_page(found: Watched) -> str:
     """The text of one HTML page, with one picture."""
-    count = len(found.alarms)
-    rows = _rows(found.alarms)
-    more = len(rows) > _LISTED
-    first = [f"The first {_LISTED} rows of {len(rows)}; all alarms are in monitor.json."] if more else []
-    heads = ("time", "alarms", "reading", "correlates with", "memory of the test", "statistic / threshold")
+    count = len(found.episodes)
+    rows = [_row(alarms) for alarms in found.episodes]
+    about = [
+        f"After an alarm the tests restart, so that a fault that stays raises more of them. Those that follow one "
+        f"another within {found.apart:.0f} s share a row, which has the first one's cause; all are in monitor.json. "
+        "The statistic is the largest one, relative to its threshold."
+    ]
+    if len(rows) > _LISTED:
+        about.append(f"These are the first {_LISTED} rows of {len(rows)}.")
+    heads = ("time", "repeated", "reading", "correlates with", "tested over the last", "statistic / threshold")
     picture = drawn(
         lambda: watched_figure(found),
         "monitor",
@@ -138,30 +189,24 @@ def watched_page(found: Watched) -> str:
         "found": watched_summary(found),
         "sections": [
             Section("Tests over time", (), (), [picture]),
-            *([Section("Alarms", first, [Table(heads, rows[:_LISTED], words=4)], ())] if rows else []),
+            *([Section("Alarms", about, [Table(heads, rows[:_LISTED], words=4)], ())] if rows else []),
         ],
         "version": __version__,
     }
     return page("models.html", content)
 
 
-def _rows(alarms: Sequence[Alarm]) -> list[tuple[str, ...]]:
-    """Rows of the table of alarms; those that follow one another by the same test share one."""
-    rows = []
-    for _, same in groupby(alarms, lambda alarm: (alarm.channel, alarm.signal, alarm.memory)):
-        of = list(same)
-        a = of[0]
-        rows.append(
-            (
-                f"{a.time:.0f}{f' to {of[-1].time:.0f}' if len(of) > 1 else ''} s",
-                str(len(of)),
-                channel(a.channel).label if a.channel else "several",
-                _SIGNALS[a.signal] if a.signal in _SIGNALS else channel(a.signal).label,
-                f"{a.memory:.0f} s",
-                f"{max(alarm.over for alarm in of):.2f}",
-            )
-        )
-    return rows
+def _row(alarms: Sequence[Alarm]) -> tuple[str, ...]:
+    """The row of an alarm and of those that repeat it."""
+    first, last = alarms[0], alarms[-1]
+    return (
+        f"{first.time:.0f}{f' to {last.time:.0f}' if len(alarms) > 1 else ''} s",
+        f"{len(alarms) - 1} times" if len(alarms) > 1 else "–",
+        channel(first.channel).label if first.channel else "several",
+        _SIGNALS[first.signal] if first.signal in _SIGNALS else channel(first.signal).label,
+        f"{first.memory:.0f} s",
+        f"{max(alarm.over for alarm in alarms):.2f}",
+    )
 
 
 def watched_figure(found: Watched) -> Figure:

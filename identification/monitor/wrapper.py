@@ -8,6 +8,8 @@ import gymnasium
 
 from identification.monitor.monitor import Monitor
 
+_SAME_STEP = 0.01  # of a step, by which a clock may differ
+
 
 class Monitored(gymnasium.Wrapper):
     """An environment with a monitor: `info["alarm"]` is an `Alarm` or None at each step.
@@ -29,8 +31,20 @@ class Monitored(gymnasium.Wrapper):
     """
 
     def __init__(self, env: gymnasium.Env, monitor: Monitor):
+        """Raises ValueError if the environment has other commands or readings than the monitor, or other steps."""
         super().__init__(env)
         self.monitor = monitor
+        own, learned = env.unwrapped.get_wrapper_attr("plant"), monitor.learned
+        if (own.inputs, own.outputs) != (learned.plant.inputs, learned.plant.outputs):
+            raise ValueError(
+                f"This monitor has learned {learned.plant.name}, and the environment simulates {own.name}, which has "
+                "other commands or readings: learn a monitor from a log of that vehicle."
+            )
+        if abs(own.dt - learned.interval) > _SAME_STEP * learned.interval:
+            raise ValueError(
+                f"This monitor has learned from samples {learned.interval:g} s apart, and a step of the environment "
+                f"takes {own.dt:g} s: make it with dt={learned.interval:g}, or learn from a log with its step."
+            )
 
     def reset(self, **options: Any) -> tuple[Any, dict[str, Any]]:
         observation, info = self.env.reset(**options)

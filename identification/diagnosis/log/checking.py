@@ -145,7 +145,7 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
             + (
                 "choose longer windows, and check that times are in seconds."
                 if window < 2.0 * record.sample_interval
-                else "record longer, give several logs of the vehicle, or choose shorter windows."
+                else "record longer, give several logs of the vehicle, or diagnose with shorter windows (--window)."
             )
         )
     shortest = min(w.stop - w.start for w in windows)

@@ -15,7 +15,7 @@ from identification.fit.online import OnlineFilter
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.windows import stretches_of
 from identification.monitor.monitor import CONSTANT, Alarm, Monitor
-from identification.monitor.report import Watched, watch, watched_page, watched_summary
+from identification.monitor.report import Watched, learned_words, watch, watched_page, watched_summary
 from identification.monitor.wrapper import Monitored
 from scripts.blind.changing import ChangingGlider
 
@@ -66,7 +66,10 @@ def test_a_clean_log_has_no_alarm_and_steps_are_those_of_a_replay(slocum, clean)
     other = closed_loop(slocum, rng=np.random.default_rng(6), duration=2000.0)
     found = watch(monitor, other)
     assert found.alarms == ()
-    assert watched_summary(found) == ["No alarm was raised in 0.56 h, with the false-alarm rate set to 0.01 per hour."]
+    assert watched_summary(found) == [
+        "The monitor takes the vehicle in the clean log (1.1 h) for healthy.",
+        "No alarm was raised in 0.56 h, with the false-alarm rate set to 0.01 per hour.",
+    ]
     again = Monitor(monitor.learned, 0.01)
     inputs, outputs = inputs_of(slocum, other), outputs_of(slocum, other)
     again.begin(inputs[0], outputs[0])
@@ -104,13 +107,32 @@ def test_the_stretch_about_an_alarm_is_as_long_where_the_log_begins_just_before_
 def test_the_page_lists_the_first_alarms_in_words_and_says_how_many_there_are(slocum, clean):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     monitor = Monitor.learn(clean, slocum, noise=NOISE)
-    alarms = tuple(Alarm(4.0 * k, "heading_rad", CONSTANT, 8.0 * (1 + k // 2), 1.1) for k in range(1, 51))
-    text = watched_page(Watched(monitor, 1.0, alarms, np.arange(2.0), np.ones(2)))
-    assert "slocum: 50 alarms" in text
-    assert "The first 20 rows of 26; all alarms are in monitor.json." in text
+    apart = float(monitor.learned.memories.max() * monitor.learned.interval)
+    alarms = [Alarm(2.0 * apart * k, "heading_rad", CONSTANT, 8.0, 1.1) for k in range(1, 26)]
+    alarms[1:1] = [Alarm(2.0 * apart + 8.0 * k, "heading_rad", CONSTANT, 8.0, 1.2) for k in (1, 2)]
+    found = Watched(monitor, "the clean log", 1.0, tuple(alarms), np.arange(2.0), np.ones(2))
+    text = watched_page(found)
+    assert "slocum: 25 alarms" in text
+    assert "These are the first 20 rows of 25." in text
     assert text.count("none (steady offset)") == 20
-    assert "8 to 12 s" in text  # two by the same test share a row
+    assert f"{2.0 * apart:.0f} to {2.0 * apart + 16.0:.0f} s" in text  # a fault that stays has one row
+    assert "2 times" in text
     assert "heading_rad" not in text
+    told = watched_summary(found)
+    assert told[1].endswith(f" It is repeated until {2.0 * apart + 16.0:.0f} s.")
+    assert "22 more alarms follow" in told[4]
+
+
+def test_a_clean_log_with_a_fault_is_said_to_have_one(slocum):
+    """Both alarms and their absence mean nothing of a fault that the monitor takes for healthy."""
+    bent = replace_at(slocum, "effects.rudder.offset", 0.05)
+    monitor = Monitor.learn(closed_loop(bent, rng=np.random.default_rng(0), duration=1200.0), slocum)
+    assert "effects.rudder.offset" in monitor.learned.missing
+    told = learned_words(Watched(monitor, "last_week.csv", 1.0, (), np.arange(2.0), np.ones(2)))
+    assert told.startswith("The monitor takes the vehicle in last_week.csv (0.33 h) for healthy. But that log itself")
+    assert "rudder offset" in told
+    straight = Monitor.learn(closed_loop(slocum, rng=np.random.default_rng(0), duration=1200.0), slocum)
+    assert straight.learned.missing == ()
 
 
 def test_an_environment_tells_of_an_alarm(slocum, clean):
@@ -120,6 +142,14 @@ def test_an_environment_tells_of_an_alarm(slocum, clean):
     told = [env.step([0.3])[-1]["alarm"] for _ in range(5)]
     assert told == [None] * 5
     assert monitor.time == pytest.approx(5 * monitor.learned.interval)
+
+
+def test_a_monitor_in_an_environment_of_another_vehicle_or_step_is_refused(slocum, clean):
+    monitor = Monitor.learn(clean, slocum, noise=NOISE)
+    with pytest.raises(ValueError, match="has learned slocum, and the environment simulates"):
+        Monitored(gymnasium.make("auv_gym/Heading-v0"), monitor)
+    with pytest.raises(ValueError, match="4 s apart, and a step of the environment takes 2 s: make it with dt=4"):
+        Monitored(gymnasium.make("auv_gym/GliderHeading-v0", vehicle="slocum", dt=2.0), monitor)
 
 
 def test_a_monitor_says_what_it_needs(slocum, clean):
