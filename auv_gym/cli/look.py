@@ -220,9 +220,11 @@ def _next_command(
         first = f"auv-gym look {quote(log)} --mapping-out {used}, correct in it what looks wrong, then "
     options = f" --mapping {quote(str(used))}" if used else ""
     if found.record is not None and not found.missing(needs[nearest]):
-        thinned = _thinned(len(found.record), found.record.duration_s)
+        usual = logs.interval_used(found.record.sample_interval, _time_step(nearest))
+        steps = round(found.record.duration_s / usual)
+        thinned = _thinned(steps, usual)
         options += f" --resample {thinned:g}" if thinned else ""
-        why = f" (without --resample its {len(found.record):,} samples take long)" if thinned else ""
+        why = f" (without --resample its {steps + 1:,} samples every {_short(usual)} s take long)" if thinned else ""
         alike = _as_good(found, needs)
         named = quote(nearest) if len(alike) == 1 else "NAME"
         why += f", where NAME is your vehicle: {' or '.join(alike)}" if len(alike) > 1 else ""
@@ -247,12 +249,18 @@ def _short(seconds: float) -> str:
     return f"{seconds:.0f}" if seconds >= 1000.0 else f"{seconds:.3g}"
 
 
-def _thinned(samples: int, seconds: float) -> float | None:
-    """A round sample time, s, with which a log of many samples has no more than a diagnosis handles in minutes."""
-    if samples <= _MANY_SAMPLES:
+def _time_step(vehicle: str) -> float:
+    from auv_gym.plant import load_vehicle
+
+    return load_vehicle(vehicle).dt
+
+
+def _thinned(steps: int, interval: float) -> float | None:
+    """A round sample time, s, longer than the interval, with which many steps become no more than take minutes."""
+    if steps <= _MANY_SAMPLES:
         return None
-    steps = (step * 10.0**power for power in range(-3, 6) for step in (1.0, 2.0, 5.0))
-    return next((step for step in steps if seconds / step <= _MANY_SAMPLES), None)
+    rounded = (step * 10.0**power for power in range(-3, 6) for step in (1.0, 2.0, 5.0))
+    return next((s for s in rounded if s > interval and steps * interval / s <= _MANY_SAMPLES), None)
 
 
 def _duration(seconds: float) -> str:

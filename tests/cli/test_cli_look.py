@@ -80,12 +80,21 @@ def test_names_from_a_file_are_shown_as_they_are(tmp_path, capsys):
 
 
 def test_a_log_of_very_many_samples_is_to_be_thinned(tmp_path, capsys):
-    t = np.arange(0.0, 1000.0, 0.1)
-    path = write(tmp_path / "log.csv", {"time_s": np.round(t, 1), "heading_deg": t % 360, "rudder_deg": 0.02 * t})
+    t = 4.0 * np.arange(10_000)
+    path = write(tmp_path / "log.csv", {"time_s": t, "heading_deg": t % 360, "rudder_deg": 1e-3 * t})
     assert main(["look", str(path), "--vehicle", "slocum"]) == 0
     text = said(capsys)
-    assert f"auv-gym diagnose {path} --vehicle slocum --resample 0.2 --out diagnosis" in text
-    assert text.endswith("(without --resample its 10,000 samples take long)")
+    assert f"auv-gym diagnose {path} --vehicle slocum --resample 10 --out diagnosis" in text
+    assert text.endswith("(without --resample its 10,000 samples every 4 s take long)")
+
+
+@pytest.mark.parametrize("count, step", [(10_000, 0.1), (6001, 4.0)])
+def test_a_log_that_a_diagnosis_thins_by_itself_needs_no_option(tmp_path, capsys, count, step):
+    """slocum has a step of 4 s: a log at 0.1 s is brought to it, and 6000 steps of 4 s are not thinned by 4 s."""
+    t = np.round(step * np.arange(count), 1)
+    path = write(tmp_path / "log.csv", {"time_s": t, "heading_deg": t % 360, "rudder_deg": 1e-3 * t})
+    assert main(["look", str(path), "--vehicle", "slocum"]) == 0
+    assert said(capsys).endswith(f"auv-gym diagnose {path} --vehicle slocum --out diagnosis")
 
 
 def glider_log(path, heading=np.radians, rudder=0.3):

@@ -145,9 +145,14 @@ def between_depths(record: Record, shallowest: float | None, deepest: float | No
     return record.select(kept)
 
 
+def interval_used(interval: float, step: float) -> float:
+    """The interval, s, at which a log is used without --resample: the vehicle's step if it is much finer."""
+    return step if interval * FINER < step else interval
+
+
 def thinned(record: Record, step: float) -> Record:
     """The record at the vehicle's own step, s, where its samples are much finer, with a note that says so."""
-    if not record.sample_interval * FINER < step:
+    if interval_used(record.sample_interval, step) == record.sample_interval:
         return record
     note = (
         f"Resampled from an interval of {record.sample_interval:.2g} s to the vehicle's time step of {step:g} s; "
