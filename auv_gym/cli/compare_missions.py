@@ -82,6 +82,7 @@ def compare_missions(
         progress(0.0, "starting")
         logs.refuse_early(vehicle, out, [*before, *(after or [])])
 
+        from auv_gym.records.joining import check_apart
         from identification.changes.missions import compare_missions as compare
         from identification.changes.page import write_comparison, write_series
         from identification.changes.series import follow_series
@@ -91,22 +92,26 @@ def compare_missions(
         require_render()
         plant = logs.load_stated(vehicle, before[0])
 
-        def read(files: str | list[str]) -> Record:
+        def read(files: list[str]) -> tuple[str, Record]:
             progress(0.0, "reading the logs")
+            name = ", ".join(files)
             try:
-                return logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+                return name, logs.read_cut(files, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
             except ValueError as error:
-                raise ValueError(f"{files if isinstance(files, str) else ', '.join(files)}: {error}") from None
+                raise ValueError(f"{name}: {error}") from None
 
+        sides = [[file] for file in before] if series else [before, after or []]
+        missions = [read(files) for files in sides]
+        check_apart(missions)
         options: Any = {"most": most, "doubt": doubt, "trust": trust}
         options["progress"] = lambda f, text: progress(0.05 + 0.9 * f, text)
         if series:
             options |= {"jobs": jobs, "scheduler": scheduler}
-            trends = follow_series({file: read(file) for file in before}, plant, out, **options)
+            trends = follow_series(dict(missions), plant, out, **options)
             lines, written = series_summary(trends), write_series(trends, out)
         else:
             names = before, after or []
-            found = compare(read(before), read(names[1]), plant, names=names, **options)
+            found = compare(*(record for _, record in missions), plant, names=names, **options)
             lines, written = summary(found), write_comparison(found, out)
     output.print()
     for line in lines:

@@ -44,6 +44,7 @@ def monitor(
 
         import numpy as np
 
+        from auv_gym.records.joining import check_apart
         from identification.monitor.monitor import Monitor
         from identification.monitor.report import watch, watched_summary, write_watched
         from identification.pages.drawing import require_render
@@ -54,6 +55,7 @@ def monitor(
         record = logs.read_cut(log, *settings)
         if clean:
             known, learned_from = logs.read_cut(clean, *settings), Path(clean).name
+            check_apart([(", ".join(log), record), (clean, known)])
         else:
             learned_from = "the first quarter of the log"
             early = np.arange(len(record)) < _CLEAN * len(record)

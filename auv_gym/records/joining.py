@@ -4,12 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 
 from auv_gym.records.log import Log
 from auv_gym.records.record import Record, concat
+
+_VEHICLE = "platform_id"  # the attribute in which a log names its vehicle
+_SHARED = 0.5  # of the samples of the shorter log: from this share on, both hold the same
+_OVERLAP = 0.1  # of the duration of the shorter log; one that goes on where another ends may begin a moment earlier
 
 
 def side_by_side(found: Sequence[tuple[Path, Log | Record]]) -> list[tuple[Path, Log | Record]]:
@@ -48,6 +53,51 @@ def _span_of(log: Log) -> tuple[float, float]:
     return min((float(np.nanmin(t)) for t in times), default=0.0), max(
         (float(np.nanmax(t)) for t in times), default=0.0
     )
+
+
+def check_apart(records: Sequence[tuple[str, Record]]) -> None:
+    """Raise ValueError where two logs, each with its name, hold the same evidence or are of different vehicles.
+
+    The evidence is the same where segments agree in all values of the channels that all logs have, or where logs with
+    dates overlap in time.
+    """
+    if len(records) < 2:
+        return
+    common = sorted(set.intersection(*(set(record.names) for _, record in records)))
+    known = [(name, record, _lengths_by_content(record, common)) for name, record in records]
+    for (name, one, held), (name_2, two, held_2) in combinations(known, 2):
+        vehicle, vehicle_2 = one.attrs.get(_VEHICLE), two.attrs.get(_VEHICLE)
+        if vehicle and vehicle_2 and vehicle != vehicle_2:
+            raise ValueError(
+                f"Logs of one vehicle are needed, but {name} is of {vehicle} and {name_2} is of {vehicle_2}: give the "
+                "logs of one of them."
+            )
+        if sum(held[key] for key in held.keys() & held_2.keys()) > _SHARED * min(len(one), len(two)):
+            twice = f"{name} was given twice" if name == name_2 else f"{name} and {name_2} hold the same samples"
+            raise ValueError(f"{twice}, which would count as twice the evidence: give each log once.")
+        overlap = _overlap(one, two)
+        if overlap > _OVERLAP * min(one.duration_s, two.duration_s):
+            raise ValueError(
+                f"{name} and {name_2} overlap in time by {overlap:.0f} s, and what happened then would count twice: "
+                "leave one of them out, or correct their clocks."
+            )
+
+
+def _lengths_by_content(record: Record, names: Sequence[str]) -> dict[bytes, int]:
+    """The samples of each segment, by its values of these channels; empty without channels."""
+    values = record.matrix(names)
+    return {values[s].tobytes(): s.stop - s.start for s in record.segments} if names else {}
+
+
+def _overlap(one: Record, other: Record) -> float:
+    """How long segments of two logs lasted at once, s; 0 where not both have a date."""
+    spans = []
+    for record in (one, other):
+        begin, time = float(record.attrs.get("start_epoch_s", np.nan)), record.time
+        spans.append(begin + np.array([(time[s.start], time[s.stop - 1]) for s in record.segments]))
+    own, others = spans[0][:, None], spans[1][None]
+    shared = np.minimum(own[..., 1], others[..., 1]) - np.maximum(own[..., 0], others[..., 0])
+    return float(np.nansum(np.maximum(shared, 0.0)))
 
 
 def one_after_the_other(records: list[Record]) -> Record:

@@ -16,7 +16,7 @@ from auv_gym.records.clocks import clocks_of
 from auv_gym.records.completing import completed, hydrography
 from auv_gym.records.formats import check_file, format_of
 from auv_gym.records.gliding import glide_speed
-from auv_gym.records.joining import labelled, one_after_the_other, side_by_side
+from auv_gym.records.joining import check_apart, labelled, one_after_the_other, side_by_side
 from auv_gym.records.log import Column, Format, Group, Log, Scope
 from auv_gym.records.mapping import (
     YOURS,
@@ -96,8 +96,9 @@ def read_record(
     required: channels that must be there, the leading one first, or the `Needs` of a vehicle.  Other channels are left
     out where they would cost more than a tenth of the samples; `record.notes` says so, a line each.
     max_gap_s: see Record.split_gaps.  long_runs: see Record.from_arrays.  beside: a folder of files that a log needs.
-    Columns segment, dive_id and run divide the file, and so does each of several files.  Times beyond 1e8 s, and dates,
-    become s since the first; the attribute `start_epoch_s` keeps that.
+    Columns segment, dive_id and run divide the file, and so does each of several files; these must be of one vehicle
+    and hold nothing twice.  Times beyond 1e8 s, and dates, become s since the first; the attribute `start_epoch_s`
+    keeps that.
     Raises ValueError on anything that cannot be read or does not fit.
 
     Example:
@@ -125,14 +126,15 @@ def read_record(
     records = []
     for file, one in side_by_side(found):
         if isinstance(one, Record):
-            records.append(labelled(one, file.name) if len(paths) > 1 else one)
+            records.append((file, labelled(one, file.name) if len(paths) > 1 else one))
             continue
         try:
             record = assembled(understood(one, names, needs), needs, max_gap_s, long_runs)
         except ValueError as error:
             raise _named(file, error) from error
-        records.append(labelled(record, one.label or file.name) if len(paths) > 1 else record)
-    return one_after_the_other(records)
+        records.append((file, labelled(record, one.label or file.name) if len(paths) > 1 else record))
+    check_apart([(str(file), record) for file, record in records])
+    return one_after_the_other([record for _, record in records])
 
 
 def _share(told: Callable[[float, str], None], number: int, count: int, fraction: float, text: str) -> None:

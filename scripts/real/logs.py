@@ -165,8 +165,9 @@ LOGS = (
     Log(
         "SEA035, mission 10",
         "seaexplorer",
-        tuple(f"seaexplorer/SEA035.10.gli.sub{end}" for end in ("", *(f".{k:03d}" for k in range(1, 49)))),
-        "SeaExplorer, 49 files without a CTD; from `c-proof/pyglider`",
+        # SEA035.10.gli.sub, without a number, is a copy of .014
+        tuple(f"seaexplorer/SEA035.10.gli.sub.{k:03d}" for k in range(1, 49)),
+        "SeaExplorer, 48 files without a CTD; from `c-proof/pyglider`",
         "nothing; half of this log gave the preset its polar",
         least_depth=10.0,
         signals=("depth_m",),

@@ -33,11 +33,12 @@ def test_sides_are_given_once_and_each_mission_on_one(tmp_path, capsys):
 
 @pytest.fixture(scope="module")
 def dives(tmp_path_factory):
-    """Two logs of a glider that overlap by a minute, and one of another vehicle."""
+    """Two logs of a glider that overlap by 40 s, four others, and one of another vehicle."""
     folder, plant = tmp_path_factory.mktemp("dives"), load_vehicle("slocum")
-    record = closed_loop(plant, rng=np.random.default_rng(0), duration=600.0)
-    for name, begin in (("first", 1.4e9), ("second", 1.4e9 + 540.0), ("third", 1.4e9 + 2e3), ("fourth", 1.4e9 + 1e3)):
-        record.with_notes([], start_epoch_s=begin).save(folder / f"{name}.nc")
+    names, begins = ("first", "second", "third", "fourth", "fifth", "sixth"), (0.0, 560.0, 2e3, 1e3, 1e8, 2e8)
+    for seed, (name, begin) in enumerate(zip(names, begins, strict=True)):
+        record = closed_loop(plant, rng=np.random.default_rng(seed), duration=600.0)
+        record.with_notes([], start_epoch_s=1.4e9 + begin).save(folder / f"{name}.nc")
     oil_mission(load_vehicle("mermaid"), (300.0, 500.0), rng=np.random.default_rng(1)).save(folder / "float.nc")
     return folder
 
@@ -56,15 +57,13 @@ def test_what_cannot_be_compared_is_refused_in_words(dives, tmp_path, capsys):
     assert "--with needs at least one later mission, got none" in told
     told = refused(capsys, "compare-missions", first, "--with", second, *common)
     assert "Missions of one vehicle cannot overlap in time" in told
-    assert "begins 60 s before" in told
+    assert "begins 40 s before" in told
     told = refused(capsys, "compare-missions", first, third, first, "--with", fourth, *common)
     assert "given twice: " in told
     told = refused(capsys, "compare-missions", first, "--series", *common)
     assert "A trend needs at least 4 missions, one after the other, got 1" in told
-    copies = [tmp_path / f"{n}.nc" for n in range(2)]
-    for copy, begin in zip(copies, (1.5e9, 1.6e9), strict=True):
-        Record.load(first).with_notes([], start_epoch_s=begin).save(copy)
-    told = refused(capsys, "compare-missions", first, third, fourth, *copies, "--series", *common)
+    later = [dives / f"{n}.nc" for n in ("fifth", "sixth")]
+    told = refused(capsys, "compare-missions", first, third, fourth, *later, "--series", *common)
     assert "A series needs its missions in order of time" in told
     assert "fourth.nc began before" in told
     told = refused(capsys, "compare-missions", first, "--with", third, "--scheduler", "tcp://127.0.0.1:9", *common)
@@ -73,6 +72,19 @@ def test_what_cannot_be_compared_is_refused_in_words(dives, tmp_path, capsys):
     assert "float.nc: The record has no channel 'heading_rad'" in told
     told = refused(capsys, "compare-missions", other, "--with", first, *common)
     assert "float.nc: The record has no channel 'heading_rad'" in told
+
+
+def test_logs_that_hold_the_same_are_refused(dives, tmp_path, capsys):
+    first, copy = dives / "first.nc", tmp_path / "copy.nc"
+    Record.load(first).with_notes([], start_epoch_s=1.7e9).save(copy)
+    common, third = ("--vehicle", "slocum", "--out", tmp_path / "out"), dives / "third.nc"
+    told = f"{first} and {copy} hold the same samples, which would count as twice the evidence"
+    assert told in refused(capsys, "compare-missions", first, "--with", copy, *common)
+    assert told in refused(capsys, "compare-missions", first, third, copy, dives / "fourth.nc", "--series", *common)
+    assert told in refused(capsys, "onset", first, copy, *common)
+    assert told in refused(capsys, "monitor", first, "--clean", copy, *common)
+    assert f"{first} was given twice" in refused(capsys, "monitor", first, "--clean", first, *common)
+    assert f"{first} was given twice" in refused(capsys, "diagnose", first, first, *common)
 
 
 def test_onset_and_monitor_refuse_the_log_of_another_vehicle_and_a_rate_that_is_none(dives, tmp_path, capsys):

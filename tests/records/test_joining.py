@@ -1,8 +1,9 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 
-from auv_gym.records.joining import one_after_the_other, side_by_side
+from auv_gym.records.joining import check_apart, one_after_the_other, side_by_side
 from auv_gym.records.log import Group, Log
 from auv_gym.records.record import Record
 
@@ -56,3 +57,35 @@ def test_files_with_dates_are_joined_in_their_order_and_on_one_clock():
 def test_where_some_files_have_no_date_the_clock_is_that_of_the_first():
     assert one_after_the_other([dive(0.0, start_epoch_s=150.0), dive(5.0)]).attrs["start_epoch_s"] == 150.0
     assert "start_epoch_s" not in one_after_the_other([dive(5.0), dive(0.0, start_epoch_s=150.0)]).attrs
+
+
+def mission(seed, begin=None, vehicle=None, n=100):
+    values = {"depth_m": np.random.default_rng(seed).uniform(0.0, 50.0, n)}
+    attrs = {"start_epoch_s": begin, "platform_id": vehicle}
+    return Record.from_arrays(np.arange(n) * 1.0, values, attrs={k: v for k, v in attrs.items() if v is not None})
+
+
+def test_what_was_given_twice_is_refused():
+    with pytest.raises(ValueError, match=r"^a.csv was given twice, which would count as twice the evidence: give each"):
+        check_apart([("a.csv", mission(1)), ("b.csv", mission(2)), ("a.csv", mission(1))])
+    copy = mission(1).with_channels({"pitch_rad": np.zeros(100)}).later(7.0)
+    with pytest.raises(ValueError, match=r"^a.csv and copy.csv hold the same samples"):
+        check_apart([("a.csv", mission(1)), ("copy.csv", copy)])
+    with pytest.raises(ValueError, match=r"^all.csv and a.csv hold the same samples"):
+        check_apart([("all.csv", one_after_the_other([mission(1), mission(2), mission(3)])), ("a.csv", mission(1))])
+    check_apart([("a.csv", mission(1)), ("b.csv", mission(2)), ("c.csv", mission(3))])
+
+
+def test_logs_that_overlap_in_time_are_refused():
+    with pytest.raises(ValueError, match=r"^a.csv and b.csv overlap in time by 50 s"):
+        check_apart([("a.csv", mission(1, 1.4e9)), ("b.csv", mission(2, 1.4e9 + 49.0))])
+    check_apart([("a.csv", mission(1, 1.4e9)), ("b.csv", mission(2, 1.4e9 + 95.0))])  # clocks are not that exact
+    check_apart([("a.csv", mission(1, 1.4e9)), ("b.csv", mission(2))])
+    turns = one_after_the_other([mission(1, 1.4e9), mission(2, 1.4e9 + 400.0)])
+    check_apart([("a.csv", turns), ("b.csv", mission(3, 1.4e9 + 200.0))])
+
+
+def test_logs_of_two_vehicles_are_refused():
+    with pytest.raises(ValueError, match=r"a.nc is of SG561 and b.nc is of SG171: give the logs of one of them"):
+        check_apart([("a.nc", mission(1, vehicle="SG561")), ("b.nc", mission(2, vehicle="SG171"))])
+    check_apart([("a.nc", mission(1, vehicle="SG561")), ("b.nc", mission(2, vehicle="SG561")), ("c", mission(3))])

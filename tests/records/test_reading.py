@@ -319,7 +319,7 @@ def test_a_sensor_that_is_slower_than_the_rows_is_known_as_such(tmp_path):
 
 def test_several_files_are_one_record_on_one_clock(tmp_path):
     for day, more in ((1, "pitch_deg"), (2, "roll_deg")):
-        rows = "".join(f"2024-05-0{day}T00:00:{k:02d},{k},{k}\n" for k in range(10))
+        rows = "".join(f"2024-05-0{day}T00:00:{k:02d},{day * k},{k}\n" for k in range(10))
         write(tmp_path / f"{day}.csv", f"time,depth_m,{more}\n{rows}")
     r = read_record([tmp_path / "2.csv", tmp_path / "1.csv"])
     assert r.labels == ["1.csv", "2.csv"]
