@@ -28,6 +28,12 @@ _COMMAND_UNITS = (  # what commands of thrusters come in instead: least, most, a
     ("pulse lengths less 1500 us", -500.0, 500.0),
     ("pulse lengths in us", 900.0, 2100.0),
 )
+_TOO_SMALL = {  # what values of a unit come in instead, so that they are taken as this many times too small
+    "m3": ((1e6, "m3 in a column of cm3"), (1e3, "m3 in a column of litres")),
+    "m": ((1e3, "m in a column of mm"),),
+}
+_USED = 0.1  # share of its range that an actuator moves through in a log, at least; less may be noise
+_RESOLVED = 1e-5  # of its range, finer than a sensor of 16 bits can tell it
 _USUAL = {
     "piston_m": 1e-2,
     "oil_volume_m3": 1e-5,
@@ -49,10 +55,11 @@ def needs_of(plant: Plant) -> Needs:
 
 
 def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
-    """Raises if a channel leaves the range that the vehicle's family states for it, with where and how far.
+    """Raises if a channel leaves the range that the vehicle states for it, or fills so little that its unit is another.
 
     few: share of the samples that may be beyond it, as single wild readings are; `described` leaves them out.
     """
+    _check_spans(plant, record)
     for name, (least, most, slack, beyond) in _ranges(plant, record).items():
         values, lowest, highest = record[name], least - slack, most + slack
         if beyond.mean() > few:
@@ -74,6 +81,39 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
                 f"{looks}."
             )
     _check_commands(plant, record)
+
+
+def _check_spans(plant: Plant, record: Record) -> None:
+    """Raises if an actuator hardly moves and would fill its range if its values were in another unit."""
+    for name, (least, most) in _actuator_ranges(plant).items():
+        values = record[name][np.isfinite(record[name])] if record.has(name) else np.empty(0)
+        span, width = float(np.ptp(values)) if values.size else 0.0, most - least
+        for factor, words in _TOO_SMALL.get(channel(name).unit, ()):
+            fills = _USED * width <= factor * span <= (1.0 + 2.0 * _TOLERANCE) * width
+            lowest, highest = least - _TOLERANCE * width, most + _TOLERANCE * width
+            # a small one may be noise about a resting place, unless no sensor is so fine, or it rests at zero alone
+            if fills and (
+                span < _RESOLVED * width or (lowest <= factor * values.min() and factor * values.max() <= highest)
+            ):
+                unit = channel(name).unit
+                raise ValueError(
+                    f"{name} hardly moves: it spans {span:.2g} {unit}, while {channel(name).label} of {plant.name} "
+                    f"goes from {least:g} to {most:g} {unit}. It looks {factor:,.0f} times too small, as {words} is: "
+                    "correct the column's unit in a mapping, or its values in the file."
+                )
+
+
+def _actuator_ranges(plant: Plant) -> dict[str, tuple[float, float]]:
+    """The least and most of each actuator, as the vehicle's own parameters state them."""
+    found = {
+        name: (value_at(plant, low), value_at(plant, high))
+        for name, (low, high) in plant.family.ranges.items()
+        if isinstance(low, str) and isinstance(high, str)
+    }
+    if plant.family.body is not None:
+        ends = command_ranges(plant)[:, [0, 2]].tolist()
+        found |= dict(zip(plant.family.actuators, map(tuple, ends), strict=True))
+    return {name: (low, high) for name, (low, high) in found.items() if np.isfinite(high - low)}
 
 
 def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float, np.ndarray]]:

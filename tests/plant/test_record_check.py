@@ -105,3 +105,40 @@ def test_a_volume_that_is_upside_down_about_its_neutral_is_refused_as_such():
     turned = upright.with_channels({"buoyancy_volume_m3": 2.0 * neutral - upright["buoyancy_volume_m3"]})
     with pytest.raises(ValueError, match=rf"looks mirrored about its neutral {neutral:.4g}\.$"):
         check_ranges(glider, turned)
+
+
+def _volumes(glider):
+    """A glider's engine at work, and the volume at which the vehicle is neutral."""
+    low, neutral, high = (getattr(glider.hull, f"engine_{name}") for name in ("low", "neutral", "high"))
+    return np.where(np.sin(TIME / 60.0) > 0.0, 0.8 * low + 0.2 * high, 0.3 * low + 0.7 * high), neutral
+
+
+@pytest.mark.parametrize(
+    "factor, words", [(1e-6, "1,000,000 times too small, as m3 in a column of cm3"), (1e-3, "lit")]
+)
+def test_a_volume_in_too_small_a_unit_is_refused_though_it_is_within_its_range(factor, words):
+    glider = load_vehicle("seaglider")
+    volumes, _ = _volumes(glider)
+    with pytest.raises(ValueError, match=rf"buoyancy_volume_m3 hardly moves: it spans .* -0.00083 to 0 m3.*{words}"):
+        check_ranges(glider, _record(buoyancy_volume_m3=factor * volumes))
+
+
+def test_a_volume_in_too_small_a_unit_that_was_moved_to_its_neutral_is_refused():
+    glider = load_vehicle("seaglider")
+    volumes, neutral = _volumes(glider)
+    with pytest.raises(ValueError, match="m3 in a column of cm3"):
+        check_ranges(glider, _record(buoyancy_volume_m3=neutral + 1e-6 * (volumes - neutral)))
+
+
+def test_actuators_of_any_vehicle_are_held_against_their_ranges():
+    glider = load_vehicle("seawing")
+    ballast = Record.from_arrays(TIME, {"depth_m": TIME, "ballast_m3": 4e-10 * np.sin(TIME / 60.0)})
+    with pytest.raises(ValueError, match=r"ballast_m3 hardly moves: it spans 8e-10 m3.*cm3"):
+        check_ranges(glider, ballast)
+
+
+@pytest.mark.parametrize("volume", [-3e-4, 0.0, -5.05e-4])
+def test_a_volume_that_is_held_is_no_unit(volume):
+    noise = 2e-7 * np.sin(TIME)  # a sensor's
+    check_ranges(load_vehicle("seaglider"), _record(buoyancy_volume_m3=np.full(TIME.size, volume)))
+    check_ranges(load_vehicle("seaglider"), _record(buoyancy_volume_m3=min(volume, -1e-4) + noise))
