@@ -265,7 +265,8 @@ def _unless_throughout(
 ) -> tuple[Round, _Reached]:
     """What was chosen, or what explains the log best throughout, unless the times of the former are worth their bar.
 
-    A time near either end fits nearly as well as none, and one of many fits better by chance.
+    A time near either end fits nearly as well as none, and one of many fits better by chance: the bar is for as many as
+    the form has.
     """
     assert made.chosen is not None
     own = made.chosen.candidate
@@ -276,7 +277,8 @@ def _unless_throughout(
     again = selected(bench, before, [f.throughout for f in forms if f.throughout is not None], count, ())
     if again.chosen is None or again.chosen.state is None:
         return made, reached
-    if bench.gain(again.chosen.state, reached.state) >= threshold(whole.count):
+    tried = next((len(group) for group in whole.groups if own in group), count)
+    if bench.gain(again.chosen.state, reached.state) >= threshold(tried):
         return made, reached
     return again, _at_best_times(bench, again.chosen)
 
@@ -337,8 +339,15 @@ def _timed(
         when = times.get(form, ()) if steady else ()
         first, second = (*when, None, None)[:2]
         kind = kind_of(form) if steady else ""
-        found.append(Timed(path, *told, kind, size, made.evidence[0], first, second, tied_names([made]), steady))
+        tied = tied_names([made]) if kind else _throughout(path, tied_names([made]))
+        found.append(Timed(path, *told, kind, size, made.evidence[0], first, second, tied, steady))
     return found
+
+
+def _throughout(path: str, tied: Sequence[str]) -> tuple[str, ...]:
+    """What else would explain an effect throughout the log, without the same from or until a time."""
+    whole = {path, *(name for name in tied if " " not in name)}
+    return tuple(name for name in tied if name in whole or name.rpartition(" ")[2] not in whole)
 
 
 def threshold_of_halves(count: int) -> float:

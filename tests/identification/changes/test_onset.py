@@ -5,7 +5,7 @@ import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
-from identification.changes.onset import find_onsets
+from identification.changes.onset import _throughout, find_onsets
 from identification.changes.wording import timeline_summary
 from identification.experiments.heading_control import closed_loop
 from scripts.blind.changing import ChangingGlider
@@ -16,6 +16,12 @@ OFFSET = "effects.rudder.offset"
 def near(size, truth):
     """Whether a size is within 3.3 standard errors of the truth, as 999 of 1000 are: a 95 % interval misses in 5 %."""
     return abs(size.value - truth) < 3.3 / 1.96 * 0.5 * (size.ci95[1] - size.ci95[0])
+
+
+def test_what_acts_throughout_is_not_told_from_itself_with_a_time():
+    tied = ("until effects.rudder.gain", "effects.yaw.moment", "from effects.yaw.moment", "from effects.compass.bias")
+    left = ("effects.yaw.moment", "from effects.compass.bias")
+    assert _throughout("effects.rudder.gain", tied) == left
 
 
 @pytest.mark.slow
