@@ -90,14 +90,15 @@ def diagnose(
                     f"--profile is for vehicles whose model uses the water's density; {plant.name} does not: drop it."
                 )
             record = with_density(record, read_profiles(profile))
+        told = [*record.notes, *logs.tell_remarks(record, plant)]
 
         read = perf_counter()
 
-        def told(fraction: float, text: str) -> None:
+        def show(fraction: float, text: str) -> None:
             progress(0.05 + 0.85 * fraction, text)
 
         if again is not None:
-            diagnosis = diagnose_again(again, record, progress=told)
+            diagnosis = diagnose_again(again, record, progress=show)
         else:
             diagnosis = diagnose_record(
                 record,
@@ -108,7 +109,7 @@ def diagnose(
                 doubt=doubt,
                 trust=trust,
                 source=_source(log),
-                progress=told,
+                progress=show,
             )
         progress(0.9, "writing the report")
         diagnosed = perf_counter()
@@ -125,7 +126,7 @@ def diagnose(
                 written = write_diagnosis(diagnosis, out, extras)
         progress(1.0, "done")
     for line in diagnosis.record.notes:
-        if line not in record.notes:
+        if line not in told:
             errors.print(f"Log: {escape(line)}", soft_wrap=True)
     output.print()
     for paragraph in diagnosis.paragraphs():

@@ -41,6 +41,7 @@ def onset(
         require_render()
         plant = logs.load_stated(vehicle, log[0])
         record = logs.read_cut(log, plant, mapping, cache_dir, cut_gaps, min_depth, max_depth, resample)
+        logs.tell_remarks(record, plant)
         found = find_onsets(
             record, plant, most=most, doubt=doubt, trust=trust, progress=lambda f, text: progress(0.05 + 0.9 * f, text)
         )

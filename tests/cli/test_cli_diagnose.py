@@ -121,7 +121,7 @@ def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):
     assert not out.exists() or not list(out.iterdir())
     assert run(path, out, "--window", "90") == 0
     line = "10 of 151 samples (6.6 %) were dropped, where heading_rad had no value; the record is cut there."
-    assert line in " ".join(capsys.readouterr().err.split())
+    assert " ".join(capsys.readouterr().err.split()).count(line) == 1
     content = json.loads((out / "diagnosis.json").read_text())
     assert content["effects"][0]["path"] == "effects.rudder.deadband"
     assert line in content["log_notes"]
@@ -175,6 +175,27 @@ def test_a_log_much_finer_than_the_vehicles_step_is_brought_to_it():
     assert coarse.sample_interval == pytest.approx(0.05)
     assert coarse.notes[-1].startswith("Resampled from an interval of 0.005 s to the vehicle's time step of 0.05 s")
     assert thinned(fine, 0.019) is fine  # not four times as fine
+
+
+def test_what_is_remarkable_in_a_log_is_said_once_and_before_the_search(tmp_path, capsys, monkeypatch):
+    time = 0.01 * np.arange(4000)
+    columns = {"time_s": time, **{f"t{k}_share": 0.3 * np.sin(k * time) for k in range(1, 10)}}
+    columns |= {name: 0.1 * np.sin(time) for name in ("depth_m", "heading_rad", "roll_rad", "pitch_rad")}
+    columns["t8_share"] = np.zeros(4000)
+
+    def search(*given, **settings):
+        raise ValueError("The search begins.")
+
+    monkeypatch.setattr("identification.diagnosis.diagnose", search)
+    assert run(write_csv(tmp_path / "log.csv", columns), tmp_path / "out", vehicle="bluerov2_heavy") == 1
+    said, _, after = " ".join(capsys.readouterr().err.split()).partition("The search begins.")
+    assert after == ""
+    for words in (
+        "t8_share does not move",
+        "also has t9_share, which is not used",
+        "Resampled from an interval of 0.01 s",
+    ):
+        assert said.count(words) == 1
 
 
 def test_a_log_in_degrees_ends_with_the_command_that_shows_it(tmp_path, capsys):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from auv_gym.cli import main
+from auv_gym.cli.options.logs import load_stated
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.plant.stated import as_stated, vehicle_from_dive
@@ -75,6 +76,15 @@ def test_a_log_that_no_dive_can_have_is_refused_with_what_to_do(tmp_path, capsys
     assert words in " ".join(capsys.readouterr().err.split())
 
 
+def test_a_log_that_states_no_constants_is_said_to(tmp_path, capsys):
+    log = write_log(tmp_path / "log.csv")
+    load_stated("seaglider", log)
+    told = "log.csv states no constants of its vehicle (sg_cal_mass and others): those of seaglider are used."
+    assert told in " ".join(capsys.readouterr().err.split())
+    load_stated("seaexplorer", log)  # one glider, with numbers of its own
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.slow
 def test_dives_that_end_afloat_without_a_ctd_or_a_heading_say_what_is_assumed_and_left_out(tmp_path, capsys):
     none = dict.fromkeys(("temperature_C", "density_kgpm3", "heading_rad"), 0.0)
@@ -115,15 +125,15 @@ def test_dives_of_a_seaglider_are_one_record_of_the_glider_that_they_state(tmp_p
     out = tmp_path / "out"
     assert main(["diagnose", *map(str, files), "--vehicle", "seaglider", "--out", str(out)]) == 0
     said = " ".join(capsys.readouterr().err.split())
-    assert "p9980001.nc states: mass, density, temperature" in said
-    assert "(density_kgpm3): 1027.5 kg/m3 is assumed throughout" in said
+    assert re.search(r"vehicle constants taken from \S+p9980001.nc: mass, density, temperature", said)
+    assert said.count("(density_kgpm3): 1027.5 kg/m3 is assumed throughout") == 1
     assert "since sg998 does not describe it" in said
     result = json.loads((out / "diagnosis.json").read_text())
     assert result["verdict"] in ("named", "tied")
     assert load_vehicle(out / "vehicle.toml").hull.mass == 54.5
     # it surfaces where it dived, so that the water took it back
     assert (
-        "Depth-averaged current to the north and east, by GPS and dead reckoning, with 95 % intervals: dive 1: "
+        "Depth-averaged current to the north and east, from GPS and dead reckoning, with 95 % intervals: dive 1: "
         in result["summary"]
     )
     assert [0.1 < np.hypot(c["north"], c["east"]) < 0.4 for c in result["currents"]] == [True] * 3

@@ -98,11 +98,10 @@ def read_log(
         log, mapping, required, long_runs="cut" if cut_gaps else "raise", beside=cache_dir, progress=progress
     )
     notes = grouped(record.notes)
-    for line in notes[:_SHOWN]:
-        errors.print(f"Log: {escape(line)}", soft_wrap=True)
+    _tell(notes[:_SHOWN])
     if len(notes) > _SHOWN:
         first = log if isinstance(log, str) else log[0]
-        errors.print(f"Log: and {len(notes) - _SHOWN} more notes; see auv-gym look {escape(first)}.", soft_wrap=True)
+        _tell([f"and {len(notes) - _SHOWN} more notes; see auv-gym look {first}."])
     return record
 
 
@@ -169,7 +168,9 @@ def load_stated(vehicle: str, log: str) -> Plant:
     plant, stated = as_stated(load_vehicle(vehicle), log)
     if stated:
         names = ", ".join(path.removeprefix("hull.") for path in stated)
-        errors.print(f"Log: vehicle constants taken from {escape(log)}: {names}.", soft_wrap=True)
+        _tell([f"vehicle constants taken from {log}: {names}."])
+    elif plant.family.stated is not None and plant.hull.as_logged:
+        _tell([f"{log} states no constants of its vehicle (sg_cal_mass and others): those of {plant.name} are used."])
     return plant
 
 
@@ -189,4 +190,26 @@ def read_cut(
 
     record = read_log(log, mapping, cache_dir, needs_of_plant(plant), cut_gaps, progress)
     record = between_depths(record, shallowest, deepest)
-    return thinned(record, plant.dt) if resample is None else record.resample(resample)
+    if resample is not None:
+        return record.resample(resample)
+    found = thinned(record, plant.dt)
+    _tell([line for line in found.notes if line not in record.notes])
+    return found
+
+
+def tell_remarks(record: Record, plant: Plant) -> list[str]:
+    """Print to stderr what is remarkable in a record as one of this vehicle; the lines.
+
+    Raises ValueError where it cannot be of it, so that both come before what takes long.
+    """
+    from auv_gym.plant.record_check import FEW, check_ranges, described
+
+    check_ranges(plant, record, FEW)
+    lines = [line for line in described(plant, record).notes if line not in record.notes]
+    _tell(lines)
+    return lines
+
+
+def _tell(lines: Sequence[str]) -> None:
+    for line in lines:
+        errors.print(f"Log: {escape(line)}", soft_wrap=True)

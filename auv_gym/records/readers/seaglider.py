@@ -287,6 +287,11 @@ def _attrs(file: NetcdfFile, notes: list[str]) -> Mapping[str, Any]:
             known[FIXES] = table.ravel().tolist()
         else:
             notes.append("The current cannot be known from GPS: the dive has no fix before it, or none after it.")
+    else:
+        notes.append(
+            "The current cannot be known from GPS: the file does not have three fixes each in log_gps_time, "
+            "log_gps_lat and log_gps_lon."
+        )
     return known
 
 

@@ -181,6 +181,10 @@ def test_what_is_known_once_a_dive(tmp_path, whole):
     assert "current_north_mps" not in log.attrs
     assert any("current is left out" in note for note in log.notes)
     assert log.attrs["magnetic_variation_deg"] == -8.8  # from the line of the GPS
+    assert not any("from GPS" in note for note in log.notes)
+    log = FORMAT.read(write(tmp_path / "none.nc", dive(log_gps_lat=None)), Scope())
+    assert "gps_fixes" not in log.attrs
+    assert any("The current cannot be known from GPS: the file does not have three fixes" in note for note in log.notes)
 
 
 def test_a_first_look_and_chosen_groups(tmp_path, whole):
