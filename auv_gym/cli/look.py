@@ -67,13 +67,17 @@ def look(
     _print_head(found)
     _print_signals(found, every)
     _print_list("Left out, repaired or cut", found.notes if every else logs.grouped(found.notes), every)
-    _print_list("Looks wrong", [*found.doubts, *_wrong_for(vehicle, found)], True)
+    refused = _refused(found, needs)
+    told = vehicle or (next(iter(refused)) if refused and all(refused.values()) else None)
+    _print_list("Looks wrong", [*found.doubts, *_wrong_for(told, found)], True)
     _print_vehicles(found, needs)
     for path in (mapping_out, picture):
         if path is not None:
             output.print(f"Written to {path}", markup=False, soft_wrap=True)
     output.print()
-    output.print(f"Next: {_next_command(found, needs, log, mapping, mapping_out)}", markup=False, soft_wrap=True)
+    output.print(
+        f"Next: {_next_command(found, needs, refused, log, mapping, mapping_out)}", markup=False, soft_wrap=True
+    )
 
 
 def _wrong_for(vehicle: str | None, found: FirstLook) -> Sequence[str]:
@@ -84,6 +88,19 @@ def _wrong_for(vehicle: str | None, found: FirstLook) -> Sequence[str]:
     from auv_gym.plant.record_check import wrong_for
 
     return wrong_for(load_vehicle(vehicle), found.record)
+
+
+def _refused(found: FirstLook, needs: Mapping[str, Needs]) -> dict[str, str]:
+    """Why a diagnosis with each of the vehicles that match best would refuse the log, '' where it would not."""
+    alike = _as_good(found, needs)
+    if found.record is None or found.missing(needs[alike[0]]):
+        return {}
+    if found.sampled is not None:
+        return dict.fromkeys(alike, "")
+    from auv_gym.plant import load_vehicle
+    from auv_gym.plant.record_check import refusal
+
+    return {name: refusal(load_vehicle(name), found.record) for name in alike}
 
 
 def _print_head(found: FirstLook) -> None:
@@ -209,26 +226,19 @@ def _places(found: FirstLook, needs: Mapping[str, Needs]) -> dict[str, tuple[int
 
 
 def _next_command(
-    found: FirstLook, needs: Mapping[str, Needs], log: str, mapping: Path | None, written: Path | None
+    found: FirstLook,
+    needs: Mapping[str, Needs],
+    refused: Mapping[str, str],
+    log: str,
+    mapping: Path | None,
+    written: Path | None,
 ) -> str:
     """What to type next: a diagnosis if some vehicle has all its channels, otherwise a mapping to edit."""
     from auv_gym.records.naming import candidates
 
-    used, nearest, first = written or mapping, _ranked(found, needs)[0], ""
-    if used is None and any("map it to" in doubt and "unless" not in doubt for doubt in found.doubts):
-        used = Path("names.toml")
-        first = f"auv-gym look {quote(log)} --mapping-out {used}, correct in it what looks wrong, then "
-    options = f" --mapping {quote(str(used))}" if used else ""
-    if found.record is not None and not found.missing(needs[nearest]):
-        usual = logs.interval_used(found.record.sample_interval, _time_step(nearest))
-        steps = round(found.record.duration_s / usual)
-        thinned = _thinned(steps, usual)
-        options += f" --resample {thinned:g}" if thinned else ""
-        why = f" (without --resample its {steps + 1:,} samples every {_short(usual)} s take long)" if thinned else ""
-        alike = _as_good(found, needs)
-        named = quote(nearest) if len(alike) == 1 else "NAME"
-        why += f", where NAME is your vehicle: {' or '.join(alike)}" if len(alike) > 1 else ""
-        return f"{first}auv-gym diagnose {quote(log)} --vehicle {named}{options} --out diagnosis{why}"
+    used, nearest = written or mapping, _ranked(found, needs)[0]
+    if refused:
+        return _next_diagnosis(found, refused, log, used)
     columns = found.spare
     if not any(candidates(name, columns) for name in found.missing(needs[nearest])) and found.record is not None:
         return (
@@ -242,6 +252,34 @@ def _next_command(
         )
     options = f" --mapping {quote(str(mapping))}" if mapping else ""
     return f"auv-gym look {quote(log)} --vehicle {quote(nearest)}{options} --mapping-out names.toml"
+
+
+def _next_diagnosis(found: FirstLook, refused: Mapping[str, str], log: str, used: Path | None) -> str:
+    """The diagnosis to type next, or what to correct before it; refused: by the vehicles that match the log."""
+    names = quote(str(used or "names.toml"))
+    edited = f"correct in {names} what looks wrong"
+    if used is None:
+        edited = f"auv-gym look {quote(log)} --mapping-out {names}, correct in it what looks wrong"
+    fitting = [name for name, why in refused.items() if not why]
+    if not fitting:
+        alone = next(iter(refused)) if len(refused) == 1 else "NAME"
+        return (
+            "first correct what looks wrong, since a diagnosis would refuse this log. If a mapping can correct it: "
+            f"{edited}, then auv-gym look {quote(log)} --vehicle {quote(alone)} --mapping {names}. "
+            "Otherwise change the file, or use another log or vehicle."
+        )
+    firm = any(("map it to" in doubt or "in a mapping" in doubt) and "unless" not in doubt for doubt in found.doubts)
+    first = f"{edited}, then " if firm else ""
+    options = f" --mapping {names}" if used or firm else ""
+    record = found.record
+    usual = logs.interval_used(record.sample_interval, _time_step(fitting[0])) if record else 0.0
+    steps = round(record.duration_s / usual) if record else 0
+    thinned = _thinned(steps, usual)
+    options += f" --resample {thinned:g}" if thinned else ""
+    why = f" (without --resample its {steps + 1:,} samples every {_short(usual)} s take long)" if thinned else ""
+    named = quote(fitting[0]) if len(fitting) == 1 else "NAME"
+    why += f", where NAME is your vehicle: {' or '.join(fitting)}" if len(fitting) > 1 else ""
+    return f"{first}auv-gym diagnose {quote(log)} --vehicle {named}{options} --out diagnosis{why}"
 
 
 def _short(seconds: float) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -21,7 +21,8 @@ from auv_gym.records.record import Record
 _TOLERANCE = 0.05  # of a range, by which a reading may be beyond it
 FEW = 0.01  # share of wild readings that are left out; more of them are a column's sign or unit
 _STILL = 1e-3  # of an input's usual size, below which it does not move
-_MOSTLY = 0.5  # share of commands beyond what thrusters take, from which they come in another unit
+_MOSTLY = 0.5  # share of commands beyond what thrusters take, from which they come in another unit; and of a log, from
+# which it is worth a remark that it is left out
 _COMMAND_UNITS = (  # what commands of thrusters come in instead: least, most, and words
     ("shares from -1 to 1", -1.0, 1.0),
     ("percent from -100 to 100", -100.0, 100.0),
@@ -136,19 +137,27 @@ def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
     }
 
 
-def wrong_for(plant: Plant, record: Record) -> list[str]:
-    """Sentences on what is wrong with a record as one of this vehicle, for a first look: what checks would raise.
-
-    None where a channel is missing that the vehicle needs.
-    """
-    if not all(record.has(name) for name in plant.family.required):
-        return []
+def refusal(plant: Plant, record: Record) -> str:
+    """Why a diagnosis would refuse a record as one of this vehicle; '' where it would not, or a channel is missing."""
+    if not all(record.has(name) for name in (plant.family.leading, *plant.family.required)):
+        return ""
     try:
         check_ranges(plant, record, FEW)
-        check_excitation(plant, record)
+        check_excitation(plant, described(plant, record))
     except ValueError as error:
-        return [str(error)]
-    return command_remarks(plant, record)
+        return str(error)
+    return ""
+
+
+def wrong_for(plant: Plant, record: Record) -> list[str]:
+    """Sentences on what is wrong with a record as one of this vehicle, for a first look; none where channels miss."""
+    if not all(record.has(name) for name in (plant.family.leading, *plant.family.required)):
+        return []
+    if refused := refusal(plant, record):
+        return [refused]
+    found = _not_described(plant, record)
+    left_out = _left_out(plant, found) if found and np.any(list(found.values()), axis=0).mean() > _MOSTLY else ""
+    return [*([left_out] if left_out else []), *command_remarks(plant, record)]
 
 
 def _check_commands(plant: Plant, record: Record) -> None:
@@ -273,12 +282,7 @@ def described(plant: Plant, record: Record) -> Record:
     found = _not_described(plant, record)
     left_out = np.any(list(found.values()), axis=0) if found else np.zeros(len(record), dtype=bool)
     if left_out.any():
-        counted, shares = np.zeros(len(record), dtype=bool), []
-        for words, mask in found.items():
-            share, counted = float(np.mean(mask & ~counted)), counted | mask
-            shares += [f"{_percent(share)} {words}"] if share > 0.0 else []
-        line = f"{_percent(left_out.mean())} of the log is left out, since {plant.name} does not describe it: "
-        lines.append(f"{line}{', '.join(shares)}.")
+        lines.append(_left_out(plant, found))
         if left_out.all():
             raise ValueError(f"{lines[-1]} Check signs and units of depth, pitch and the inputs, or give a longer log.")
     if found and not record.has("elapsed_s"):
@@ -286,6 +290,18 @@ def described(plant: Plant, record: Record) -> Record:
     kept = record.select(~left_out) if left_out.any() else record
     new = [line for line in lines if line not in kept.notes]
     return kept.with_notes([*kept.notes, *new]) if new else kept
+
+
+def _left_out(plant: Plant, found: Mapping[str, np.ndarray]) -> str:
+    """A sentence on the samples that a vehicle does not describe, by what they are; each counts once."""
+    counted, shares = np.zeros(1, dtype=bool), []
+    for words, mask in found.items():
+        share, counted = float(np.mean(mask & ~counted)), counted | mask
+        shares += [f"{_percent(share)} {words}"] if share > 0.0 else []
+    return (
+        f"{_percent(counted.mean())} of the log is left out, since {plant.name} does not describe it: "
+        f"{', '.join(shares)}."
+    )
 
 
 def _percent(share: float) -> str:

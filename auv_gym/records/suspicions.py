@@ -196,13 +196,24 @@ def _against_depth(record: Record) -> list[str]:
     }
     found = []
     for name, said in words.items():
-        if record.has("depth_m") and record.has(name):
-            sunk, signal = _increments(record, record["depth_m"], record[name], block=10.0)
-            moves = sunk.size >= _LEAST and sunk.std() > 0.5 and signal.std() > 0.0
-            if moves and float(np.corrcoef(sunk, signal)[0, 1]) > _STEEP:
-                end = name == "buoyancy_volume_m3" and (record[name].min() > 0.0 or record[name].max() < 0.0)
-                found.append(_FROM_AN_END if end else said)
+        if _with_depth(record, name) > _STEEP:
+            end = name == "buoyancy_volume_m3" and (record[name].min() > 0.0 or record[name].max() < 0.0)
+            found.append(_FROM_AN_END if end else said)
+    if abs(_with_depth(record, "roll_rad")) > _STEEP and abs(_with_depth(record, "pitch_rad")) < _SURE:
+        found.append(
+            "roll_rad follows the depth rate, as a pitch does, and pitch_rad does not: they look exchanged. Exchange "
+            "them in a mapping."
+        )
     return found
+
+
+def _with_depth(record: Record, name: str) -> float:
+    """The correlation of a signal with the depth rate; NaN where the record cannot say."""
+    if not (record.has("depth_m") and record.has(name)):
+        return np.nan
+    sunk, signal = _increments(record, record["depth_m"], record[name], block=10.0)
+    moves = sunk.size >= _LEAST and sunk.std() > 0.5 and signal.std() > 0.0
+    return float(np.corrcoef(sunk, signal)[0, 1]) if moves else np.nan
 
 
 def _increments(

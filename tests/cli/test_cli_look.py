@@ -146,3 +146,51 @@ def test_a_column_left_out_is_not_said_to_look_like_itself(tmp_path, capsys):
     log.write_text("\n".join([table[0] + ",rudder_rad", *(row + ",x" for row in table[1:])]))
     assert main(["look", str(log), "--vehicle", "slocum"]) == 0
     assert "`rudder_rad` looks like" not in said(capsys)
+
+
+def dive_log(path, **changes):
+    """A table of a glider's dive to 200 m and back, within the volumes of a Seaglider alone of all presets."""
+    t = np.arange(0.0, 4000.0, 10.0)
+    down = t < 2000.0
+    columns = {
+        "time_s": t,
+        "depth_m": np.where(down, 10.0 + 0.1 * t, 410.0 - 0.1 * t),
+        "pitch_rad": np.where(down, -0.4, 0.4),
+        "roll_rad": 0.2 * np.sin(t / 70.0),
+        "buoyancy_volume_m3": np.where(down, -7.5e-4, -1e-4),
+    }
+    return write(path, columns | {name: change(columns) for name, change in changes.items()})
+
+
+def test_vehicles_that_would_refuse_the_log_are_not_named(tmp_path, capsys):
+    log = dive_log(tmp_path / "log.csv")
+    assert main(["look", str(log)]) == 0
+    assert said(capsys).endswith(f"Next: auv-gym diagnose {log} --vehicle seaglider --out diagnosis")
+
+
+def test_a_log_that_a_diagnosis_would_refuse_is_to_be_corrected_first(tmp_path, capsys):
+    log = glider_log(tmp_path / "log.csv", rudder=0.0)
+    for options in ([], ["--vehicle", "slocum"]):
+        assert main(["look", str(log), *options]) == 0
+        text = said(capsys)
+        assert "Nothing excites the vehicle: rudder_rad is constant at 0 (rad)" in text
+        assert "Next: first correct what looks wrong, since a diagnosis would refuse this log." in text
+        assert "auv-gym diagnose" not in text
+    turned = dive_log(tmp_path / "turned.csv", pitch_rad=lambda columns: -columns["pitch_rad"])
+    assert main(["look", str(turned), "--vehicle", "seaglider"]) == 0
+    text = said(capsys)
+    assert "in inflections and stalls. Check signs and units of depth, pitch" in text
+    assert f"auv-gym look {turned} --vehicle seaglider --mapping names.toml. Otherwise change the file" in text
+
+
+def test_pitch_and_roll_that_look_exchanged_are_to_be_corrected_first(tmp_path, capsys):
+    log = dive_log(tmp_path / "log.csv", pitch_rad=lambda c: c["roll_rad"], roll_rad=lambda c: c["pitch_rad"])
+    assert main(["look", str(log), "--vehicle", "seaglider"]) == 0
+    text = said(capsys)
+    assert "they look exchanged. Exchange them in a mapping." in text
+    assert "of the log is left out, since seaglider does not describe it" in text
+    assert "--mapping-out names.toml, correct in it what looks wrong, then auv-gym diagnose" in text
+    names = tmp_path / "names.toml"
+    names.write_text('pitch_rad = "roll_rad"\nroll_rad = "pitch_rad"\n')
+    assert main(["look", str(log), "--vehicle", "seaglider", "--mapping", str(names)]) == 0
+    assert "Looks wrong" not in capsys.readouterr().out

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from auv_gym.plant import load_vehicle
-from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described, needs_of
+from auv_gym.plant.record_check import FEW, check_excitation, check_ranges, described, needs_of, refusal, wrong_for
 from auv_gym.records.gliding import glide_attack
 from auv_gym.records.reading import Needs, read_record
 from auv_gym.records.record import Record
@@ -142,3 +142,17 @@ def test_a_volume_that_is_held_is_no_unit(volume):
     noise = 2e-7 * np.sin(TIME)  # a sensor's
     check_ranges(load_vehicle("seaglider"), _record(buoyancy_volume_m3=np.full(TIME.size, volume)))
     check_ranges(load_vehicle("seaglider"), _record(buoyancy_volume_m3=min(volume, -1e-4) + noise))
+
+
+def test_a_first_look_says_what_a_diagnosis_would_refuse_or_leave_out():
+    glider, volumes = load_vehicle("seaglider"), _volumes(load_vehicle("seaglider"))[0]
+    depth, pitch = 200.0 - 100.0 * np.cos(TIME / 90.0), -0.4 * np.sin(TIME / 90.0)
+    flown = _record(depth_m=depth, pitch_rad=pitch, buoyancy_volume_m3=volumes)
+    assert refusal(glider, flown) == ""
+    (line,) = wrong_for(glider, flown.with_channels({"pitch_rad": np.where(TIME < 400.0, 0.02, pitch)}))
+    assert line.startswith("73 % of the log is left out, since seaglider does not describe it")
+    assert wrong_for(glider, flown) == []
+    turned = flown.with_channels({"pitch_rad": -pitch})
+    assert wrong_for(glider, turned) == [refusal(glider, turned)]
+    assert refusal(glider, turned).startswith("100 % of the log is left out")
+    assert wrong_for(glider, _record()) == []  # what is missing is told elsewhere

@@ -115,6 +115,11 @@ def test_a_clean_log_is_not_doubted(tmp_path):
     clean = {"time_s": t, "pitch_rad": pitch, "depth_m": 50 - np.cumsum(0.6 * np.sin(pitch)), "u_mps": 0.3 + 0 * t}
     assert look_at(write(tmp_path / "a.csv", clean)).doubts == ()
     assert look_at(write(tmp_path / "b.csv", turning())).doubts == ()
+    rolling = clean | {"roll_rad": 0.3 * np.sin(t / 9)}
+    assert look_at(write(tmp_path / "f.csv", rolling)).doubts == ()
+    exchanged = rolling | {"roll_rad": rolling["pitch_rad"], "pitch_rad": rolling["roll_rad"]}
+    (doubt,) = look_at(write(tmp_path / "g.csv", exchanged)).doubts
+    assert doubt.startswith("roll_rad follows the depth rate, as a pitch does")
     clean |= {"pitch_rad": -pitch, "buoyancy_volume_cm3": 200.0 * np.sign(pitch)}
     doubts = " ".join(look_at(write(tmp_path / "c.csv", clean)).doubts)
     assert "pitch_rad is positive where depth grows" in doubts
