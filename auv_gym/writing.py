@@ -1,4 +1,7 @@
-"""Writing a file whole or not at all: aside first, then renamed over the one that stood there; and where that works."""
+"""Writing a file whole or not at all: aside first, then renamed over the one that stood there; and where that works.
+
+Folders are made early, so that one that cannot be written is refused before the work.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,12 @@ import os
 import secrets
 import tempfile
 from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isfinite
 from pathlib import Path
 from typing import Any
+
+_made: list[Path] = []  # the folders that `writable_folder` made in this process
 
 
 @contextmanager
@@ -61,6 +66,7 @@ def writable_folder(folder: str | os.PathLike) -> Path:
     """The folder, made if need be; raises ValueError if nothing can be written into it."""
     out = Path(folder)
     try:
+        _made.extend(path for path in (*reversed(out.parents), out) if not path.exists())
         out.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=out):
             pass
@@ -70,3 +76,15 @@ def writable_folder(folder: str | os.PathLike) -> Path:
             "folder with --out."
         ) from None
     return out
+
+
+@contextmanager
+def no_empty_folders() -> Generator[None]:
+    """However the block ends, remove the folders that `writable_folder` made in it and that are empty."""
+    _made.clear()
+    try:
+        yield
+    finally:
+        while _made:
+            with suppress(OSError):  # there is something in it, or it was never made
+                _made.pop().rmdir()

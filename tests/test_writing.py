@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auv_gym.writing import finite, replacing, write_json
+from auv_gym.writing import finite, no_empty_folders, replacing, writable_folder, write_json
 
 
 def names(folder: Path) -> list[str]:
@@ -85,3 +85,22 @@ def test_plain_data_is_written_as_json_without_numbers_that_json_does_not_have(t
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "a.json", told)
     assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_folders_in_which_nothing_was_written_do_not_stay(tmp_path):
+    (tmp_path / "mine").mkdir()
+
+    def stop(write):
+        with no_empty_folders():
+            writable_folder(tmp_path / "mine")
+            writable_folder(tmp_path / "a" / "b" / "c")
+            if write:
+                write_json(tmp_path / "a" / "a.json", {})
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stop(write=False)
+    assert names(tmp_path) == ["mine"]  # it was there before
+    with pytest.raises(KeyboardInterrupt):
+        stop(write=True)
+    assert names(tmp_path / "a") == ["a.json"]

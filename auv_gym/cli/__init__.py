@@ -29,6 +29,7 @@ from auv_gym.cli import (  # noqa: F401  # each puts its command into `app`
 from auv_gym.cli.application import app
 from auv_gym.cli.options.console import errors
 from auv_gym.cli.options.heaps import with_few_heaps
+from auv_gym.writing import no_empty_folders
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -38,7 +39,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.environ.setdefault("AUV_GYM_JIT", "0")  # so numba is not imported,
         sys.modules.setdefault("dask", None)  # ty: ignore[no-matching-overload]  # nor dask, by xarray: a second and a half
     try:
-        app(args=None if arguments is None else list(arguments), prog_name="auv-gym")
+        with no_empty_folders():
+            app(args=None if arguments is None else list(arguments), prog_name="auv-gym")
     except SystemExit as ended:
         return ended.code if isinstance(ended.code, int) else int(ended.code is not None)
     except Exception as error:

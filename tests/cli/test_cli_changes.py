@@ -85,6 +85,7 @@ def test_logs_that_hold_the_same_are_refused(dives, tmp_path, capsys):
     assert told in refused(capsys, "monitor", first, "--clean", copy, *common)
     assert f"{first} was given twice" in refused(capsys, "monitor", first, "--clean", first, *common)
     assert f"{first} was given twice" in refused(capsys, "diagnose", first, first, *common)
+    assert not (tmp_path / "out").exists()
 
 
 def test_onset_and_monitor_refuse_the_log_of_another_vehicle_and_a_rate_that_is_none(dives, tmp_path, capsys):

@@ -106,7 +106,7 @@ def test_bad_logs_are_refused_in_words(case, log, tmp_path, capsys):
     for word in words:
         assert word.lower() in said.lower(), said
     assert "Traceback" not in said
-    assert not out.exists() or not list(out.iterdir())
+    assert not out.exists()
 
 
 def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):
@@ -118,7 +118,7 @@ def test_a_gap_may_be_cut_out_instead(log, tmp_path, capsys):
     out = tmp_path / "out"
     assert run(path, out, "--refuse-gaps") == 1
     assert "or no --refuse-gaps" in " ".join(capsys.readouterr().err.split())
-    assert not out.exists() or not list(out.iterdir())
+    assert not out.exists()
     assert run(path, out, "--window", "90") == 0
     line = "10 of 151 samples (6.6 %) were dropped, where heading_rad had no value; the record is cut there."
     assert " ".join(capsys.readouterr().err.split()).count(line) == 1
