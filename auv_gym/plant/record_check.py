@@ -73,9 +73,11 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
             neutral = value_at(plant, path) if (path := plant.family.constants.get(name)) else 0.0
             if neutral != 0.0:
                 mended[f"; it looks mirrored about its neutral {neutral:.4g}"] = 2.0 * neutral - values
-            if channel(name).unit == "m3":
+            # a unit makes values a million times larger; those a few times too large are of another engine
+            if channel(name).unit == "m3" and np.abs(values).max() > 1e3 * max(abs(lowest), abs(highest)):
                 mended["; it looks like cm3 (a name that ends in _cm3)"] = 1e-6 * values
-            looks = next((w for w, v in mended.items() if lowest <= v.min() and v.max() <= highest), "")
+            other = f", and whether {plant.name} is the right vehicle"
+            looks = next((w for w, v in mended.items() if lowest <= v.min() and v.max() <= highest), other)
             raise ValueError(
                 f"{plant.name} has {channel(name).label} from {least:g} to {most:g} {channel(name).unit}; {name} is "
                 f"{values[row]:.4g} {where} ({share} are beyond): check the column's sign and unit, throughout the log"

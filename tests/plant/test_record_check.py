@@ -156,3 +156,11 @@ def test_a_first_look_says_what_a_diagnosis_would_refuse_or_leave_out():
     assert wrong_for(glider, turned) == [refusal(glider, turned)]
     assert refusal(glider, turned).startswith("100 % of the log is left out")
     assert wrong_for(glider, _record()) == []  # what is missing is told elsewhere
+
+
+def test_a_volume_of_another_engine_is_not_taken_for_another_unit():
+    explorer, volumes = load_vehicle("seaexplorer"), _volumes(load_vehicle("seaglider"))[0]
+    with pytest.raises(ValueError, match=r"unit, throughout the log, and whether seaexplorer is the right vehicle\.$"):
+        check_ranges(explorer, _record(buoyancy_volume_m3=volumes))
+    with pytest.raises(ValueError, match=r"throughout the log; it looks like cm3"):
+        check_ranges(explorer, _record(buoyancy_volume_m3=1e6 * 0.4 * volumes))
