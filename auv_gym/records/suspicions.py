@@ -57,6 +57,7 @@ _CLOSE = 0.15  # relative distance from one of these factors
 _BLOCK = 1.0  # s, at least, over which rates are integrated
 _LEAST = 30  # blocks
 _MOST_OF_A_TURN = 5.5  # rad
+_MANY_TURNS = 20.0 * pi  # rad; a heading that is counted over more is rare
 _FOLDED = 1.0  # rms step of an angle, rad; pi / sqrt(3) where it is folded at random
 
 
@@ -86,16 +87,13 @@ def _impossible(known: Understood) -> list[str]:
                 f"{source.column}: depth goes from {least:.3g} to {most:.3g} m and so is positive upwards: map it to "
                 '"-depth_m".'
             )
-        elif least < low or most > high:
+        elif (least < low or most > high) and not (name == "heading_rad" and _counted(values)):
             unit = next((u for u in units if least * u[0] >= low and most * u[0] <= high), None)
             looks = f"it looks like {unit[1]}" if unit else "check its unit"
             stem = name.rpartition("_")[0]
             mend = f': map it to "{stem}_{unit[2]}"' if unit and unit[2] else ""
-            mend += (
-                ", unless it is counted over several turns"
-                if name == "heading_rad" and most - least < 20.0 * pi
-                else ""
-            )
+            within = name == "heading_rad" and most - least < _MANY_TURNS
+            mend += ", unless it is counted over several turns" if within else ""
             found.append(f"{source.column}: {of.label} goes from {least:.4g} to {most:.4g} {of.unit}; {looks}{mend}.")
         elif of.unit == "rad" and of.angle and name.startswith("heading"):
             raw = source.group.columns[source.column]
@@ -107,6 +105,12 @@ def _impossible(known: Understood) -> list[str]:
                     f'"{name}".'
                 )
     return found
+
+
+def _counted(heading: np.ndarray) -> bool:
+    """Whether a heading, rad, can be one that is counted over a few turns: it begins within a turn and never jumps."""
+    steps = np.abs(np.diff(heading))
+    return bool(abs(heading[0]) <= 2.0 * pi and np.ptp(heading) < _MANY_TURNS and steps.max(initial=0.0) < pi)
 
 
 def _wrapped(known: Understood) -> list[str]:

@@ -139,3 +139,18 @@ def test_an_angle_that_wraps_in_no_channel_of_angles_is_named(tmp_path):
     yaw = (np.arange(100) * 10.0 + 180) % 360 - 180
     look = look_at(write(tmp_path / "log.csv", {"time_s": range(100), "depth_m": range(100), "swing_deg": yaw}))
     assert any(line.startswith("swing_deg: jumps by a whole turn 3 times") for line in look.doubts), look.doubts
+
+
+@pytest.mark.parametrize(
+    "heading, doubted",
+    [
+        (lambda t: 0.4 - 0.1 * t, False),  # two turns and a half to port from where it began
+        (lambda t: 150.0 + 20.0 * np.sin(t / 20.0), True),  # it begins after 24 turns, or at 150 deg
+        (lambda t: np.where(t % 20.0 < 10.0, 2.0, 40.0), True),  # it jumps
+        (lambda t: 2.0 * t, True),  # fifty turns
+    ],
+)
+def test_a_heading_of_a_few_turns_is_not_taken_for_degrees(tmp_path, heading, doubted):
+    t = np.arange(0.0, 160.0)
+    doubts = look_at(write(tmp_path / "log.csv", {"time_s": t, "heading_rad": heading(t)})).doubts
+    assert any('map it to "heading_deg"' in doubt for doubt in doubts) == doubted
