@@ -25,12 +25,14 @@ class Gains:
 
     loops: by kind of controller ("pid", "s_plane") and loop ("heading"), the settings of its law by name.
     bow_share: how far the bow planes move for the stern planes, negative where they act against each other in pitch.
+    notes: by kind, what a test of these gains found, in sentences.
     """
 
     vehicle: str
     dt: float
     bow_share: float = 0.0
     loops: Mapping[str, Loops] = field(default_factory=dict)
+    notes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def law(self, kind: str, loop: str) -> dict[str, Any]:
         """The settings of one law; raises ValueError where these gains have none."""
@@ -111,12 +113,16 @@ def write_gains(entries: Sequence[Gains], path: str | os.PathLike) -> None:
         "",
     ]
     for entry in sorted(entries, key=lambda e: (e.vehicle, e.dt)):
-        name = json.dumps(entry.vehicle, ensure_ascii=False).replace("\x7f", "\\u007f")
-        lines += ["[[vehicle]]", f"name = {name}", f"dt_s = {entry.dt!r}", f"bow_share = {entry.bow_share!r}"]
+        lines += ["[[vehicle]]", f"name = {_quoted(entry.vehicle)}"]
+        lines += [f"dt_s = {entry.dt!r}", f"bow_share = {entry.bow_share!r}"]
         for kind, loops in entry.loops.items():
             for loop, settings in loops.items():
                 lines += ["", f"[vehicle.{kind}.{loop}]"]
                 lines += [f"{key} = {float(value)!r}" for key, value in settings.items()]
+        if entry.notes:
+            lines += ["", "[vehicle.notes]"]
+        for kind, notes in entry.notes.items():
+            lines += [f"{kind} = [", *(f"    {_quoted(note)}," for note in notes), "]"]
         lines.append("")
     write_text(path, "\n".join(lines))
 
@@ -125,16 +131,19 @@ def with_gains(entries: Sequence[Gains], gains: Gains) -> tuple[Gains, ...]:
     """Entries with these gains among them; laws of the same vehicle and sample time that they do not have stay."""
     same = [e for e in entries if (e.vehicle, e.dt) == (gains.vehicle, gains.dt)]
     loops = {law: of_law for entry in same for law, of_law in entry.loops.items()} | dict(gains.loops)
-    return (*(e for e in entries if e not in same), replace(gains, loops=loops))
+    notes = {law: of_law for entry in same for law, of_law in entry.notes.items() if law not in gains.loops}
+    notes |= gains.notes
+    return (*(e for e in entries if e not in same), replace(gains, loops=loops, notes=notes))
 
 
 def _entry(content: Mapping) -> Gains:
     loops = {
         kind: {name: {key: float(value) for key, value in loop.items()} for name, loop in of_kind.items()}
         for kind, of_kind in content.items()
-        if isinstance(of_kind, Mapping)
+        if isinstance(of_kind, Mapping) and kind != "notes"
     }
-    entry = Gains(str(content["name"]), float(content["dt_s"]), float(content.get("bow_share", 0.0)), loops)
+    notes = {kind: tuple(map(str, texts)) for kind, texts in content.get("notes", {}).items()}
+    entry = Gains(str(content["name"]), float(content["dt_s"]), float(content.get("bow_share", 0.0)), loops, notes)
     if not (isfinite(entry.dt) and entry.dt > 0.0):
         raise ValueError(f"dt_s of {entry.vehicle!r} must be positive, got {entry.dt!r}")
     return entry
@@ -145,6 +154,11 @@ def _text(path: str | os.PathLike) -> str:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ValueError(f"it cannot be read ({error})") from None
+
+
+def _quoted(text: str) -> str:
+    """A text as TOML has it."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def _names(entries: Sequence[Gains]) -> list[str]:

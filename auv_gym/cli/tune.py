@@ -60,7 +60,7 @@ def tune(
         from controllers.tuning.spread import known_intervals, read_uncertain
         from controllers.tuning.tuning import check_law, tune_and_judge
         from identification.pages.drawing import require_render
-        from identification.pages.tuning_page import quantity_table, requirement_table, tuning_page, tuning_summary
+        from identification.pages.tuning_page import quantity_tables, requirement_table, tuning_page, tuning_summary
 
         if report is not None:
             require_render()
@@ -70,11 +70,20 @@ def tune(
         check_law(plant, kind)
         kept = read_gains(out) if out.exists() else ()
         start = None if gains is None else gains_for(plant.name, plant.dt, gains)
-        intervals = known_intervals(plant)
+        intervals, warnings = known_intervals(plant), ()
         if uncertain is not None:
-            plant, intervals = read_uncertain(plant, uncertain)
+            plant, intervals, warnings = read_uncertain(plant, uncertain)
         found = tune_and_judge(
-            plant, kind, require, intervals, seed, start=start, evaluations=evaluations, draws=draws, show=progress
+            plant,
+            kind,
+            require,
+            intervals,
+            seed,
+            start=start,
+            evaluations=evaluations,
+            draws=draws,
+            warnings=warnings,
+            show=progress,
         )
         write_gains(with_gains(kept, found.gains), out)
         if report is not None:
@@ -88,7 +97,8 @@ def tune(
     for words in tuning_summary(found):
         output.print(words, markup=False, soft_wrap=True)
     output.print(printed("Requirements", requirement_table(found)))
-    output.print(printed("Quantities", quantity_table(found)))
+    for shown in quantity_tables(found):
+        output.print(printed("Quantities", shown))
     for path in (out, report):
         if path is not None:
             output.print(f"Written to {path}", markup=False, soft_wrap=True)

@@ -47,7 +47,8 @@ def _every(plant: Plant) -> float:
 
 
 def _ranges(plant: Plant) -> Ranges:
-    return {"piston_m": (plant.hull.piston_low, plant.hull.piston_high)}
+    engine = find_engine(plant)
+    return {engine.channel: (engine.middle - engine.half, engine.middle + engine.half)}
 
 
 def _on_board(plant: Plant, targets: tuple[str, ...]) -> Controller:

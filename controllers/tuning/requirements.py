@@ -6,19 +6,33 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
+from typing import NamedTuple
 
 from auv_gym.param import did_you_mean
 
-# what is known of each loop -> unit, and whether more is better
-QUANTITIES: Mapping[str, tuple[str, bool]] = {
-    "gain_margin_db": ("dB", True),
-    "phase_margin_deg": ("deg", True),
-    "delay_margin_s": ("s", True),
-    "sensitivity_peak": ("", False),
-    "overshoot_percent": ("%", False),
-    "settling_s": ("s", False),
-    "rms_error_percent": ("%", False),
-    "saturation_percent": ("%", False),
+
+class Quantity(NamedTuple):
+    """What is known of each loop: words for people, unit, and whether more is better."""
+
+    title: str
+    unit: str
+    upward: bool
+
+    @property
+    def label(self) -> str:
+        """Words with the unit: `gain margin, dB`."""
+        return f"{self.title}, {self.unit}" if self.unit else self.title
+
+
+QUANTITIES: Mapping[str, Quantity] = {
+    "gain_margin_db": Quantity("gain margin", "dB", True),
+    "phase_margin_deg": Quantity("phase margin", "deg", True),
+    "delay_margin_s": Quantity("delay margin", "s", True),
+    "sensitivity_peak": Quantity("sensitivity peak", "", False),
+    "overshoot_percent": Quantity("overshoot", "%", False),
+    "settling_s": Quantity("settling time", "s", False),
+    "rms_error_percent": Quantity("RMS error", "%", False),
+    "saturation_percent": Quantity("saturation", "%", False),
 }
 # with it the phase margin is 29 deg at least, and the gain may rise by 6 dB and fall by 3.5 dB.
 # Source: Astrom and Hagglund 2006, Advanced PID Control, sec. 4.6
@@ -42,16 +56,27 @@ class Requirement:
     @property
     def upward(self) -> bool:
         """Whether the quantity has to be above the limit."""
-        return QUANTITIES[self.quantity][1]
+        return QUANTITIES[self.quantity].upward
+
+    @property
+    def words(self) -> str:
+        """The requirement for people: `sensitivity peak ≤ 2`."""
+        known = QUANTITIES[self.quantity]
+        return f"{known.title} {'≥' if known.upward else '≤'} {self.limit:g} {known.unit}".strip()
 
     def is_met(self, value: float) -> bool:
         return value >= self.limit if self.upward else value <= self.limit
+
+    def excess(self, value: float) -> float:
+        """How far a value is beyond the limit, over it; negative where it is met."""
+        beyond = (self.limit - value) if self.upward else (value - self.limit)
+        return beyond / max(abs(self.limit), 1e-9)
 
     def shortfall(self, value: float) -> float:
         """How far a value is from the limit, over it; 0 where it is met."""
         if self.is_met(value):
             return 0.0
-        short = abs(self.limit - value) / max(abs(self.limit), 1e-9)
+        short = self.excess(value)
         return min(short, _MOST) if isfinite(short) else _MOST
 
 
@@ -79,8 +104,8 @@ def parse_requirements(texts: Sequence[str], channels: Sequence[str]) -> tuple[R
             raise ValueError(
                 f"No loop {channel!r} in {text!r}. {did_you_mean(channel, channels)}Loops: {', '.join(channels)}."
             )
-        if (sign == ">=") != QUANTITIES[quantity][1]:
-            other = ">=" if QUANTITIES[quantity][1] else "<="
+        if (sign == ">=") != QUANTITIES[quantity].upward:
+            other = ">=" if QUANTITIES[quantity].upward else "<="
             raise ValueError(f"{quantity} needs {other}, got {text!r}: turn the sign.")
         found.append(Requirement(quantity, value, channel or ""))
     return tuple(found)
@@ -90,4 +115,4 @@ def worst(quantity: str, values: Sequence[float]) -> float:
     """The worst of several values of a quantity."""
     if not values:
         return inf
-    return min(values) if QUANTITIES[quantity][1] else max(values)
+    return min(values) if QUANTITIES[quantity].upward else max(values)

@@ -95,7 +95,7 @@ def loop_response(bench: Bench, at: int, controller: Controller, name: str, bow_
 def margins_of(omega: np.ndarray, loop: np.ndarray) -> Margins:
     """The margins of a loop that is stable when it is closed, from its response; sought between its frequencies."""
     fine = np.geomspace(omega[0], omega[-1], _FINE)
-    size = np.interp(np.log(fine), np.log(omega), np.log(np.abs(loop)))
+    size = np.interp(np.log(fine), np.log(omega), np.log(np.maximum(np.abs(loop), 1e-300)))
     phase = np.interp(np.log(fine), np.log(omega), np.unwrap(np.angle(loop)))
     found = np.exp(size + 1j * phase)
     over = _crossings(size)

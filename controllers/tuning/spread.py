@@ -1,4 +1,8 @@
-"""Vehicles that the data allow: drawn from the intervals of coefficients and effects, and at their ends."""
+"""Vehicles that the data allow: drawn from the intervals of coefficients and effects, and at their ends.
+
+A coefficient that is not zero keeps its sign, since a rudder without effect cannot be steered by any gains: towards
+zero it is drawn by factors, and an interval that reaches zero ends as far below the value, by factor, as above it.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +11,11 @@ import os
 from collections.abc import Mapping
 from math import isfinite, nan
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from auv_gym.channels import channel
 from auv_gym.param import list_paths, replace_at, spec_at, value_at
 from auv_gym.plant import Plant
 from controllers.tuning.kinds import KINDS
@@ -18,6 +23,7 @@ from controllers.tuning.kinds import KINDS
 Intervals = Mapping[str, tuple[float, float]]
 CHANGE = 0.2  # of a coefficient to either side, where nothing is known of it
 _NORMAL = 1.959964  # standard deviations from the middle to the end of a 95 % interval
+_WIDE = 0.5  # of a coefficient: where its deviation makes a wider half interval, it is lognormal
 
 
 def known_intervals(plant: Plant) -> dict[str, tuple[float, float]]:
@@ -28,12 +34,20 @@ def known_intervals(plant: Plant) -> dict[str, tuple[float, float]]:
         value = value_at(plant, path)
         half = _NORMAL * plant.deviations[path] if path in plant.deviations else CHANGE * abs(value)
         if half > 0.0:
-            found[path] = (value - half, value + half)
+            found[path] = _possible(plant, path, (value - half, value + half), 1.0 - _WIDE)
     return found
 
 
-def read_uncertain(plant: Plant, file: str | os.PathLike) -> tuple[Plant, dict[str, tuple[float, float]]]:
-    """The vehicle with the values of a diagnosis.json, or of a fit's JSON, and their 95 % intervals by path."""
+class Uncertain(NamedTuple):
+    """A vehicle with fitted values, their 95 % intervals by path, and why these may be wrong, in sentences."""
+
+    plant: Plant
+    intervals: dict[str, tuple[float, float]]
+    warnings: tuple[str, ...]
+
+
+def read_uncertain(plant: Plant, file: str | os.PathLike) -> Uncertain:
+    """The vehicle with the values of a diagnosis.json, or of a fit's JSON, and their 95 % intervals."""
     values: dict[str, Any] = {}
     intervals: dict[str, tuple[float, float]] = {}
     try:
@@ -45,6 +59,7 @@ def read_uncertain(plant: Plant, file: str | os.PathLike) -> tuple[Plant, dict[s
             low, high = map(float, entry.get("ci95") or (nan, nan))
             if isfinite(low) and isfinite(high):
                 intervals[path] = (min(low, values[path]), max(high, values[path]))
+        warnings = _doubts(told)
     except FileNotFoundError:
         raise ValueError(f"There is no file {file}: give the diagnosis.json of `auv-gym diagnose`.") from None
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -61,38 +76,79 @@ def read_uncertain(plant: Plant, file: str | os.PathLike) -> tuple[Plant, dict[s
     for path in values:
         if path not in known:
             raise ValueError(f"{file} is of another vehicle than {plant.name!r}, which has no {path}: give its own.")
-    return replace_at(plant, values), intervals
+    plant = replace_at(plant, values)
+    return Uncertain(plant, {path: _possible(plant, path, of) for path, of in intervals.items()}, warnings)
 
 
 def drawn(plant: Plant, intervals: Intervals, rng: np.random.Generator) -> Plant:
-    """A vehicle whose parameters are normal about the given ones, each side with its own spread."""
+    """A vehicle whose parameters are normal about the given ones, each side with its own spread.
+
+    Those that keep their sign are lognormal on the side of zero.
+    """
     found = {}
-    for path, (low, high) in intervals.items():
+    for path, limits in intervals.items():
         value, z = value_at(plant, path), float(rng.standard_normal())
-        found[path] = value + z * ((high - value) if z > 0.0 else (value - low)) / _NORMAL
-    return replace_at(plant, _allowed(plant, found))
+        end, size = limits[int(z > 0.0)], abs(z) / _NORMAL
+        if _keeps_sign(plant, path) and 0.0 < end / value < 1.0:
+            new = value * (end / value) ** size
+        else:
+            new = value + size * (end - value)
+        low, high = spec_at(plant, path).bounds
+        found[path] = min(max(new, low), high)
+    return replace_at(plant, found)
 
 
 def corner(plant: Plant, intervals: Intervals, rng: np.random.Generator) -> Plant:
     """A vehicle with every parameter at one end of its interval, drawn."""
     sides = rng.choice([-1.0, 1.0], len(intervals))
     found = {}
-    for (path, (low, high)), side in zip(intervals.items(), sides.tolist(), strict=True):
+    for (path, limits), side in zip(intervals.items(), sides.tolist(), strict=True):
         # the ends by size, so that a side means the same for coefficients of either sign
-        near, far = sorted((low, high), key=abs)
+        near, far = sorted(limits, key=abs)
         found[path] = far if side > 0.0 else near
-    return replace_at(plant, _allowed(plant, found))
+    return replace_at(plant, found)
 
 
-def _allowed(plant: Plant, values: Mapping[str, float]) -> dict[str, float]:
-    """Values within the bounds of their parameters, and on the side of zero where the given ones are."""
-    found = {}
-    for path, value in values.items():
-        low, high = spec_at(plant, path).bounds
-        given = value_at(plant, path)
-        if given > 0.0:
-            low = max(low, 0.0)
-        elif given < 0.0:
-            high = min(high, 0.0)
-        found[path] = float(min(max(value, low), high))
-    return found
+def _possible(plant: Plant, path: str, limits: tuple[float, float], least: float = 0.0) -> tuple[float, float]:
+    """An interval within the bounds of its parameter, and on its side of zero if it keeps its sign.
+
+    least: the share of the value below which the end on the side of zero is moved.
+    """
+    value, (low, high) = value_at(plant, path), limits
+    if _keeps_sign(plant, path):
+        far = high if value > 0.0 else low
+        near = low if value > 0.0 else high
+        if near / value <= least and far != value:
+            near = value * value / far
+        low, high = sorted((near, far))
+    least_value, most_value = spec_at(plant, path).bounds
+    return max(low, least_value), min(high, most_value)
+
+
+def _keeps_sign(plant: Plant, path: str) -> bool:
+    """Whether a parameter's sign is physical: that of a coefficient, or of an effect whose neutral value is not 0."""
+    effect = path.startswith("effects.")
+    return value_at(plant, path) != 0.0 and not (effect and spec_at(plant, path).neutral == 0.0)
+
+
+def _doubts(told: Mapping[str, Any]) -> tuple[str, ...]:
+    """What a diagnosis or a fit says against itself."""
+    found = []
+    if told.get("verdict") == "unexplained":
+        found.append(
+            "The diagnosis did not explain its log (verdict: unexplained): the true vehicle may lie outside the "
+            "intervals from which vehicles are drawn. Read its page before you use these gains."
+        )
+    percents: dict[str, list[float]] = {}
+    for scores in told.get("scores", {}).values():
+        for name, score in scores.items():
+            if score["fit_percent"] is not None:
+                percents.setdefault(name, []).append(float(score["fit_percent"]))
+    poor = {name: value for name, of in percents.items() if (value := float(np.median(of))) < 0.0}
+    if poor:
+        listed = ", ".join(f"{channel(name).label} {value:.0f} %" for name, value in poor.items())
+        found.append(
+            f"On held-out data the fitted model is worse than a constant (fit below 0 %: {listed}): gains that are "
+            "tuned on it may not suit the vehicle. Free the coefficients that differ, or fit a longer log."
+        )
+    return tuple(found)

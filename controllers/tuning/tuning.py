@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 
 from auv_gym.channels import set_point_of
 from auv_gym.model import Diverged
-from auv_gym.plant import Plant
+from auv_gym.param import value_at
+from auv_gym.plant import Plant, list_vehicles, load_vehicle
 from controllers.autopilots import autopilot
 from controllers.controller import Controller
 from controllers.gains import Gains
@@ -56,11 +58,21 @@ class Trying:
     quantities: Mapping[str, float]
 
 
+class Hardest(NamedTuple):
+    """Where a loop is furthest from a requirement: the number of the vehicle, the loop's channel, and the value."""
+
+    at: int
+    channel: str
+    requirement: Requirement
+    value: float
+
+
 @dataclass(frozen=True, eq=False)
 class Judged:
     """Gains over the vehicles that the data allow, by channel; the first is the vehicle as it is given.
 
-    plants: as they were drawn, corners last.  refused: why drawn vehicles could not even be started.
+    plants: as they were drawn, corners last, without those that could not be started; refused: why not, of each.
+    warnings: why the vehicle or its intervals may be wrong, in sentences.
     """
 
     plant: Plant
@@ -68,10 +80,13 @@ class Judged:
     gains: Gains
     requirements: tuple[Requirement, ...]
     intervals: Intervals
+    plants: tuple[Plant, ...]
+    names: tuple[str, ...]
     loops: Mapping[str, tuple[Trying, ...]]
     corners: int
     refused: tuple[str, ...]
     seed: int
+    warnings: tuple[str, ...] = ()
 
     def values(self, channel: str, quantity: str) -> list[float]:
         """A quantity of a loop on all vehicles."""
@@ -87,6 +102,43 @@ class Judged:
                     met = sum(map(requirement.is_met, values))
                     found.append((channel, requirement, worst(requirement.quantity, values), met))
         return found
+
+    def hardest(self) -> Hardest | None:
+        """The drawn vehicle on which a loop is furthest from a requirement, over its limit; None without any."""
+        found = []
+        for channel, requirement, value, _ in self.verdicts():
+            at = self.values(channel, requirement.quantity).index(value)
+            found.append((requirement.excess(value), Hardest(at, channel, requirement, value)))
+        return max(found, key=lambda pair: pair[0])[1] if found else None
+
+    def changed(self, at: int) -> dict[str, float]:
+        """The uncertain parameters of one of the vehicles by path, those furthest from the given ones first."""
+        given = {path: value_at(self.plant, path) for path in self.intervals}
+        values = {path: value_at(self.plants[at], path) for path in given}
+
+        def distance(path: str) -> float:
+            low, high = self.intervals[path]
+            return abs(values[path] - given[path]) / ((high - low) if given[path] == 0.0 else abs(given[path]))
+
+        return dict(sorted(values.items(), key=lambda item: -distance(item[0])))
+
+    def notes(self) -> tuple[str, ...]:
+        """What a file of these gains has to say of them: warnings, what is not met, and the worst vehicle in SI."""
+        count = len(self.plants)
+        tested = "Tested on the vehicle itself" + (
+            f" and on {count - 1} drawn from its intervals." if count > 1 else "."
+        )
+        notes = [*(f"Warning: {text}" for text in self.warnings), tested]
+        for channel, requirement, _, met in self.verdicts():
+            if met < count:
+                notes.append(f"Not met by all: {channel}.{requirement.words}, met on {met} of {count} vehicles.")
+        hardest = self.hardest()
+        if hardest is not None:
+            values = ", ".join(f"{path} = {value:.4g}" for path, value in self.changed(hardest.at).items())
+            title = QUANTITIES[hardest.requirement.quantity].label
+            where = f"{self.names[hardest.at]}, {hardest.channel} loop"
+            notes.append(f"Worst vehicle: {where}, {title} {hardest.value:.3g}; {values}.")
+        return tuple(notes)
 
     @property
     def passed(self) -> bool:
@@ -153,6 +205,7 @@ def judged(
     seed: int,
     *,
     draws: int = DRAWS,
+    warnings: Sequence[str] = (),
     show: Progress = lambda share, text: None,
 ) -> Judged:
     """Gains on the vehicle, on draws from the intervals and on half as many corners of them."""
@@ -161,7 +214,9 @@ def judged(
     asked = [*(drawn(plant, intervals, rng) for _ in range(draws))]
     asked += [corner(plant, intervals, rng) for _ in range(corners)]
     bench, unable = bench.with_able([plant, *asked])
-    refused = [f"{'draw' if k <= draws else 'corner'} {k - 1}: {reason}" for k, reason in unable.items()]
+    names = ["the vehicle itself", *(f"draw {k + 1}" for k in range(draws))]
+    names += [f"corner {k + 1}" for k in range(corners)]
+    refused = [f"{names[k]}: {reason}" for k, reason in unable.items()]
     count = len(bench.plants)
     controller = _controller(bench, gains, law)
     loops: dict[str, list[Trying]] = {name: [] for name in bench.trial.steps}
@@ -169,22 +224,33 @@ def judged(
         for name, found in loops.items():
             show((at + len(found) / (at + 1) / len(loops)) / count, f"vehicle {at + 1} of {count}")
             found.append(trying(bench, at, controller, name, _bow_share(gains, law)))
-    return Judged(
+    result = Judged(
         plant=plant,
         law=law,
         gains=gains,
         requirements=tuple(requirements),
         intervals=intervals,
+        plants=bench.plants,
+        names=tuple(name for k, name in enumerate(names) if k not in unable),
         loops={name: tuple(found) for name, found in loops.items()},
         corners=corners,
         refused=tuple(refused),
         seed=seed,
+        warnings=tuple(warnings),
     )
+    return replace(result, gains=replace(gains, notes={law: result.notes()}))
 
 
 def check_law(plant: Plant, law: str) -> None:
     """Raises ValueError if gains of this law cannot be tuned for a vehicle."""
-    KINDS.of(plant.family)
+    if plant.family.kind not in KINDS.names:
+        able = [name for name in list_vehicles() if load_vehicle(name).family.kind in KINDS.names]
+        needless = plant.family.kind in CONTROL.names
+        raise ValueError(
+            f"Gains cannot be tuned for {plant.name!r}"
+            f"{', whose autopilot follows from its model and needs no gains' if needless else ''}: choose a vehicle "
+            f"like one of these presets: {', '.join(able)}."
+        )
     if law not in LAWS:
         raise ValueError(f"Gains are tuned of kind {' or '.join(LAWS)}, got {law!r}.")
 
@@ -199,6 +265,7 @@ def tune_and_judge(
     start: Gains | None = None,
     evaluations: int = EVALUATIONS,
     draws: int = DRAWS,
+    warnings: Sequence[str] = (),
     show: Progress = lambda share, text: None,
 ) -> Judged:
     """Gains tuned towards requirements, as texts, and judged over intervals on draws that no tuning has seen."""
@@ -210,7 +277,7 @@ def tune_and_judge(
     found = tuned(bench, evaluations, lambda share, text: show(_SEARCH * share, text), (law,), asked, start)
     found = replace(found, vehicle=plant.name, dt=plant.dt)
     tell = lambda share, text: show(_SEARCH + (1.0 - _SEARCH) * share, text)  # noqa: E731
-    return judged(plant, found, law, asked, intervals, seed, draws=draws, show=tell)
+    return judged(plant, found, law, asked, intervals, seed, draws=draws, warnings=warnings, show=tell)
 
 
 def trying(
@@ -221,7 +288,7 @@ def trying(
     try:
         run = tried(bench, at, controller, name) if run is None else run
     except (Diverged, OverflowError):
-        nothing = {quantity: 0.0 if upward else inf for quantity, (_, upward) in QUANTITIES.items()}
+        nothing = {quantity: 0.0 if upward else inf for quantity, (_, _, upward) in QUANTITIES.items()}
         return Trying(response, None, nothing | UNSETTLED._asdict())
     return Trying(response, run, {**response.margins()._asdict(), **step_quantities(bench, run, name)})
 

@@ -36,7 +36,7 @@ def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> t
     kept = _kept(folder, key)
     if kept is not None:
         return kept
-    plant, intervals = read_uncertain(model, folder / FOLDER / f"{fit['name']}.json")
+    plant, intervals, warnings = read_uncertain(model, folder / FOLDER / f"{fit['name']}.json")
     found = tune_and_judge(
         plant,
         asked.kind,
@@ -45,6 +45,7 @@ def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> t
         asked.seed,
         evaluations=asked.evaluations,
         draws=asked.draws,
+        warnings=warnings,
         show=progress,
     )
     write_gains((found.gains,), folder / GAINS)

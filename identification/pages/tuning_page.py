@@ -13,8 +13,9 @@ from auv_gym.channels import channel, set_point_of
 from auv_gym.param import spec_at, value_at
 from controllers.tuning.bench import segments
 from controllers.tuning.requirements import QUANTITIES, worst
+from controllers.tuning.spread import CHANGE
 from controllers.tuning.tuning import Judged, Trying
-from identification.diagnosis.wording import listed
+from identification.diagnosis.wording import listed, short
 from identification.pages.drawing import AFTER, BEFORE, INK, QUIET, downwards, new_figure, quantity_label, shown_values
 from identification.pages.model_page import Section
 from identification.pages.page import Table, amount, drawn, number, page, span
@@ -24,21 +25,43 @@ if TYPE_CHECKING:
 
 _ROW = 2.5  # inches of a loop's panels
 _LISTED = 5  # drawn vehicles that could not be started
+_AS_USUAL = 1.01  # of the default interval: wider ones are worth a measurement
+_ACROSS = 3  # loops beside each other in 80 columns
+_TOLD = 4  # parameters of the worst vehicle in its sentence
 
 
 def tuning_summary(found: Judged) -> list[str]:
     """What came of it, in sentences."""
-    count = len(next(iter(found.loops.values())))
-    known = len(found.intervals)
-    over = f"the vehicle and {count - 1} drawn from the 95 % intervals of {known} parameter{'s' * (known != 1)}"
-    failed = [f"{channel(name).label} ({requirement})" for name, requirement, _, met in found.verdicts() if met < count]
-    lines = [
-        f"All requirements are met on {over}."
-        if found.passed
-        else f"Not met on all of {over}: {listed(failed, 'and')}."
-        if failed
-        else f"All requirements are met on {over} that could be started."
+    count, known = len(found.plants), len(found.intervals)
+    drawn_from = f"drawn from the 95 % intervals of {known} parameter{'s' * (known != 1)}"
+    over = f"the vehicle itself and {count - 1} vehicle{'s' * (count != 2)} {drawn_from}"
+    if count == 1:
+        over = "the vehicle itself; no other vehicle was drawn"
+    failed = [
+        f"{requirement.words} in the {_loop(name)} loop (met on {met} of {count} vehicles)"
+        for name, requirement, _, met in found.verdicts()
+        if met < count
     ]
+    lines = [f"Warning: {text}" for text in found.warnings]
+    if failed:
+        lines += [f"Some requirements are not met: {'; '.join(failed)}.", f"The gains were tested on {over}."]
+    else:
+        lines.append(f"All requirements are met on {over}{'' if found.passed else ' that could be started'}.")
+    hardest = found.hardest()
+    if hardest is not None and count > 1:
+        quantity, unit, _ = QUANTITIES[hardest.requirement.quantity]
+        worst_value = f"a {quantity} of {_shown(hardest.value, unit)} in the {_loop(hardest.channel)} loop"
+        values = [_with_value(found, path, value) for path, value in found.changed(hardest.at).items()]
+        if hardest.at == 0:
+            lines.append(f"No drawn vehicle is worse than the vehicle itself, with {worst_value}.")
+        else:
+            more = f" Its other {len(values) - _TOLD} parameters are in the file of gains." * (len(values) > _TOLD)
+            lines.append(
+                f"The worst vehicle is {found.names[hardest.at]}, with {worst_value}. It has "
+                f"{listed(values[:_TOLD], 'and')}.{more}"
+            )
+    if failed:
+        lines.append(_remedy(found))
     if found.refused:
         lines.append(
             f"{len(found.refused)} drawn vehicles cannot hold themselves at the start, so the gains do not pass: "
@@ -47,31 +70,54 @@ def tuning_summary(found: Judged) -> list[str]:
     return lines
 
 
+def _with_value(found: Judged, path: str, value: float) -> str:
+    """A parameter of a drawn vehicle in words: `yaw damping −0.00012 (given: −0.0011)`."""
+    spec, given = spec_at(found.plant, path), value_at(found.plant, path)
+    return f"{short(spec.title or path)} {amount(value, spec.unit)} (given: {amount(given, spec.unit)})"
+
+
+def _remedy(found: Judged) -> str:
+    """What to do about requirements that are not met."""
+    widths = {}
+    for path, (low, high) in found.intervals.items():
+        given = value_at(found.plant, path)
+        if given != 0.0:
+            widths[path] = (high - low) / abs(given)
+    words = "To meet them, allow more evaluations or relax the requirement"
+    widest = max(widths, key=lambda path: widths[path], default="")
+    if not widest or widths[widest] < 2.0 * _AS_USUAL * CHANGE:
+        return f"{words}."
+    spec = spec_at(found.plant, widest)
+    return (
+        f"{words}, or narrow the intervals. The widest one is that of {short(spec.title or widest)} ({widest}), "
+        f"{span(found.intervals[widest], spec.unit)}: state a smaller deviation in the vehicle file, or tune on the "
+        "diagnosis of a log."
+    )
+
+
 def requirement_table(found: Judged) -> Table:
     """Each requirement of each loop: on the vehicle itself, the worst, and on how many vehicles it is met."""
     rows, marked = [], []
     for name, requirement, value, met in found.verdicts():
         values = found.values(name, requirement.quantity)
-        unit = QUANTITIES[requirement.quantity][0]
         marked += [len(rows)] if met < len(values) else []
-        verdict = "pass" if met == len(values) else "FAIL"
-        own = _shown(values[0], unit)
-        rows.append((name, str(requirement), own, _shown(value, unit), f"{met} of {len(values)}", verdict))
-    return Table(("loop", "required", "vehicle", "worst", "met", "verdict"), rows, 2, marked=marked)
+        verdict = f"{'pass' if met == len(values) else 'FAIL'}, {met} of {len(values)}"
+        rows.append((_loop(name), requirement.words, _shown(values[0]), _shown(value), verdict))
+    return Table(("loop", "required", "vehicle", "worst", "met on"), rows, 2, marked=marked)
 
 
-def quantity_table(found: Judged) -> Table:
-    """All quantities of each loop: on the vehicle itself and the worst."""
+def quantity_tables(found: Judged, across: int = _ACROSS) -> list[Table]:
+    """All quantities of each loop, on the vehicle itself and the worst; so many loops beside each other in a table."""
+    loops = tuple(found.loops)
+    return [_quantity_table(found, loops[first : first + across]) for first in range(0, len(loops), across)]
+
+
+def _quantity_table(found: Judged, loops: Sequence[str]) -> Table:
     rows = []
-    for quantity, (unit, _) in QUANTITIES.items():
-        cells = []
-        for name in found.loops:
-            values = found.values(name, quantity)
-            cells.append(f"{_shown(values[0])} / {_shown(worst(quantity, values))}")
-        rows.append(
-            (quantity.removesuffix("_percent") + (f", {unit}" if quantity.endswith("_percent") else ""), *cells)
-        )
-    return Table(("vehicle / worst case", *found.loops), rows)
+    for name, quantity in QUANTITIES.items():
+        values = [found.values(loop, name) for loop in loops]
+        rows.append((quantity.label, *(f"{_shown(of[0])} / {_shown(worst(name, of))}" for of in values)))
+    return Table(("vehicle / worst", *map(_loop, loops)), rows)
 
 
 def tuning_page(found: Judged) -> str:
@@ -86,7 +132,7 @@ def tuning_page(found: Judged) -> str:
                 "those of the first step, in percent of its size. A dash means that there is no such crossing, or that "
                 "the loop did not settle within the run."
             ],
-            [quantity_table(found)],
+            quantity_tables(found, len(found.loops)),
             [
                 drawn(
                     lambda: tuning_figure(found),
@@ -98,7 +144,15 @@ def tuning_page(found: Judged) -> str:
             ],
         ),
         Section("Gains", tables=[_gains_table(found)]),
-        Section("Uncertain parameters", tables=[_intervals_table(found)]),
+        Section(
+            "Uncertain parameters",
+            [
+                "Vehicles are drawn from these intervals. A coefficient keeps its sign, so an interval that would come "
+                "near zero ends as far below the value, by factor, as above it. The worst vehicle is the one on which "
+                "a loop is furthest from a requirement."
+            ],
+            [_intervals_table(found)],
+        ),
     ]
     content: dict[str, Any] = {
         "title": f"{found.plant.name}: {found.law.upper()} gains",
@@ -128,7 +182,7 @@ def tuning_figure(found: Judged) -> Figure:
         phase.set_ylabel("phase, deg")
         step.set_ylabel(quantity_label(name))
         downwards(step, name)
-        gain.set_title(channel(name).label, loc="left")
+        gain.set_title(_loop(name), loc="left")
     for axes, label in zip(panels[-1], ("frequency, rad/s", "frequency, rad/s", "time, s"), strict=True):
         axes.set_xlabel(label)
     return figure
@@ -167,16 +221,23 @@ def _gains_table(found: Judged) -> Table:
 
 
 def _intervals_table(found: Judged) -> Table:
-    rows: Sequence[Any] = [
-        (
-            spec_at(found.plant, path).title or path,
-            path,
-            amount(value_at(found.plant, path), spec_at(found.plant, path).unit),
-            span(limits, spec_at(found.plant, path).unit),
-        )
-        for path, limits in found.intervals.items()
-    ]
-    return Table(("parameter", "path", "value", "95 % interval"), rows, 2)
+    hardest = found.hardest()
+    rows = []
+    for path, limits in found.intervals.items():
+        spec = spec_at(found.plant, path)
+        row = [spec.title or path, path, amount(value_at(found.plant, path), spec.unit), span(limits, spec.unit)]
+        if hardest is not None:
+            row.append(amount(value_at(found.plants[hardest.at], path), spec.unit))
+        rows.append(row)
+    heads = ["parameter", "path", "value", "95 % interval drawn from"]
+    if hardest is not None:
+        heads.append(f"worst vehicle ({found.names[hardest.at]})")
+    return Table(heads, rows, 2)
+
+
+def _loop(name: str) -> str:
+    """What a loop controls: `forward speed` of the forward speed through the water."""
+    return channel(name).label.partition(" through ")[0]
 
 
 def _shown(value: float, unit: str = "") -> str:
