@@ -72,8 +72,9 @@ def compare_missions(
         raise ValueError(f"--series takes all missions in order: leave {_WITH} out.")
     if not series and not after:
         raise ValueError(f"Give the later missions after {_WITH}, or add --series to follow trends over all of them.")
-    if scheduler is not None and not series:
-        raise ValueError("--scheduler is for a series of missions: add --series, or leave --scheduler out.")
+    for option, given in (("--scheduler", scheduler is not None), ("--jobs", jobs != 1)):
+        if given and not series:
+            raise ValueError(f"{option} is for a series of missions: add --series, or leave {option} out.")
     if twice := sorted(set(before) & set(after or [])):
         raise ValueError(f"A mission is either earlier or later, not both: leave out {', '.join(twice)} on one side.")
     if twice := sorted({log for side in (before, after or []) for log in side if side.count(log) > 1}):

@@ -49,8 +49,11 @@ def export(
     """Export a vehicle to Gazebo, CasADi or python-control, or its logs to a Minari data set."""
     if (to is Form.minari) != bool(log):
         raise ValueError("Give --log with --to minari, and only then: a data set is made of the vehicle's logs.")
-    if continuous and to is not Form.control:
-        raise ValueError(f"--continuous does not apply to {to.value}: leave it out.")
+    only = {"--continuous": (continuous, Form.control), "--mapping": (mapping is not None, Form.minari)}
+    only["--cache-dir"] = (cache_dir is not None, Form.minari)
+    for option, (given, form) in only.items():
+        if given and to is not form:
+            raise ValueError(f"{option} does not apply to {to.value}: leave it out.")
     from auv_gym.plant import load_vehicle
 
     plant = load_vehicle(vehicle)
@@ -91,9 +94,10 @@ def _to_control(plant: Plant, file: Path, continuous: bool) -> list[str]:
 def _to_minari(plant: Plant, dataset: str, names: list[str], mapping: Path | None, cache_dir: Path | None) -> None:
     import warnings
 
-    from auv_gym.exports.for_minari import dataset_of_records
+    from auv_gym.exports.for_minari import check_dataset_name, dataset_of_records
     from auv_gym.plant.record_check import needs_of
 
+    check_dataset_name(dataset)
     record = logs.read_log(names, mapping, cache_dir, needs_of(plant), True)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", module="minari")  # on an author, a link and an environment that a log lacks

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,35 @@ from auv_gym.rl.evaluation import Agent, evaluate
 with needs("A Minari data set needs minari", "minari"):
     import minari
     from minari.data_collector import EpisodeBuffer
+    from minari.dataset.minari_dataset import parse_dataset_id
+    from minari.storage import get_dataset_path
+
+
+def check_dataset_name(dataset_id: str) -> None:
+    """Raise ValueError if Minari cannot take this name, or has a data set of it."""
+    try:
+        namespace, name, version = parse_dataset_id(dataset_id)
+    except (TypeError, ValueError):  # it counts on a version that its pattern does not ask for
+        raise ValueError(
+            f"A Minari data set needs a name that ends in its version, such as slocum/dives-v0, got {dataset_id!r}: "
+            "use letters, digits, - and _, and at least two of them before a /."
+        ) from None
+    folder = get_dataset_path(dataset_id)
+    if folder.exists():
+        following = f"{namespace}/{name}-v{version + 1}" if namespace else f"{name}-v{version + 1}"
+        raise ValueError(
+            f"There is already a Minari data set {dataset_id}: give another name, such as {following}, or delete "
+            f"{folder}."
+        )
+
+
+def _created(dataset_id: str, episodes: list[EpisodeBuffer], **about: Any) -> Any:
+    """The data set, written whole or not at all; its name has been checked."""
+    try:
+        return minari.create_dataset_from_buffers(dataset_id, episodes, **about)
+    except BaseException:
+        shutil.rmtree(get_dataset_path(dataset_id), ignore_errors=True)  # or the name would be taken
+        raise
 
 
 def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plant: Plant, **about: Any) -> Any:
@@ -24,7 +54,7 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
     Observations are the vehicle's outputs that every record has at all samples. Actions are the vehicle's inputs at
     these samples; an input that no log needs to have is constant where one lacks it. A log has no rewards, so they are
     0. The infos hold `time_s`.  dataset_id: such as "slocum/dives-v0".  about: what else Minari takes, such as author.
-    Raises ValueError where an input is missing.
+    Raises ValueError where an input is missing, or where Minari cannot take the name.
 
     Example:
 
@@ -38,6 +68,7 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
         >>> data.total_episodes, data.total_steps
         (1, 75)
     """
+    check_dataset_name(dataset_id)
     records = [records] if isinstance(records, Record) else list(records)
     seen = [name for name in plant.outputs if all(r.has(name) and np.isfinite(r[name]).all() for r in records)]
     missing = [name for name in plant.family.required if not all(record.has(name) for record in records)]
@@ -74,7 +105,7 @@ def dataset_of_records(dataset_id: str, records: Record | Sequence[Record], plan
         "algorithm_name": "measured",
     } | about
     spaces: dict[str, Any] = {"observation_space": _space(len(seen)), "action_space": _space(len(plant.inputs))}
-    return minari.create_dataset_from_buffers(dataset_id, buffers, **(spaces | about))
+    return _created(dataset_id, buffers, **(spaces | about))
 
 
 def dataset_of_rollouts(dataset_id: str, env: gymnasium.Env, agent: Agent, seeds: Sequence[int], **about: Any) -> Any:
@@ -90,10 +121,11 @@ def dataset_of_rollouts(dataset_id: str, env: gymnasium.Env, agent: Agent, seeds
         >>> data.total_episodes
         2
     """
+    check_dataset_name(dataset_id)
     recorder = _Recorder(env)
     evaluate(agent, recorder, seeds)
     about = {"algorithm_name": type(agent).__name__} | about
-    return minari.create_dataset_from_buffers(dataset_id, recorder.episodes, env=env, **about)
+    return _created(dataset_id, recorder.episodes, env=env, **about)
 
 
 class _Recorder(gymnasium.Wrapper):

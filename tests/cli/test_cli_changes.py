@@ -68,6 +68,8 @@ def test_what_cannot_be_compared_is_refused_in_words(dives, tmp_path, capsys):
     assert "fourth.nc began before" in told
     told = refused(capsys, "compare-missions", first, "--with", third, "--scheduler", "tcp://127.0.0.1:9", *common)
     assert "--scheduler is for a series of missions: add --series" in told
+    told = refused(capsys, "compare-missions", first, "--with", third, "--jobs", "4", *common)
+    assert "--jobs is for a series of missions: add --series" in told
     told = refused(capsys, "compare-missions", first, "--with", other, *common)
     assert "float.nc: The record has no channel 'heading_rad'" in told
     told = refused(capsys, "compare-missions", other, "--with", first, *common)

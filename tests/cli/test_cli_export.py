@@ -46,9 +46,20 @@ def test_minari_takes_logs(tmp_path, monkeypatch, capsys):
 def test_options_of_another_form_are_refused(capsys):
     assert main(["export", "ganeshblue", "--to", "minari"]) == 1
     assert main(["export", "ganeshblue", "--to", "sdf", "--continuous"]) == 1
+    assert main(["export", "ganeshblue", "--to", "control", "--mapping", "none.toml"]) == 1
+    assert main(["export", "ganeshblue", "--to", "casadi", "--cache-dir", "none"]) == 1
     told = " ".join(capsys.readouterr().err.split())
     assert "Give --log with --to minari" in told
     assert "--continuous does not apply to sdf" in told
+    assert "--mapping does not apply to control" in told
+    assert "--cache-dir does not apply to casadi" in told
+
+
+def test_the_name_of_a_data_set_is_checked_before_the_log_is_read(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("minari", reason="the extra `minari` is not installed")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path / "sets"))
+    assert main(["export", "slocum", "--to", "minari", "--log", "none.csv", "--out", "slocum/dives"]) == 1
+    assert "such as slocum/dives-v0, got 'slocum/dives'" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("package, module", [("casadi", "symbols"), ("minari", "for_minari")])

@@ -57,3 +57,33 @@ def test_rollouts_are_the_episodes_that_the_environment_plays():
         assert np.array_equal(observation, episode.observations[0])
         observation, *_ = again.step(episode.actions[0])
         assert np.array_equal(observation, episode.observations[1])
+
+
+@pytest.mark.parametrize(
+    "name", ["glider/heading", "g/heading-v0", "a glider/heading-v0", "../heading-v0", "/heading-v0"]
+)
+def test_a_name_that_minari_cannot_take_is_refused_and_nothing_is_written(name, tmp_path):
+    with pytest.raises(ValueError, match=r"ends in its version, such as slocum/dives-v0, got .*: use letters"):
+        dataset_of_records(name, log(), load_vehicle("ganeshblue"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_data_set_is_not_overwritten():
+    plant = load_vehicle("ganeshblue")
+    dataset_of_records("glider/heading-v0", log(), plant)
+    with pytest.raises(
+        ValueError, match=r"already a Minari data set glider/heading-v0: .*, such as glider/heading-v1,"
+    ):
+        dataset_of_records("glider/heading-v0", log(), plant)
+    assert len(minari.load_dataset("glider/heading-v0")) == 2
+
+
+def test_a_data_set_that_cannot_be_written_whole_leaves_its_name_free(monkeypatch):
+    def stopped(storage, episodes):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("minari.dataset.minari_storage.MinariStorage.update_metadata", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            dataset_of_records("glider/heading-v0", log(), load_vehicle("ganeshblue"))
+    assert len(dataset_of_records("glider/heading-v0", log(), load_vehicle("ganeshblue"))) == 2
