@@ -79,7 +79,10 @@ def _to_casadi(plant: Plant, file: Path, continuous: bool) -> list[str]:
 
     model = casadi_model(plant)
     model.save(file)
-    return [f"states x: {', '.join(model.states)}", f"inputs u: {', '.join(model.inputs)}"]
+    units = model.units
+    defaults = ", ".join(f"{name} = {value:g} {units[name]}" for name, value in model.defaults.items() if value)
+    lines = [f"states x: {', '.join(model.states)}", f"inputs u: {', '.join(model.inputs)}"]
+    return [*lines, f"defaults of u, where not 0: {defaults}"] if defaults else lines
 
 
 def _to_control(plant: Plant, file: Path, continuous: bool) -> list[str]:

@@ -5,16 +5,21 @@ It is the vehicle's own source, run on symbols (`symbols`): there is no second s
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from auv_gym.channels import channel
 from auv_gym.exports.symbols import Numbers, Symbol, ca, on_symbols
 from auv_gym.param import list_paths, value_at
 from auv_gym.plant import Plant
+from auv_gym.plant.cruise import resting_commands
 from auv_gym.writing import write_json
+
+_POSITION = " position"  # after the name of an actuator: the state of one that has a lag
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,16 +28,24 @@ class CasadiModel:
 
     states: of x, those of the family in SI units and radians, then the position of each actuator that has a lag.
     inputs: of u, in the units of their channels.
+    defaults: of each input, in the order of u: a command at rest, or the value where a log does not have the input.
     """
 
     rhs: ca.Function
     states: tuple[str, ...]
     inputs: tuple[str, ...]
+    defaults: Mapping[str, float]
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of each state and input; 1 of a share."""
+        return {name: channel(name.removesuffix(_POSITION)).unit for name in (*self.states, *self.inputs)}
 
     def save(self, file: Path) -> None:
-        """Write the function, which `casadi.Function.load` reads, and beside it the names of x and u as JSON."""
+        """Write the function, which `casadi.Function.load` reads, and beside it as JSON what x and u are."""
         self.rhs.save(str(file))
-        write_json(file.with_name(f"{file.name}.json"), {"states": self.states, "inputs": self.inputs})
+        told = {"states": self.states, "inputs": self.inputs, "units": self.units, "defaults": dict(self.defaults)}
+        write_json(file.with_name(f"{file.name}.json"), told)
 
 
 def casadi_model(plant: Plant) -> CasadiModel:
@@ -48,6 +61,8 @@ def casadi_model(plant: Plant) -> CasadiModel:
         >>> model = casadi_model(load_vehicle("slocum"))
         >>> model.states, model.rhs.size1_out(0)
         (('heading_rad', 'r_radps', 'north_m', 'east_m'), 4)
+        >>> model.defaults["u_mps"], model.units["u_mps"]
+        (0.35, 'm/s')
     """
     _check(plant)
     family, hooks = plant.family, plant.family.hooks
@@ -72,7 +87,7 @@ def casadi_model(plant: Plant) -> CasadiModel:
         if slowness > 0.0:
             rate = ca.fmin(ca.fmax(rate, -1.0 / slowness), 1.0 / slowness)
         positions.append(Symbol(position))
-        lagged.append((f"{name} position", position))
+        lagged.append((f"{name}{_POSITION}", position))
         rates.append(rate)
     # from the states to the integrated ones, their slopes, and back by the chain rule
     integrated, slopes, kept = _zeros(family.integrated), _zeros(family.integrated), _symbols(x)
@@ -82,13 +97,23 @@ def casadi_model(plant: Plant) -> CasadiModel:
     try:
         on_symbols(hooks.derivative)(_symbols(z), actuators, inputs, p, slopes, scratch)
     except ValueError as error:
-        raise ValueError(f"No CasADi function can be made of {plant.name}: {error}.") from None
+        raise ValueError(
+            f"No CasADi function can be made of {plant.name}: {error}. Use its linear model (`auv-gym export --to "
+            "control`), or step the vehicle itself (`Plant.step`) with an optimiser that needs no derivatives."
+        ) from None
     on_symbols(hooks.leave)(_symbols(z), kept)
     moved = ca.jtimes(_column(kept), z, _column(slopes))
     at_x = ca.substitute(moved, z, _column(integrated))
     state = ca.vertcat(x, *(symbol for _, symbol in lagged))
     rhs = ca.Function(plant.name, [state, u], [ca.vertcat(at_x, *rates)], ["x", "u"], ["dx"])
-    return CasadiModel(rhs, (*family.states, *(name for name, _ in lagged)), family.inputs)
+    states = (*family.states, *(name for name, _ in lagged))
+    return CasadiModel(rhs, states, family.inputs, _defaults(plant))
+
+
+def _defaults(plant: Plant) -> dict[str, float]:
+    if plant.family.body is not None:
+        return dict(zip(plant.inputs, resting_commands(plant).tolist(), strict=True))
+    return {name: float(plant.constants.get(name, 0.0)) for name in plant.inputs}
 
 
 def _check(plant: Plant) -> None:

@@ -154,7 +154,7 @@ class _Branch:
         if self.met == len(self.choices):
             if self.met == _MOST_CONDITIONS:
                 raise ValueError(
-                    "its physics searches for a balance step by step, which cannot be unrolled in branches"
+                    "its physics searches for a balance step by step, which no CasADi function can contain"
                 )
             raise _Fork(condition)
         self.met += 1

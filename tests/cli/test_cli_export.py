@@ -1,6 +1,7 @@
 """`auv-gym export`."""
 
 import importlib
+import json
 import sys
 from xml.etree import ElementTree
 
@@ -22,9 +23,16 @@ def test_casadi_reads_the_function_that_was_written(tmp_path, capsys):
     ca = pytest.importorskip("casadi", reason="the extra `casadi` is not installed")
     file = tmp_path / "glider.casadi"
     assert main(["export", "ganeshblue", "--to", "casadi", "--out", str(file)]) == 0
-    assert "x: heading_rad, r_radps, north_m, east_m" in capsys.readouterr().out
-    assert ca.Function.load(str(file)).name_in() == ["x", "u"]
-    assert (tmp_path / "glider.casadi.json").exists()
+    told = capsys.readouterr().out
+    assert "x: heading_rad, r_radps, north_m, east_m" in told
+    assert "defaults of u, where not 0: u_mps = 0.3 m/s" in told
+    rhs = ca.Function.load(str(file))
+    assert rhs.name_in() == ["x", "u"]
+    known = json.loads((tmp_path / "glider.casadi.json").read_text())
+    assert list(known["defaults"]) == known["inputs"]
+    assert set(known["units"]) == {*known["states"], *known["inputs"]}
+    north = float(rhs([0.0] * 4, list(known["defaults"].values()))[2])
+    assert north == pytest.approx(0.3)  # it goes ahead
 
 
 def test_control_writes_a_mat_file(tmp_path, capsys):
