@@ -16,6 +16,7 @@ from auv_gym.cli.options.console import output, progress_bar, table
 
 if TYPE_CHECKING:
     from auv_gym.records.first_look import FirstLook, SignalLook
+    from auv_gym.records.mapping import Target
     from auv_gym.records.reading import Needs
 
 _MANY_SAMPLES = 6000
@@ -62,7 +63,8 @@ def look(
             progress(0.8, "drawing")
             draw_log(found, picture)
         if mapping_out is not None:
-            write_text(mapping_out, mapping_text(found, [needs[_ranked(found, needs)[0]]]))
+            best = _ranked(found, needs)[0]
+            write_text(mapping_out, mapping_text(found, [needs[best]], _turned(best, found)))
         progress(1.0, "done")
     _print_head(found)
     _print_signals(found, every)
@@ -101,6 +103,14 @@ def _refused(found: FirstLook, needs: Mapping[str, Needs]) -> dict[str, str]:
     from auv_gym.plant.record_check import refusal
 
     return {name: refusal(load_vehicle(name), found.record) for name in alike}
+
+
+def _turned(vehicle: str, found: FirstLook) -> dict[str, Target]:
+    """What becomes of the log's commands of thrusters that a vehicle takes in another unit, by channel."""
+    from auv_gym.plant import load_vehicle
+    from auv_gym.plant.record_check import convertible_commands
+
+    return convertible_commands(load_vehicle(vehicle), found.channels)
 
 
 def _print_head(found: FirstLook) -> None:
@@ -179,7 +189,12 @@ def _print_vehicles(found: FirstLook, needs: Mapping[str, Needs]) -> None:
     for rank, name in enumerate(_ranked(found, needs)):
         missing = found.missing(needs[name])
         others = {one: [column for column in columns if column != one] for one in missing}  # left out: told above
-        hints = "".join(looks_like(one, others[one]) for one in missing).strip() if rank < _HINTED else ""
+        turned = _turned(name, found) if rank < _HINTED and missing else {}
+        known = {target.name for target in turned.values()}
+        hints = f"In another unit: {', '.join(turned)}; --mapping-out converts them. " if turned else ""
+        if rank < _HINTED:
+            hints += "".join(looks_like(one, others[one]) for one in missing if one not in known)
+        hints = hints.strip()
         words = f"{', '.join(missing)}{'. ' * bool(hints)}{hints}" if missing else "none"
         shown.add_row(
             escape(name), escape(words), f"{(count := _used(found, needs[name]))} channel{'s' * (count != 1)}"
@@ -239,17 +254,22 @@ def _next_command(
     used, nearest = written or mapping, _ranked(found, needs)[0]
     if refused:
         return _next_diagnosis(found, refused, log, used)
-    columns = found.spare
-    if not any(candidates(name, columns) for name in found.missing(needs[nearest])) and found.record is not None:
+    turned, columns = _turned(nearest, found), found.spare
+    unknown = {*found.missing(needs[nearest])} - {target.name for target in turned.values()}
+    guessed = any(candidates(name, columns) for name in unknown)
+    if not turned and not guessed and found.record is not None:
         return (
             "auv-gym list parts (no preset has this log's inputs: write a vehicle file, see "
-            "docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE)"
+            "docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE; if the log has only joystick axes, see "
+            "docs/logs.md)"
         )
     if written is not None:
-        return (
-            f"edit {quote(str(written))}, then auv-gym look {quote(log)} --vehicle {quote(nearest)} --mapping "
-            f"{quote(str(written))}"
-        )
+        edited = f"edit {quote(str(written))}"
+        if not unknown:
+            edited = (
+                f"check in {quote(str(written))} that each output drives the thruster of its number, in its direction"
+            )
+        return f"{edited}, then auv-gym look {quote(log)} --vehicle {quote(nearest)} --mapping {quote(str(written))}"
     options = f" --mapping {quote(str(mapping))}" if mapping else ""
     return f"auv-gym look {quote(log)} --vehicle {quote(nearest)}{options} --mapping-out names.toml"
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,6 +15,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.cruise import command_ranges
 from auv_gym.plant.thrusters import find_thrusters
 from auv_gym.records.gliding import glide_attack
+from auv_gym.records.mapping import Target
 from auv_gym.records.reading import Needs
 from auv_gym.records.record import Record
 
@@ -29,6 +30,8 @@ _COMMAND_UNITS = (  # what commands of thrusters come in instead: least, most, a
     ("pulse lengths less 1500 us", -500.0, 500.0),
     ("pulse lengths in us", 900.0, 2100.0),
 )
+_FULL = {"us": (1100.0, 1900.0), "share": (-1.0, 1.0), "norm": (-1.0, 1.0), "pct": (-100.0, 100.0)}
+# by the ending of a thruster's command: full astern and full ahead
 _TOO_SMALL = {  # what values of a unit come in instead, so that they are taken as this many times too small
     "m3": ((1e6, "m3 in a column of cm3"), (1e3, "m3 in a column of litres")),
     "m": ((1e3, "m in a column of mm"),),
@@ -209,6 +212,22 @@ def command_remarks(plant: Plant, record: Record) -> list[str]:
             f"{_listed(extra)}, which is not used. If the vehicle has more thrusters, add them to a vehicle file."
         )
     return lines
+
+
+def convertible_commands(plant: Plant, names: Collection[str]) -> dict[str, Target]:
+    """What becomes of the channels of a log that hold thruster commands in another unit than the vehicle takes.
+
+    Full thrust astern and ahead is -1 and 1 in shares, -100 and 100 in percent, and 1100 and 1900 in pulses in us.
+    """
+    found = {}
+    for wanted in find_thrusters(plant).channels if plant.family.body and plant.family.body.thrusters else ():
+        stem, _, ending = wanted.rpartition("_")
+        have = next((f"{stem}_{other}" for other in _FULL if f"{stem}_{other}" in names), wanted)
+        if wanted not in names and have != wanted and ending in _FULL:
+            (low, high), (least, most) = _FULL[ending], _FULL[have.rpartition("_")[2]]
+            factor = (high - low) / (most - least)
+            found[have] = Target(wanted, factor, low - factor * least)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,7 +13,7 @@ import numpy as np
 from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, in_unit
 from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
-from auv_gym.records.mapping import Source, load_mapping
+from auv_gym.records.mapping import Source, Target, load_mapping
 from auv_gym.records.naming import candidates
 from auv_gym.records.reading import Needs, Understood, assembled, command_for, find_log, open_log, understood
 from auv_gym.records.record import Record
@@ -134,8 +134,11 @@ def started(look: FirstLook) -> str:
         return ""
 
 
-def mapping_text(look: FirstLook, needs: Sequence[Needs] = ()) -> str:
-    """A mapping in TOML, ready to edit: what was recognised, what was guessed, and what is left out."""
+def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[str, Target] | None = None) -> str:
+    """A mapping in TOML, ready to edit: what was recognised, what was guessed, and what is left out.
+
+    turned: what becomes of channels that a vehicle takes under another name or in another unit.
+    """
     lines = [
         f"# Mapping of {look.path.name} ({look.format}).",
         "# Their column = our channel, ending in the unit of their numbers.",
@@ -148,14 +151,16 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = ()) -> str:
         for column in look.known.clocks.values():
             lines.append(f'{_quoted(column)} = "time_s"')
             used.add(column)
-        for sources in look.known.by_channel.values():
+        for name, sources in look.known.by_channel.items():
             for number, source in enumerate(sources):
                 used.add(source.column)
-                lines.append(f"{_quoted(source.column)} = {_target(source) if number == 0 else _quoted('')}")
+                target = _target(source, (turned or {}).get(name)) if number == 0 else _quoted("")
+                lines.append(f"{_quoted(source.column)} = {target}")
         lines += [f"{name} = {value:.12g}" for name, value in look.known.constants.items()]
     columns = [name for group in look.log.groups for name in group.columns]
     guesses: dict[str, str] = {}
-    for wanted in dict.fromkeys(name for one in needs for name in look.missing(one)):
+    known = {target.name for target in (turned or {}).values()}
+    for wanted in dict.fromkeys(name for one in needs for name in look.missing(one) if name not in known):
         for column in candidates(wanted, [name for name in look.spare if name not in guesses], 1):
             guesses[column] = wanted
     if guesses:
@@ -168,9 +173,12 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = ()) -> str:
     return "\n".join([*lines, ""])
 
 
-def _target(source: Source) -> str:
+def _target(source: Source, turned: Target | None) -> str:
     target = source.target
     name = in_unit(target.name, source.unit)
+    if turned is not None:
+        name = turned.name
+        target = Target(name, turned.factor * target.factor, turned.factor * target.offset + turned.offset)
     if target.offset == 0.0 and target.factor in (1.0, -1.0):
         return _quoted(f"{'-' if target.factor < 0 else ''}{name}")
     return f'{{ to = "{name}", factor = {target.factor!r}, offset = {target.offset!r} }}'

@@ -108,9 +108,8 @@ def _impossible(known: Understood) -> list[str]:
 
 
 def _counted(heading: np.ndarray) -> bool:
-    """Whether a heading, rad, can be one that is counted over a few turns: it begins within a turn and never jumps."""
-    steps = np.abs(np.diff(heading))
-    return bool(abs(heading[0]) <= 2.0 * pi and np.ptp(heading) < _MANY_TURNS and steps.max(initial=0.0) < pi)
+    """Whether a heading, rad, can be one that is counted over a few turns: such a count begins within a turn."""
+    return bool(abs(heading[0]) <= 2.0 * pi and np.ptp(heading) < _MANY_TURNS)
 
 
 def _wrapped(known: Understood) -> list[str]:

@@ -194,3 +194,32 @@ def test_pitch_and_roll_that_look_exchanged_are_to_be_corrected_first(tmp_path, 
     names.write_text('pitch_rad = "roll_rad"\nroll_rad = "pitch_rad"\n')
     assert main(["look", str(log), "--vehicle", "seaglider", "--mapping", str(names)]) == 0
     assert "Looks wrong" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "vehicle, ending, values, factor, offset",
+    [("bluerov2", "us", (1100.0, 1900.0), 0.0025, -3.75), ("bluerov", "share", (-1.0, 1.0), 400.0, 1500.0)],
+)
+def test_thruster_commands_in_another_unit_are_converted_by_the_mapping(
+    tmp_path, capsys, vehicle, ending, values, factor, offset
+):
+    t = np.arange(0.0, 60.0, 0.05)
+    made = {f"t{k}_{ending}": np.where(t // k % 2 == 0.0, *values) for k in range(1, 7)}
+    log, names = write(tmp_path / "log.csv", {"time_s": t, "heading_rad": 0 * t, "depth_m": t, **made}), "names.toml"
+    assert main(["look", str(log), "--vehicle", vehicle]) == 0
+    text = said(capsys)
+    assert f"In another unit: t1_{ending}, " in text
+    assert text.endswith(f"Next: auv-gym look {log} --vehicle {vehicle} --mapping-out {names}")
+    names = tmp_path / names
+    assert main(["look", str(log), "--vehicle", vehicle, "--mapping-out", str(names)]) == 0
+    assert (
+        f"check in {names} that each output drives the thruster of its number, in its direction, then auv-gym look"
+        in said(capsys)
+    )
+    other = "share" if ending == "us" else "us"
+    line = f'"t6_{ending}" = {{ to = "t6_{other}", factor = {factor!r}, offset = {offset!r} }}'
+    assert line in names.read_text().splitlines()
+    assert main(["look", str(log), "--vehicle", vehicle, "--mapping", str(names)]) == 0
+    text = said(capsys)
+    assert "Looks wrong" not in text
+    assert text.endswith(f"auv-gym diagnose {log} --vehicle {vehicle} --mapping {names} --out diagnosis")

@@ -146,7 +146,6 @@ def test_an_angle_that_wraps_in_no_channel_of_angles_is_named(tmp_path):
     [
         (lambda t: 0.4 - 0.1 * t, False),  # two turns and a half to port from where it began
         (lambda t: 150.0 + 20.0 * np.sin(t / 20.0), True),  # it begins after 24 turns, or at 150 deg
-        (lambda t: np.where(t % 20.0 < 10.0, 2.0, 40.0), True),  # it jumps
         (lambda t: 2.0 * t, True),  # fifty turns
     ],
 )
