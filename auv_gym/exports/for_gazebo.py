@@ -7,6 +7,7 @@ Sources: gz-sim, systems hydrodynamics, thruster, lift_drag, buoyancy, buoyancy_
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import pi, sqrt
 from pathlib import Path
@@ -32,6 +33,14 @@ _AT_ONCE = 1e3  # m^3/s, of a buoyancy engine without a rate limit
 # Effects that are in the numbers of the hull, and so in the file.
 _IN_THE_HULL = ("effects.hull.", "effects.load.payload", "effects.load.net_buoyancy", "effects.load.x_g")
 _IN_THE_HULL += ("effects.load.y_g", "effects.load.z_g", "effects.water.density", "effects.discovered.")
+# Words for parameters that no plugin has.
+_DRAGS = {
+    "drag": "drag of the deflected fin",
+    "drag_rate": "drag of the deflected fin in a turn",
+    "drag_slip": "drag of the deflected fin in cross flow",
+}
+_FIN_DRAGS = {"drag": "drag without lift", "induced": "drag that comes with lift", "plate": "drag across the flow"}
+_NO_CURVE = "the curve from command to thrust (Gazebo's command is the thrust in N)"
 
 
 @dataclass(frozen=True)
@@ -56,7 +65,7 @@ def gazebo_world(plant: Plant) -> GazeboWorld:
         >>> world = gazebo_world(load_vehicle("remus100"))
         >>> world.save("remus100.sdf")
         >>> world.left_out[0]
-        'rudder, stern_plane: actuator lag, actuator rate limit.'
+        'rudder, stern_plane: actuator lag (0.1 s); actuator rate limit (slowness = 1.91 s/rad).'
     """
     if plant.family.body is None or plant.learned is not None:
         what = "a learned hull" if plant.learned is not None else f"one of family {plant.family.name!r}"
@@ -77,9 +86,11 @@ def gazebo_world(plant: Plant) -> GazeboWorld:
     for part in plant.family.body.parts:
         make = _PARTS.get(part.kind)
         own = getattr(plant.parts, part.name)
-        lost = make(model, part, own, hull, water) if make else [f"left out: Gazebo has no plugin for {part.kind}"]
+        lost = (
+            make(model, part, own, hull, water) if make else [f"all of it, since Gazebo has no plugin for {part.kind}"]
+        )
         if lost:
-            lost_by_parts.setdefault(", ".join(lost), []).append(part.name)
+            lost_by_parts.setdefault("; ".join(lost), []).append(part.name)
     left_out += [f"{', '.join(names)}: {lost}." for lost, names in lost_by_parts.items()]
     active = [path for path in list_paths(plant) if path.startswith("effects.") and not path.startswith(_IN_THE_HULL)]
     active = [path for path in active if value_at(plant, path) != spec_at(plant, path).neutral]
@@ -135,7 +146,7 @@ def _base_link(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
         for j in range(i, 3):
             _add(tensor, f"i{'xyz'[i]}{'xyz'[j]}", float(inertia[i, j]))
     if np.abs(added - added.T).max() > 1e-9 * np.abs(added).max():
-        left_out.append("Added mass: SDF holds its symmetric part; this vehicle's is not symmetric.")
+        left_out.append("Added mass that is not symmetric: SDF holds only the symmetric part.")
     added = 0.5 * SIGNS[:, None] * (added + added.T) * SIGNS
     fluid = _add(inertial, "fluid_added_mass")
     for i in range(6):
@@ -185,8 +196,8 @@ def _hydrodynamics(model: Any, plant: Plant, p: Any, water: float) -> list[str]:
                 count(int(axis), _VELOCITIES[a] + _VELOCITIES[b], float(force[axis]))
     if computed.has_cross_flow != 0.0:
         left_out.append(
-            "Cross-flow drag: Gazebo does not integrate over strips, so that it is exact for sway, heave, pitch or yaw "
-            "alone, and not for two of them at once."
+            "Cross-flow drag in two motions at once: Gazebo does not integrate over strips of the hull, so the drag is "
+            "exact only for sway, heave, pitch or yaw alone."
         )
         strips: Any = getattr(cross_flow_drag, "py_func", cross_flow_drag)
         drags = (computed.cross_y, computed.cross_z, water, plant.hull.length)
@@ -227,7 +238,7 @@ def _carrier(model: Any, name: str, pose: str) -> None:
 def _surface(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
     """A control surface: its lift where the lever of its moment says that it acts."""
     if own.lift == 0.0:
-        return ["all of it: a moment without a lift has no place where LiftDrag could act"]
+        return ["all of it, since a moment without a lift has no place where LiftDrag could act"]
     yaw = part.choice == "yaw"
     x = (1.0 if yaw else -1.0) * own.moment / own.lift
     slope = 2.0 * own.lift / water
@@ -243,11 +254,14 @@ def _surface(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[s
         slope,
         "0 -1 0" if yaw else "0 0 -1",
     )
-    lost = [f"{name} = {getattr(own, name):g}" for name in ("drag", "drag_rate", "drag_slip") if getattr(own, name)]
     wake = any(value_at(own.wake, path) for path in list_paths(own.wake))
-    lost += ["what a propeller's wake adds"] if wake else []
-    lost += ["the station of the flow angle"] if own.inflow and own.station != x else []
-    return [*lost, *_slow(own)]
+    lost = ["the forces that a propeller's wake adds"] if wake else []
+    if own.inflow and own.station != x:
+        lost.append(
+            f"the angle of attack that the flow at x = {own.station:.3g} m makes (Gazebo takes the flow where the lift "
+            f"acts, at x = {x:.3g} m)"
+        )
+    return [*_set(own, _DRAGS), *lost, *_slow(own)]
 
 
 def _fin(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
@@ -255,8 +269,7 @@ def _fin(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[str]:
     yaw, place = part.choice == "yaw", (own.x, own.y, own.z)
     slope = own.lift_slope
     _steered(model, part.name, yaw, place, own, water, own.area, slope, slope, "0 -1 0" if yaw else "0 0 1")
-    lost = [f"{name} = {getattr(own, name):g}" for name in ("drag", "induced", "plate") if getattr(own, name)]
-    return [*lost, *_slow(own)]
+    return [*_set(own, _FIN_DRAGS), *_slow(own)]
 
 
 def _steered(
@@ -297,9 +310,9 @@ def _propeller(model: Any, part: Any, own: Any, hull: Any, water: float) -> list
     else:
         most = float(own.t_cc * own.limit**2) or max(value_at(own.table, path) for path in list_paths(own.table))
         _plugin(model, "thruster", **common, max_thrust_cmd=most, min_thrust_cmd=-most)
-        lost.append("how its thrust follows from the command: Gazebo is given the thrust, N")
+        lost.append(_NO_CURVE)
     lost += ["its torque on the hull"] if own.torque_arm else []
-    lost += ["its wake"] if own.wake.c_t1 else []
+    lost += ["the faster flow in its wake"] if own.wake.c_t1 else []
     return [*lost, *_slow(own)]
 
 
@@ -313,8 +326,8 @@ def _thruster(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[
         model, "thruster", joint_name=f"{part.name}_joint", fluid_density=water, velocity_control=True,
         max_thrust_cmd=float(thrusts[-1]), min_thrust_cmd=float(thrusts[0]),
     )  # fmt: skip
-    lost = ["its curve from command to thrust: Gazebo is given the thrust, N"]
-    lost += ["its torque"] if own.torque_arm else []
+    lost = [_NO_CURVE]
+    lost += ["its torque on the hull"] if own.torque_arm else []
     return [*lost, *_slow(own)]
 
 
@@ -330,12 +343,21 @@ def _engine(model: Any, part: Any, own: Any, hull: Any, water: float) -> list[st
         max_volume=float(own.high),
         max_inflation_rate=1.0 / own.slowness if own.slowness else _AT_ONCE,
     )  # fmt: skip
-    return ["its lag"] if own.lag else []
+    return [f"actuator lag ({own.lag:g} s)"] if own.lag else []
 
 
 def _slow(own: Any) -> list[str]:
     """What no plugin has of an actuator."""
-    return [f"actuator {word}" for word, value in (("lag", own.lag), ("rate limit", own.slowness)) if value]
+    return [*([f"actuator lag ({own.lag:g} s)"] if own.lag else []), *_set(own, {"slowness": "actuator rate limit"})]
+
+
+def _set(own: Any, words: Mapping[str, str]) -> list[str]:
+    """Words for those parameters of a part that are not 0, with name, value and unit."""
+    found = []
+    for name, text in words.items():
+        value, unit = value_at(own, name), spec_at(own, name).unit
+        found += [f"{text} ({name} = {value:.4g} {unit})".replace(" 1)", ")")] if value else []
+    return found
 
 
 _PARTS = {"surface": _surface, "fin": _fin, "propeller": _propeller, "thruster": _thruster, "buoyancy_engine": _engine}

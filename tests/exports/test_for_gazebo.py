@@ -248,8 +248,16 @@ def test_what_it_cannot_hold_is_said_and_written():
     world = gazebo_world(load_vehicle("npsauv"))
     said = " ".join(world.left_out)
     assert "Cross-flow drag" in said
-    assert "drag_slip" in said
+    assert "drag of the deflected fin in cross flow (drag_slip = 24.47 kg/m); actuator lag (0.1 s)." in said
     assert all(line in world.xml for line in world.left_out)
+
+
+def test_a_flow_that_is_taken_elsewhere_is_said_with_both_places():
+    plant = replace_at(load_vehicle("npsauv"), {"parts.rudder.inflow": 1.0, "parts.rudder.station": -1.0})
+    lift_at = plant.parts.rudder.moment / plant.parts.rudder.lift
+    (said,) = (line for line in gazebo_world(plant).left_out if line.startswith("rudder"))
+    assert "the flow at x = -1 m makes (Gazebo takes the flow where the lift acts, at x = " in said
+    assert f"at x = {lift_at:.3g} m)" in said
 
 
 def test_a_float_is_refused():
