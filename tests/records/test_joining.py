@@ -89,3 +89,6 @@ def test_logs_of_two_vehicles_are_refused():
     with pytest.raises(ValueError, match=r"a.nc is of SG561 and b.nc is of SG171: give the logs of one of them"):
         check_apart([("a.nc", mission(1, vehicle="SG561")), ("b.nc", mission(2, vehicle="SG171"))])
     check_apart([("a.nc", mission(1, vehicle="SG561")), ("b.nc", mission(2, vehicle="SG561")), ("c", mission(3))])
+    both = one_after_the_other([mission(1, 1.4e9, "SG561"), mission(2, 1.5e9, "SG561")])
+    with pytest.raises(ValueError, match=r"a.nc, b.nc is of SG561 and c.nc is of SG171"):
+        check_apart([("a.nc, b.nc", both), ("c.nc", mission(3, vehicle="SG171"))])
