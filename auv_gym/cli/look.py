@@ -70,8 +70,9 @@ def look(
     _print_signals(found, every)
     _print_list("Left out, repaired or cut", found.notes if every else logs.grouped(found.notes), every)
     refused = _refused(found, needs)
-    told = vehicle or (next(iter(refused)) if refused and all(refused.values()) else None)
-    _print_list("Looks wrong", [*found.doubts, *_wrong_for(told, found)], True)
+    told = [vehicle] if vehicle else list(refused) if all(refused.values()) else []
+    wrong = dict.fromkeys(line for name in told for line in _wrong_for(name, found))
+    _print_list("Looks wrong", [*found.doubts, *wrong], True)
     _print_vehicles(found, needs)
     for path in (mapping_out, picture):
         if path is not None:
@@ -82,9 +83,9 @@ def look(
     )
 
 
-def _wrong_for(vehicle: str | None, found: FirstLook) -> Sequence[str]:
-    """What is wrong with the log as one of a vehicle, where one is named and the whole log was read."""
-    if vehicle is None or found.record is None or found.sampled is not None:
+def _wrong_for(vehicle: str, found: FirstLook) -> Sequence[str]:
+    """What is wrong with the log as one of a vehicle, where the whole log was read."""
+    if found.record is None or found.sampled is not None:
         return ()
     from auv_gym.plant import load_vehicle
     from auv_gym.plant.record_check import wrong_for
@@ -260,8 +261,8 @@ def _next_command(
     if not turned and not guessed and found.record is not None:
         return (
             "auv-gym list parts (no preset has this log's inputs: write a vehicle file, see "
-            "docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE; if the log has only joystick axes, see "
-            "docs/logs.md)"
+            "docs/guides/add_a_vehicle.md, then run look again with --vehicle FILE; if the log has only joystick axes, "
+            "see docs/logs.md)"
         )
     if written is not None:
         edited = f"edit {quote(str(written))}"
