@@ -16,6 +16,7 @@ from typing import Any
 
 from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model, save_model
+from auv_gym.param import spec_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.campaign.file.plan import plan, selected
@@ -190,7 +191,7 @@ def _fill(result: dict[str, Any], task: FitTask, folder: Path) -> None:
         "outputs": [name for name in model.outputs if records[0].has(name)],
         "dt": model.dt,
         "poles": poles_of(model),
-        "parameters": [_told(estimate) for estimate in found.estimates],
+        "parameters": [_told(estimate, model) for estimate in found.estimates],
     }
     judged = []
     for row in task.held:
@@ -215,9 +216,10 @@ def _judged(model: Model, plant: Plant | None, record: Record) -> OpenLoop:
     return open_loop({"model": model}, record)
 
 
-def _told(estimate: Estimate) -> dict[str, Any]:
+def _told(estimate: Estimate, model: Model) -> dict[str, Any]:
     return {
         "name": estimate.path,
+        "title": spec_at(model, estimate.path).title if isinstance(model, Plant) else "",
         "unit": estimate.unit,
         "value": estimate.value,
         "error": estimate.error if isfinite(estimate.error) else None,

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
+from auv_gym.channels import channel
 from auv_gym.plant import Plant
 from auv_gym.writing import write_json, write_text
 from controllers.gains import write_gains
 from controllers.tuning.spread import read_uncertain
-from controllers.tuning.tuning import tune_and_judge
+from controllers.tuning.tuning import Judged, tune_and_judge
 from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import FOLDER, load_fitted, read_fits
+from identification.campaign.report.models import median_fit_percents
 from identification.campaign.running.shelf import Progress
+from identification.diagnosis.wording import listed
+from identification.pages.page import percent
 
 GAINS, RESULT, PAGE = "gains.toml", "tuning.json", "tuning.html"
 _FILE = "Gains: "
@@ -53,12 +59,19 @@ def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> t
     try:
         from identification.pages.tuning_page import tuning_page, tuning_summary
 
-        words = [*tuning_summary(found), f"{_FILE}{folder / GAINS}"]
+        words = [*tuning_summary(found), *_held_out(fit, found), f"{_FILE}{folder / GAINS}"]
         write_text(folder / PAGE, tuning_page(found))
     except ImportError as error:
         words.append(f"No page: {error}")
     write_json(folder / RESULT, {"key": key, "passed": found.passed, "found": words})
     return found.passed, words
+
+
+def _held_out(fit: Mapping[str, Any], found: Judged) -> list[str]:
+    """How well the fit predicts what the loops control, in runs that it has not seen."""
+    reached = median_fit_percents(fit)
+    told = [f"{percent(reached[name])} in {channel(name).label}" for name in found.loops if name in reached]
+    return [f"On held-out runs, the fit of {fit['fit']!r} is {listed(told)}."] if told else []
 
 
 def read_tuned(folder: str | Path) -> list[str]:

@@ -195,7 +195,7 @@ def residual_drawings(tests: Mapping[str, Mapping[str, Any]]) -> list[Drawing]:
             lambda: autocorrelation_figure(tests),
             "autocorrelation",
             "Autocorrelation of residuals, per output.",
-            "Whether the residual remembers its past. Points inside the grey band: no more than noise.",
+            "Autocorrelation of each residual. Inside the grey band, it is consistent with white noise.",
         )
     ]
     if any(test["inputs"] for of in tests.values() for test in of.values()):
@@ -204,8 +204,8 @@ def residual_drawings(tests: Mapping[str, Mapping[str, Any]]) -> list[Drawing]:
                 lambda: input_correlation_figure(tests),
                 "input-correlation",
                 "Correlation of residuals with inputs at lags of either sign.",
-                "Whether the residual follows an input. Right of zero beyond the band: a response that the model "
-                "is missing; left of it: feedback, which moves the input after the output has gone astray.",
+                "Cross-correlation of each residual with an input. Beyond the band at positive lags: a response to the "
+                "input that the model is missing. At negative lags: feedback, as the controller reacts to the output.",
             )
         )
     return drawings

@@ -73,13 +73,19 @@ def model_content(fit: Mapping[str, Any]) -> dict[str, Any]:
     parts += [f"fitted in {number(fit['seconds'], 2)} s to {counted(len(fit['trained_on']), 'run')}"]
     shown = fit["parameters"][:MOST_PARAMETERS]
     more = left_out(len(fit["parameters"]) - len(shown), "further parameters: in the JSON file.")
-    lines = [(p["name"], amount(p["value"], p["unit"]), _interval(p)) for p in shown]
+    lines = [(_parameter(p), amount(p["value"], p["unit"]), _interval(p)) for p in shown]
     return {
         "title": fit["name"],
         "text": "; ".join([*filter(None, parts), f"models/{fit['file']}."]),
         "parameters": Table(("parameter", "value", "95 % interval"), lines, 1, more) if lines else None,
         "poles": pole_table(fit["poles"]),
     }
+
+
+def _parameter(parameter: Mapping[str, Any]) -> str | tuple[str, str]:
+    """The title of a vehicle's parameter, and its path below it; other models have names alone."""
+    title = parameter.get("title", "")  # fits of earlier versions have none
+    return (title, parameter["name"]) if title else parameter["name"]
 
 
 def pole_table(poles: Sequence[tuple[float, float]]) -> Table | None:

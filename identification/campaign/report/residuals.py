@@ -1,4 +1,4 @@
-"""What models leave of held-out runs, on the page: tests, and how residuals go with their past and with inputs."""
+"""Residual tests of models on held-out runs, on the page: autocorrelation, and correlation with inputs."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from identification.pages.page import Table, chance, number
 
 MOST_MODELS = 6  # lines in one figure
 _TEXT = (
-    "What models leave of held-out runs: errors one sample ahead where a model predicts, of free runs otherwise. A "
-    "model that tells all that inputs and the past can tell leaves white residuals that follow no input; errors of "
-    "free runs are hardly ever white."
+    "Residuals on held-out runs: one-step prediction errors where the model has a noise model, simulation errors (free "
+    "runs) otherwise. The prediction errors of an adequate model are white and uncorrelated with past inputs; "
+    "simulation errors are rarely white."
 )
 _CAPTION = (
     "p: p-value of the Ljung-Box test for whiteness; residuals with p above 0.01 count as white. Strongest input: the "

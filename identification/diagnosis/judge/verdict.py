@@ -301,16 +301,16 @@ def _halves_sentence(d: Diagnosis) -> str:
 
 
 def _dives_sentence(d: Diagnosis) -> str:
-    """The sizes of effects that differ from dive to dive; of many dives, the smallest and the largest."""
-    told = []
+    """The sizes of effects that differ between dives or logs; of many, the smallest and the largest."""
+    told, each = [], "dive" if d.state.plant.family.by_dive else "log"
     for e in (e for e in d.added if e.by_dive):
         sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
         own = [
-            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or 'the first dive'}"
+            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or f'the first {each}'}"
             for s in ((sizes[0], sizes[-1]) if many else e.by_dive)
         ]
         range_of = f"from {' to '.join(own)}" if many else listed(own)
-        told.append(f"{capital(short(e.name))} differs from dive to dive: {range_of}.")
+        told.append(f"{capital(short(e.name))} differs from {each} to {each}: {range_of}.")
     return " ".join(told)
 
 
@@ -320,7 +320,15 @@ def unsteady_sentence(d: Diagnosis) -> str:
     if not names:
         return ""
     which = "Its size" if len(names) == len(d.alike) == 1 else f"The size of {listed(names)}"
-    return f"{which} differs between parts of the log: `auv-gym onset` looks for when the effect begins or ends."
+    return f"{which} differs between parts of the log: {_sought(d, 'when the effect begins or ends')}."
+
+
+def _sought(d: Diagnosis, when: str) -> str:
+    """Which command looks for what changes within a log, or between several."""
+    within = f"`auv-gym onset` looks for {when}"
+    if len(set(d.record.labels)) < 2:
+        return within
+    return f"`auv-gym compare-missions` compares the logs with each other, and {within}"
 
 
 def slight_sentence(d: Diagnosis) -> str:
@@ -405,7 +413,7 @@ def left_sentence(d: Diagnosis) -> str:
         title = spec_at(d.state.plant, left.passing).title or left.passing
         text += (
             f"Something began, ended or changed during the log that acts like this effect: {title}. "
-            "`auv-gym onset` looks for when. "
+            f"{capital(_sought(d, 'when'))}. "
         )
     return text
 

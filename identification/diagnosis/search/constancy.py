@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import chi2
@@ -78,14 +79,16 @@ def steadiness(
 
     By a regression on changes from each sixth on; with `quietly` also with weaker accelerations: these grow to explain
     what does not fit, and then hide it.  Only where that promises a difference, it is fitted, with noises that suit it,
-    and no farther than is sure enough: the probability is then an upper bound.
+    and no farther than is sure enough: the probability is then an upper bound.  Of paths that are not fitted, the first
+    sixth has a size of its own, too: what acts until a time is then none of the later ones.
     tried: from how many paths these were chosen; by default they are all.  level: the probability that is asked for;
     one above it takes noises for known exactly.
     """
     count = len(paths) if tried is None else tried
     rows, block = bench.problem.rows, bench.block_of_row
-    begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(1, MOST_PARTS)]
-    courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, 2)}
+    first = int(not set(paths).isdisjoint(state.paths))
+    begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(first, MOST_PARTS)]
+    courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, first + 1)}
     best, chance, _, found = _changed(bench, state, paths, courses, level / count, quietly, False)
     return Steadiness(best, min(count * chance, 1.0), _apart(state, found, best, list(courses)))
 
@@ -125,6 +128,21 @@ def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
         value, low, high = np.clip([value, value - half, value + half], *limits).tolist()
         sizes.append(OfDive(dive, value, (low, high)))
     return ByDive(path, tuple(sizes), by_dive, found)
+
+
+def own_of_logs(bench: Workbench, state: State, path: str) -> ByDive | None:
+    """The size of an effect in each log of a record, if they surely contradict each other, and the halves of none."""
+    found = sizes_by_dive(bench, state, path)
+    if found is None:
+        return None
+    rows = bench.problem.rows
+    begins = [*(begin for _, begin in dives_of(bench.record, rows)), int(rows[-1]) + 1]
+    halves = {
+        f"half{k}": Course((int(np.median(rows[(rows >= first) & (rows < last)])), last), (0.0, 1.0, 0.0))
+        for k, (first, last) in enumerate(pairwise(begins), 1)
+    }
+    _, chance, _, _ = _changed(found.bench, found.state, [path], halves, UNSTEADY, True, False)
+    return found if chance >= UNSTEADY else None
 
 
 def dives_of(record: Record, rows: np.ndarray) -> list[tuple[str, int]]:

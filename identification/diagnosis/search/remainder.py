@@ -96,7 +96,7 @@ def _likeliest(bench: Workbench, state: State, paths: Sequence[str]) -> list[str
     """The paths of which sixths of the record seem to have the most different sizes, `CONTENDERS` of them.
 
     By a regression on what each does throughout, cut where the sixths begin: what it leaves behind there is left out,
-    which costs a column a path instead of five.
+    which costs a column a path instead of six.
     """
     problem, point = bench.problem, state.point
     regression = Regression(problem, point, state.paths, 0.0)
