@@ -23,6 +23,8 @@ from controllers.tuning.kinds import KINDS
 Intervals = Mapping[str, tuple[float, float]]
 CHANGE = 0.2  # of a coefficient to either side, where nothing is known of it
 _NORMAL = 1.959964  # standard deviations from the middle to the end of a 95 % interval
+_LISTED = 3  # channels in a warning
+_UNSTABLE = 1e-3  # 1/s; of a slower pole free runs over some minutes stay near
 _WIDE = 0.5  # of a coefficient: where its deviation makes a wider half interval, it is lognormal
 
 
@@ -146,9 +148,17 @@ def _doubts(told: Mapping[str, Any]) -> tuple[str, ...]:
                 percents.setdefault(name, []).append(float(score["fit_percent"]))
     poor = {name: value for name, of in percents.items() if (value := float(np.median(of))) < 0.0}
     if poor:
-        listed = ", ".join(f"{channel(name).label} {value:.0f} %" for name, value in poor.items())
+        lowest = sorted(poor, key=lambda name: poor[name])[:_LISTED]
+        listed = ", ".join(f"{channel(name).label} {poor[name]:.0f} %" for name in lowest)
+        rate = max((float(real) for real, _ in told.get("poles", ())), default=0.0)
         found.append(
-            f"On held-out data the fitted model is worse than a constant (fit below 0 %: {listed}): gains that are "
-            "tuned on it may not suit the vehicle. Free the coefficients that differ, or fit a longer log."
+            f"On held-out data the fitted model is worse than a constant (fit below 0 %: {listed}"
+            f"{f' and {len(poor) - _LISTED} more' if len(poor) > _LISTED else ''}). "
+            + (
+                f"It is unstable (pole at {rate:.2g} 1/s), so its free runs drift away from any log: test these gains "
+                "on the vehicle with care, or fit a vehicle that is stable."
+                if rate > _UNSTABLE
+                else "Its gains may not suit the vehicle: free the coefficients that differ, or fit a longer log."
+            )
         )
     return tuple(found)

@@ -83,3 +83,14 @@ def test_a_fit_that_is_worse_than_a_constant_on_held_out_data_is_a_warning(perce
     warnings = read_uncertain(load_vehicle("slocum"), fit).warnings
     assert bool(warnings) == warned
     assert not warned or "fit below 0 %: heading -659 %" in warnings[0]
+
+
+@pytest.mark.parametrize("rate, words", [(0.37, "It is unstable (pole at 0.37 1/s)"), (-0.2, "free the coefficients")])
+def test_a_poor_fit_of_an_unstable_vehicle_is_told_from_one_with_wrong_coefficients(rate, words, tmp_path):
+    fit = written(
+        tmp_path,
+        parameters=[{"name": RUDDER, "value": 2e-4, "ci95": [1e-4, 3e-4]}],
+        scores={"run": {"heading_rad": {"fit_percent": -659.0}}},
+        poles=[[0.0, 0.0], [rate, 0.4], [rate, -0.4]],
+    )
+    assert words in read_uncertain(load_vehicle("slocum"), fit).warnings[0]
