@@ -75,11 +75,18 @@ def test_the_page_has_the_numbers_of_the_fits_and_the_rollouts(study, outline):
             assert percent(scores["heading_rad"]["fit_percent"]) in outline.text
         for parameter in fit["parameters"]:
             assert parameter["name"] in outline.text
+            assert parameter["title"] in outline.text
     assert study.fits[-1]["reason"] in outline.text
     for row in read_index(study.folder):
         assert row.id in outline.text
     for of in (of for r in study.rollouts for of in r["models"].values()):  # one run in each cell, so no median
         assert percent(of["scores"]["heading_rad"]["percent"]) in outline.text
+
+
+def test_a_parameter_of_a_vehicle_has_its_title(study):
+    parameters = {p["name"]: p["title"] for fit in study.fits for p in fit["parameters"]}
+    assert parameters["effects.rudder.offset"] == "rudder offset"
+    assert "" in parameters.values()  # those of a linear model
 
 
 def test_a_campaign_without_fits_has_its_page(study, tmp_path, no_figures):
