@@ -16,7 +16,6 @@ from controllers.tuning.spread import read_uncertain
 from controllers.tuning.tuning import Judged, tune_and_judge
 from identification.campaign.file.settings import Campaign
 from identification.campaign.fits import FOLDER, load_fitted, read_fits
-from identification.campaign.report.models import median_fit_percents
 from identification.campaign.running.shelf import Progress
 from identification.diagnosis.wording import listed
 from identification.pages.page import percent
@@ -69,6 +68,8 @@ def tune_fitted(campaign: Campaign, folder: str | Path, progress: Progress) -> t
 
 def _held_out(fit: Mapping[str, Any], found: Judged) -> list[str]:
     """How well the fit predicts what the loops control, in runs that it has not seen."""
+    from identification.campaign.report.models import median_fit_percents  # which imports this module
+
     reached = median_fit_percents(fit)
     told = [f"{percent(reached[name])} in {channel(name).label}" for name in found.loops if name in reached]
     return [f"On held-out runs, the fit of {fit['fit']!r} is {listed(told)}."] if told else []
