@@ -24,3 +24,14 @@ class Controller(Protocol[State]):
         reading: measured channels, and `dt_s`, the time since the last call, s.  target: wanted values by channel.
         """
         ...
+
+
+def time_step(reading: Mapping[str, float]) -> float:
+    """The time since a controller's last call, s, `dt_s` among its readings; raises ValueError where it is missing."""
+    try:
+        return reading["dt_s"]
+    except KeyError:
+        raise ValueError(
+            "A controller needs dt_s, the time since its last call in s, among its readings; got "
+            f"{', '.join(reading) or 'none'}: add it, such as {{**reading, 'dt_s': plant.dt}}."
+        ) from None

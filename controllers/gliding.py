@@ -8,6 +8,7 @@ from math import asin, atan2, cos, remainder, sin, tau
 
 from auv_gym.plant import Plant
 from auv_gym.plant.flying import Flight, battery_for, turning_input
+from controllers.controller import time_step
 
 _STEEPEST = 0.9  # of the speed, that a heading may take to make up for a current across
 _SOFT = 2.0  # samples in which an error of heading is to vanish
@@ -87,7 +88,7 @@ class YoPilot:
         north, east = (reading.get(f"current_{name}_mps", 0.0) for name in ("north", "east"))
         across = (east * cos(course) - north * sin(course)) / (self.flight.speed * cos(self.flight.path))
         heading = course - asin(min(max(across, -_STEEPEST), _STEEPEST))
-        turn = remainder(heading - reading["heading_rad"], tau) / (_SOFT * reading["dt_s"])
+        turn = remainder(heading - reading["heading_rad"], tau) / (_SOFT * time_step(reading))
         moved = (engine, battery_for(self.plant, side * self.pitch, engine), self._turned(turn, side))
         return dict(zip(self.commands, moved, strict=True)), climbing
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 from math import inf, isfinite, pi
 
 from auv_gym.channels import channel
+from controllers.controller import time_step
 
 Points = tuple[tuple[float, float], ...]
 
@@ -36,7 +37,7 @@ def filtered_rate(
     rate_name: the channel that measures it, or "".  last: the reading before (None: there is none).  rate: the filtered
     rate before.  filter_time: s.
     """
-    dt = reading["dt_s"]
+    dt = time_step(reading)
     measured = reading.get(rate_name, inf) if rate_name else inf
     if isfinite(measured):
         return measured if last is None else (filter_time * rate + dt * measured) / (filter_time + dt)
@@ -109,7 +110,7 @@ class OneChannel(ABC):
         error = error_of(self.measured, target[self.measured], measured)
         rate = filtered_rate(self.measured, self.rate_measured, reading, state.reading, state.rate, self.filter_time)
         steady = holding_command(self.steady, target[self.measured], self.neutral)
-        command, integral = self._answer(error, rate, steady, last, state.integral, reading["dt_s"])
+        command, integral = self._answer(error, rate, steady, last, state.integral, time_step(reading))
         return {self.command: command}, Memory(integral, rate, measured, command)
 
     @abstractmethod

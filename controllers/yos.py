@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import atan2
 
+from controllers.controller import time_step
 from controllers.tracking import wrapped
 
 _UNDER_WAY = 0.4  # of the engine's way from neutral, below which a glider hardly moves and is not steered
@@ -80,7 +81,7 @@ class Yo:
 
         target: heading_rad, or a place, whose depth is ignored; without either, the battery stays upright.
         """
-        dt, depth = reading["dt_s"], reading["depth_m"]
+        dt, depth = time_step(reading), reading["depth_m"]
         climbing = depth > self.top if state.climbing else depth >= self.apogee
         told = self.climb.volume if climbing else self.dive.volume
         engine = told if state.engine is None else state.engine

@@ -83,7 +83,12 @@ class Episodes:
         return self.task.targets or ((self.task.channel,) if self.task.channel else _WAYPOINT)
 
     def action_for(self, command: Mapping[str, float]) -> np.ndarray:
-        """The action that gives commands, by channel, shape (len(actions),)."""
+        """The action that gives commands, by channel, shape (len(actions),); raises ValueError where one is missing."""
+        missing = [name for name in self.actions if name not in command]
+        if missing:
+            raise ValueError(
+                f"action_for needs a command for each action, {', '.join(self.actions)}; missing: {', '.join(missing)}."
+            )
         return (np.array([command[name] for name in self.actions]) - self.middles) / self.limits
 
     def new_rows(self, count: int) -> np.ndarray:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf, isfinite, pi
 from typing import NamedTuple
 
 import numpy as np
 
+from auv_gym.channels import channel
 from auv_gym.param import value_at
 from auv_gym.physics.buoyancy import GRAVITY
 from auv_gym.plant import Plant
-from auv_gym.vehicles.glide import flight, flight_at, net_buoyancy
+from auv_gym.vehicles.glide import GlideHull, flight, flight_at, net_buoyancy
 from auv_gym.vehicles.glide_steered import GLIDE_STEERED
 
 STEP = 30.0  # s between commands of a glider that is steered: a Seaglider's samples in deep water
+_BEYOND = 0.05  # of the engine's range, by which a logged volume may be beyond it
 NOMINAL_PITCH = 0.4  # rad; operators fly at 15 to 30 degrees
 
 
@@ -29,7 +32,9 @@ def neutral_engine(plant: Plant, depth: float, density: float | None = None, tem
     """The engine's volume, m^3, at which a glider neither sinks nor rises at a depth, m.
 
     density: kg/m^3, and temperature: degC, of the water; by default those of the hull, as where nothing is measured.
+    Raises ValueError for a vehicle that does not fly by a polar.
     """
+    _check_polar(plant)
     hull, p = plant.hull, plant.family.view(plant.derived)
     water = hull.density if density is None else density
     force = net_buoyancy(depth, 0.0, 0.0, hull.temperature if temperature is None else temperature, water, 0.0, p)
@@ -37,10 +42,30 @@ def neutral_engine(plant: Plant, depth: float, density: float | None = None, tem
 
 
 def steady_flight(plant: Plant, depth: float, **inputs: float) -> Flight:
-    """Steady flight at a depth, m; inputs: by channel, those that are not named as in a record without them."""
+    """Steady flight at a depth, m; inputs: by channel, those that are not named as in a record without them.
+
+    Raises ValueError for a vehicle that does not fly by a polar at a given attitude, and for inputs out of its range.
+    """
+    _check_polar(plant)
     unknown = sorted(set(inputs) - set(plant.inputs))
     if unknown:
         raise ValueError(f"{plant.name} has no input {unknown[0]!r}: it has {', '.join(plant.inputs)}.")
+    if "pitch_rad" not in plant.inputs:
+        raise ValueError(
+            f"steady_flight needs a glider whose pitch is an input, and {plant.name!r} is steered by its masses: give "
+            "the plant that `steered` was called with."
+        )
+    hull = plant.hull
+    slack = _BEYOND * (hull.engine_high - hull.engine_low)
+    limits = {
+        "buoyancy_volume_m3": (hull.engine_low - slack, hull.engine_high + slack),
+        "pitch_rad": (-0.5 * pi, 0.5 * pi),
+    }
+    for name, value in {"depth": depth, **inputs}.items():
+        low, high = limits.get(name, (-inf, inf))
+        if not (isfinite(value) and low <= value <= high):
+            bounds = f" from {low:.3g} to {high:.3g} {channel(name).unit}" if name in limits else ""
+            raise ValueError(f"steady_flight needs a finite {name}{bounds}, got {value!r}: check its unit and sign.")
     named = {name: value_at(plant, path) for name, path in plant.family.constants.items()} | inputs
     u = np.array([named.get(name, 0.0) for name in plant.inputs])
     actuators = u[: len(plant.family.actuators)].copy()
@@ -60,6 +85,7 @@ def steered(plant: Plant, dt: float | None = STEP) -> Plant:
 
     dt: s between commands, None for the vehicle's own.
     """
+    _check_polar(plant)
     steering = plant.parameters.steering
     if not steering.pitch_mass or not (steering.turn_roll * steering.roll_mass or steering.turn_rudder):
         raise ValueError(
@@ -67,6 +93,15 @@ def steered(plant: Plant, dt: float | None = STEP) -> Plant:
             "turn_roll, which are 0: give them in the table [steering] of its vehicle file."
         )
     return replace(plant, family=GLIDE_STEERED, dt=plant.dt if dt is None else dt)
+
+
+def _check_polar(plant: Plant) -> None:
+    """Raises ValueError for a vehicle that does not fly by a polar."""
+    if not isinstance(plant.hull, GlideHull):
+        raise ValueError(
+            f"A glider that flies by a polar is needed, such as the presets slocum_flight and seaglider; got "
+            f"{plant.name!r} of family {plant.family.name!r}."
+        )
 
 
 def battery_for(plant: Plant, pitch: float, engine: float) -> float:

@@ -47,20 +47,30 @@ class Thrusters:
         """The commands, in the channels' units, that give thrusts, N, (n,); held at the ends of the curves.
 
         Of commands that give the same thrust it is the one nearest to idle. What lies inside the jump of a dead zone
-        is given its edge.
+        is given its edge.  Raises ValueError on another number of thrusts, and on one that is not finite.
         """
-        pairs = zip(np.asarray(thrusts, dtype=float).tolist(), self.curves, self.idle.tolist(), strict=True)
+        pairs = zip(self._one_each(thrusts, "thrusts in N").tolist(), self.curves, self.idle.tolist(), strict=True)
         return np.array([command_of_thrust(thrust, curve, idle) for thrust, curve, idle in pairs])
 
     def thrusts(self, commands: np.ndarray) -> np.ndarray:
-        """The thrusts, N, (n,), of commands in the channels' units; none inside a dead zone."""
+        """The thrusts, N, (n,), of commands in the channels' units; none inside a dead zone.  Raises as `commands`."""
         found = np.empty(len(self.channels))
-        for i, command in enumerate(np.asarray(commands, dtype=float)):
+        for i, command in enumerate(self._one_each(commands, "commands")):
             thrust, at = self.curves[i].T
             zero = thrust == 0.0
             inside = zero.any() and at[zero].min() <= command <= at[zero].max()
             found[i] = 0.0 if inside else np.interp(command, at, thrust)
         return found
+
+    def _one_each(self, values: np.ndarray, what: str) -> np.ndarray:
+        """The values, one for each thruster, as an array; raises ValueError where they are not."""
+        given, count = np.asarray(values, dtype=float), len(self.channels)
+        if given.shape != (count,) or not np.isfinite(given).all():
+            came = f"shape {given.shape}" if given.shape != (count,) else str(given.tolist())
+            raise ValueError(
+                f"Thrusters need {count} finite {what}, one for each of {', '.join(self.channels)}; got {came}."
+            )
+        return given
 
     def share_within(self, thrusts: np.ndarray, about: np.ndarray | float = 0.0) -> float:
         """The largest share, at most 1, of thrusts that all thrusters can add to those that they give, `about`."""

@@ -11,7 +11,7 @@ import numpy as np
 
 from controllers.allocation import AXES
 from controllers.composed.loops import targets_of
-from controllers.controller import Controller
+from controllers.controller import Controller, time_step
 from controllers.hovering.dynamics import POSE, HoverDynamics, rotation, turning
 from controllers.hovering.reference import Pace, Way
 
@@ -59,7 +59,7 @@ class InWorldAxes:
         known = np.where(np.isfinite(pose), pose, state.pose)
         usual = {**dict.fromkeys(POSE, nan), **dict.fromkeys(self.level, 0.0)}
         wanted = np.array([target.get(name, usual[name]) for name in POSE])
-        way = self.pace.advance(state.way, pose, wanted, known, reading["dt_s"])
+        way = self.pace.advance(state.way, pose, wanted, known, time_step(reading))
         turn, before = rotation(*known[3:]), rotation(*state.pose[3:])
         spin = turning(known[3], known[4])
         reached = np.array([reading.get(name, 0.0) for name in AXES])

@@ -13,6 +13,7 @@ import numpy as np
 from auv_gym.channels import channel
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.param import did_you_mean
+from controllers.controller import time_step
 from controllers.predictive.increments import Increments, polynomial_increments, state_space_increments
 from controllers.predictive.program import Aims, Program, build, solver
 
@@ -162,7 +163,7 @@ class Gpc:
             z = parts.increments.initial(measured, before)
             reference = (parts.increments.c @ z)[parts.tracked]
         else:
-            elapsed = state.elapsed + reading["dt_s"]
+            elapsed = state.elapsed + time_step(reading)
             if elapsed < dt * (1.0 - _ON_TIME):
                 return self._named(state.command, state.flag), state._replace(elapsed=elapsed)
             samples = round(elapsed / dt)

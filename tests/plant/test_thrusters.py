@@ -142,3 +142,13 @@ def test_a_vehicle_without_thrusters_is_refused():
         find_thrusters(load_vehicle("remus100"))
     with pytest.raises(ValueError, match="needs thrusters"):
         find_thrusters(load_vehicle("slocum"))
+
+
+@pytest.mark.parametrize(
+    "given, came", [([np.nan] * 8, "nan"), ([0.0] * 9, r"shape \(9,\)"), ([[0.0] * 8], r"shape \(1, 8\)")]
+)
+@pytest.mark.parametrize("method", ["commands", "thrusts"])
+def test_thrusters_take_one_finite_number_each(method, given, came):
+    thrusters = find_thrusters(load_vehicle("bluerov2_heavy"))
+    with pytest.raises(ValueError, match=f"Thrusters need 8 finite .*, one for each of .*; got .*{came}"):
+        getattr(thrusters, method)(given)

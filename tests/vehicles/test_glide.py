@@ -7,7 +7,7 @@ import pytest
 
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.plant.flying import neutral_engine, steady_flight
+from auv_gym.plant.flying import neutral_engine, steady_flight, steered
 from auv_gym.plant.record_check import check_ranges, described
 from auv_gym.records.record import Record
 from auv_gym.vehicles.glide import GlideParameters, beyond, engine_problem, net_buoyancy
@@ -57,6 +57,35 @@ def test_neutral_is_where_it_neither_sinks_nor_rises(glider):
     assert steady_flight(glider, 200.0, buoyancy_volume_m3=engine, pitch_rad=0.3).speed == pytest.approx(0.0, abs=1e-4)
     with pytest.raises(ValueError, match="no input 'pitch'"):
         steady_flight(glider, 200.0, pitch=0.3)
+
+
+@pytest.mark.parametrize(
+    "inputs, words",
+    [
+        ({"buoyancy_volume_m3": 150.0}, "buoyancy_volume_m3 from .* m3, got 150.0: check its unit"),
+        ({"pitch_rad": -23.0}, "pitch_rad from -1.57 to 1.57 rad, got -23.0"),
+        ({"pitch_rad": np.nan}, "pitch_rad from .*, got nan"),
+        ({"temperature_C": np.inf}, "finite temperature_C, got inf"),
+    ],
+)
+def test_steady_flight_refuses_what_no_glider_flies_at(glider, inputs, words):
+    with pytest.raises(ValueError, match=words):
+        steady_flight(glider, 100.0, **inputs)
+    with pytest.raises(ValueError, match="finite depth, got nan"):
+        steady_flight(glider, np.nan)
+
+
+@pytest.mark.parametrize(
+    "call", [lambda plant: neutral_engine(plant, 10.0), lambda plant: steady_flight(plant, 10.0), steered]
+)
+def test_a_vehicle_without_a_polar_is_refused(call):
+    with pytest.raises(ValueError, match="A glider that flies by a polar is needed.*got 'bluerov2' of family"):
+        call(load_vehicle("bluerov2"))
+
+
+def test_steady_flight_of_a_glider_steered_by_masses_is_refused():
+    with pytest.raises(ValueError, match="needs a glider whose pitch is an input, and 'slocum_flight' is steered"):
+        steady_flight(steered(load_vehicle("slocum_flight")), 100.0, battery_position_m=0.01)
 
 
 def test_a_run_is_steady_flight_over_ground(glider):
