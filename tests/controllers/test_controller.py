@@ -12,6 +12,6 @@ def test_readings_without_the_time_since_the_last_call_are_refused(vehicle, kind
     controller = autopilot(plant, kind)
     reading = dict.fromkeys(plant.outputs, 0.0)
     with pytest.raises(
-        ValueError, match="needs dt_s, the time since its last call in s, among its readings; got .*heading_rad"
+        ValueError, match=r"needs dt_s, the time since its last call in s, among its readings; got .*heading_rad"
     ):
         controller.act(controller.start(), reading, {"heading_rad": 0.1, "depth_m": 5.0, "u_mps": 1.0})

@@ -85,6 +85,12 @@ def test_the_reward():
     assert run(env, [0.0], start={"depth_m": 100.0})[0][1] == pytest.approx(-1.0)
 
 
+def test_an_action_without_a_command_is_refused():
+    env = TaskEnv("FloatDepth")
+    with pytest.raises(ValueError, match="action_for needs a command for each action, piston_m; missing: piston_m"):
+        env.action_for({"depth_m": 3.0})
+
+
 def test_an_action_for_a_command():
     env = make()
     assert env.episodes.action_for({"piston_m": 0.6}) == pytest.approx([1.0])

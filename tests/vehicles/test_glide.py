@@ -79,7 +79,7 @@ def test_steady_flight_refuses_what_no_glider_flies_at(glider, inputs, words):
     "call", [lambda plant: neutral_engine(plant, 10.0), lambda plant: steady_flight(plant, 10.0), steered]
 )
 def test_a_vehicle_without_a_polar_is_refused(call):
-    with pytest.raises(ValueError, match="A glider that flies by a polar is needed.*got 'bluerov2' of family"):
+    with pytest.raises(ValueError, match=r"A glider that flies by a polar is needed.*got 'bluerov2' of family"):
         call(load_vehicle("bluerov2"))
 
 
