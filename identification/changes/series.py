@@ -121,7 +121,7 @@ def _followed(
             "key": key,
             "paths": followed_paths(found),
             "values": found.fitted,
-            "tied": {c.path: _paths_tied(c.tied) for c in (*found.changed, *found.common)},
+            "tied": {c.path: _paths_tied(c.path, c.tied) for c in (*found.changed, *found.common)},
         }
         write_json(folder / FOLLOWED, followed)
     paths = followed["paths"]
@@ -153,9 +153,9 @@ def followed_paths(found: Comparison) -> list[str]:
     return list(dict.fromkeys([*first, *(c.path for c in (*found.changed, *found.common))]))
 
 
-def _paths_tied(tied: Sequence[str]) -> list[str]:
-    """The paths of a comparison's alternatives, whichever side they act on: a trend has no sides."""
-    return list(dict.fromkeys(name.rpartition(" ")[2] for name in tied))
+def _paths_tied(path: str, tied: Sequence[str]) -> list[str]:
+    """The paths of a comparison's alternatives to one, whichever side they act on: a trend has no sides."""
+    return [other for other in dict.fromkeys(name.rpartition(" ")[2] for name in tied) if other != path]
 
 
 def _sizes_or_why(record: Record, plant: Plant, paths: Sequence[str], trust: bool) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pytest
 from auv_gym.plant import load_vehicle
 from identification.changes.forms import Sized
 from identification.changes.page import series_page
-from identification.changes.series import Series, Trend
+from identification.changes.series import Series, Trend, _paths_tied
 from identification.changes.wording import scatter_of, series_summary
 
 SIZES = tuple(Sized(value, (value - 0.001, value + 0.001)) for value in (0.0, 0.0, 0.03, 0.03))
@@ -32,6 +32,11 @@ def test_what_else_would_explain_a_trend_is_said_and_on_the_page():
     tied = replace(OFFSET, tied=("effects.yaw.moment",))
     assert " The missions cannot tell this from: constant yaw moment." in series_summary(series(tied))[0]
     assert "cannot tell" not in series_summary(series(OFFSET))[0]
+
+
+def test_a_trend_has_no_sides_and_is_no_alternative_to_itself():
+    tied = ("before effects.rudder.offset", "after effects.yaw.moment", "effects.yaw.moment")
+    assert _paths_tied("effects.rudder.offset", tied) == ["effects.yaw.moment"]
 
 
 def test_scatter_has_the_unit_of_the_trend():
