@@ -206,12 +206,13 @@ def series_figure(found: Series) -> Figure:
 
     figure = Figure(figsize=(WIDTH, 1.9 * len(found.trends) + 0.4), layout="constrained")
     for axes, t in zip(figure.subplots(len(found.trends), 1, sharex=True, squeeze=False)[:, 0], found.trends):
-        at, values = np.array(t.at), np.array([s.value for s in t.sizes])
-        limits = np.array([s.ci95 for s in t.sizes])
+        scale, unit = for_people(t.unit)
+        at, values = np.array(t.at), scale * np.array([s.value for s in t.sizes])
+        limits = scale * np.array([s.ci95 for s in t.sizes])
         axes.errorbar(at, values, [values - limits[:, 0], limits[:, 1] - values], fmt="o", color=BEFORE, capsize=3)
         ends = np.array([at.min(), at.max()])
-        axes.plot(ends, t.level + t.rate.value * (ends - at.mean()), color=AFTER)
-        axes.set_title(f"{named(t)}{'' if t.unit == '1' else f', {typeset(t.unit)}'}", loc="left")
+        axes.plot(ends, scale * (t.level + t.rate.value * (ends - at.mean())), color=AFTER)
+        axes.set_title(f"{named(t)}{'' if unit == '1' else f', {typeset(unit)}'}", loc="left")
         axes.set_xlabel(t.per if t is found.trends[-1] else "")
         if t.per == "mission" and len(found.missions) <= _NAMED:
             axes.set_xticks(range(len(found.missions)), found.missions)
@@ -269,13 +270,13 @@ def _changes(found: Comparison) -> Table:
             c.title,
             *((amount(s.value, c.unit), span(s.ci95, c.unit)) for s in (c.before, c.after, c.change)),
             f"{c.evidence:.0f}",
-            tied_words(c.tied, found.plant),
+            tied_words(c.tied, found.plant) or "–",
         )
         for c in found.changed
     ]
     for c in found.common:
         same = (amount(c.size.value, c.unit), span(c.size.ci95, c.unit))
-        rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", tied_words(c.tied, found.plant)))
+        rows.append((c.title, same, same, ("–", ""), f"{c.evidence:.0f}", tied_words(c.tied, found.plant) or "–"))
     return Table(("what", "before", "after", "change", "evidence", "alternatives"), rows)
 
 

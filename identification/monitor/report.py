@@ -181,7 +181,8 @@ def watched_page(found: Watched) -> str:
         lambda: watched_figure(found),
         "monitor",
         "Largest test statistic relative to its threshold, over time, with the alarms.",
-        "The largest test statistic, relative to its threshold. At 1 an alarm is raised and the tests restart.",
+        "The largest test statistic, relative to its threshold. At 1 an alarm is raised (triangle) and the tests "
+        "restart; the band lasts as long as the alarm is repeated.",
     )
     content: dict[str, Any] = {
         "title": f"{found.monitor.learned.plant.name}: {count} alarm{'' if count == 1 else 's'}",
@@ -220,7 +221,9 @@ def watched_figure(found: Watched) -> Figure:
         [found.time[p[0]] for p in pieces if p.size], [found.over[p].max() for p in pieces if p.size], color=AFTER
     )
     axes.axhline(1.0, color=BEFORE, linewidth=0.8, linestyle="--")
-    axes.plot([a.time for a in found.alarms], [a.over for a in found.alarms], "v", color=BEFORE)
+    for alarms in found.episodes:
+        axes.axvspan(alarms[0].time, alarms[-1].time, color=BEFORE, alpha=0.15, linewidth=0.0)
+        axes.plot(alarms[0].time, alarms[0].over, "v", color=BEFORE)
     axes.set_xlabel("time, s")
     axes.set_ylabel("statistic / threshold")
     axes.set_ylim(bottom=0.0)
