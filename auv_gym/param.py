@@ -120,12 +120,18 @@ def check_value(path: str, value: Any, spec: Spec) -> float:
     """The value as a float; raises if it is not a finite number within the parameter's bounds."""
     low, high = spec.bounds
     if isinstance(value, bool) or not isinstance(value, int | float | np.floating | np.integer):
-        raise ValueError(f"{path} needs a number in {spec.unit}, got {value!r}: give a plain number.")
+        raise ValueError(f"{path} needs a number{in_unit(spec.unit)}, got {value!r}: give a plain number.")
     if not math.isfinite(value) or not low <= value <= high:
         raise ValueError(
-            f"{path} needs a value from {low:g} to {high:g} {spec.unit}, got {value:g}: check its unit and sign."
+            f"{path} needs a value from {low:g} to {high:g}{in_unit(spec.unit, '')}, got {value:g}: check its unit and "
+            "sign."
         )
     return float(value)
+
+
+def in_unit(unit: str, word: str = " in") -> str:
+    """A unit as it stands behind a word in an error: ` in rad`; nothing for a number without unit."""
+    return "" if unit == "1" else f"{word} {unit}"
 
 
 def pack(tree: Any) -> np.ndarray:

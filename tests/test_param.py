@@ -188,3 +188,13 @@ def test_every_parameter_says_what_it_is_and_is_neutral_within_its_bounds(family
         # a coefficient of a vehicle of any size has no smallest change: a fit steps by a share of its value
         assert path.startswith("hull."), path
         assert spec_at(tree, path).probe > 0.0 or spec_at(tree, path).unit.startswith("kg"), path
+
+
+def test_a_number_without_unit_has_none_in_an_error():
+    plant = load_vehicle("slocum")
+    with pytest.raises(ValueError, match=r"effects.rudder.gain needs a value from 0.05 to 5, got 9: check"):
+        replace_at(plant, "effects.rudder.gain", 9.0)
+    with pytest.raises(ValueError, match=r"effects.rudder.gain needs a number, got 'x': give"):
+        replace_at(plant, "effects.rudder.gain", "x")
+    with pytest.raises(ValueError, match=r"effects.rudder.offset needs a number in rad, got 'x'"):
+        replace_at(plant, "effects.rudder.offset", "x")

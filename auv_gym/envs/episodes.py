@@ -16,7 +16,7 @@ import numpy as np
 from auv_gym.envs.kernel.layout import DIVERGED, NO_REASON, START_DRAWS, plan_type, row_type, size
 from auv_gym.envs.kernel.programs import Kernel
 from auv_gym.envs.kind import EnvKind
-from auv_gym.envs.options import check_number, check_targets
+from auv_gym.envs.options import check_number, check_target_limits, check_targets
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model
 from auv_gym.plant import Plant
@@ -31,8 +31,9 @@ class Episodes:
 
     kind: of the vehicle.  plant: the vehicle that scales and limits come from.  driver: what is simulated, the plant or
     a model in its place.  actions: the inputs that an action commands, in order; it goes from -1 at `middles` -
-    `limits` to 1 at their sum.  start_options: channels of a first state that a reset may give.  vector, derived: the
-    driver's parameters before randomisation.  plan: see `kernel.layout`.
+    `limits` to 1 at their sum.  start_options: channels of a first state that a reset may give.  target_limits: by
+    channel, the range of targets that may be given.  vector, derived: the driver's parameters before randomisation.
+    plan: see `kernel.layout`.
     """
 
     task: Task
@@ -45,6 +46,7 @@ class Episodes:
     limits: np.ndarray
     observations: tuple[str, ...]
     start_options: tuple[str, ...]
+    target_limits: Mapping[str, tuple[float, float]]
     randomise: Mapping[str, tuple[float, float]]
     state_names: tuple[str, ...]
     vector: np.ndarray
@@ -140,9 +142,12 @@ class Episodes:
                     check_number(f"reset option start[{channel!r}]", number, "the channel's unit")
                     record["start"][self.plant.family.states.index(channel)] = number
             elif name == "target" and self.task.targets:
-                record["first_target"] = list(check_targets("reset option 'target'", value, self.task).values())
+                targets = check_targets("reset option 'target'", value, self.task)
+                check_target_limits("reset option 'target'", value, self.target_limits)
+                record["first_target"] = list(targets.values())
             elif name == "target" and self.task.channel:
                 check_number("reset option 'target'", value, "the channel's unit", at_least=self.task.least)
+                check_target_limits("reset option 'target'", {self.task.channel: value}, self.target_limits)
                 record["first_target"] = value
             else:
                 raise ValueError(

@@ -26,7 +26,8 @@ class ScaledTask:
     driven: inputs that it must have.  shortest: s, between two changes of the target.  least_dt: s, the shortest step.
     plan: fields of the plan.  tables: numbers by the field that says where in the plan they are, with a field for how
     many rows.  observed: what is observed besides the task's.  own_ages: each row keeps the ages of its commands, since
-    steps differ in length.
+    steps differ in length.  target_limits: by channel, lowest and highest target that may be given; equal where the
+    vehicle cannot control the channel.
     """
 
     units: Mapping[str, float]
@@ -47,6 +48,7 @@ class ScaledTask:
     read_for: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     observed: tuple[Observed, ...] = ()
     own_ages: bool = False
+    target_limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 class View(Protocol):

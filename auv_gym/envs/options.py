@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from auv_gym.channels import channel
 from auv_gym.envs.tasks import Task
 from auv_gym.model import Model, model_constant_inputs
 from auv_gym.models.files import load_model
@@ -39,10 +40,10 @@ def check_number(name: str, value: Any, unit: str, *, above: float = -inf, at_le
 
 def check_model_inputs(model: Model, plant: Plant) -> None:
     """Raises if a model asks for an input that an environment with this vehicle does not have."""
-    for channel in model.inputs:
-        if channel not in plant.inputs and channel not in model_constant_inputs(model):
+    for name in model.inputs:
+        if name not in plant.inputs and name not in model_constant_inputs(model):
             raise ValueError(
-                f"model= needs an input {channel} that the environment does not have; it has "
+                f"model= needs an input {name} that the environment does not have; it has "
                 f"{', '.join(plant.inputs)}: fit the model without it."
             )
 
@@ -63,24 +64,42 @@ def check_targets(name: str, given: Any, task: Task) -> dict[str, float]:
         raise ValueError(
             f"{name} needs values by channel, such as {example}, of {', '.join(task.targets)}; got {given!r}."
         )
-    for channel, value in given.items():
-        if channel not in task.targets:
-            raise ValueError(f"{name} has {', '.join(task.targets)}, got {channel!r}.")
-        check_number(f"{name}[{channel!r}]", value, "the channel's unit")
-    return {channel: float(given.get(channel, nan)) for channel in task.targets}
+    for target, value in given.items():
+        if target not in task.targets:
+            raise ValueError(f"{name} has {', '.join(task.targets)}, got {target!r}.")
+        check_number(f"{name}[{target!r}]", value, "the channel's unit")
+    return {target: float(given.get(target, nan)) for target in task.targets}
 
 
-def check_actions(actions: Sequence[str], plant: Plant) -> list[str]:
-    """The inputs that are asked for as actions; raises on what the vehicle has not."""
-    can = list(plant.family.actuators)
+def check_target_limits(name: str, given: Mapping[str, float], limits: Mapping[str, tuple[float, float]]) -> None:
+    """Raises on targets, by channel, that are beyond what the vehicle or the environment can do."""
+    for target, value in given.items():
+        low, high = limits.get(target, (-inf, inf))
+        if not low <= value <= high:
+            unit = channel(target).unit
+            needed = (
+                f"has to stay at {low:g} {unit}, since the vehicle cannot control it"
+                if low == high
+                else f"needs a value from {low:.3g} to {high:.3g} {unit}, the limits of the environment"
+            )
+            raise ValueError(f"{name}[{target!r}] {needed}; got {value:g}.")
+
+
+def check_actions(actions: Sequence[str], plant: Plant, axes: Sequence[str] = ()) -> list[str]:
+    """The inputs, or the axes of a wrench, that are asked for as actions; raises on what the vehicle has not."""
+    inputs = list(plant.family.actuators)
+    can = [*axes, *inputs]
     if isinstance(actions, str) or not actions or len(set(actions)) < len(actions):
         raise ValueError(f"actions= needs one or more names, each once, of {', '.join(can)}; got {actions!r}.")
     for name in actions:
         if name not in can:
+            has = f"It has the axes {', '.join(axes)}, and the inputs " if axes else "It has "
             raise ValueError(
                 f"actions= has {name!r}, which does not move {plant.name}. {did_you_mean(name, can)}"
-                f"It has {', '.join(can)}."
+                f"{has}{', '.join(inputs)}."
             )
+    if 0 < len({*actions} & {*axes}) < len(actions):
+        raise ValueError(f"actions= needs axes alone or inputs alone, got both: {', '.join(actions)}.")
     return list(actions)
 
 

@@ -13,11 +13,18 @@ from auv_gym.envs.kernel.layout import MOST_OBSERVATIONS
 from auv_gym.envs.kernel.programs import bind_kernel
 from auv_gym.envs.kind import EnvKind, ScaledTask
 from auv_gym.envs.kinds import KINDS
-from auv_gym.envs.options import check_model_dt, check_model_inputs, check_number, model_of, resolve_plant
+from auv_gym.envs.options import (
+    check_model_dt,
+    check_model_inputs,
+    check_number,
+    check_target_limits,
+    model_of,
+    resolve_plant,
+)
 from auv_gym.envs.plan_numbers import PlanNumbers, source_of
 from auv_gym.envs.tasks import Observed, Task
 from auv_gym.model import Model
-from auv_gym.param import check_value, did_you_mean, replace_at, spec_at
+from auv_gym.param import check_value, did_you_mean, in_unit, replace_at, spec_at
 from auv_gym.plant import Plant, load_vehicle
 
 _OPTIONS = ("vehicle", "effects", "randomise", "model", "dt", "duration", "target", "render_mode")
@@ -64,6 +71,7 @@ def make_episodes(
         limits=scaled.limits,
         observations=tuple(o.name for o in observed),
         start_options=scaled.start,
+        target_limits=scaled.target_limits,
         randomise=ranges,
         state_names=numbers.state_names,
         vector=owner.vector.copy(),
@@ -103,7 +111,11 @@ def _scaled(
             )
     if target is not None and task.channel:
         check_number("target", target, "the channel's unit", at_least=task.least)
-    return kind.scale(task, plant, duration=duration, target=target, **own)
+    scaled = kind.scale(task, plant, duration=duration, target=target, **own)
+    if target is not None:
+        given = target if isinstance(target, Mapping) else {task.channel: target}
+        check_target_limits("target", given, scaled.target_limits)
+    return scaled
 
 
 def _observed(task: Task, scaled: ScaledTask, plant: Plant) -> list[Observed]:
@@ -171,7 +183,7 @@ def _driven(
 def _range(plant: Plant, path: str, limits: Any) -> tuple[float, float]:
     spec = spec_at(plant, path)
     if not isinstance(limits, tuple | list) or len(limits) != 2:
-        raise ValueError(f"randomise= needs a pair (low, high) in {spec.unit} for {path}, got {limits!r}.")
+        raise ValueError(f"randomise= needs a pair (low, high){in_unit(spec.unit)} for {path}, got {limits!r}.")
     low, high = (check_value(path, value, spec) for value in limits)
     if low > high:
         raise ValueError(f"randomise= needs low <= high for {path}, got ({low:g}, {high:g}).")

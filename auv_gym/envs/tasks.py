@@ -109,6 +109,15 @@ def legs_and_limits(length: float, speed: float, rate: float, along: float) -> d
     }
 
 
+def target_limits(length: float) -> dict[str, tuple[float, float]]:
+    """By channel, what the envelope of a vehicle of a length, m, leaves for a target; SI."""
+    return {
+        "depth_m": (0.0, DEPTH_LIMIT * length),
+        "pitch_rad": (-PITCH_LIMIT, PITCH_LIMIT),
+        "roll_rad": (-ROLL_LIMIT, ROLL_LIMIT),
+    }
+
+
 _SURGE = Observed("speed", "u_mps", 1.0, "speed", offset=1.0)
 _ROLL = Observed("roll", "roll_rad", pi / 2)
 _PITCH = Observed("pitch", "pitch_rad", pi / 2)

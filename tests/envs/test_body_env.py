@@ -532,6 +532,10 @@ def lacking(**changes):
         ({"effects": {"effects.rudder.offset": 9.0}}, "needs a value from"),
         ({"randomise": {"hull.x_g": (0.0, 5.0)}}, "impossible vehicle"),
         ({"target": "deep"}, "target needs a number"),
+        (
+            {"target": 500.0},
+            r"target\['depth_m'\] needs a value from 0 to 66.6 m, the limits of the environment; got 500",
+        ),
         ({"waypoints": [(0.0, 0.0, 10.0)]}, "has a target, not waypoints"),
         ({"task": "Path", "target": 1.0}, "has waypoints, not a target"),
         ({"task": "Path", "waypoints": [(1.0, 2.0)]}, "rows of north, east and depth"),

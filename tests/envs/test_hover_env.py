@@ -298,7 +298,19 @@ def test_a_lost_thruster_is_felt():
             "actions= is 'thrusters', 'wrench' or a list of axes",
         ),
         ({"actions": ["t9_share"]}, "actions= has 't9_share', which does not move bluerov2_heavy"),
+        (
+            {"actions": ["surge", "pich"]},
+            "actions= has 'pich', which does not move bluerov2_heavy. Did you mean 'pitch'. It has the axes surge, .*, "
+            "and the inputs t1_share",
+        ),
+        ({"actions": ["surge", "t1_share"]}, "needs axes alone or inputs alone, got both: surge, t1_share"),
         ({"actions": []}, "actions= needs one or more names"),
+        (
+            {"target": {"depth_m": 500.0}},
+            r"target\['depth_m'\] needs a value from 0 to 23 m, the limits of the environment; got 500",
+        ),
+        ({"target": {"depth_m": -1.0}}, "from 0 to 23 m"),
+        ({"target": {"pitch_rad": 3.0}}, "from -1.4 to 1.4 rad"),
         (
             {"waypoints": [(0.0, 0.0, 5.0)]},
             "StationKeeping has a pose, not waypoints: give target= with values by channel",
@@ -314,6 +326,19 @@ def test_a_lost_thruster_is_felt():
 def test_bad_options_are_refused(options, words):
     with pytest.raises(ValueError, match=words):
         TaskEnv("StationKeeping", **options)
+
+
+def test_a_vehicle_that_cannot_pitch_has_neither_such_a_target_nor_such_an_action():
+    ends = [f"parts.t{k}.x" for k in range(5, 9)]  # all vertical thrusters abreast of the origin
+    flat = replace_at(load_vehicle("bluerov2_heavy"), dict.fromkeys(ends, 0.0))
+    words = r"target\['pitch_rad'\] has to stay at 0 rad, since the vehicle cannot control it; got 0.2"
+    with pytest.raises(ValueError, match=words):
+        TaskEnv("Pose", flat, target={"pitch_rad": 0.2})
+    with pytest.raises(ValueError, match="actions= has 'pitch', which does not move"):
+        TaskEnv("StationKeeping", flat, actions=["surge", "pitch"])
+    env = TaskEnv("Pose", flat, target={"pitch_rad": 0.0, "roll_rad": 0.2})
+    with pytest.raises(ValueError, match=f"reset option '{words}".replace("target", "target'", 1)):
+        env.reset(options={"target": {"pitch_rad": 0.2}})
 
 
 def test_other_bad_requests_are_refused():

@@ -71,6 +71,7 @@ def scale(
         # where a vehicle needs more changes than the shortest times or legs give, they are used again
         shortest=task.hold[0] / rate if task.channel else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
+        target_limits=tasks.target_limits(length),
         plan={
             "kept_state": cruise.state,
             "kept_command": cruise.commands,

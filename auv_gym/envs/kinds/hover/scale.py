@@ -18,6 +18,7 @@ from auv_gym.plant.cruise import command_limits, command_middles
 from auv_gym.plant.hover import Hover, find_hover
 
 THRUSTERS, WRENCH = "thrusters", "wrench"  # what actions= can ask for besides channels
+_CONTROLLED_BY = {"roll_rad": "roll", "pitch_rad": "pitch"}  # the axis without which a pose cannot have such an angle
 
 
 def scale(
@@ -82,6 +83,10 @@ def scale(
         # two changes for each pose: it has more numbers than one has draws for
         shortest=task.hold[0] / rate / 2.0 if task.targets else tasks.LEG[0] * length / (2.0 * speed),
         least_dt=plant.dt,
+        target_limits={
+            name: span if _CONTROLLED_BY.get(name, "") in ("", *hover.axes) else (0.0, 0.0)
+            for name, span in tasks.target_limits(length).items()
+        },
         observed=tuple(
             Observed(f"last_{name}", LAST[k]) if by_wrench else Observed(name, name) for k, name in enumerate(chosen)
         ),
@@ -120,6 +125,4 @@ def _chosen(actions: str | Sequence[str] | None, plant: Plant, hover: Hover) -> 
             f"actions= is {THRUSTERS!r}, {WRENCH!r} or a list of axes ({', '.join(hover.axes)}) or of inputs of "
             f"{plant.name}, got {actions!r}."
         )
-    if actions and len({*actions}) == len(actions) and {*actions} <= {*hover.axes}:
-        return tuple(actions)
-    return tuple(check_actions(actions, plant))
+    return tuple(check_actions(actions, plant, hover.axes))
