@@ -156,14 +156,14 @@ class Gpc:
         An output that is not read, or NaN, is as predicted.  An input among the reading is what the vehicle was given,
         if that was not the command.  Without a plan within the limits the last plan goes on.
         """
-        parts, dt, passed = self._parts, self.model.dt, time_step(reading)
+        parts, dt = self._parts, self.model.dt
         if state.estimate is None or state.command is None or state.reference is None:
             before = self._neutral
             measured = self._measured(reading)
             z = parts.increments.initial(measured, before)
             reference = (parts.increments.c @ z)[parts.tracked]
         else:
-            elapsed = state.elapsed + passed
+            elapsed = state.elapsed + time_step(reading)
             if elapsed < dt * (1.0 - _ON_TIME):
                 return self._named(state.command, state.flag), state._replace(elapsed=elapsed)
             samples = round(elapsed / dt)

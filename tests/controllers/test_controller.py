@@ -10,8 +10,11 @@ from controllers.autopilots import autopilot
 def test_readings_without_the_time_since_the_last_call_are_refused(vehicle, kind):
     plant = load_vehicle(vehicle)
     controller = autopilot(plant, kind)
-    reading = dict.fromkeys(plant.outputs, 0.0)
+    reading, target = dict.fromkeys(plant.outputs, 0.0), {"heading_rad": 0.1, "depth_m": 5.0, "u_mps": 1.0}
+    _, memory = controller.act(
+        controller.start(), {**reading, "dt_s": plant.dt}, target
+    )  # predictive control asks later
     with pytest.raises(
         ValueError, match=r"needs dt_s, the time since its last call in s, among its readings; got .*heading_rad"
     ):
-        controller.act(controller.start(), reading, {"heading_rad": 0.1, "depth_m": 5.0, "u_mps": 1.0})
+        controller.act(memory, reading, target)
