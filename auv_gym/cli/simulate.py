@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     help="Simulate a vehicle under control and record its sensor readings.\n\n"  # a docstring keeps its line ends
     "A glider follows a changing heading, with excitation added to its rudder. A torpedo changes heading, depth and "
     "speed, with excitation added to its fins. A float with a piston moves between depths. A float with an oil bladder "
-    "dives with its pump and valve. A vehicle with thrusters alone holds its place while its axes are excited."
+    "dives with its pump and valve, and a glider in steady flight dives at several pitch angles. A vehicle with "
+    "thrusters alone holds its place while its axes are excited."
 )
 def simulate(
     vehicle: logs.VehicleArgument,
@@ -38,19 +39,32 @@ def simulate(
     ] = None,
     compass_noise_deg: Annotated[
         float | None,
-        number("Glider, torpedo: standard deviation of the compass noise, deg. Default: 0.5.", 0, 180),
+        number(
+            "All but floats and gliders in steady flight: standard deviation of the compass noise, deg. Default: 0.5.",
+            0,
+            180,
+        ),
     ] = None,
     track_noise_m: Annotated[
         float | None,
-        number("Glider: standard deviation of the track noise, m. Default: 1; negative: no track.", -1, 10000),
+        number("Glider on a heading: standard deviation of the track noise, m. Default: 1; negative: none.", -1, 10000),
     ] = None,
     target_depth: Annotated[
         list[float] | None,
-        number("Float: target depth, m. May be repeated, for several depths or dives.", *DEPTH),
+        number(
+            "Float, or glider in steady flight (seaglider): target depth, m. May be repeated, for several depths or "
+            "dives.",
+            *DEPTH,
+        ),
     ] = None,
     depth_noise_m: Annotated[
         float | None,
-        number("Float, torpedo: standard deviation of the depth noise, m. Default: 0.02; torpedo: 0.1.", 0, 1000),
+        number(
+            "All but gliders on a heading (slocum): standard deviation of the depth noise, m. Default: 0.02; float with "
+            "an oil bladder: 0.1; glider in steady flight (seaglider): 0.05.",
+            0,
+            1000,
+        ),
     ] = None,
     seed: Annotated[int, whole_number("Random seed.", *SEED)] = 0,
 ) -> None:

@@ -95,7 +95,9 @@ def depth_control(
             f"{len(targets)} targets and {holds} s."
         )
     if not all(0.0 <= target < inf for target in targets):
-        raise ValueError(f"depth_control needs target depths from 0 m down, got {list(targets)} m.")
+        raise ValueError(
+            f"depth_control needs target depths (--target-depth, target_depths) from 0 m down, got {list(targets)} m."
+        )
     if not far > 0.0 or not near[1] > 0.0 or not noise >= 0.0:
         raise ValueError(f"depth_control needs dt > 0, near[1] > 0 s and noise >= 0 m, got {far}, {near[1]}, {noise}.")
     controller = float_depth_pid(plant) if controller is None else controller
@@ -155,7 +157,10 @@ def oil_mission(
             "depth_control for one with a piston, closed_loop for a glider."
         )
     if not depths or not all(50.0 <= depth <= 3000.0 for depth in depths):
-        raise ValueError(f"oil_mission needs depths from 50 to 3000 m, one for each dive, got {list(depths)}.")
+        raise ValueError(
+            f"The dives of {plant.name!r} need target depths (--target-depth, target_depths) from 50 to 3000 m, one "
+            f"for each dive; got {', '.join(f'{depth:g}' for depth in depths) or 'none'}."
+        )
     if not noise >= 0.0 or not resolution >= 0.0:
         raise ValueError(f"oil_mission needs noise and resolution >= 0 m, got {noise} and {resolution}.")
     attrs: dict[str, str | float] = {"source": "simulated", "vehicle": plant.name, "depth_noise_m": noise}

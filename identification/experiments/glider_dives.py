@@ -63,7 +63,10 @@ def yo_mission(
     """
     low, high = plant.hull.engine_low, plant.hull.engine_high
     if not depths or not all(_START + 20.0 <= depth <= 1000.0 for depth in depths):
-        raise ValueError(f"A mission needs depths from {_START + 20.0:g} to 1000 m, got {list(depths)}.")
+        raise ValueError(
+            f"The dives of {plant.name!r} need target depths (--target-depth, target_depths) from {_START + 20.0:g} to "
+            f"1000 m, one for each dive; got {', '.join(f'{depth:g}' for depth in depths) or 'none'}."
+        )
     every = plant.dt if dt is None else dt
     if not every >= _FINE or not noise >= 0.0:
         raise ValueError(f"A mission needs dt of at least {_FINE:g} s and noise >= 0 m, got {every} and {noise}.")

@@ -14,6 +14,7 @@ from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record
 from identification.experiments.float_dives import depth_control, summer_lake
 from identification.experiments.heading_control import closed_loop
+from identification.experiments.missions import mission_of
 
 
 @pytest.fixture(autouse=True)
@@ -129,6 +130,18 @@ def test_simulated_missions_read_back_dive_by_dive(tmp_path, capsys):
         np.testing.assert_allclose(text[name], exact[name], rtol=1e-9, atol=1e-12)
 
 
+def test_the_help_of_simulate_says_which_options_are_for_gliders_in_steady_flight(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["simulate", "--help"]) == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for flag, words in (
+        ("--target-depth", "Float, or glider in steady flight (seaglider): target depth"),
+        ("--depth-noise-m", "glider in steady flight (seaglider): 0.05"),
+    ):
+        assert words in text.partition(f"{flag} <float>")[2][:260]
+    assert {"target_depths", "depth_noise"} <= {*mission_of(load_vehicle("seaglider")).settings}
+
+
 @pytest.mark.parametrize(
     "arguments, words",
     [
@@ -136,7 +149,11 @@ def test_simulated_missions_read_back_dive_by_dive(tmp_path, capsys):
         (["simulate", "mermaid", "--duration", "600"], "--duration does not apply to mermaid"),
         (["simulate", "qiandao_float", "--compass-noise-deg", "1"], "family float_piston: leave it out"),
         (["simulate", "qiandao_float", "--duration", "1"], "hold longer than a sample"),
-        (["simulate", "mermaid", "--target-depth", "9"], "depths from 50 to 3000 m"),
+        (
+            ["simulate", "mermaid", "--target-depth", "9"],
+            "need target depths (--target-depth, target_depths) from 50 to",
+        ),
+        (["simulate", "slocum_flight", "--target-depth", "3"], "(--target-depth, target_depths) from 32 to 1000 m"),
         (["simulate", "remus100", "--dt", "1"], "No gains of 'remus100' within a factor of 2"),
         (["simulate", "slocm"], "Did you mean 'slocum'"),
         (["simulate", "slocum", "--effect", "effects.rudder.offset"], "got no '='"),

@@ -125,7 +125,7 @@ def test_a_mission_dives_and_climbs_with_what_its_log_would_have(glider):
 
 
 @pytest.mark.parametrize(
-    "settings, message", [({"depths": (20.0,)}, "depths from 32"), ({"dt": 0.5}, "dt of at least")]
+    "settings, message", [({"depths": (20.0,)}, "from 32 to 1000 m"), ({"dt": 0.5}, "dt of at least")]
 )
 def test_a_mission_that_cannot_be_flown_is_refused(glider, settings, message):
     with pytest.raises(ValueError, match=message):
