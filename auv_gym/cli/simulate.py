@@ -60,8 +60,8 @@ def simulate(
     depth_noise_m: Annotated[
         float | None,
         number(
-            "All but gliders on a heading (slocum): standard deviation of the depth noise, m. Default: 0.02; float with "
-            "an oil bladder: 0.1; glider in steady flight (seaglider): 0.05.",
+            "All but gliders on a heading (slocum): standard deviation of the depth noise, m. Default: 0.02; float "
+            "with an oil bladder: 0.1; glider in steady flight (seaglider): 0.05.",
             0,
             1000,
         ),
