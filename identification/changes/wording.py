@@ -178,7 +178,8 @@ def size_of(size: float, u: Unchanged) -> str:
     """A size of a change: of coefficients in percent."""
     if u.path.startswith("effects.") or u.value == 0.0:
         return quantity(size, u.unit)
-    return f"{100.0 * size / abs(u.value):.2g} %"
+    share = 100.0 * size / abs(u.value)
+    return f"{share:.0f} %" if abs(share) >= 100.0 else f"{share:.2g} %"
 
 
 def _relative(c: Changed) -> str:

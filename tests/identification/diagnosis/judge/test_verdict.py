@@ -77,10 +77,11 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said_not_to_be_kept(titles
 def test_which_effects_differ_between_parts_is_said():
     trim = Effect("effects.rudder.offset", "trim", 0.1, 0.0, "rad", (0.0, 0.2), 50.0, 40.0, steady=1e-4)
     lag, drag = replace(trim, title="lag", steady=0.002), replace(trim, title="drag")
+    one = SimpleNamespace(labels=[""])
     for alike, words in (((lag,), ""), ((trim,), "Its size"), ((trim, lag), "The size of trim")):
-        said = unsteady_sentence(SimpleNamespace(alike=alike))  # type: ignore[arg-type]
+        said = unsteady_sentence(SimpleNamespace(alike=alike, record=one))  # type: ignore[arg-type]
         assert said == (words and f"{words} differs between parts of the log: {ONSET}")
-    both = SimpleNamespace(alike=(trim, lag, drag), left=Left(changes=trim.path), state=None, dropped={})
+    both = SimpleNamespace(alike=(trim, lag, drag), left=Left(changes=trim.path), state=None, dropped={}, record=one)
     assert unsteady_sentence(both).startswith("The size of trim and drag differs")  # type: ignore[arg-type]
     assert left_sentence(both) == ""  # type: ignore[arg-type]  # said once
     dropped = SimpleNamespace(alike=(), left=Left(changes=trim.path), state=None, dropped={trim.path: VARIES})
