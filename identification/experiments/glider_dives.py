@@ -70,46 +70,73 @@ def yo_mission(
     every = plant.dt if dt is None else dt
     if not every >= _FINE or not noise >= 0.0:
         raise ValueError(f"A mission needs dt of at least {_FINE:g} s and noise >= 0 m, got {every} and {noise}.")
-    slower = max(1.0, _FOLLOWED * every / _PERIODS[0])
     flying = replace(truth(plant), dt=_FINE, longest_step=_FINE)
+    read = ("depth_m", *(name for name in _ATTITUDE if name in flying.outputs))
     records, begun = [], 0.0
     for depth in depths:
         deep, shallow = (neutral_engine(plant, d, sea_density(d), open_sea(d)) for d in (depth, _START))
         net, pitches = rng.uniform(*_NET, size=2), rng.uniform(*_PITCH, size=2)
         lift, turns, heading = rng.uniform(0.0, 6.28, size=3)
-        sinking, rising = max(deep - net[0], low), min(shallow + net[1], high)
-        engine, pitch, climbing, t, rows = sinking, -pitches[0], False, 0.0, []
-        x = flying.initial(np.array([{"depth_m": _START, "heading_rad": heading}.get(n, 0.0) for n in flying.outputs]))
-        position = flying.states.index("buoyancy_volume_m3 position")
-        x[position] = engine
-        read = ["depth_m", *(name for name in _ATTITUDE if name in flying.outputs)]
-        at = [flying.outputs.index(name) for name in read]
-        # a log has where masses stand; an engine is moved at its rate here
-        moved = {name: flying.states.index(f"{name} position") for name in flying.inputs if name in _MASSES}
-        while not (climbing and x[0] <= _START) and t < _MOST:
-            climbing = climbing or x[0] >= depth
-            wanted = rising if climbing else sinking
-            engine += min(max(wanted - engine, -_PUMP * _FINE), _PUMP * _FINE)
-            pitch += ((pitches[1] if climbing else -pitches[0]) - pitch) * (1.0 - exp(-_FINE / _TURN))
-            phase = 6.28 * t / slower
-            wander = _WANDER * (np.sin(phase / _PERIODS[0] + lift) + np.sin(phase / _PERIODS[1] + turns))
-            u = {
-                "buoyancy_volume_m3": engine,
-                "temperature_C": open_sea(x[0]),
-                **_steering(flying, pitch + wander, heading + 3.0 * wander, engine, np.sin(0.2 * t / every)),
-                "density_kgpm3": sea_density(x[0]),
-                "elapsed_s": begun + t,
-            }
-            if t % every < _FINE:
-                rows.append((t, *flying.output(x)[at], *(x[moved[n]] if n in moved else u[n] for n in u)))
-            x = flying.step(x, np.array([u[name] for name in flying.inputs]))
-            check_finite(flying.states, np.array([t]), x[None, :])
-            t += _FINE
-        begun += t + 600.0  # at the surface
-        records.append(_record(np.array(rows), tuple(read), tuple(u), rng, noise, measured))
+        engines = max(deep - net[0], low), min(shallow + net[1], high)
+        columns, took = _flown(flying, read, depth, engines, pitches, (lift, turns), heading, every, begun)
+        begun += took + 600.0  # at the surface
+        records.append(_record(columns, read, rng, noise, measured))
     labels = [f"dive {k}" for k in range(1, len(records) + 1)]
     joined = concat(records).with_labels(labels)
     return joined.with_notes([], source="simulated", vehicle=plant.name, depth_noise_m=noise)
+
+
+def _flown(
+    flying: Plant,
+    read: Sequence[str],
+    depth: float,
+    engines: tuple[float, float],
+    pitches: np.ndarray,
+    phases: tuple[float, float],
+    heading: float,
+    every: float,
+    begun: float,
+) -> tuple[dict[str, np.ndarray], float]:
+    """The exact log of a dive, by column, and how long it took, s.
+
+    engines, pitches (2,): down and up.  phases: of the pitch's wandering.  begun: s of the record.
+    """
+    (sinking, rising), (down, up) = engines, pitches
+    slower = max(1.0, _FOLLOWED * every / _PERIODS[0])
+    engine, pitch, climbing, t = sinking, -down, False, 0.0
+    rows: list[dict[str, float]] = []
+    x = flying.initial(np.array([{"depth_m": _START, "heading_rad": heading}.get(n, 0.0) for n in flying.outputs]))
+    x[flying.states.index("buoyancy_volume_m3 position")] = engine
+    # a log has where masses stand; an engine is moved at its rate here
+    moved = {name: flying.states.index(f"{name} position") for name in flying.inputs if name in _MASSES}
+
+    def given() -> dict[str, float]:
+        """The inputs by now."""
+        phase = 6.28 * t / slower
+        wander = _WANDER * (np.sin(phase / _PERIODS[0] + phases[0]) + np.sin(phase / _PERIODS[1] + phases[1]))
+        return {
+            "buoyancy_volume_m3": engine,
+            "temperature_C": open_sea(x[0]),
+            **_steering(flying, pitch + wander, heading + 3.0 * wander, engine, np.sin(0.2 * t / every)),
+            "density_kgpm3": sea_density(x[0]),
+            "elapsed_s": begun + t,
+        }
+
+    while not (climbing and x[0] <= _START) and t < _MOST:
+        climbing = climbing or x[0] >= depth
+        u = given()
+        if t % every < _FINE:
+            measured = dict(zip(flying.outputs, flying.output(x), strict=True))
+            own = {name: x[moved[name]] if name in moved else value for name, value in u.items()}
+            rows.append({"time_s": t} | {name: measured[name] for name in read} | own)
+        t += _FINE
+        engine += min(max((rising if climbing else sinking) - engine, -_PUMP * _FINE), _PUMP * _FINE)
+        pitch += ((up if climbing else -down) - pitch) * (1.0 - exp(-_FINE / _TURN))
+        # midway, as a log is read by straight lines: inputs that are held from the beginning on are half a step late
+        later = given()
+        x = flying.step(x, np.array([0.5 * (u[name] + later[name]) for name in flying.inputs]))
+        check_finite(flying.states, np.array([t]), x[None, :])
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}, t
 
 
 def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: float) -> dict[str, float]:
@@ -122,17 +149,12 @@ def _steering(plant: Plant, pitch: float, heading: float, engine: float, weave: 
 
 
 def _record(
-    rows: np.ndarray,
-    read: tuple[str, ...],
-    given: tuple[str, ...],
-    rng: np.random.Generator,
-    noise: float,
-    measured: bool,
+    columns: dict[str, np.ndarray], read: Sequence[str], rng: np.random.Generator, noise: float, measured: bool
 ) -> Record:
-    columns = dict(zip((*read, *given), rows.T[1:], strict=True))
-    if not measured:
-        columns.pop("density_kgpm3")
-    columns["depth_m"] = columns["depth_m"] + noise * rng.standard_normal(len(rows))
+    """A dive as it is logged; columns: exact.  read: the outputs among them."""
+    time, count = columns["time_s"], len(columns["time_s"])
+    logged = {n: v for n, v in columns.items() if n != "time_s" and (measured or n != "density_kgpm3")}
+    logged["depth_m"] = logged["depth_m"] + noise * rng.standard_normal(count)
     for name in read[1:]:
-        columns[name] = columns[name] + _ANGLE_NOISE * rng.standard_normal(len(rows))
-    return Record.from_arrays(rows[:, 0], columns)
+        logged[name] = logged[name] + _ANGLE_NOISE * rng.standard_normal(count)
+    return Record.from_arrays(time, logged)
