@@ -146,12 +146,19 @@ def refusal(plant: Plant, record: Record) -> str:
     """Why a diagnosis would refuse a record as one of this vehicle; '' where it would not, or a channel is missing."""
     if not all(record.has(name) for name in (plant.family.leading, *plant.family.required)):
         return ""
+    record = _commanded(plant, record)
     try:
         check_ranges(plant, record, FEW)
         check_excitation(plant, described(plant, record))
     except ValueError as error:
         return str(error)
     return ""
+
+
+def _commanded(plant: Plant, record: Record) -> Record:
+    """The samples in which all inputs are known that a record has: a diagnosis leaves out those before, too."""
+    known = np.isfinite(record.matrix([name for name in plant.inputs if record.has(name)])).all(axis=1)
+    return record.select(known) if known.any() else record
 
 
 def wrong_for(plant: Plant, record: Record) -> list[str]:

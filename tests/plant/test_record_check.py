@@ -164,3 +164,16 @@ def test_a_volume_of_another_engine_is_not_taken_for_another_unit():
         check_ranges(explorer, _record(buoyancy_volume_m3=volumes))
     with pytest.raises(ValueError, match=r"throughout the log; it looks like cm3"):
         check_ranges(explorer, _record(buoyancy_volume_m3=1e6 * 0.4 * volumes))
+
+
+def test_samples_before_the_first_command_do_not_refuse_a_log():
+    """As in a bag that begins before its commands, read before the vehicle's channels are known."""
+    rov, time = load_vehicle("bluerov2_heavy"), np.arange(0.0, 60.0, 0.05)
+    columns = {f"{name}_rad": 0.1 * np.sin(time + k) for k, name in enumerate(("roll", "pitch", "heading"))}
+    columns |= {f"{name}_radps": 0.1 * np.cos(time + k) for k, name in enumerate("pqr")}
+    columns |= {f"t{k}_share": 0.5 * np.sign(np.sin(k * time)) * (k > 1) for k in range(1, 9)}  # the first one rests
+    record = Record.from_arrays(time, columns)
+    for k in range(1, 9):
+        record.dataset[f"t{k}_share"].values[:6] = np.nan
+    assert refusal(rov, record) == ""
+    assert len(wrong_for(rov, record)) == 1
