@@ -204,6 +204,16 @@ def _common(bench: Workbench, state: State, made: Round, path: str) -> Common:
     return Common(path, spec.title, spec.unit, size, made.evidence[0], tied_names([made]))
 
 
+def detectable_beside(change: Sized, count: int) -> float:
+    """The change that would have been found with 95 % probability, by the interval of one; count: of all candidates."""
+    return 0.5 * (change.ci95[1] - change.ci95[0]) * _over_half(count)
+
+
+def _over_half(count: int) -> float:
+    """How many halves of its 95 % interval a change needs, to be found with 95 % probability."""
+    return deviations_shown(threshold(count)) / SURPRISE
+
+
 def _unchanged(bench: Workbench, state: State, rest: Sequence[Candidate], count: int) -> list[Unchanged]:
     """What shows no change, by the regression of the final model's errors on a change of each."""
     late = [replace(in_form(c, AFTER), title=c.title) for c in rest]
@@ -213,7 +223,7 @@ def _unchanged(bench: Workbench, state: State, rest: Sequence[Candidate], count:
             path = changed(name)[1]
             spec, detectable = spec_at(state.plant, path), float(screening.detectable[k])
             estimate = float(screening.estimate[k]) * bench.problem.scale(name)
-            half = SURPRISE * detectable / deviations_shown(bar)
+            half = detectable / _over_half(count)
             size = Sized(estimate, (estimate - half, estimate + half))
             value = value_at(state.plant, path)
             found.append(Unchanged(path, spec.title or path, spec.unit, value, size, detectable, screening.unseen))

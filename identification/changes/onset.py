@@ -271,7 +271,7 @@ def _unless_throughout(
     assert made.chosen is not None
     own = made.chosen.candidate
     whole = next((f for f in forms if f.throughout is not None and own in (*f.screened, *f.spans)), None)
-    if whole is None or whole.throughout is None or own is whole.throughout:
+    if whole is None or own is whole.throughout:
         return made, reached
     bench, before = placed(reached.bench, before, {})
     again = selected(bench, before, [f.throughout for f in forms if f.throughout is not None], count, ())

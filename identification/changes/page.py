@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_gym import __version__
 from auv_gym.writing import writable_folder, write_text
-from identification.changes.missions import Comparison, Unchanged
+from identification.changes.missions import Comparison, Unchanged, detectable_beside
 from identification.changes.onset import GROWING, UNTIL, Timed, Timeline
 from identification.changes.series import Series
 from identification.changes.spans import OUTSIDE
@@ -30,9 +30,7 @@ from identification.changes.wording import (
     timeline_summary,
     when_words,
 )
-from identification.deciding import BLOCKS, SURPRISE
-from identification.diagnosis.search.bars import threshold
-from identification.diagnosis.search.candidates import deviations_shown
+from identification.deciding import BLOCKS
 from identification.diagnosis.wording import for_people, interval, quantity
 from identification.pages.drawing import AFTER, BEFORE, QUIET, WIDTH
 from identification.pages.model_page import Section
@@ -314,8 +312,7 @@ def change_figure(found: Comparison) -> Figure:
     axes = figure.add_subplot()
     names = []
     for c in found.changed:
-        error = 0.5 * (c.change.ci95[1] - c.change.ci95[0]) / SURPRISE
-        scale = error * deviations_shown(threshold(found.candidates)) or 1.0
+        scale = detectable_beside(c.change, found.candidates) or 1.0
         axes.errorbar(*_bar(c.change.value, c.change.ci95, scale, len(names)), fmt="o", color=AFTER, capsize=3)
         names.append(f"{named(c)} (changed)")
     for u in steady:

@@ -62,8 +62,6 @@ class System:
 
     def with_pushes(self, kept: np.ndarray) -> System:
         """The system without some of its accelerations; kept: (D,) bool."""
-        if kept.all():
-            return self
         own = np.r_[np.arange(self.a.shape[1]), self.a.shape[1] + np.flatnonzero(kept)]
         return replace(
             self,

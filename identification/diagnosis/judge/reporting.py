@@ -48,7 +48,8 @@ def reported(searched: Searched, held: Held, weighed: Weighed) -> Reported:
     """The effects of the set that is reported, with their sizes; held: what the search found."""
     bench, state, count = searched.known.bench, weighed.state, len(searched.candidates)
     left = held.left if state is held.state else what_is_left(bench, state)
-    differing = [d for d in (sizes_by_dive(bench, state, p) for p in bench.plant.family.by_dive) if d is not None]
+    by_dive = bench.plant.family.by_dive
+    differing = [d for d in (sizes_by_dive(bench, state, p) for p in by_dive) if d is not None]
     dives = next((d for d in differing if d.path in state.paths), None)
     if dives is not None:
         left = what_is_left(dives.bench, dives.state)
@@ -57,7 +58,7 @@ def reported(searched: Searched, held: Held, weighed: Weighed) -> Reported:
     sizes = bench.intervals(state)
     effects, tied = effects_of(bench, state, weighed.tied, sizes, weighed.survivals, count, weighed.found)
     if dives is None:
-        own = (own_of_logs(bench, state, e.path) for e in unsteady_of(effects))
+        own = (own_of_logs(bench, state, e.path) for e in unsteady_of(effects) if e.path not in by_dive)
         dives = next((d for d in own if d is not None), None)
         left = left if dives is None else what_is_left(dives.bench, dives.state)
     if dives is not None:
