@@ -7,16 +7,6 @@ from math import exp
 
 import numpy as np
 
-CAUSES = ("drag", "side", "layer", "tether", "fin", "clock")
-WORDS = {
-    "drag": "a drag law with hysteresis in the speed",
-    "side": "an actuator that is stronger to one side",
-    "layer": "water that rises below a depth",
-    "tether": "an elastic tether with slack",
-    "fin": "an actuator that sticks and jams",
-    "clock": "a clock that slips",
-}
-
 
 @dataclass(frozen=True)
 class Tripping:

@@ -73,17 +73,6 @@ def score(said: Mapping[str, Any], truth: Mapping[str, Any], ratio: float | None
     }
 
 
-def same_names(said: Mapping[str, Any], other: Mapping[str, Any], tied: bool = True) -> bool:
-    """Whether two diagnoses, given as their JSON, name the same effects; tied: or one tied with each of them."""
-    groups = [frozenset(group) for one in (said, other) for group in one.get("tied", ())] if tied else []
-    mine, its = ([_meant(e["path"], groups) for e in one.get("effects", ())] for one in (said, other))
-    return (
-        len(mine) == len(its)
-        and all(any(a & b for b in its) for a in mine)
-        and all(any(a & b for a in mine) for b in its)
-    )
-
-
 def score_folders(log: Path, truth: Path, said: Mapping[str, Any]) -> dict[str, Any]:
     """The score of one case from its log's folder and its truth's."""
     sealed = read_truth(truth)

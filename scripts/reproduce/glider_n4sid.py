@@ -17,14 +17,14 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, radians
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from auv_gym.channels import wrap
-from auv_gym.model import Model
+from auv_gym.model import Model, simulate
 from auv_gym.models.linear import StateSpace, linearise
-from auv_gym.plant import load_vehicle
+from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 from identification.compare.comparison import OpenLoop, compare_open
 from identification.fit.validation import score
@@ -33,12 +33,9 @@ from identification.linear.polynomials.armax import Armax
 from identification.linear.polynomials.output_error import OutputError
 from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
-from scripts.reproduce.glider_heading import ANALYTIC, CORRECTED, pool_run
 from scripts.studies.harness import Found, Option, Sheet, Study
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+ANALYTIC, CORRECTED = "ganeshblue", "ganeshblue_corrected"  # equations (14) and (15)
 RUDDER, HEADING, RATE = ("rudder_rad",), ("heading_rad",), ("r_radps",)
 PUBLISHED = 94.61  # %, of the cross-check
 TRAINING_DEG, CROSS_DEG = -15, -30
@@ -167,6 +164,13 @@ def pool_log(angle_deg: int, noise: float, rng: np.random.Generator) -> PoolLog:
         HEADING[0]: read(start + turn, noise, rng),
     }
     return PoolLog(Record.from_arrays(DT * np.arange(turn.size), columns), turn)
+
+
+def pool_run(plant: Plant, rudder: float, duration: float) -> Record:
+    """A run at constant rudder, rad, from straight ahead at heading zero."""
+    time = np.arange(0.0, duration + 0.5 * plant.dt, plant.dt)
+    at_rest = dict.fromkeys(plant.outputs, np.zeros(time.size))
+    return simulate(plant, Record.from_arrays(time, {**at_rest, "rudder_rad": np.full(time.size, rudder)}))
 
 
 def read(heading: np.ndarray, noise: float, rng: np.random.Generator) -> np.ndarray:
@@ -306,47 +310,6 @@ def _spread(values: np.ndarray) -> str:
     return f"{middle:.0f}" if abs(middle) >= 200.0 else f"{middle:.1f} ({low:.1f}, {high:.1f})"
 
 
-# What is drawn
-
-_DRAWN = {
-    UNAWARE: ("#d55e00", "--"),
-    SCALED: ("#cc79a7", "-."),
-    PLAIN: ("#00785a", ":"),
-    N4SID: ("#0072b2", "-"),
-}
-
-
-def figure(seed: int, noise: float) -> Figure:
-    """Headings of a seed's logs at -15 and -30 deg, measured and modelled, and what is left; noise: rad."""
-    from matplotlib.figure import Figure
-
-    from identification.pages.drawing import BEFORE, MEASURED
-
-    fitted = {name: method for name, method in (METHODS | SETTINGS).items() if name in _DRAWN}
-    models, _ = models_of(training_logs(seed, noise), fitted)
-    judging = judging_logs(seed, noise)
-    figure = Figure(figsize=(9.6, 5.6), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True, sharey="row", height_ratios=(1.6, 1.0))
-    for (upper, lower), angle, log in zip(axes.T, ANGLES_DEG, judging):
-        runs, time = free_runs(models, log.record).runs, log.record.time
-        measured = from_rest(log.record)[HEADING[0]]
-        upper.plot(time, np.degrees(measured), ".", color=MEASURED, markersize=3, label="measured")
-        for name, (colour, line) in _DRAWN.items():
-            if name in runs:
-                left = np.degrees(runs[name].residual[:, 0])
-                upper.plot(time, np.degrees(measured) - left, line, color=colour, label=name)
-                lower.plot(time, left, line, color=colour, linewidth=1.0)
-        upper.plot(time, np.degrees(runs[BARE].model[:, 0]), color=BEFORE, linewidth=0.8, alpha=0.5, label=BARE)
-        what = "another log at the angle that was fitted" if angle == TRAINING_DEG else "cross-check"
-        upper.set_title(f"rudder {angle:+d} deg: {what}")
-        lower.set_xlabel("time, s")
-    axes[0, 0].set_ylim(-5.0, 1.15 * np.degrees(judging[1].turn[-1]))
-    axes[0, 0].set_ylabel("heading from rest, deg")
-    axes[1, 0].set_ylabel("measured less model, deg")
-    axes[0, 0].legend(loc="upper left")
-    return figure
-
-
 STUDY = Study(
     __doc__ or "",
     attempt,
@@ -356,7 +319,6 @@ STUDY = Study(
     one_of="",
     options={"noise": Option(NOISE_DEG, "of the compass, standard deviation, deg", least=0.0)},
     remarks=failures,
-    pictures=lambda found: {"glider_n4sid.png": lambda: figure(min(found.runs[CASE]), radians(found.options["noise"]))},
     doing="pool logs",
 )
 

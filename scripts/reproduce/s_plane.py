@@ -14,7 +14,7 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass
 from math import isfinite, pi, radians
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,15 +24,10 @@ from auv_gym.model import Model
 from auv_gym.param import replace_at
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.plant.cruise import find_cruise
-from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
 from controllers.trials.settling import Step, step_response
 from identification.experiments.driving import Run, drive
-from identification.pages.drawing import downwards, quantity_label, shown_values
 from scripts.studies.harness import Found, Sheet, Study
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 VEHICLE = "heu_torpedo"
 VOLTAGE = 3.5  # V, of the runs in heading and depth
@@ -47,7 +42,6 @@ NOISE = {  # standard deviations of the sensors
 }
 BAND = 0.05  # of a step, either side of the target
 BEND = 1e-9
-COMMANDS = {"u_mps": "propeller_V", "heading_rad": "rudder_rad", "depth_m": "stern_plane_rad"}
 
 
 @dataclass(frozen=True)
@@ -189,45 +183,7 @@ def _named(case: Case, controller: str) -> str:
 RUNS = {_named(case, controller): (case, controller) for case in CASES for controller in CONTROLLERS}
 
 
-def figure(seed: int) -> Figure:
-    """Figures 11 to 16 of the paper in one: what each case measured and commanded under each controller."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 8.0), layout="constrained")
-    axes = figure.subplots(len(CASES), 2, squeeze=False)
-    for row, case in zip(axes, CASES, strict=True):
-        for name, kind in CONTROLLERS.items():
-            run = controlled_run(case, kind, seed)
-            plot_channel(row[0], run.truth, case.channel, label=name, linewidth=1.0)
-            plot_channel(row[1], run.record, COMMANDS[case.channel], label=name, linewidth=1.0)
-        plot_targets(row[0], case, color="k", linestyle="--", linewidth=1.0)
-        downwards(row[0], case.channel)
-        row[0].legend(loc="best", fontsize=8)
-    figure.suptitle(f"{VEHICLE}: current and sensor noise, seed {seed}")
-    return figure
-
-
-def plot_channel(axes: Any, record: Record, name: str, **look: Any) -> None:
-    """A channel over time with its label, angles in degrees."""
-    axes.plot(record.time, shown_values(name, record[name]), **look)
-    axes.set(xlabel="time, s", ylabel=quantity_label(name))
-
-
-def plot_targets(axes: Any, case: Case, **look: Any) -> None:
-    """The targets of a case's channel over time."""
-    times = [case.legs[0][0]] + [t for begin, end, _ in case.legs for t in (begin, end)]
-    values = [case.first] + [value for _, _, target in case.legs for value in (target, target)]
-    axes.plot(times, shown_values(case.channel, np.array(values)), label="target", **look)
-
-
-STUDY = Study(
-    __doc__ or "",
-    attempt,
-    tuple(RUNS),
-    sheets,
-    seeds=20,
-    pictures=lambda found: {"control_case.png": lambda: figure(min(min(of) for of in found.runs.values()))},
-)
+STUDY = Study(__doc__ or "", attempt, tuple(RUNS), sheets, seeds=20)
 
 if __name__ == "__main__":
     sys.exit(STUDY.main())

@@ -11,11 +11,10 @@ A deviation is the root mean square of the model's reading less the vehicle's, i
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from math import radians
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -37,9 +36,6 @@ from identification.linear.polynomials.armax import Armax
 from identification.linear.subspaces.n4sid import N4sid
 from scripts.studies.harness import Found, Sheet, Study
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 UNKNOWN = "not identified"
 METHODS = ("armax", "n4sid", "grey_box")
 SHARES = (0.85, 1.15)  # of the true values, in turn, that the grey box begins from
@@ -52,7 +48,7 @@ class Task:
 
     excitation: (amplitude, s of a bit) of a PRBS by actuator or set point, about `held`.  steps: of the task.
     options: of the environment.  guard: settings of the autopilot in the experiment alone.  armax, order: orders of the
-    linear models.  free, window: of the grey box.  shown: channels of the figure, the first of which is judged.
+    linear models.  free, window: of the grey box.  judged: the channel that is.
     """
 
     env: str
@@ -67,7 +63,7 @@ class Task:
     armax: Mapping[str, Any]
     order: int
     free: tuple[str, ...]
-    shown: tuple[str, ...]
+    judged: str
     guard: Mapping[str, Any] = field(default_factory=dict)
     window: float | None = None
 
@@ -98,7 +94,7 @@ TASKS: Mapping[str, Task] = {
             "parts.stern_plane.moment",
             "parts.bow_plane.moment",
         ),
-        shown=("depth_m", "pitch_rad"),
+        judged="depth_m",
         guard={"pitch_limit": 0.028},
     ),
     "remus100": Task(
@@ -114,7 +110,7 @@ TASKS: Mapping[str, Task] = {
         armax={"n_a": 2, "n_b": 2, "n_c": 2},
         order=2,
         free=("hull.sway.uv", "hull.yaw.uv", "hull.yaw.ur", "parts.rudder.moment"),
-        shown=("heading_rad", "r_radps"),
+        judged="heading_rad",
         window=10.0,  # s: its pitch is unstable, and a free run of minutes says nothing of it
     ),
     "slocum": Task(
@@ -130,7 +126,7 @@ TASKS: Mapping[str, Task] = {
         armax={"n_a": 2, "n_b": 2, "n_c": 2, "integrating": ("heading_rad",)},
         order=2,
         free=("hull.n_r", "hull.n_delta"),
-        shown=("heading_rad",),
+        judged="heading_rad",
     ),
     "qiandao_float": Task(
         env="FloatDepth",
@@ -145,7 +141,7 @@ TASKS: Mapping[str, Task] = {
         armax={"n_a": 3, "n_b": 3, "n_c": 3, "integrating": ("depth_m",)},
         order=3,
         free=("hull.drag_quadratic", "hull.drag_linear"),
-        shown=("depth_m",),
+        judged="depth_m",
     ),
 }
 
@@ -153,7 +149,7 @@ TASKS: Mapping[str, Task] = {
 def attempt(vehicle: str, seed: int, methods: Sequence[str] = METHODS) -> dict[str, Any]:
     """Deviations of one seed by model, in percent of the step and in the channel's unit, and why others have none."""
     done, failed = compared(vehicle, seed, methods)
-    judged = {name: of[TASKS[vehicle].shown[0]] for name, of in done.deviations.items()}
+    judged = {name: of[TASKS[vehicle].judged] for name, of in done.deviations.items()}
     return {
         "percent": {name: deviation.percent for name, deviation in judged.items()},
         "rmse": {name: deviation.rmse for name, deviation in judged.items()},
@@ -222,7 +218,7 @@ def sheets(found: Found) -> list[Sheet]:
     """A row for each vehicle and model; in a file, every seed."""
     rows, every = [], []
     for vehicle, runs in found.runs.items():
-        judged = channel(TASKS[vehicle].shown[0])
+        judged = channel(TASKS[vehicle].judged)
         for name in (*METHODS, UNKNOWN):
             done = {seed: run for seed, run in runs.items() if name in run["percent"]}
             percent, rmse = ([run[what][name] for run in done.values()] for what in ("percent", "rmse"))
@@ -250,21 +246,6 @@ def failures(found: Found) -> list[str]:
     return list(dict.fromkeys(reasons))
 
 
-def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
-    """For each vehicle the episodes of its first seed over one another."""
-    return {
-        f"identified_{vehicle}.png": partial(_figure, vehicle, next(iter(runs))) for vehicle, runs in found.runs.items()
-    }
-
-
-def _figure(vehicle: str, seed: int) -> Figure:
-    from identification.pages.model_figures import rollout_figure
-
-    done, _ = compared(vehicle, seed)
-    runs = {name: run.record for name, run in done.runs.items()}
-    return rollout_figure(done.vehicle.record, runs, TASKS[vehicle].shown, vehicle)
-
-
 STUDY = Study(
     __doc__ or "",
     attempt,
@@ -273,7 +254,6 @@ STUDY = Study(
     seeds=5,
     one_of="vehicle",
     remarks=failures,
-    pictures=pictures,
     good=lambda found: not failures(found),
 )
 

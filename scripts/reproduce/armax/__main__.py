@@ -20,18 +20,22 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from auv_gym.channels import set_point_of
 from auv_gym.cli.options.console import progress_bar
-from identification.pages.order_figures import order_figure
-from scripts.reproduce.armax.pictures import control_figure, verification_figure
+from auv_gym.model import Model
+from auv_gym.models.linear.differences import rate_of, with_differences
+from auv_gym.records.record import Record
+from identification.pages.model_figures import rollout_figure
+from scripts.reproduce.armax.models import DEPTH, PITCH, free_run
+from scripts.reproduce.armax.records import VERIFY, records_of
 from scripts.reproduce.armax.study import CONTROLLING, TAKEN, Progress, Records, Study, as_json, reached, study
 from scripts.reproduce.armax.tables import sheets, verdict
-from scripts.reproduce.vertical_plane import VERIFY, records_of
 from scripts.studies.harness import WIDTH, positive, write_pictures, write_sheets
 from scripts.studies.runs import write_json
 
@@ -66,10 +70,16 @@ def _pictures(found: Study, records: Records) -> dict[str, Callable[[], Figure]]
     fitted, fresh = sorted({seed for seed, _ in records})[:2]
     models = {name: found.fits[name, str(fitted)].model for name in CONTROLLING}
     return {
-        "figures_2_and_3.png": lambda: order_figure(found.search),
         "figures_11_and_12.png": lambda: verification_figure(models, records[fresh, VERIFY]),
-        "depth_control.png": lambda: control_figure(found.motions),
     }
+
+
+def verification_figure(models: Mapping[str, Model], record: Record) -> Figure:
+    """Figures 11 and 12: pitch and depth differences of free runs over data that no fit has seen."""
+    runs = {name: with_differences(free_run(model, record)[0], DEPTH) for name, model in models.items()}
+    # the pitch that the depth loop asked for is of no concern here
+    measured = with_differences(record.without([set_point_of(PITCH)]), DEPTH)
+    return rollout_figure(measured, runs, (PITCH, rate_of(DEPTH)), "measured")
 
 
 def _further(out: Path, seed: int, count: int, jobs: int, progress: Progress) -> Iterable[Records]:

@@ -16,7 +16,6 @@ import numpy as np
 from auv_gym.envs.task_env import TaskEnv
 from auv_gym.models.linear import Polynomial, StateSpace
 from auv_gym.plant import Plant, load_vehicle
-from auv_gym.records.record import Record
 from controllers.autopilots import autopilot
 from controllers.composed.scheduled import Scheduled
 from controllers.controller import Controller
@@ -87,11 +86,6 @@ def controlled_run(controller: Controller, seed: int) -> Run:
     return drive(env, controller, seed=seed, targets=targets, start={"depth_m": SHALLOW})
 
 
-def shown(run: Run) -> Record:
-    """The true motion of a run and its planes, for a picture."""
-    return run.truth.with_channels({plane: run.record[plane] for plane in PLANES})
-
-
 def judged(name: str, seed: int, run: Run) -> Controlled:
     """The numbers of a run."""
     if run.reason:
@@ -112,16 +106,14 @@ def judged(name: str, seed: int, run: Run) -> Controlled:
 
 def study(
     controllers: Mapping[str, Controller], seeds: Sequence[int], told: Callable[[float], object] = lambda share: None
-) -> tuple[list[Controlled], dict[str, Record]]:
-    """Every controller on every seed, and what each did on the first, for a picture."""
-    found, first = [], {}
+) -> list[Controlled]:
+    """Every controller on every seed."""
+    found = []
     for k, seed in enumerate(seeds):
         for name, controller in controllers.items():
-            run = controlled_run(controller, seed)
-            found.append(judged(name, seed, run))
-            first.setdefault(name, shown(run))
+            found.append(judged(name, seed, controlled_run(controller, seed)))
         told((k + 1) / len(seeds))
-    return found, first
+    return found
 
 
 def _with_model(gpc: Scheduled, model: StateSpace | Polynomial) -> Scheduled:

@@ -17,7 +17,7 @@ from identification.linear.polynomials.polynomial_fit import PolynomialFit
 from scripts.reproduce.armax import control, models
 from scripts.reproduce.armax.control import Controlled, pilots
 from scripts.reproduce.armax.models import INPUTS, OUTPUTS, Verified, methods, verify
-from scripts.reproduce.vertical_plane import IDENTIFY, VERIFY
+from scripts.reproduce.armax.records import IDENTIFY, VERIFY
 
 TARGETS = {"pitch": 95.0, "differences": 90.0}  # %, of free runs over data that no fit has seen
 # rounding is on the readings, so that C = A; and depth integrates the pitch
@@ -50,8 +50,7 @@ class Study:
     """All that is printed.
 
     fits: by method and what they were fitted to, a seed or both.  rows: of the campaign's own seeds, those of what is
-    known without a fit too.  spread: of further pairs of seeds, each fitted to one and run over the other.  motions:
-    true ones on the first seed of control, by controller.
+    known without a fit too.  spread: of further pairs of seeds, each fitted to one and run over the other.
     """
 
     search: OrderSearch
@@ -61,7 +60,6 @@ class Study:
     rows: list[Row]
     spread: list[Row]
     controlled: list[Controlled]
-    motions: dict[str, Record]
 
 
 def study(
@@ -86,13 +84,13 @@ def study(
             rows += [Row(name, fitted, seed, verify(fit.model, records[seed, VERIFY])) for seed in seeds]
     rows += [row for seed in seeds for row in ceilings(records[seed, VERIFY], seed)]
     spread = [row for pair in further for row in crossed(pair, n_c)]
-    controlled, motions = control.study(
+    controlled = control.study(
         pilots({name: fits[name, BOTH].model for name in CONTROLLING}),
         runs,
         lambda share: progress(0.8 + 0.2 * share, "control"),
     )
     shares = {name: float(np.var(first[name])) for name in OUTPUTS}
-    return Study(search, shares, n_c, fits, rows, spread, controlled, motions)
+    return Study(search, shares, n_c, fits, rows, spread, controlled)
 
 
 def fitted_to(found: Study) -> list[str]:

@@ -1,4 +1,4 @@
-"""Pictures of the float's dives and of the bias: figures 4 to 7 of Zhong et al. 2024 on the simulated float.
+"""The picture of the float's deepest dive and of the bias: figure 7 of Zhong et al. 2024 on the simulated float.
 
 Needs the extra `render`.
 """
@@ -11,14 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from auv_gym.model import Diverged
-from identification.pages.drawing import AFTER, BEFORE, INK, INPUT, QUIET
+from identification.pages.drawing import AFTER, BEFORE, INPUT
 from scripts.reproduce.float.consistency import CONSISTENCY, FEEDBACK, PLANNED
 from scripts.reproduce.float.dives import (
     CORRECTED,
     DEPTHS,
     GREY_BOX,
     LS_SVM,
-    METHODS,
     PRINTED,
     REFINED,
     RMSE,
@@ -46,8 +45,6 @@ LOOKS: dict[str, dict[str, Any]] = {
     GREY_BOX: {"color": INPUT},
 }
 ORDER = (TRAINING, *(depth for depth in DEPTHS if depth != TRAINING))  # that of figures 4 to 7
-LARGE, SMALL = (RWLS, RWLS_OF_ONE, LS_SVM, PRINTED), (RWLS_OF_ONE, CORRECTED, REFINED, GREY_BOX)
-LARGE_RANGE, SMALL_RANGE = 9.0, 0.6  # m
 FARTHEST = 50.0  # m
 LINEAR = 0.1  # m, up to which the axis of all errors is linear
 
@@ -57,37 +54,6 @@ class Shown(NamedTuple):
 
     dive: Dive
     runs: Mapping[str, np.ndarray]
-
-
-def sheet(shown: Mapping[int, Shown], seed: int) -> Figure:
-    """A column for each dive: depth with all runs, piston, and the errors in two ranges."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(13.6, 9.0), layout="constrained")
-    axes = figure.subplots(4, len(shown), sharex="col", sharey="row", height_ratios=(3.0, 1.2, 2.2, 2.2))
-    for column, (depth, (flown, runs)) in enumerate(shown.items()):
-        time = flown.record.time
-        top, piston, large, small = axes[:, column]
-        top.plot(time, flown.record["depth_m"], color=INK, linewidth=2.4, label="measured")
-        for name, run in runs.items():
-            top.plot(time, run, linewidth=1.3, label=name, **LOOKS[name])
-        piston.plot(time, 1e3 * flown.record["piston_m"], color=QUIET, linewidth=0.8)
-        for panel, names in ((large, LARGE), (small, SMALL)):
-            _errors(panel, shown[depth], [name for name in names if name in runs])
-        kind = "inversion, the dive that is fitted" if depth == TRAINING else "prediction"
-        top.set_title(f"{depth} m: {kind}", loc="left", fontweight="bold")
-        small.set_xlabel("time, s")
-        small.set_xlim(0.0, time[-1])
-    axes[0, 0].set_ylim(1.12 * max(DEPTHS), -3.0)
-    axes[2, 0].set_ylim(-LARGE_RANGE, LARGE_RANGE)
-    axes[3, 0].set_ylim(-SMALL_RANGE, SMALL_RANGE)
-    for row, name in enumerate(("depth, m", "piston, mm", "error, m", "error, m (finer)")):
-        axes[row, 0].set_ylabel(name)
-    figure.suptitle(
-        f"Free runs from rest; errors against the true depth; noise seed {seed}", x=0.01, ha="left", fontweight="bold"
-    )
-    figure.legend(*_handles(figure), loc="outside lower left", ncols=len(METHODS) + 1, handlelength=2.6)
-    return figure
 
 
 def summary(study: Comparison, shown: Shown) -> Figure:

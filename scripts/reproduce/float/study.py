@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from auv_gym.plant import load_vehicle
 from scripts.reproduce.float.consistency import FEEDBACK, LENGTHS, PLANNED, bias
 from scripts.reproduce.float.dives import DEPTHS, VEHICLE, compared
-from scripts.reproduce.float.pictures import ORDER, runs_of, sheet, summary, typical_seed
+from scripts.reproduce.float.pictures import ORDER, runs_of, summary, typical_seed
 from scripts.reproduce.float.tables import BIAS, DIVES, Comparison, sheets
 from scripts.studies.harness import Found, Option, Study
 
@@ -37,16 +37,13 @@ def attempt(case: str, seed: int, noise: float, samples: int) -> dict[str, Any]:
 
 
 def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
-    """The sheet of the dives and the summary, of a typical seed."""
+    """The deepest dive of a typical seed, and the bias."""
     of = Comparison.of(found)
     if not of.trials:
         return {}
     seed = list(found.runs[DIVES])[typical_seed(of)]
     shown = dict(zip(ORDER, runs_of(seed, of.noise)))
-    return {
-        "float_dives.png": lambda: sheet(shown, seed),
-        "recursive.png": lambda: summary(of, shown[DEPTHS[-1]]),
-    }
+    return {"recursive.png": lambda: summary(of, shown[DEPTHS[-1]])}
 
 
 def seeds_of(case: str, seeds: Sequence[int]) -> Sequence[int]:

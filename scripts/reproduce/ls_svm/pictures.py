@@ -1,4 +1,4 @@
-"""Figures 9 to 16 of the paper from runs of the vehicle and of a learned model."""
+"""Circles with dives of the vehicle and of a learned model."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ from typing import TYPE_CHECKING
 
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
-from identification.experiments.driving import Run
-from identification.pages.drawing import downwards
 from scripts.reproduce.ls_svm.experiments import MANOEUVRES
-from scripts.reproduce.s_plane import CASES, COMMANDS, plot_channel, plot_targets
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,20 +41,3 @@ def _mark_outside(axes, model: Plant, run: Record) -> None:
         return
     far = model.learned.distance_along(run) > 1.0
     axes.fill_between(run.time, 0.0, 1.0, where=far, transform=axes.get_xaxis_transform(), **OUTSIDE)
-
-
-def control_figure(runs: list[tuple[Run, Run]], what: str) -> Figure:
-    """What each case measured and commanded, of the vehicle and of the model."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 8.0), layout="constrained")
-    axes = figure.subplots(len(CASES), 2)
-    for (left, right), case, both in zip(axes, CASES, runs, strict=True):
-        plot_targets(left, case, color="0.6", linewidth=1.0)
-        for run, look, label in zip(both, (TRUE, MODEL), ("vehicle", "LS-SVM"), strict=True):
-            plot_channel(left, run.truth, case.channel, label=label, **look)
-            plot_channel(right, run.record, COMMANDS[case.channel], label=label, **look)
-        downwards(left, case.channel)
-    axes[0, 0].legend(loc="lower right")
-    figure.suptitle(f"S-plane control of the vehicle and of the model in its place, learned {what}")
-    return figure

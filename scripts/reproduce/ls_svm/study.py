@@ -25,7 +25,7 @@ from auv_gym.plant import Plant
 from identification.experiments.driving import Run
 from identification.kernel_machines.hull.hull import HullFit, HullLsSvm
 from scripts.reproduce.ls_svm.experiments import MANOEUVRES, Judgement, bang_bang_runs, circled, judged, vehicle
-from scripts.reproduce.ls_svm.pictures import circles_figure, control_figure
+from scripts.reproduce.ls_svm.pictures import circles_figure
 from scripts.reproduce.ls_svm.surrogates import DATA, STEP, judged_methods
 from scripts.reproduce.ls_svm.tables import circles, control, noisy, tuned
 from scripts.reproduce.s_plane import CASES, Case, controlled_run
@@ -130,7 +130,7 @@ def failures(found: Found) -> list[str]:
 
 
 def pictures(found: Found) -> dict[str, Any]:
-    """Figures 9 to 16 with the model of the first seed."""
+    """The circles with the model of the first seed."""
     seed = min(min(runs) for runs in found.runs.values())
     what = f"from bang-bang fins at 4 V, seed {seed}"
 
@@ -141,7 +141,6 @@ def pictures(found: Found) -> dict[str, Any]:
         "ls_svm_circles.png": lambda: circles_figure(
             model(), [(circled(one), simulate(model(), circled(one))) for one in MANOEUVRES], what
         ),
-        "ls_svm_control.png": lambda: control_figure([(steered(case), steered(case, model())) for case in CASES], what),
     }
 
 

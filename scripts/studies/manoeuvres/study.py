@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from scripts.studies.harness import Found, Option, Sheet, Study
-from scripts.studies.manoeuvres.pictures import overview, sheet
+from scripts.studies.manoeuvres.pictures import overview
 from scripts.studies.manoeuvres.trials import (
     DEPTH_STEP,
     approach,
@@ -149,10 +149,9 @@ def _published(results: list[Measured]) -> list[list[str]]:
 
 
 def pictures(found: Found) -> dict[str, Callable[[], Figure]]:
-    """A sheet for each vehicle, and all of them in one."""
+    """All vehicles in one."""
     results = [manoeuvres(vehicle, found.options["speed"]) for vehicle in found.runs]
-    sheets = {f"manoeuvres_{result.trial.plant.name}.png": partial(sheet, result) for result in results}
-    return {"manoeuvres.png": partial(overview, results), **sheets}
+    return {"manoeuvres.png": partial(overview, results)}
 
 
 STUDY = Study(

@@ -2,8 +2,6 @@
 
 from math import degrees
 
-import pytest
-
 from scripts.reproduce.s_plane import CASES, CONTROLLERS, STUDY, controlled_run, responses
 
 
@@ -28,11 +26,3 @@ def test_table_4_holds_on_the_vehicle_without_noise():
         assert run.reason == ""
         for (begin, end, _), step in zip(case.legs, responses(case, run), strict=True):
             assert step.settling_time < end - begin, case.title
-
-
-def test_the_picture_has_all_cases(monkeypatch):
-    pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
-    monkeypatch.setattr("scripts.reproduce.s_plane.CONTROLLERS", {"PID": "pid"})
-    found = STUDY.find(range(1), ["surge, PID"])
-    axes = STUDY.pictures(found)["control_case.png"]().axes
-    assert [ax.get_ylabel() for ax in axes[::2]] == ["forward speed through the water, m/s", "heading, deg", "depth, m"]

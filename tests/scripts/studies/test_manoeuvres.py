@@ -205,11 +205,10 @@ def _cells(line):
     return [cell.strip() for cell in line.strip().strip("|").split("|")] if line.startswith("|") else []
 
 
-def test_pictures_are_drawn(results):
+def test_the_picture_is_drawn(results):
     pytest.importorskip("matplotlib", reason="the extra `render` is not installed")
     pictures = STUDY.pictures(STUDY.find([0], ["remus100"]))
-    assert list(pictures) == ["manoeuvres.png", "manoeuvres_remus100.png"]
-    assert [len(draw().axes) for draw in pictures.values()] == [4, 9]
+    assert len(pictures["manoeuvres.png"]().axes) == 4
 
 
 def test_a_neutral_vehicle_turns_the_same_at_another_speed():
