@@ -195,9 +195,7 @@ class Allocation:
         return thrusts
 
 
-def allocation_of(
-    plant: Plant, lost: Mapping[str, float] | None = None, *, axis_weights: np.ndarray | None = None
-) -> tuple[Allocation, Thrusters]:
+def allocation_of(plant: Plant, lost: Mapping[str, float] | None = None) -> tuple[Allocation, Thrusters]:
     """The allocation to a vehicle's thrusters in the axes that they serve one by one, and the thrusters themselves.
 
     lost: by a thruster's name, the share of its thrust that is known to be lost, 1 for all of it.
@@ -225,7 +223,6 @@ def allocation_of(
         dead_high=edges[:, 1],
         left=left,
         counts=tuple(units[name] for name in served_axes(thrusters.wrench * left)),
-        axis_weights=axis_weights,
     )
     return found, thrusters
 

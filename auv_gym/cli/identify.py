@@ -110,8 +110,20 @@ def identify(
         )
         found, fitting = None, progress
         if ranges:
-            found = orders.searched(
-                method, fitted, apart, inputs, outputs, ranges, given, choose, tolerance, _part(progress, 0.02, 0.7)
+            from identification.linear.polynomials.orders import TOLERANCE
+            from identification.order_search import search_apart
+
+            found = search_apart(
+                method,
+                fitted,
+                apart,
+                inputs,
+                outputs,
+                ranges,
+                settings=given,
+                criterion=choose or "mdl",
+                tolerance=TOLERANCE if tolerance is None else tolerance,
+                progress=_part(progress, 0.02, 0.7),
             )
             estimator, fitting = found.estimator(), _part(progress, 0.7, 1.0)
         done = identify_records(estimator, fitted, apart, window=window, search=found, progress=fitting)

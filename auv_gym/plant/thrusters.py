@@ -5,7 +5,6 @@ All of it is that of the vehicle's own numbers, without effects, at the supply t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -181,13 +180,12 @@ def served_axes(wrench: np.ndarray) -> tuple[str, ...]:
     return tuple(AXES[axis] for axis in kept)
 
 
-def allocation(wrench: np.ndarray, axes: Sequence[str] | None = None) -> np.ndarray:
-    """The thrusts, N, per N or N m of a wrench along axes, (n, len(axes)), smallest in the sum of their squares.
+def allocation(wrench: np.ndarray) -> np.ndarray:
+    """The thrusts, N, per N or N m of a wrench along `served_axes`, (n, axes), smallest in the sum of their squares.
 
-    axes: by default all that the thrusters can serve, see `served_axes`; what the thrusts do on others is left to them.
+    What the thrusts do on other axes is left to them.
     """
-    axes = served_axes(wrench) if axes is None else axes
-    return np.linalg.pinv(wrench[[AXES.index(axis) for axis in axes]])
+    return np.linalg.pinv(wrench[[AXES.index(axis) for axis in served_axes(wrench)]])
 
 
 def _parts(plant: Plant) -> tuple:

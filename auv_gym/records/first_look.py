@@ -83,9 +83,7 @@ class FirstLook:
         return [name for name in needs.required if name not in have and command_for(name) not in have]
 
 
-def look_at(
-    log: str | Path, mapping: object = None, beside: Path | None = None, needs: Needs | None = None
-) -> FirstLook:
+def look_at(log: str | Path, mapping: object = None, beside: Path | None = None) -> FirstLook:
     """What is in a log; raises ValueError where it cannot be read at all, or the mapping does not fit it.
 
     A file of more than 8 MB in a format that is slow to read is looked at by its index and the first samples of each
@@ -97,8 +95,8 @@ def look_at(
     content = open_log(path, Scope(most=SAMPLE if large else None, beside=beside))
     known, record, problem = None, None, ""
     try:
-        known = understood(content, names, needs)
-        record = assembled(known, Needs() if needs is None else Needs((), needs.wanted, needs.attack))
+        known = understood(content, names, Needs())
+        record = assembled(known, Needs())
     except ValueError as error:
         problem = str(error)
     times = [_span(group, known) for group in content.groups]

@@ -147,9 +147,8 @@ def open_log(path: Path, scope: Scope | None = None) -> Log:
     return _read_as(format_of(path), path, scope or Scope())
 
 
-def understood(log: Log, names: Names, needs: Needs | None = None) -> Understood:
+def understood(log: Log, names: Names, needs: Needs) -> Understood:
     """The columns of a log as channels; raises where the mapping does not fit the log, or no column holds time."""
-    needs = needs or Needs()
     notes = list(log.notes)
     clocks = clocks_of(log, names, notes)
     taken = replace(names, left_out=names.left_out | {column for column, _ in clocks.values()})

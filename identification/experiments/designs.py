@@ -31,7 +31,7 @@ class Design:
     tables: Callable[[Plant, float], Tables]
 
 
-def campaign_text(name: str, description: str, tables: Tables, vehicles: Sequence[str], seeds: int = 1) -> str:
+def campaign_text(name: str, description: str, tables: Tables, vehicles: Sequence[str]) -> str:
     """A campaign file: the tables, run with each of these vehicle files, which lie beside it."""
     grid = dict(tables.get("grid", {}))
     if len(vehicles) > 1:
@@ -39,7 +39,7 @@ def campaign_text(name: str, description: str, tables: Tables, vehicles: Sequenc
     lines = [
         f"name = {_value(name)}",
         f"description = {_value(description)}",
-        f"seeds = {seeds}",
+        "seeds = 1",
         *_table("vehicle", {"file": vehicles[0]}),
     ]
     for key, content in tables.items():

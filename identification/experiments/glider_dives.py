@@ -13,8 +13,6 @@ from auv_gym.plant import Plant
 from auv_gym.plant.flying import battery_for, neutral_engine, turning_input
 from auv_gym.records.record import Record, concat
 
-Profile = Callable[[float], float]
-
 _START = 12.0  # m, where a dive's record begins and ends: bubbles and waves are over
 _FINE = 1.0  # s, in which attitude, engine and water change between samples
 _PUMP = 2.5e-6  # m^3/s; a Seaglider pumps 300 cm3 in about two minutes

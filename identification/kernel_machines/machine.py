@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from auv_gym.compiled import compiled
-from auv_gym.physics.radial import BITS, radial_blocks, radial_distances, radial_sums
+from auv_gym.physics.radial import BITS, radial_blocks, radial_sums
 
 
 @compiled
@@ -17,22 +17,6 @@ def sums_of_rows(x, blocks, out):
     room = np.empty((2 + out.shape[1], blocks.shape[2]))
     for i in range(x.shape[0]):
         radial_sums(x[i], blocks, room, out[i])
-
-
-@compiled
-def radial_slopes(x, support, rate, coefficients, out):
-    """Writes the derivative by x[k] of sum_j coefficients[j, o] exp(-|(x - support[j]) rate|^2) into out[o, k]."""
-    out[:, :] = 0.0
-    for j in range(support.shape[0]):
-        square = 0.0
-        for k in range(support.shape[1]):
-            part = (x[k] - support[j, k]) * rate[k]
-            square += part * part
-        kernel = -2.0 * np.exp(-square)
-        for k in range(support.shape[1]):
-            slope = kernel * (x[k] - support[j, k]) * rate[k] * rate[k]
-            for o in range(out.shape[0]):
-                out[o, k] += coefficients[j, o] * slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,30 +60,9 @@ class KernelMachine:
             out += self.bias
         return out[:, 0] if self.flat else out
 
-    def slopes(self, x: np.ndarray) -> np.ndarray:
-        """Derivatives of the outputs by x at its rows, (n, m, d)."""
-        rows = self._rows(x)
-        if self.sigma is None:
-            return np.repeat(self.weights.T[None], len(rows), axis=0)
-        out = np.empty((len(rows), self.bias.size, rows.shape[1]))
-        for row, slopes in zip(rows, out):
-            radial_slopes(row, self.support, self.rate, self.coefficients, slopes)
-        return out
-
-    def distance(self, x: np.ndarray) -> np.ndarray:
-        """How far each row of x is from the nearest one of the support, in scaled units, (n,), to some 1e-8."""
-        rows = self._rows(x)
-        out = np.empty(len(rows))
-        radial_distances((rows - self.middle) * (BITS / self.scale), self._centres, out)
-        return out
-
     @cached_property
     def _blocks(self) -> np.ndarray:
         return radial_blocks(self.support - self.middle, self.rate, self.coefficients)
-
-    @cached_property
-    def _centres(self) -> np.ndarray:
-        return radial_blocks(self.support - self.middle, 1.0 / self.scale, np.empty((len(self.support), 0)))
 
     def _rows(self, x: np.ndarray) -> np.ndarray:
         rows = np.ascontiguousarray(x, dtype=float)

@@ -100,14 +100,14 @@ class PoleInterval:
         along = np.array([-(turned.imag**2), turned.real * turned.imag]) / max(abs(self.continuous), 1e-300)
         return self._estimate("damping ratio", "1", -turned.real, along @ self._slopes)
 
-    def ellipse(self, points: int = 60) -> np.ndarray:
+    def ellipse(self) -> np.ndarray:
         """The border of the 95 % region, complex; of a real pole the ends of its interval; empty without one."""
         if self.problem or self.fixed:
             return np.empty(0, dtype=complex)
         if not self.pair:
             return np.array(self.real.ci95, dtype=complex)
         sizes, axes = np.linalg.eigh(self.covariance)
-        turn = np.linspace(0.0, 2.0 * pi, points)
+        turn = np.linspace(0.0, 2.0 * pi, 60)
         radius = np.sqrt(2.0 * stats.f.ppf(0.95, 2, self.freedom) * np.maximum(sizes, 0.0))
         border = axes @ (radius[:, None] * np.array([np.cos(turn), np.sin(turn)]))
         return self.value + border[0] + 1j * border[1]

@@ -10,7 +10,7 @@ import numpy as np
 
 from auv_gym.compiled import compiled
 from auv_gym.records.record import Record
-from identification.recursive.diving_fit import DivingFit, diving_fit, scatter
+from identification.recursive.diving_fit import DivingFit, traced_fit
 from identification.recursive.diving_model import decayed
 from identification.recursive.recursion import (
     COUNT,
@@ -195,19 +195,9 @@ class CorrectedIvls:
         trace = traced(_ALL, self._started(None, np.inf, 0.0), samples, weights)
         for _ in range(self.passes):
             trace = traced(_ALL, self._started(trace.memory.theta, 0.0, 0.0), samples, weights)
-        theta = trace.memory.theta
         before_integration = np.zeros_like(trace.instrument)
         _integrate_backwards(trace.instrument, samples.interval, self.memory, before_integration)
-        covariance, noise = scatter(samples, theta, trace.memory.gain, before_integration)
-        return diving_fit(
-            samples,
-            theta,
-            covariance,
-            noise=noise,
-            known=self._known,
-            history=trace.theta,
-            skipped=trace.memory.skipped,
-        )
+        return traced_fit(trace, samples, before_integration, self._known)
 
     def _started(self, auxiliary: Sequence[float] | np.ndarray | None, warm_up: float, share: float) -> Memory:
         memory = started(

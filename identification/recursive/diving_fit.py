@@ -9,6 +9,7 @@ import numpy as np
 
 from identification.estimate import Estimate
 from identification.recursive.diving_model import PARAMETERS, DivingModel, regressors
+from identification.recursive.recursion import Trace
 from identification.recursive.samples import Samples
 
 _NORMAL_95 = 1.959964
@@ -66,6 +67,13 @@ def diving_fit(
         )
     model = DivingModel(*map(float, theta[1:]), dt=samples.sample_time)
     return DivingFit(model, np.array(theta), covariance, tuple(estimates), history, noise, skipped)
+
+
+def traced_fit(trace: Trace, samples: Samples, instrument: np.ndarray, known: Sequence[str]) -> DivingFit:
+    """The fit at the end of a recursion, with the scatter that an instrument gives; see `scatter`."""
+    theta, memory = trace.memory.theta, trace.memory
+    covariance, noise = scatter(samples, theta, memory.gain, instrument)
+    return diving_fit(samples, theta, covariance, noise=noise, known=known, history=trace.theta, skipped=memory.skipped)
 
 
 def scatter(samples: Samples, theta: np.ndarray, gain: np.ndarray, instrument: np.ndarray) -> tuple[np.ndarray, float]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.compiled import compiled
 from auv_gym.records.record import Record
-from identification.recursive.diving_fit import DivingFit, diving_fit, scatter
+from identification.recursive.diving_fit import DivingFit, traced_fit
 from identification.recursive.diving_model import regress
 from identification.recursive.recursion import (
     COUNT,
@@ -122,15 +122,5 @@ class Ivls:
                 f"The instrument of Ivls left the finite numbers after {int(np.argmax(lost))} of {lost.size} samples: "
                 "take CorrectedIvls, whose instrument is bounded."
             )
-        theta = trace.memory.theta
         with np.errstate(over="ignore", invalid="ignore"):  # it may have come close to that
-            covariance, noise = scatter(samples, theta, trace.memory.gain, trace.instrument)
-        return diving_fit(
-            samples,
-            theta,
-            covariance,
-            noise=noise,
-            known=self.known,
-            history=trace.theta,
-            skipped=trace.memory.skipped,
-        )
+            return traced_fit(trace, samples, trace.instrument, self.known)

@@ -209,14 +209,14 @@ def check_settings(name: str, initial: Sequence[float], spread: float, known: Se
         raise ValueError(f"{name} got all parameters as known: leave at least one to be fitted.")
 
 
-def checked_weights(name: str, weights: Sequence[np.ndarray] | None, samples: Samples) -> np.ndarray:
+def checked_weights(weights: Sequence[np.ndarray] | None, samples: Samples) -> np.ndarray:
     """One weight per sample of all records; 1 where none are given."""
     if weights is None:
         return np.ones(samples.depth.size)
     found = np.concatenate([np.asarray(part, dtype=float).ravel() for part in weights])
     if found.size != samples.depth.size or not (np.isfinite(found) & (found > 0.0)).all():
         raise ValueError(
-            f"{name}.fit needs one positive weight per sample ({samples.depth.size}), an array for each record; got "
+            f"Rwls.fit needs one positive weight per sample ({samples.depth.size}), an array for each record; got "
             f"{found.size} values, of which {int(np.sum(found > 0.0))} are positive."
         )
     return found

@@ -92,7 +92,7 @@ class Rwls:
     def fit(self, *records: Record, weights: Sequence[np.ndarray] | None = None) -> DivingFit:
         """Fit over all records, one after the other; weights: Lambda of each sample, an array for each record."""
         samples = Samples.of(records, "Rwls", COUNT - len(self.known))
-        weight = checked_weights("Rwls", weights, samples)
+        weight = checked_weights(weights, samples)
         trace = traced(_ALL, self.start(), samples, weight)
         age = np.arange(weight.size)[::-1]
         instrument = trace.instrument * (weight * self.forgetting**age)[:, None]

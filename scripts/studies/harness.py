@@ -279,7 +279,7 @@ def write_sheets(sheets: Sequence[Sheet], out: Path) -> list[Path]:
     return [out / name for name in texts]
 
 
-def write_pictures(pictures: Mapping[str, Callable[[], Figure]], out: Path, dpi: int = 110) -> list[Path]:
+def write_pictures(pictures: Mapping[str, Callable[[], Figure]], out: Path) -> list[Path]:
     """Draw pictures into a folder by their file names; the files.  Raises ImportError without matplotlib."""
     from identification.pages.drawing import STYLE, require_render
 
@@ -289,5 +289,5 @@ def write_pictures(pictures: Mapping[str, Callable[[], Figure]], out: Path, dpi:
     out.mkdir(parents=True, exist_ok=True)
     for name, draw in pictures.items():
         with rc_context(STYLE), replacing(out / name) as new:
-            draw().savefig(new, format="png", dpi=dpi, facecolor="white", pil_kwargs={"optimize": True})
+            draw().savefig(new, format="png", dpi=110, facecolor="white", pil_kwargs={"optimize": True})
     return [out / name for name in pictures]

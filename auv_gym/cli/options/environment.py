@@ -45,21 +45,21 @@ def parse_environment_options(
     """The options of an environment, as far as they were given; raises on what is no PATH=VALUE."""
     options: dict[str, Any] = {"vehicle": vehicle, "dt": dt, "duration": duration}
     if effect:
-        options["effects"] = dict(
-            _pair("--effect", "PATH=VALUE", "effects.rudder.offset=0.05", text) for text in effect
-        )
+        options["effects"] = dict(_pair(text) for text in effect)
     if randomise:
         options["randomise"] = dict(_range(text) for text in randomise)
     return {name: value for name, value in options.items() if value is not None}
 
 
-def _pair(flag: str, form: str, example: str, text: str) -> tuple[str, float]:
+def _pair(text: str) -> tuple[str, float]:
     path, separator, value = text.partition("=")
     try:
         return path.strip(), float(value)
     except ValueError:
         got = "no '='" if not separator else f"the value {value!r}"
-        raise ValueError(f"{flag} needs {form}, such as {example}, got {got} in {text!r}.") from None
+        raise ValueError(
+            f"--effect needs PATH=VALUE, such as effects.rudder.offset=0.05, got {got} in {text!r}."
+        ) from None
 
 
 def _range(text: str) -> tuple[str, tuple[float, float]]:

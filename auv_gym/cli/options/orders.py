@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Sequence
+from typing import Annotated
 
 import typer
 
 from auv_gym.cli.options.numbers import number
-
-if TYPE_CHECKING:
-    from auv_gym.records.record import Record
-    from identification.linear.polynomials.orders import OrderSearch
 
 Search = Annotated[
     list[str] | None,
@@ -49,33 +45,3 @@ def check(search: Sequence[str] | None, choose: str | None, tolerance: float | N
     if tolerance is not None and choose != "parsimony":
         raise ValueError("--tolerance applies to parsimony only: give --choose parsimony, or leave it out.")
     return parse_ranges(search or [])
-
-
-def searched(
-    method: str,
-    records: Sequence[Record],
-    validate: Sequence[Record],
-    inputs: Sequence[str] | None,
-    outputs: Sequence[str] | None,
-    ranges: Mapping[str, Sequence[int]],
-    settings: Mapping[str, Any],
-    choose: str | None,
-    tolerance: float | None,
-    progress: Callable[[float, str], Any],
-) -> OrderSearch:
-    """The search that the options ask for."""
-    from identification.linear.polynomials.orders import TOLERANCE
-    from identification.order_search import search_apart
-
-    return search_apart(
-        method,
-        records,
-        validate,
-        inputs,
-        outputs,
-        ranges,
-        settings=settings,
-        criterion=choose or "mdl",
-        tolerance=TOLERANCE if tolerance is None else tolerance,
-        progress=progress,
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -276,15 +275,3 @@ class Campaign:
     def folder(self) -> Path:
         """Where the campaign file lies."""
         return self.path.resolve().parent
-
-    def facts(self) -> list[tuple[str, str]]:
-        """What all runs share, as pairs of a word and a text, for a report."""
-        return [(word, _in_words(content)) for word, content in self.template.items()]
-
-
-def _in_words(content: Any) -> str:
-    if isinstance(content, Mapping):
-        return ", ".join(f"{key} {_in_words(value)}" for key, value in content.items())
-    if isinstance(content, list) and any(isinstance(part, Mapping) for part in content):
-        return "; ".join(map(_in_words, content))
-    return json.dumps(content, ensure_ascii=False) if isinstance(content, list | bool) else str(content)

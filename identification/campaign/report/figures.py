@@ -137,10 +137,10 @@ def spectra_figure(records: Sequence[Record], wanted: Sequence[str] = ()) -> Fig
     return figure
 
 
-def spectra(records: Sequence[Record], name: str, pieces: int = 6) -> tuple[np.ndarray, np.ndarray]:
+def spectra(records: Sequence[Record], name: str) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies above zero, rad/s, (F,), and the power densities of a channel per rad/s, (runs, F).
 
-    Half-overlapping Hann windows, at least `pieces` in the shortest of the runs, trends removed. Runs that lack the
+    Half-overlapping Hann windows, at least six in the shortest of the runs, trends removed. Runs that lack the
     channel, or are sampled otherwise than the first, are left out; empty where the channel never moves.
     Source: Welch 1967.
     """
@@ -154,7 +154,7 @@ def spectra(records: Sequence[Record], name: str, pieces: int = 6) -> tuple[np.n
             if np.isfinite(values).all() and np.ptp(values) > 0.0:
                 found.append(values)
     shortest = min((v.size for v in found), default=0)
-    length = min(int(2.0 * shortest / (pieces + 1)), 1024)
+    length = min(int(2.0 * shortest / 7.0), 1024)
     if length < 8:
         return np.empty(0), np.empty((0, 0))
     results = [welch(v, fs=1.0 / dt, nperseg=length, detrend="linear") for v in found]

@@ -29,7 +29,6 @@ from auv_gym.vehicles.body.learned_hull import VELOCITIES, LearnedHull, trend_te
 from identification.kernel_machines.hull.smoothing import Smoothness, smoothed, smoothness_of
 from identification.linear.regressors import Series
 
-FORCES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 READINGS = (*VELOCITIES, "roll_rad", "pitch_rad")
 SPLINE = 5  # degree of the curves through smoothed samples
 FEWEST = 20  # samples of a segment

@@ -8,7 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from auv_gym.compiled import compiled
-from auv_gym.models.linear import StateSpace
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.subspaces.realisation import Realisation
@@ -68,22 +67,6 @@ class Slopes:
         return change, -np.einsum("sij,sj->si", self.start_matrices, right)
 
 
-def refine(
-    model: StateSpace, series: Series, *, offset: bool = True, stable: bool = False, iterations: int = _ITERATIONS
-) -> StateSpaceFit:
-    """The model of least one-step errors, log det of their mean square, that a descent from another reaches.
-
-    series: `Series.of(records, model.inputs, model.outputs, "refine")`; each segment has a start of its own.  offset:
-    whether an operating point is estimated.  stable: whether no pole may leave the unit circle.
-    Gauss-Newton steps with Levenberg's damping in the directions that change more than the choice of states; the
-    predictor stays stable, the model need not be.  Intervals follow from the normal matrix at the end.
-    Source: McKelvey, Helmersson and Ribarits 2004, Data driven local coordinates for multivariable linear systems and
-    their application to system identification, Automatica 40; Ljung 1999, sec. 7.2, 9.4.
-    """
-    scaled = Scaled.of(series, offset, "refine")
-    return refined(series, scaled, _scaled(model, scaled), stable=stable, iterations=iterations)
-
-
 def refined(
     series: Series,
     scaled: Scaled,
@@ -93,7 +76,15 @@ def refined(
     iterations: int = _ITERATIONS,
     singular_values: np.ndarray | None = None,
 ) -> StateSpaceFit:
-    """As `refine`, from a realisation between scaled signals whose predictor is stable."""
+    """The model of least one-step errors, log det of their mean square, that a descent from another reaches.
+
+    found: between scaled signals, with a stable predictor.  stable: whether no pole may leave the unit circle.  Each
+    segment has a start of its own.
+    Gauss-Newton steps with Levenberg's damping in the directions that change more than the choice of states; the
+    predictor stays stable, the model need not be.  Intervals follow from the normal matrix at the end.
+    Source: McKelvey, Helmersson and Ribarits 2004, Data driven local coordinates for multivariable linear systems and
+    their application to system identification, Automatica 40; Ljung 1999, sec. 7.2, 9.4.
+    """
     here, count = descended(scaled, found, stable, iterations)
     covariance, free = covariance_of(here, scaled)
     return fit_of(series, scaled, here.found, here.errors, free, covariance, singular_values, count)
@@ -258,19 +249,6 @@ def candidate(found: Realisation, starts: np.ndarray, scaled: Scaled) -> Candida
         _states(found.predictor, ends, np.ascontiguousarray(starts), states)
         errors = np.concatenate(scaled.y) - states @ found.c.T - found.level
     return Candidate(found, starts, states, errors)
-
-
-def _scaled(model: StateSpace, scaled: Scaled) -> Realisation:
-    """A model between scaled signals."""
-    b = model.b * scaled.input_spread
-    return Realisation(
-        model.a,
-        b,
-        model.c / scaled.output_spread[:, None],
-        model.k * scaled.output_spread,
-        model.b @ (scaled.input_middle - model.input_offset),
-        (model.output_offset - scaled.output_middle) / scaled.output_spread,
-    )
 
 
 @compiled

@@ -5,7 +5,7 @@ import pytest
 
 from auv_gym.physics.radial import BITS, radial_blocks, radial_distances
 from identification.kernel_machines.bordered import Spectrum, solved
-from identification.kernel_machines.machine import radial_slopes, sums_of_rows
+from identification.kernel_machines.machine import sums_of_rows
 from identification.kernel_machines.regression import LsSvmRegression, Training
 
 RNG = np.random.default_rng(4)
@@ -98,19 +98,6 @@ def test_smooth_function_is_recovered_between_its_samples():
     machine = LsSvmRegression(1e8, 1.5).fit(x, truth(x))
     # x |x| has a jump in its second derivative, which no smooth kernel follows at a spacing of 0.1
     assert np.max(np.abs(machine(inside) - truth(inside))) < 0.01
-    np.testing.assert_allclose(machine.distance(x[:3]), 0.0, atol=1e-7)  # the root of what its square is rounded to
-
-
-def test_slopes_are_those_of_the_predictions():
-    step = 1e-5 * X.std(axis=0)
-    for kernel in ("rbf", "linear"):
-        machine = LsSvmRegression(50.0, 1.5, kernel).fit(X, Y)
-        slopes = machine.slopes(X[:5])
-        for k in range(3):
-            move = np.zeros(3)
-            move[k] = step[k]
-            central = (machine(X[:5] + move) - machine(X[:5] - move)) / (2.0 * step[k])
-            np.testing.assert_allclose(slopes[:, :, k], central, rtol=1e-6, atol=1e-6 * np.abs(central).max())
 
 
 def test_compiled_rows_equal_plain_ones():
@@ -125,11 +112,6 @@ def test_compiled_rows_equal_plain_ones():
         function(scaled, blocks, fast)
         getattr(function, "py_func", function)(scaled, blocks, plain)
         np.testing.assert_allclose(fast, plain, rtol=1e-12)
-    slopes, plain_slopes = np.empty((2, 3)), np.empty((2, 3))
-    arrays = (at[0], machine.support, machine.rate, machine.coefficients)
-    radial_slopes(*arrays, slopes)
-    getattr(radial_slopes, "py_func", radial_slopes)(*arrays, plain_slopes)
-    np.testing.assert_allclose(slopes, plain_slopes, rtol=1e-11, atol=1e-12)
 
 
 def test_wide_bells_with_a_large_penalty_keep_their_digits():

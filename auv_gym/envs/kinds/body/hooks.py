@@ -92,16 +92,4 @@ def set_out(plan, x, t, e, row):
     begin_path(plan, x[NORTH], x[EAST], x[DEPTH], x[HEADING], t, e, row)
 
 
-HOOKS = Hooks(
-    command=command,
-    beyond=beyond,
-    score=score,
-    aim=aim,
-    look=look,
-    pass_time=pass_time,
-    steps_left=steps_left,
-    ages=ages,
-    place=place,
-    set_out=set_out,
-    doubt=doubt,
-)
+HOOKS = Hooks(command, beyond, score, aim, look, pass_time, steps_left, ages, place, set_out, doubt)

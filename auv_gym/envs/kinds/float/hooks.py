@@ -101,16 +101,4 @@ def place(plan, drawn, t, e, row):
         row[int(t.ages_at) + k] = (k + 1 - count) * t.dt
 
 
-HOOKS = Hooks(
-    command=command,
-    beyond=beyond,
-    score=score,
-    aim=aim,
-    look=look,
-    pass_time=pass_time,
-    steps_left=steps_left,
-    ages=ages,
-    place=place,
-    set_out=set_out,
-    doubt=doubt,
-)
+HOOKS = Hooks(command, beyond, score, aim, look, pass_time, steps_left, ages, place, set_out, doubt)

@@ -10,7 +10,7 @@ from auv_gym.envs.kernel.targets import ages, pass_time, steps_left
 
 # Open in the templates, which are compiled.
 ACTUATORS = SHARES = ACROSS = SINKING = ENGINE = 0
-NORTH = EAST = DEPTH = HEADING = READ_NORTH = READ_EAST = READ_DEPTH = READ_HEADING = 0
+NORTH = EAST = HEADING = READ_NORTH = READ_EAST = READ_DEPTH = READ_HEADING = 0
 
 
 def command(plan, t, e):
@@ -43,16 +43,4 @@ def set_out(plan, x, t, e, row):
     begin_path(plan, x[NORTH], x[EAST], 0.0, x[HEADING], t, e, row)
 
 
-HOOKS = Hooks(
-    command=command,
-    beyond=beyond,
-    score=score_from_above,
-    aim=aim,
-    look=look,
-    pass_time=pass_time,
-    steps_left=steps_left,
-    ages=ages,
-    place=place,
-    set_out=set_out,
-    doubt=doubt,
-)
+HOOKS = Hooks(command, beyond, score_from_above, aim, look, pass_time, steps_left, ages, place, set_out, doubt)

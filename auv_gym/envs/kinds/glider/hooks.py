@@ -60,16 +60,4 @@ def place(plan, drawn, t, e, row):
         e.command[IN_U] = t.speed[0] + (t.speed[1] - t.speed[0]) * row[draws + 1]
 
 
-HOOKS = Hooks(
-    command=command,
-    beyond=beyond,
-    score=score,
-    aim=aim,
-    look=look,
-    pass_time=pass_time,
-    steps_left=steps_left,
-    ages=ages,
-    place=place,
-    set_out=set_out,
-    doubt=doubt,
-)
+HOOKS = Hooks(command, beyond, score, aim, look, pass_time, steps_left, ages, place, set_out, doubt)

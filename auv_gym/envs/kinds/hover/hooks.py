@@ -15,7 +15,7 @@ from auv_gym.plant.thrusters import command_of_thrust
 
 LAST = ("last_1", "last_2", "last_3", "last_4", "last_5", "last_6")  # the shares of the last wrench, action by action
 
-ACTUATORS = OUTPUTS = SHARES = ACROSS = LAST_1 = 0
+ACTUATORS = SHARES = ACROSS = LAST_1 = 0
 ERROR_AHEAD = ERROR_STARBOARD = ERROR_BELOW = HEADING_ERROR_SIN = HEADING_ERROR_COS = ROLL_ERROR = PITCH_ERROR = 0
 SUM_AHEAD = SUM_STARBOARD = SUM_BELOW = SUM_HEADING = 0
 NORTH = EAST = DEPTH = ROLL = PITCH = HEADING = 0
@@ -147,16 +147,4 @@ def set_out(plan, x, t, e, row):
             e.target[i] = e.first_target[i]
 
 
-HOOKS = Hooks(
-    command=command,
-    beyond=beyond,
-    score=score,
-    aim=aim,
-    look=look,
-    pass_time=pass_time,
-    steps_left=steps_left,
-    ages=ages,
-    place=place,
-    set_out=set_out,
-    doubt=doubt,
-)
+HOOKS = Hooks(command, beyond, score, aim, look, pass_time, steps_left, ages, place, set_out, doubt)

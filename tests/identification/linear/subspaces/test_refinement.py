@@ -11,11 +11,11 @@ from identification.linear.scaled import Scaled
 from identification.linear.subspaces import refinement
 from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
+from identification.linear.subspaces.realisation import Realisation
 from identification.linear.subspaces.refinement import (
     candidate,
     local_directions,
     realisation_normal_equations,
-    refine,
     refined,
 )
 
@@ -51,7 +51,19 @@ def record_of(n, rng, segments=1):
 def problem(n=60, segments=2, offset=True):
     series = Series.of([record_of(n, np.random.default_rng(0), segments)], *CHANNELS, "refine")
     scaled = Scaled.of(series, offset, "refine")
-    return series, scaled, refinement._scaled(TRUTH, scaled)
+    return series, scaled, between_scaled(TRUTH, scaled)
+
+
+def between_scaled(model, scaled):
+    """A model between scaled signals."""
+    return Realisation(
+        model.a,
+        model.b * scaled.input_spread,
+        model.c / scaled.output_spread[:, None],
+        model.k * scaled.output_spread,
+        model.b @ (scaled.input_middle - model.input_offset),
+        (model.output_offset - scaled.output_middle) / scaled.output_spread,
+    )
 
 
 @pytest.mark.parametrize("offset", [True, False])
@@ -127,7 +139,8 @@ def test_refining_a_given_model_needs_no_subspace_fit():
     record = record_of(600, np.random.default_rng(2))
     rough = N4sid(*CHANNELS, order=3).fit(record)
     series = Series.of([record], *CHANNELS, "refine")
-    fit = refine(rough.model, series)
+    scaled = Scaled.of(series, True, "refine")
+    fit = refined(series, scaled, between_scaled(rough.model, scaled))
     same = N4sid(*CHANNELS, order=3, refine=True).fit(record)
     np.testing.assert_allclose(fit.loss, same.loss, rtol=1e-5)
     np.testing.assert_allclose(fit.at(fit.vector).a, fit.model.a)
