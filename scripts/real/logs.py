@@ -17,23 +17,23 @@ _SHIPPED = (
     ("sebastian", f"Slocum, German Bight, July 2014, 70 min of yos to 40 m; {_SLOCUM}", 240.0),
 )
 _FLOAT = "float P0051 of the project MERMAID, 2020; from `oseanfro/automaid`"
-_PUMP = "the pump's rate, to about 2 % (the makers); how much the bypass lets in, and how much the valve, nobody knows"
+_PUMP = "the pump's rate, to about 2 % (the makers); how much oil the bypass and the valve let in is not known"
 _DRIFT, _PROFILES = "mermaid/free_drift_dives.csv", "mermaid/ctd_profiles_1dbar.csv"
 _BLUEROV = (
     "BlueROV of 2016, six T200 thrusters, telegraph signals in open loop; from `MrEkelund/ExjobbROV`, a master's thesis"
 )
 _THESIS = (
     "estimates of the thesis: linear damping in roll 0.9 to 2.6 and in yaw 1.0 to 2.9 kg m^2/s, centre of buoyancy 1.1 "
-    "to 6.1 cm up; thruster 6 hardly rolls the vehicle, and a model without its arm fits better; the filter's attitude "
-    "does not agree with the gyros"
+    "to 6.1 cm up; thruster 6 hardly rolls the vehicle, and a model without its lever arm fits better; the attitude of "
+    "the on-board filter does not agree with the gyros"
 )
 _FITS = {"roll rate": 100.0 - 40.27, "pitch rate": 100.0 - 43.96, "yaw rate": 100.0 - 58.09}
-_THEIRS = "the makers' validation log, 15 s from one fitted start (figure of the thesis)"
+_THEIRS = "the thesis, on its validation log: 15 s from one fitted start"
 _TANK = "BlueROV2 Heavy in a tank under motion capture, 27 May 2025; from `SAABmarine-MEX/saabmarineMEX_learning`"
-_BENZON = "coefficients of von Benzon et al. (2022) for a vehicle of this make, which are the preset; a tether is on"
-_OPERATORS = (
-    "the operators' hydrodynamic model, `vert_speed` in the files, with constants that may come from these dives"
+_BENZON = (
+    "coefficients of von Benzon et al. (2022) for a vehicle of this type, which are the preset; a tether is attached"
 )
+_OPERATORS = "the operators' hydrodynamic model (`vert_speed` in the files); its constants may come from these dives"
 
 
 def _bag(name: str, *signals: str, rivals: bool = True, source: str = _BLUEROV) -> Log:
@@ -118,7 +118,7 @@ LOGS = (
         "mermaid",
         ("mermaid/fixed_point_february_dives.csv",),
         f"{_FLOAT}; twelve dives to 73 m",
-        f"its GPS does not move for days, so that a line probably holds it; {_PUMP}",
+        f"its GPS position is the same for days, so a line probably holds it; {_PUMP}",
     ),
     Log(
         "VT 690",
@@ -140,7 +140,7 @@ LOGS = (
         "q_radps",
         "r_radps",
         rivals=False,
-        source="the same vehicle, its depth following a sine, attitude held by controllers",
+        source="the same vehicle; its depth follows a sine, and controllers hold the attitude",
     ),
     _tank("3dof", "6dof"),
     _tank("6dof", "3dof"),
@@ -168,7 +168,7 @@ LOGS = (
         # SEA035.10.gli.sub, without a number, is a copy of .014
         tuple(f"seaexplorer/SEA035.10.gli.sub.{k:03d}" for k in range(1, 49)),
         "SeaExplorer, 48 files without a CTD; from `c-proof/pyglider`",
-        "nothing; half of this log gave the preset its polar",
+        "nothing; the polar of the preset was fitted to half of this log",
         least_depth=10.0,
         signals=("depth_m",),
         run=diagnose_flight,

@@ -36,22 +36,24 @@ def sheets(results: Results) -> list[Sheet]:
         "signal",
         *_STAGES,
         "verdict",
-        "named (95 % interval), share of the halves of the log that choose it",
+        "effects named (95 % interval), share of the halves of the log that choose them",
     )
     found = [
-        Sheet("real_logs", "Errors in what no fit has seen, and what is named", heads, [_row(*r) for r in results])
+        Sheet("real_logs", "Errors on unseen data, and the effects that were found", heads, [_row(*r) for r in results])
     ]
     told: dict[tuple[str, str, str], list[str]] = {}
     for log, _ in results:
         told.setdefault((log.source, log.known, log.rival or "no other tool known"), []).append(log.name)
-    heads = ("logs", "source", "known from elsewhere", "others")
+    heads = ("logs", "source", "what is known from other sources", "others")
     rows = [["; ".join(names), *words] for words, names in told.items()]
-    found.append(Sheet("sources", "Where logs come from", heads, rows))
+    found.append(Sheet("sources", "Sources of the logs", heads, rows))
     dives = [dive for _, said in results for dive in said.get("currents", ())]
     if dives:
-        heads = ("dive", "as stated, m/s north and east>", "with effects, 95 % intervals>", "operators>")
+        heads = ("dive", "with the operators' constants>", "with effects, 95 % intervals>", "stated by the operators>")
         rows = [[d["dive"], *(_current(d[k]) for k in ("given", "after", "operators"))] for d in dives]
-        found.append(Sheet("currents", "Depth-averaged currents of dives that no fit has seen", heads, sorted(rows)))
+        found.append(
+            Sheet("currents", "Depth-averaged currents of unseen dives, m/s north and east", heads, sorted(rows))
+        )
     return found
 
 
