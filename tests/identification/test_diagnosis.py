@@ -24,7 +24,7 @@ from identification.diagnosis.search.remainder import Left
 from identification.experiments.excitation import prbs
 from identification.experiments.heading_control import closed_loop
 from scripts import readme_figure
-from scripts.blind_logs import CLEAN, effects_of, one, study
+from tests.identification.blind_logs import CLEAN, effects_of, one, study
 from tests.identification.gliders import QUICK
 
 DEGREE = np.pi / 180.0
@@ -58,7 +58,7 @@ def ammonite():
     ids=lambda x: x.removeprefix("effects."),
 )
 def test_an_undeclared_effect_is_named_or_in_the_named_tie(vehicle, effect):
-    result = one((vehicle, effect, 1))[3]
+    result = one((vehicle, effect, 1))
     assert result["right"], result
 
 
@@ -66,7 +66,7 @@ def test_an_undeclared_effect_is_named_or_in_the_named_tie(vehicle, effect):
 @pytest.mark.parametrize("seed", [9, 18])
 def test_a_compass_bias_does_not_pass_for_a_current(seed):
     """Two held-out windows refute the bias by chance (9), or a dozen blocks show a current by chance (18)."""
-    result = one(("slocum", "effects.compass.bias", seed))[3]
+    result = one(("slocum", "effects.compass.bias", seed))
     assert result["right"], result
     assert not result["beside"], result
 
