@@ -37,7 +37,6 @@ class Hull:
 
     tree: Any
     parts: Any
-    rigid: np.ndarray
     inverse: np.ndarray
     momentum: np.ndarray
     coefficients: np.ndarray
@@ -70,7 +69,6 @@ class Hull:
         return cls(
             tree=tree,
             parts=plant.parts,
-            rigid=rigid,
             inverse=np.linalg.inv(rigid + added),
             momentum=rigid + 0.5 * tree.coriolis_of_added_mass * (added + added.T),
             coefficients=np.array([[getattr(getattr(tree, axis), name) for name in used] for axis in _AXES]),

@@ -8,13 +8,15 @@ Each series is a command of its own, as a user would give it; all of them have t
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
-from contextlib import suppress
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,6 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.changes.series import LEAST, MISSIONS
 from identification.experiments.heading_control import closed_loop
-from scripts.studies.campaign_resilience import PATIENCE, cluster, wait
 from scripts.studies.harness import Found, Option, Sheet, Study
 
 VEHICLE, GROWS, BY = "slocum", "effects.rudder.offset", 0.04  # rad, over the series
@@ -32,6 +33,7 @@ PARTS = {
     "kill": "killed halfway with SIGKILL, workers and all, and resumed",
     "dask": "on a Dask scheduler with two worker processes, one killed halfway",
 }
+PATIENCE = 1800.0  # s, for a series
 
 
 def attempt(part: str, seed: int, missions: int, duration: float) -> dict[str, Any]:
@@ -91,6 +93,40 @@ def _clustered(logs: Sequence[str], out: Path) -> dict[str, Any]:
         at = _written(out)
         workers[0].kill()
         return {"killed_after": at, "exit_code": process.wait(PATIENCE)}
+
+
+@contextmanager
+def cluster(workers: int) -> Iterator[tuple[str, list[subprocess.Popen]]]:
+    """The address of a Dask scheduler on the loopback, and its worker processes, without nannies to restart them."""
+    with tempfile.TemporaryDirectory(prefix="auv-gym-") as folder:
+        told = Path(folder) / "scheduler.json"
+        dask = [sys.executable, "-m", "dask"]
+        quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder}
+        quiet["env"] = {**os.environ, "PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
+        options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(told)]
+        started = [subprocess.Popen([*dask, "scheduler", *options], **quiet)]
+        try:
+            wait(lambda: told.is_file() and told.stat().st_size > 0)
+            address = json.loads(told.read_text(encoding="utf-8"))["address"]
+            options = ["--nthreads", "1", "--no-nanny", "--no-dashboard"]
+            started += [subprocess.Popen([*dask, "worker", address, *options], **quiet) for _ in range(workers)]
+            yield address, started[1:]
+        finally:
+            for process in started:
+                process.terminate()
+            for process in started:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(10)
+                process.kill()
+
+
+def wait(ready: Callable[[], bool]) -> None:
+    """Wait until something is ready; raises ValueError where it takes longer than `PATIENCE`."""
+    deadline = time.monotonic() + PATIENCE
+    while not ready():
+        if time.monotonic() > deadline:
+            raise ValueError(f"Nothing came within {PATIENCE:g} s: try fewer or shorter runs.")
+        time.sleep(0.05)
 
 
 def _written(out: Path) -> int:

@@ -278,6 +278,15 @@ def test_missions_and_logs_are_runs_too(campaign, tmp_path):
 
 
 @pytest.mark.slow
+def test_a_cluster_performs_the_same_runs(campaign, tmp_path, whole):
+    distributed = pytest.importorskip("distributed")
+    out = tmp_path / "out"
+    with distributed.LocalCluster(2, threads_per_worker=1, processes=False, dashboard_address=None) as cluster:
+        conduct(campaign, out, scheduler=cluster.scheduler_address)
+    assert numbers(out) == whole
+
+
+@pytest.mark.slow
 def test_a_killed_campaign_goes_on_where_it_was(campaign, tmp_path, whole):
     out = tmp_path / "out"
     for blow, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGTERM, 130)):
