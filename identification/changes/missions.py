@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -145,13 +145,29 @@ def compare_missions(
 
 
 def _attributed(
-    known: Known, candidates: Sequence[Candidate], most: int, progress: Progress
+    known: Known, candidates: Sequence[Candidate], most: int, progress: Progress, sought: Collection[str] = ()
 ) -> tuple[Known, State, list[Round]]:
-    """Forward selection in the steps of integration that suit what it finds; what is known in these, state, rounds."""
-    bench, nominal = known.bench, known.nominal
-    state, rounds = attribute(bench, nominal, candidates, most, (), lambda f, text: progress(0.1 + 0.7 * f, text))
+    """Forward selection beside the noises, and in the steps of integration, that suit what it finds; what is known
+    in these, state, rounds.
+
+    sought: paths that are fitted to the end whatever they promise.
+    """
+    bench, count = known.bench, len(candidates)
+
+    def told(fraction: float, text: str) -> None:
+        progress(0.1 + 0.7 * fraction, text)
+
+    state, rounds = attribute(bench, known.nominal, candidates, most, (), told, sought)
     suited = known.in_suited_steps(state)
-    return (known, state, rounds) if suited is known else _attributed(suited, candidates, most, progress)
+    if suited is not known:
+        return _attributed(suited, candidates, most, progress, sought)
+    progress(0.8, "looking for waves and for sensor errors that last")
+    noisier, beside = known.with_further_noises(state)
+    if noisier is known:
+        return known, state, rounds
+    chosen = [p for made in rounds if made.chosen for p in made.chosen.candidate.paths]
+    again = _attributed(noisier, candidates, most, progress, chosen)
+    return (known, state, rounds) if noisier.led_astray(beside, again[0], again[1], count) else again
 
 
 def _own_paths(made: Round, state: State) -> list[str]:

@@ -94,7 +94,8 @@ def find_onsets(
     forms = [_Forms.of(c, courses, k) for k, c in enumerate(may.effects)]
     forms += [_Forms.of(c, courses) for c in may.refitted(known)]
     count = sum(f.count for f in forms) + 2 * len(spans_of(edges)) * len(may.effects)
-    bench, state, rounds, times = _searched(known, forms, count, most, progress)
+    known, state, rounds, times = _beside_noises(known, forms, count, most, progress)
+    bench = known.bench
     state, rounds = settled(bench, known.nominal, state, rounds, count)
     span = (float(log.record.time[0]), float(log.record.time[-1]))
     return Timeline(tuple(_timed(bench, state, rounds, times)), count, plant, span, tuple(log.record.notes))
@@ -171,6 +172,24 @@ def _courses(edges: Sequence[int], effects: int) -> dict[str, Course]:
         found[f"{BETWEEN}{k}"] = Course((edges[0], edges[-1]), (0.0, 1.0, 0.0))
         found[f"{OUTSIDE}{k}"] = Course((edges[0], edges[-1]), (1.0, 0.0, 1.0))
     return found | {GROWING: Course(tuple(edges), tuple((np.arange(count) + 0.5) / count))}
+
+
+def _beside_noises(
+    known: Known, forms: Sequence[_Forms], count: int, most: int, progress: Progress
+) -> tuple[Known, State, list[Round], dict[str, list[Sized]]]:
+    """The search, repeated beside waves and sensor errors that last where what it finds leaves some.
+
+    Returned are what is known, on the bench with the times that were found, and the rest as `_searched` does.
+    """
+    bench, state, rounds, times = _searched(known, forms, count, most, progress)
+    given, nominal = (placed(bench, one, {})[1] for one in (known.given, known.nominal))
+    here = replace(known, bench=bench, given=given, nominal=nominal)
+    progress(0.85, "looking for waves and for sensor errors that last")
+    noisier, beside = here.with_further_noises(state)
+    if noisier is here:
+        return here, state, rounds, times
+    again = _beside_noises(noisier, forms, count, most, progress)
+    return (here, state, rounds, times) if noisier.led_astray(beside, again[0], again[1], count) else again
 
 
 def _searched(

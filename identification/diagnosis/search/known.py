@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from auv_gym.plant import Plant
-from identification.deciding import HELD, LEAST_TRACE
+from identification.deciding import FORETELLS, HELD, LEAST_TRACE
 from identification.diagnosis.log.checking import CheckedLog
+from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.further_noises import with_further_noises
 from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
@@ -53,6 +54,20 @@ class Known:
             return self, state
         there = dict(zip(states, found, strict=True))
         return Known(bench, self.coefficients, there[self.given], there[self.nominal]), there[state]
+
+    def led_astray(self, state: State, again: Known, there: State, count: int) -> bool:
+        """Whether a search beside these noises explains the record less well than what was found without them.
+
+        By the likelihood beside the same noises, or by free runs: noises may take an effect's part, but foretell
+        nothing.
+        state: what was found without them, fitted beside them.  again, there: the fits of the search, what it found.
+        count: of all candidates, for the bar.
+        """
+        bench = self.bench
+        ahead = bench.problem.objective(state.point, state.paths)
+        ahead -= again.bench.problem.objective(there.point, there.paths)
+        more = max(len(state.paths) - len(there.paths), 1)
+        return 2.0 * ahead > more * threshold(count) or bench.nearer(there, state) > FORETELLS
 
     def out_of_valley(self, trials: Sequence[Trial], bar: float) -> Known:
         """The same, its nominal fit gone on from the end of the likeliest trial, if that is likelier; else these.

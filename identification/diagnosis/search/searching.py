@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from identification.deciding import FEW_STATES, FORETELLS
+from identification.deciding import FEW_STATES
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
@@ -76,22 +76,12 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress, sought: Co
             found = chosen
             continue
         if chosen.noisier is not None:
-            again = search_effects(log, chosen.noisier[0], progress, chosen.paths)
-            if not _lost(*chosen.noisier, again):
+            noisier, beside = chosen.noisier
+            again = search_effects(log, noisier, progress, chosen.paths)
+            if not noisier.led_astray(beside, again.known, again.state, len(again.candidates)):
                 return again
         found = _reconsidered(log, chosen, progress)
     return found
-
-
-def _lost(noisier: Known, state: State, again: Searched) -> bool:
-    """Whether a search beside further noises explains the record less well than what was found without them.
-
-    By the likelihood beside the same noises, or by free runs: noises may take an effect's part, but foretell nothing.
-    """
-    ahead = noisier.bench.problem.objective(state.point, state.paths)
-    ahead -= again.known.bench.problem.objective(again.state.point, again.state.paths)
-    more = max(len(state.paths) - len(again.state.paths), 1)
-    return 2.0 * ahead > more * threshold(len(again.candidates)) or noisier.bench.nearer(again.state, state) > FORETELLS
 
 
 def _selected(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str]) -> _Chosen | Known:

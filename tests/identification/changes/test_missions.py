@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,8 +14,8 @@ from identification.changes.joined import joined_sides
 from identification.changes.missions import Common, compare_missions, one_or_two
 from identification.changes.page import write_comparison
 from identification.changes.wording import summary, tied_words
-from identification.diagnosis.log.checking import Asked
-from identification.diagnosis.search.known import Known
+from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.search.known import Known, fit_known
 from identification.diagnosis.search.workbench import Workbench
 from identification.experiments.heading_control import closed_loop
 from identification.fit.changing import ChangingPlant, Course, change
@@ -69,6 +70,30 @@ def test_effects_are_sought_again_in_the_steps_that_suit_them(monkeypatch):
     monkeypatch.setattr(missions, "attribute", attributed)
     assert compare_missions(*sides, plant).changed == ()
     assert len(sought) == 2
+
+
+@pytest.mark.parametrize("astray", [False, True])
+def test_the_search_is_repeated_beside_waves_unless_that_leads_astray(monkeypatch, astray):
+    plant, asked, sought = load_vehicle("slocum"), [], []
+    known = fit_known(check_log(mission(1), plant, Asked(trust=True)), lambda fraction, text: None)
+    other = replace(known)
+
+    def noisier(self, state):
+        asked.append(self)
+        return (other, state) if self is known else (self, state)
+
+    def attributed(bench, nominal, candidates, most, sensors, progress, paths):
+        sought.append(tuple(paths))
+        chosen = SimpleNamespace(candidate=SimpleNamespace(paths=(OFFSET,)))
+        return nominal, [SimpleNamespace(chosen=chosen), SimpleNamespace(chosen=None)]
+
+    monkeypatch.setattr(Known, "with_further_noises", noisier)
+    monkeypatch.setattr(Known, "led_astray", lambda self, state, again, there, count: astray)
+    monkeypatch.setattr(missions, "attribute", attributed)
+    found = missions._attributed(known, (), 1, lambda fraction, text: None)
+    assert found[0] is (known if astray else other)
+    assert asked == [known, other]
+    assert sought == [(), (OFFSET,)]  # what was found without them is tried to the end
 
 
 def test_a_side_that_cannot_be_used_is_named():

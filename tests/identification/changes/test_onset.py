@@ -1,12 +1,17 @@
 """When an effect began, in a log in which it acts from a time on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
+from identification.changes import onset
 from identification.changes.onset import _throughout, find_onsets
 from identification.changes.wording import timeline_summary
+from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.search.known import Known, fit_known
 from identification.experiments.heading_control import closed_loop
 from scripts.blind.changing import ChangingGlider
 
@@ -22,6 +27,29 @@ def test_what_acts_throughout_is_not_told_from_itself_with_a_time():
     tied = ("until effects.rudder.gain", "effects.yaw.moment", "from effects.yaw.moment", "from effects.compass.bias")
     left = ("effects.yaw.moment", "from effects.compass.bias")
     assert _throughout("effects.rudder.gain", tied) == left
+
+
+@pytest.mark.parametrize("astray", [False, True])
+def test_the_search_is_repeated_beside_waves_unless_that_leads_astray(monkeypatch, astray):
+    plant, searched = load_vehicle("slocum"), []
+    record = closed_loop(plant, rng=np.random.default_rng(5), duration=800.0)
+    known = fit_known(check_log(record, plant, Asked(trust=True)), lambda fraction, text: None)
+    other = replace(known, coefficients=())
+
+    def searching(given, *rest):
+        searched.append(given)
+        return given.bench, given.nominal, [], {}
+
+    def noisier(self, state):
+        return (self, state) if len(searched) == 2 else (other, state)
+
+    monkeypatch.setattr(Known, "with_further_noises", noisier)
+    monkeypatch.setattr(Known, "led_astray", lambda self, state, again, there, count: astray)
+    monkeypatch.setattr(onset, "_searched", searching)
+    monkeypatch.setattr(onset, "placed", lambda bench, state, edges: (bench, state))
+    found, *_ = onset._beside_noises(known, (), 1, 1, lambda fraction, text: None)
+    assert searched == [known, other]
+    assert found.coefficients == (known.coefficients if astray else ())
 
 
 @pytest.mark.slow

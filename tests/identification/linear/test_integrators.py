@@ -8,9 +8,9 @@ from identification.estimator import notes_of
 from identification.identified import identify
 from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
-from identification.linear.subspaces import refinement
 from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
+from identification.linear.subspaces.realisation import Realisation
 from identification.linear.subspaces.refinement import candidate, local_directions, realisation_normal_equations
 from identification.linear.uncertainty import pole_intervals
 from tests.identification.linear.subspaces.test_long_predictor import (
@@ -127,8 +127,17 @@ def test_a_record_too_short_to_refine_shows_no_drift():
 
 def scaled_of(fit, scaled):
     """The model of a fit between scaled signals."""
-    found = refinement._scaled(fit.model, scaled)
-    return type(found)(*found.parts, fit.centre.integrators, fit.centre.rest)
+    model = fit.model
+    return Realisation(
+        model.a,
+        model.b * scaled.input_spread,
+        model.c / scaled.output_spread[:, None],
+        model.k * scaled.output_spread,
+        model.b @ (scaled.input_middle - model.input_offset),
+        (model.output_offset - scaled.output_middle) / scaled.output_spread,
+        fit.centre.integrators,
+        fit.centre.rest,
+    )
 
 
 @pytest.mark.parametrize("resting", [True, False])
