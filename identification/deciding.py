@@ -140,6 +140,10 @@ FEW_STATES = 4
 """States of the filter up to which effects are exchanged for each other, and all are sought in parts of a log.  Source:
 time; with more it takes minutes."""
 
+TIMED = 12
+"""Effects and coefficients whose times are sought, of a vehicle with more states: those in which sixths of the log seem
+to differ most.  Source: time, all of a torpedo's take ten minutes; convention."""
+
 # Search: what is accepted, and what is tied with it
 
 EFFECT_LEAST = float(chi2.isf(0.1, 1))

@@ -178,6 +178,7 @@ def _own_paths(made: Round, state: State) -> list[str]:
 def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round], count: int) -> Changed | Common:
     """What a parameter is on each side, both free; common, where evidence does not ask for two values.
 
+    Nor does it where the interval of the change has room for none: that allows for a misjudged colour of the errors.
     count: of all candidates, for the bar.
     """
     spec, plant = spec_at(state.plant, path), state.plant
@@ -197,17 +198,17 @@ def one_or_two(bench: Workbench, state: State, path: str, rounds: Sequence[Round
         plant = replace_at(plant, values)
     both, common = bench.fit(plant, free, state), bench.fit(alike, [*kept, path], state)
     evidence, tied = bench.gain(common, both), tied_names(mine)
-    if evidence < threshold(count):
+    moved = sized(bench, both, {p: second.get(p, 0.0) - first.get(p, 0.0) for p in {**first, **second}})
+    if evidence < threshold(count) or moved.ci95[0] <= 0.0 <= moved.ci95[1]:
         size = Sized(value_at(common.plant, path), bench.interval(common, path))
         return Common(path, spec.title or path, spec.unit, size, sum(r.evidence[0] for r in mine), tied)
-    moved = {p: second.get(p, 0.0) - first.get(p, 0.0) for p in {**first, **second}}
     return Changed(
         path,
         spec.title or path,
         spec.unit,
         sized(bench, both, first, added, spec.bounds),
         sized(bench, both, second, added, spec.bounds),
-        sized(bench, both, moved),
+        moved,
         evidence,
         tied,
         all(t.startswith((f"{BEFORE} ", f"{AFTER} ")) for t in tied),

@@ -14,13 +14,14 @@ from auv_gym.records.record import Record
 from identification.changes.forms import Changeable, Sized, in_form, kind_of, sized, tied_names, usable_log
 from identification.changes.spans import BETWEEN, OUTSIDE, best_spans, spans_of
 from identification.changes.times import moved_to_best, placed, split_evidence
-from identification.deciding import BLOCKS, DOUBT, MOST_EFFECTS, MOST_PARTS, PROMISED, UNSTEADY
+from identification.deciding import BLOCKS, DOUBT, FEW_STATES, MOST_EFFECTS, MOST_PARTS, PROMISED, TIMED, UNSTEADY
 from identification.diagnosis.log.checking import Asked, CheckedLog
 from identification.diagnosis.log.parts import Part, block_numbers
 from identification.diagnosis.search.attribution import Round, selected, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, Screening, screen_signatures
 from identification.diagnosis.search.known import Known, fit_known
+from identification.diagnosis.search.remainder import likeliest_to_change
 from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import State, Workbench
 from identification.fit.changing import ChangingPlant, Course, changed
@@ -123,6 +124,11 @@ class _Forms:
         return cls(own, groups, tuple(in_form(own, f"{kind}{number}") for kind in (BETWEEN, OUTSIDE)))
 
     @property
+    def paths(self) -> set[str]:
+        """What may change."""
+        return {changed(p)[1] for c in self.screened for p in c.paths}
+
+    @property
     def count(self) -> int:
         """How many forms there are, without those of two times."""
         return (self.throughout is not None) + sum(map(len, self.groups))
@@ -207,7 +213,7 @@ def _searched(
     for number in range(most):
         share = 0.1 + 0.75 * number / most
         progress(share, "screening the times")
-        left, spans = _promising(bench, state, forms, threshold(count))
+        left, spans = _promising(bench, state, _contenders(bench, state, forms), threshold(count))
         bench, state = placed(bench, state, spans)
         made = selected(bench, state, left, count, (), lambda f, text, s=share: progress(s, text))
         best = made.chosen or _nearly(made, threshold(count))
@@ -231,6 +237,19 @@ def _searched(
         times[changed(own.paths[0])[0]] = reached.times
         forms = [f.without(own) if own in (*f.screened, *f.spans) else f for f in forms]
     return bench, state, rounds, times
+
+
+def _contenders(bench: Workbench, state: State, forms: Sequence[_Forms]) -> Sequence[_Forms]:
+    """The forms of what sixths of the log seem to differ in most, with the noises as they are or with weaker ones.
+
+    All of them for a vehicle of few states: elsewhere each time of each is a run of the vehicle that takes a while.
+    """
+    if bench.followed <= FEW_STATES:
+        return forms
+    paths = list(dict.fromkeys(p for f in forms for p in sorted(f.paths)))
+    bases = (state, *bench.quieted(state))
+    kept = {p for base in bases for p in likeliest_to_change(bench, base, paths, TIMED)}
+    return [f for f in forms if not kept.isdisjoint(f.paths)]
 
 
 @dataclass(frozen=True, eq=False)

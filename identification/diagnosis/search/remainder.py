@@ -87,13 +87,13 @@ def passing_effect(bench: Workbench, state: State, candidates: Sequence[Candidat
     paths = list(dict.fromkeys(p for c in candidates for p in c.paths if p not in state.paths))
     if not paths or not bench.goes_on("looked for an effect that acts in a part of the log"):
         return ""
-    likeliest = paths if bench.followed <= FEW_STATES else _likeliest(bench, state, paths)
+    likeliest = paths if bench.followed <= FEW_STATES else likeliest_to_change(bench, state, paths, CONTENDERS)
     least = steadiness(bench, state, likeliest, tried=len(paths), level=LEFT)
     return least.path if least.probability < LEFT else ""
 
 
-def _likeliest(bench: Workbench, state: State, paths: Sequence[str]) -> list[str]:
-    """The paths of which sixths of the record seem to have the most different sizes, `CONTENDERS` of them.
+def likeliest_to_change(bench: Workbench, state: State, paths: Sequence[str], count: int) -> list[str]:
+    """The paths of which sixths of the record seem to have the most different sizes, so many of them.
 
     By a regression on what each does throughout, cut where the sixths begin: what it leaves behind there is left out,
     which costs a column a path instead of six.
@@ -105,7 +105,7 @@ def _likeliest(bench: Workbench, state: State, paths: Sequence[str]) -> list[str
     for path, column in zip(paths, problem.columns_of(point, moves_of(paths)), strict=True):
         cut = problem.counted_flat(column * later[:, :, None])
         evidence[path] = regression.evidence_of(cut)
-    return sorted(evidence, key=lambda path: -evidence[path])[:CONTENDERS]
+    return sorted(evidence, key=lambda path: -evidence[path])[:count]
 
 
 def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | None = None, level: float = LEFT) -> bool:

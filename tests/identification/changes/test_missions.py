@@ -11,7 +11,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.changes import missions
 from identification.changes.joined import joined_sides
-from identification.changes.missions import Common, compare_missions, one_or_two
+from identification.changes.missions import Changed, Common, compare_missions, one_or_two
 from identification.changes.page import write_comparison
 from identification.changes.wording import summary, tied_words
 from identification.diagnosis.log.checking import Asked, check_log
@@ -102,8 +102,11 @@ def test_a_side_that_cannot_be_used_is_named():
         compare_missions(log, log.between(0.0, 200.0), load_vehicle("slocum"))
 
 
-def test_two_values_where_one_would_do_are_one():
-    """A search may choose `after` where the effect is common: what is said of it does not follow from that."""
+def test_two_values_where_one_would_do_are_one(monkeypatch):
+    """A search may choose `after` where the effect is common: what is said of it does not follow from that.
+
+    Nor from an interval, however narrow: changes are many, and evidence must be more than chance has with all of them.
+    """
     plant = load_vehicle("slocum")
     sides = {"before": mission(1, 0.05), "after": mission(2, 0.05)}
     log, edge = joined_sides(sides, plant, Asked(trust=True))
@@ -111,9 +114,24 @@ def test_two_values_where_one_would_do_are_one():
     changing = ChangingPlant.of(plant, {form: [OFFSET] for form in courses}, courses)
     bench = Workbench(changing, log.record, log.parts, 0.1, log.every_window)
     state = bench.fit(bench.plant, (*plant.coefficients, change("before", OFFSET), change("after", OFFSET)))
+    monkeypatch.setattr(bench, "half_width_of", lambda state, shares: 1e-9)
     found = one_or_two(bench, state, OFFSET, [], 50)
     assert isinstance(found, Common)
     assert found.size.value == pytest.approx(0.05, abs=0.001)  # over ten standard errors
+
+
+def test_a_change_whose_interval_contains_zero_is_none(monkeypatch):
+    """However likely the likelihood alone has it: colour that is misjudged makes that too certain."""
+    plant = load_vehicle("slocum")
+    sides = {"before": mission(1), "after": mission(2, 0.05)}
+    log, edge = joined_sides(sides, plant, Asked(trust=True))
+    courses = {"before": Course((edge,), (1.0, 0.0)), "after": Course((edge,), (0.0, 1.0))}
+    changing = ChangingPlant.of(plant, {form: [OFFSET] for form in courses}, courses)
+    bench = Workbench(changing, log.record, log.parts, 0.1, log.every_window)
+    state = bench.fit(bench.plant, (*plant.coefficients, change("before", OFFSET), change("after", OFFSET)))
+    assert isinstance(one_or_two(bench, state, OFFSET, [], 50), Changed)
+    monkeypatch.setattr(bench, "half_width_of", lambda state, shares: 0.1)
+    assert isinstance(one_or_two(bench, state, OFFSET, [], 50), Common)
 
 
 def test_what_else_would_explain_a_change_is_told_by_its_title():

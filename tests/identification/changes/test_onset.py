@@ -67,6 +67,20 @@ def test_a_rudder_that_goes_off_is_named_with_the_time():
     assert timeline_summary(found)[0].startswith("Rudder offset, 1.7")
 
 
+def test_of_a_vehicle_with_many_states_the_times_of_the_likeliest_are_sought(monkeypatch):
+    plant, screened = load_vehicle("slocum"), []
+    bent, promising = replace_at(plant, OFFSET, 0.03), onset._promising
+    moving = ChangingGlider(plant, lambda t: bent if t >= 400.0 else plant)
+    monkeypatch.setattr(onset, "FEW_STATES", 0)
+    monkeypatch.setattr(onset, "TIMED", 2)
+    monkeypatch.setattr(onset, "_promising", lambda *given: screened.append(len(given[2])) or promising(*given))
+    found = find_onsets(closed_loop(moving, rng=np.random.default_rng(5), duration=600.0), plant, most=1)
+    assert [(one.form, OFFSET in (one.path, *(t.rpartition(" ")[2] for t in one.tied))) for one in found.found] == [
+        ("from", True)
+    ]
+    assert screened == [4]  # two by the noises as they are, two by weaker ones
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("form", ["between", "outside"])
 def test_an_effect_of_two_times_is_named_with_both(form):
