@@ -104,13 +104,11 @@ class Habitat:
         return f"{size}: {said}."
 
 
-def residual_habitat(runs: FreeRuns, record: Record, rng: np.random.Generator, name: str | None = None) -> Habitat:
-    """Where the residual of free runs lives: in the channel with the most of it, or the one named.
+def residual_habitat(runs: FreeRuns, record: Record, rng: np.random.Generator) -> Habitat:
+    """Where the residual of free runs lives, in the channel with the most of it.
 
-    Raises ValueError if the runs have no residual, or no such channel.
+    Raises ValueError if the runs have no residual.
     """
-    if name is not None and name not in runs.channels:
-        raise ValueError(f"The runs have {', '.join(runs.channels)}, got {name!r}: choose one of these.")
     keep = runs.scored & np.isfinite(runs.residual).any(axis=1)
     if keep.sum() < 2 * BINS:
         raise ValueError(
@@ -119,7 +117,7 @@ def residual_habitat(runs: FreeRuns, record: Record, rng: np.random.Generator, n
     rows, window = runs.rows[keep], np.unique(runs.window[keep], return_inverse=True)[1]
     residual = np.where(np.isfinite(runs.residual[keep]), runs.residual[keep], 0.0)
     shares, certain = _channels(runs, residual, window, rng)
-    top = name or max(shares, key=lambda c: shares[c])
+    top = max(shares, key=lambda c: shares[c])
     e = residual[:, runs.channels.index(top)]
     signals = {n: record[n][rows] for n in record.names if n not in _TRACK and np.ptp(record[n][rows]) > 0.0}
     signals["time_s"] = record.time[rows] - record.time[0]

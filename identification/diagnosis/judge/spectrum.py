@@ -10,20 +10,17 @@ from scipy import optimize, stats
 from identification.deciding import LEAST_FOR_SPECTRUM, SLOWEST, UNEVEN
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Rhythm:
-    """The period with the most power above the background, and the spectrum for a picture.
+    """The period with the most power above the background.
 
-    band: s, periods of the neighbouring frequencies.  share: of the power that lies there.  frequency: Hz, (n,), with
-    power and background in the residual's unit squared.  p_value: of such a peak anywhere in slow noise.
+    band: s, periods of the neighbouring frequencies.  share: of the power that lies there.  p_value: of such a peak
+    anywhere in slow noise.
     """
 
     period_s: float
     band: tuple[float, float]
     share: float
-    frequency: np.ndarray
-    power: np.ndarray
-    background: np.ndarray
     p_value: float
 
 
@@ -50,8 +47,7 @@ def residual_period(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Rhyt
     kept = slice(SLOWEST, len(frequency) - (n % 2 == 0))
     frequency, power = frequency[kept], power[kept]
     freedom = 2 * len(members)
-    background = _background(frequency * float(np.median(steps)), power, freedom)
-    ratio = power / background
+    ratio = power / _background(frequency * float(np.median(steps)), power, freedom)
     peak = int(np.argmax(ratio))
     single = float(stats.chi2.sf(freedom * ratio[peak], freedom))
     p = float(-np.expm1(len(frequency) * np.log1p(-min(single, 1.0 - 1e-12))))
@@ -60,7 +56,7 @@ def residual_period(e: np.ndarray, window: np.ndarray, time: np.ndarray) -> Rhyt
     step = float(frequency[1] - frequency[0])
     band = (1.0 / (centre + step), 1.0 / max(centre - step, 0.5 * step))
     share = float(power[near].sum() / power.sum())
-    return Rhythm(1.0 / centre, band, share, frequency, power, background, p)
+    return Rhythm(1.0 / centre, band, share, p)
 
 
 def _background(cycles: np.ndarray, power: np.ndarray, freedom: int) -> np.ndarray:

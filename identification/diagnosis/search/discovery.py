@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -58,8 +58,7 @@ class Term:
 class Discovery:
     """What a search for a term found: the plant with the terms that hold, or the one that came in.
 
-    paths: all that is fitted in `plant`.  terms: those that hold.
-    rejected: those that were stable but do not.  frequencies: of the terms of which any half chose one alike.
+    paths: all that is fitted in `plant`.  terms: those that hold.  rejected: those that were stable but do not.
     """
 
     plant: Plant
@@ -67,7 +66,6 @@ class Discovery:
     state: State
     terms: tuple[Term, ...] = ()
     rejected: tuple[Term, ...] = ()
-    frequencies: dict[str, float] = field(default_factory=dict)
 
     @property
     def holds(self) -> bool:
@@ -111,12 +109,11 @@ def discover(
     if not library:
         raise ValueError(f"A search for terms of {state.plant.name} needs some to choose from: see `library_of`.")
     settle = state.plant.settle if settle is None else settle
-    terms, rejected, often, scales = [], [], {}, {}
+    terms, rejected, scales = [], [], {}
     for _ in range(MOST_TERMS):
         if terms and not what_is_left(bench, state):
             break
-        found, frequencies = search(bench, state, [p for p in library if p not in state.paths], rng)
-        often = {p: max(f, often.get(p, 0.0)) for p, f in frequencies.items()} | {t.path: t.frequency for t in terms}
+        found = search(bench, state, [p for p in library if p not in state.paths], rng)
         if found is None:
             break
         term = _weighed(bench, state, found, len(library), settle)
@@ -128,8 +125,7 @@ def discover(
     if len(terms) > 1:
         state, terms, failed = _confirmed(bench, state, terms, scales, len(library), settle)
         rejected += failed
-    often = {p: f for p, f in often.items() if f > 0.0}
-    return Discovery(state.plant, state.paths, state, tuple(terms), tuple(rejected), often)
+    return Discovery(state.plant, state.paths, state, tuple(terms), tuple(rejected))
 
 
 def _digits(*values: float) -> list[str]:

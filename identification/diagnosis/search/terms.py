@@ -34,19 +34,16 @@ class Found:
     scales: Mapping[str, float]
 
 
-def search(
-    bench: Workbench, state: State, library: Sequence[str], rng: np.random.Generator
-) -> tuple[Found | None, dict[str, float]]:
-    """The term that explains most beside what is fitted, if one is chosen stably; and how often each was chosen."""
-    best, often = None, dict.fromkeys(library, 0.0)
+def search(bench: Workbench, state: State, library: Sequence[str], rng: np.random.Generator) -> Found | None:
+    """The term that explains most beside what is fitted, if one is chosen stably."""
+    best = None
     for base in (state, *bench.with_given(state)):
         free = replace(base, paths=state.paths)  # coefficients as given are as free as fitted ones
         selection, scales = selection_of(bench, free, library, rng)
-        often = {p: max(often[p], float(f)) for p, f in zip(library, selection.frequency, strict=True)}
         found = _best(bench, state, base, library, selection, scales)
         if found and (best is None or bench.gain(best.state, found.state) > 0.0):
             best = found
-    return best, often
+    return best
 
 
 def selection_of(

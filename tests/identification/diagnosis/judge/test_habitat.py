@@ -100,14 +100,6 @@ def test_slow_noise_has_no_period():
     assert np.mean(np.array(p) < 0.01) <= 0.08
 
 
-def test_a_channel_can_be_chosen_and_must_exist():
-    runs, record = lived(0)
-    found = residual_habitat(runs, record, np.random.default_rng(0), "depth_m")
-    assert found.channel == "depth_m"
-    with pytest.raises(ValueError, match="choose one of these"):
-        residual_habitat(runs, record, np.random.default_rng(0), "roll_rad")
-
-
 def test_few_windows_give_no_p_value():
     runs, record = lived(0, "depth")
     few = runs.window < 3
