@@ -56,7 +56,7 @@ class _Tried:
     signature: np.ndarray
 
 
-def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependence | None:
+def dependence(bench: Workbench, state: State) -> Dependence | None:
     """The surest dependence of what pushes the vehicle on a signal, None if chance would do as well.
 
     A push that follows a signal is no noise, whatever its law: steps and ramps at eighths of the signal's range, its
@@ -68,7 +68,7 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
     A controller that steers against pushes, by more than what was logged, makes commands follow them.  So a law of a
     command counts only if it tells more than the same law of commands that come later, see `_answers`.
     Of a vehicle with many states, only velocities that random accelerations push are asked for, and quarters.
-    level: probability of a dependence where there is none; see `_shared`.
+    `LEFT` is the probability of a dependence where there is none; see `_shared`.
     """
     problem, point = bench.problem, state.point
     if point.system is None:
@@ -89,7 +89,7 @@ def dependence(bench: Workbench, state: State, level: float = LEFT) -> Dependenc
                 evidence, rest = _evidence(regression, problem.counted_flat(problem.slopes_by(point, terms)))
                 tried = zip(evidence, laws, summed_up(rest), strict=True)
                 found += [_Tried(told, int(axis), law, float(e), r) for e, law, r in tried if e > 0.0]
-    shares = _shared(found, level)
+    shares = _shared(found, LEFT)
     likely = []
     for one, share in sorted(zip(found, shares, strict=True), key=lambda o: chi2.sf(o[0].evidence, 1) / o[1]):
         if len(likely) == WEIGHED:
@@ -130,7 +130,7 @@ def _answers(problem: PredictionErrors, regression: Regression, one: _Tried) -> 
     return float(_evidence(regression, signatures)[0].max()) > one.evidence
 
 
-def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
+def clock_varies(bench: Workbench, state: State) -> bool:
     """Whether the clock of a record surely had different rates in different parts of it.
 
     The time stamps then disagree with the motion in all channels at once, which accelerations can only imitate.
@@ -144,7 +144,7 @@ def clock_varies(bench: Workbench, state: State, level: float = LEFT) -> bool:
         within = (part == np.arange(parts)[:, None]).astype(float)
         terms = problem.partly(point, CLOCK, within)
         chances.append(_chance(regression, problem.counted_flat(problem.slopes_by(point, terms))))
-    return len(chances) * min(chances) < level
+    return len(chances) * min(chances) < LEFT
 
 
 def signals_of(problem: PredictionErrors, point: Point) -> dict[str, np.ndarray]:

@@ -12,14 +12,14 @@ from identification.fit.prediction_errors import PredictionErrors
 _SMALL_STEP = 0.05  # of the logarithm of a strength, for its information
 
 
-def gusts(problem: PredictionErrors, point: Point, level: float = LEFT) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def gusts(problem: PredictionErrors, point: Point) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The velocities whose random accelerations are surely stronger in some part of the record than throughout.
 
     And the channels whose lasting errors are.
     By the slopes of the log-likelihood of equal parts by an acceleration's strength (a score test; Rao 1948,
     Proceedings of the Cambridge Philosophical Society 44).  With an information of n/2 in a part, twice the slope and n
     is distributed nearly as chi-square with n degrees of freedom, and exactly where the acceleration is read directly.
-    level: probability of a yes where they are steady, shared among all accelerations and parts.
+    `LEFT` is the probability of a yes where they are steady, shared among all accelerations and parts.
     """
     if point.system is None or not problem.pushes(point).any():
         return (), ()
@@ -32,7 +32,7 @@ def gusts(problem: PredictionErrors, point: Point, level: float = LEFT) -> tuple
     for k, (i, information) in enumerate(zip(strengths, informations, strict=True)):
         freedoms = [2.0 * information / len(one) for one in tried]
         chances = [chi2.sf(2.0 * s[:, k].max() + n, n) for s, n in zip(tried, freedoms, strict=True) if n > 0.0]
-        if count * min(chances, default=1.0) < level:
+        if count * min(chances, default=1.0) < LEFT:
             d = i - len(problem.channels)
             found[int(problem.misread[d])].append(problem.pushed[d])
     return tuple(found[0]), tuple(found[1])

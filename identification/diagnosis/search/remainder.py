@@ -108,7 +108,7 @@ def likeliest_to_change(bench: Workbench, state: State, paths: Sequence[str], co
     return sorted(evidence, key=lambda path: -evidence[path])[:count]
 
 
-def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | None = None, level: float = LEFT) -> bool:
+def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray, level: float) -> bool:
     """Whether errors are surely not white, and their colour would predict more than `EXCESS` of them.
 
     fitted: (n, q), orthonormal columns of what was fitted.  level: probability of a yes where there is no colour.
@@ -117,7 +117,7 @@ def is_coloured(error: np.ndarray, stretch: np.ndarray, fitted: np.ndarray | Non
     return white.p_value < level and float((white.correlation**2).sum()) > EXCESS
 
 
-def comes_in_bursts(error: np.ndarray, stretch: np.ndarray, level: float = LEFT) -> bool:
+def comes_in_bursts(error: np.ndarray, stretch: np.ndarray, level: float) -> bool:
     """Whether a large error is surely followed by large ones more often than by chance, and that would predict squares.
 
     White errors of steady size have white squares.  A square counts up to `SURE` usual deviations, so that wild

@@ -9,6 +9,9 @@ from scipy import stats
 
 from identification.deciding import ALIKE, LEVEL, SEEN
 
+_MOST = 3  # regressors that are chosen in a half
+_DRAWS = 50  # pairs of halves
+
 
 @dataclass(frozen=True, eq=False)
 class Selection:
@@ -30,10 +33,8 @@ def select(
     residual: np.ndarray,
     blocks: np.ndarray,
     rng: np.random.Generator,
-    most: int = 3,
-    draws: int = 50,
 ) -> Selection:
-    """Stability selection by forward selection in `draws` pairs of complementary halves of blocks.
+    """Stability selection by forward selection in pairs of complementary halves of blocks.
 
     columns: (P, N), nuisance: (K, N), always in the regression; residual: (N,), of unit variance but for what is
     missing; blocks: (N,), the number of each value's block.
@@ -51,12 +52,12 @@ def select(
     cosine = np.where(np.outer(seen, seen), whole[:count, :count] / np.outer(root, root), np.eye(count))
     variance = whole[count, count] / residual.size
     bar = float(stats.chi2.isf(LEVEL / max(count, 1), 1))
-    chosen = np.zeros((2 * draws, count), dtype=bool)
-    for draw in range(draws):
+    chosen = np.zeros((2 * _DRAWS, count), dtype=bool)
+    for draw in range(_DRAWS):
         order = rng.permutation(len(grams))
         for side, half in enumerate((order[: len(order) // 2], order[len(order) // 2 :])):
             gram = _swept(grams[half].sum(axis=0), len(nuisance))
-            chosen[2 * draw + side, _forward(gram, seen, int(sizes[half].sum()), most, bar)] = True
+            chosen[2 * draw + side, _forward(gram, seen, int(sizes[half].sum()), bar)] = True
     near = np.abs(cosine) >= ALIKE
     frequency = (chosen @ near.astype(int) > 0).mean(axis=0) * seen
     return Selection(frequency, cross**2 / safe / variance, cross / safe, cosine)
@@ -70,15 +71,15 @@ def _swept(gram: np.ndarray, count: int) -> np.ndarray:
     return gram[count:, count:] - mixed.T @ np.linalg.lstsq(inner, mixed, rcond=1e-10)[0]
 
 
-def _forward(gram: np.ndarray, seen: np.ndarray, size: int, most: int, bar: float) -> list[int]:
-    """Regressors in the order in which each gains most, up to `most`, while the gain in evidence is above the bar.
+def _forward(gram: np.ndarray, seen: np.ndarray, size: int, bar: float) -> list[int]:
+    """Regressors in the order in which each gains most, up to `_MOST`, while the gain in evidence is above the bar.
 
     gram: (P + 1, P + 1), the last row is the residual's.
     """
     gram, count = gram.copy(), len(gram) - 1
     first = np.diag(gram)[:count].copy()
     found: list[int] = []
-    for _ in range(most):
+    for _ in range(_MOST):
         power = np.diag(gram)[:count]
         open_ = seen & (power > SEEN * first)
         gains = np.where(open_, gram[:count, count] ** 2 / np.where(open_, power, 1.0), 0.0)

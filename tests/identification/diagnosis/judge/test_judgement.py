@@ -57,30 +57,31 @@ def white_and_slow(seed: int = 0, count: int = 20_000) -> tuple[np.ndarray, np.n
 
 def test_white_errors_leave_nothing_and_slow_ones_beyond_a_trace_do():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
-    assert not is_coloured(white, stretch)
-    assert is_coloured(white + np.sqrt(0.1) * slow, stretch)
+    none = np.zeros((white.size, 0))
+    assert not is_coloured(white, stretch, none, LEFT)
+    assert is_coloured(white + np.sqrt(0.1) * slow, stretch, none, LEFT)
     little = white + np.sqrt(0.02) * slow
     assert whiteness(little, stretch).p_value < 1e-4  # sure, but it would predict next to nothing
-    assert not is_coloured(little, stretch)
+    assert not is_coloured(little, stretch, none, LEFT)
 
 
 def test_bursts_are_told_from_steady_noise_from_wild_readings_and_from_a_trace():
     (white, slow), stretch = white_and_slow(), np.repeat(np.arange(400), 50)
-    assert not comes_in_bursts(white, stretch)
-    assert comes_in_bursts(white * (1.0 + 0.5 * slow), stretch)
-    assert not comes_in_bursts(white * (1.0 + 0.1 * slow), stretch)  # sure, but it would predict next to nothing
+    assert not comes_in_bursts(white, stretch, LEFT)
+    assert comes_in_bursts(white * (1.0 + 0.5 * slow), stretch, LEFT)
+    assert not comes_in_bursts(white * (1.0 + 0.1 * slow), stretch, LEFT)  # sure, but it would predict next to nothing
     wild = white.copy()
     wild[100:110] *= 100.0
-    assert not comes_in_bursts(wild, stretch)
+    assert not comes_in_bursts(wild, stretch, LEFT)
 
 
 @pytest.mark.slow
 def test_white_errors_are_flagged_as_seldom_as_is_said():
     """Of 2000 records of 500 readings, at most as many as chance makes of that share in one test out of 10,000."""
-    rng, stretch, count = np.random.default_rng(3), np.repeat(np.arange(5), 100), 2000
+    rng, stretch, none, count = np.random.default_rng(3), np.repeat(np.arange(5), 100), np.zeros((500, 0)), 2000
     records = rng.standard_normal((count, 500))
-    coloured = sum(is_coloured(errors, stretch) for errors in records)
-    bursts = sum(comes_in_bursts(errors, stretch) for errors in records)
+    coloured = sum(is_coloured(errors, stretch, none, LEFT) for errors in records)
+    bursts = sum(comes_in_bursts(errors, stretch, LEFT) for errors in records)
     assert 0 < coloured <= binom.isf(1e-4, count, LEFT)
     assert 0 < bursts <= binom.isf(1e-4, count, LEFT)
 

@@ -45,9 +45,11 @@ def test_an_actuator_that_is_stronger_to_one_side_shows_and_noise_does_not(clean
 
 
 @pytest.mark.slow
-def test_the_level_is_shared_by_all_that_is_tried(clean):
+def test_the_level_is_shared_by_all_that_is_tried(clean, monkeypatch):
     """At a level of one, everything would show; at the level that is asked for, next to nothing by chance."""
-    assert dependence(*clean, level=2.0) is not None
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "LEFT", 2.0)
+        assert dependence(*clean) is not None
     rng, false = np.random.default_rng(11), 0
     for _ in range(12):
         false += dependence(*fitted(closed_loop(PLANT, rng=rng, duration=600.0))) is not None

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
+from identification.diagnosis.search import gusts as module
 from identification.diagnosis.search.gusts import gusts
 from identification.fit.prediction_errors import PredictionErrors
 from tests.identification.fit.test_prediction_errors import GLIDER, OFFSET, glider_log, whole
@@ -34,13 +35,15 @@ def test_slopes_of_all_parts_are_those_of_the_whole():
 
 
 @pytest.mark.slow
-def test_the_level_is_shared_by_parts_and_accelerations():
+def test_the_level_is_shared_by_parts_and_accelerations(monkeypatch):
     """At a level that all parts together reach by chance, something shows; at the level that is asked for, seldom."""
-    false = sum(any(gusts(*fitted(glider_log(seed)), level=0.05)) for seed in range(20, 44))
+    monkeypatch.setattr(module, "LEFT", 0.05)
+    false = sum(any(gusts(*fitted(glider_log(seed)))) for seed in range(20, 44))
     assert false <= 4  # 24 at 5 %: more in 0.6 %
 
 
 @pytest.mark.slow
-def test_steady_pushes_are_flagged_as_seldom_as_is_said():
+def test_steady_pushes_are_flagged_as_seldom_as_is_said(monkeypatch):
     for level, most in ((0.05, 22), (0.01, 7)):  # of 200: more have a chance of 0.02 % and 0.1 %
-        assert sum(any(gusts(*fitted(glider_log(seed)), level=level)) for seed in range(400, 600)) <= most
+        monkeypatch.setattr(module, "LEFT", level)
+        assert sum(any(gusts(*fitted(glider_log(seed)))) for seed in range(400, 600)) <= most
