@@ -76,6 +76,7 @@ def identify(
 
         from auv_gym.models.files import save_model
         from auv_gym.plant import load_vehicle
+        from auv_gym.records.joining import check_apart
         from identification.estimator import make_estimator, notes_of, parse_settings
         from identification.identified import identify as identify_records
         from identification.linear.fit import is_linear
@@ -108,6 +109,7 @@ def identify(
         fitted, apart = (
             [_read(name, mapping, named, cut_gaps, resample) for name in names] for names in (records, validate or [])
         )
+        check_apart(list(zip([*records, *(validate or [])], [*fitted, *apart], strict=True)))
         found, fitting = None, progress
         if ranges:
             from identification.linear.polynomials.orders import TOLERANCE

@@ -85,6 +85,16 @@ def test_models_are_compared_over_a_record(folder, tmp_path, capsys):
     assert set(found["horizons_s"]["truth"]["depth_m"]) == {"4.0", "12.0", "40.0", "120.0", "400.0"}
 
 
+@pytest.mark.parametrize("more", [["{}"], ["--validate", "{}"]])
+def test_a_record_that_is_given_twice_is_refused(folder, tmp_path, capsys, more):
+    """Neither counts twice, nor is a model judged on what it was fitted to."""
+    train, out = folder / "train.nc", tmp_path / "model.npz"
+    again = [one.format(train) for one in more]
+    assert run("identify", train, *again, "--out", out, "--method", "arx", *CHANNELS) == 1
+    assert "was given twice" in " ".join(capsys.readouterr().err.split())
+    assert not out.exists()
+
+
 def test_bad_input_is_refused_in_words(folder, tmp_path, capsys):
     train, out = folder / "train.nc", tmp_path / "m.npz"
     save_model(TRUTH, tmp_path / "truth.npz")
