@@ -33,7 +33,7 @@ def placed(bench: Workbench, state: State, edges: Mapping[str, tuple[int, ...]])
     return other, replace(state, plant=problem.plant_at(state.point, state.paths))
 
 
-def moved_to_best(bench: Workbench, state: State, form: str, number: int = 0) -> tuple[Workbench, State, Sized]:
+def moved_to_best(bench: Workbench, state: State, form: str, number: int) -> tuple[Workbench, State, Sized]:
     """The state with one of a form's edges where it is likeliest, the bench of that, and the time with its interval.
 
     number: of the edge.  Sought among rows about it, since commands that change make several likely ones, then by steps

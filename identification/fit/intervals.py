@@ -284,8 +284,8 @@ def profile_interval(
     paths: Sequence[str],
     path: str,
     error: float,
-    reach: float = 1.96,
-    way: np.ndarray | None = None,
+    reach: float,
+    way: np.ndarray | None,
 ) -> tuple[float, float]:
     """Where the log-likelihood, all else refitted, falls by half of `reach` squared; for corners and bounds.
 

@@ -23,7 +23,7 @@ def noise_floor(residual: np.ndarray, window: np.ndarray) -> float:
     return max(float(np.sqrt(np.mean(second**2) / 6.0)), 1e-9) if second.size else 1e-9
 
 
-def noise_floors(values: np.ndarray, window: np.ndarray, readings: np.ndarray | None = None) -> np.ndarray:
+def noise_floors(values: np.ndarray, window: np.ndarray, readings: np.ndarray | None) -> np.ndarray:
     """The noise floor of each channel, (C,), by its readings alone, a mask of the values' shape, (rows, C)."""
     held = np.ones(values.shape, dtype=bool) if readings is None else readings
     return np.array([noise_floor(v[h], window[h]) for v, h in zip(values.T, held.T, strict=True)])

@@ -33,7 +33,7 @@ class Held:
     left: Left
 
 
-def what_holds(searched: Searched, varying: bool = False) -> Held:
+def what_holds(searched: Searched, varying: bool) -> Held:
     """The effects that most halves of the record see, and whose size is one, the others confirmed without the rest.
 
     varying: whether those stay of which parts of the record contradict each other; nothing constant is named then.

@@ -47,7 +47,7 @@ def attribute(
     most: int,
     sensors: Sequence[Mismatch],
     progress: Progress,
-    sought: Collection[str] = (),
+    sought: Collection[str],
 ) -> tuple[State, list[Round]]:
     """Forward selection of up to `most` effects; the fitted state that it ends in, and its rounds.
 

@@ -160,7 +160,7 @@ def screen_pairs(
     candidates: Sequence[Candidate],
     threshold: float,
     most: int,
-    instead: Candidate | None = None,
+    instead: Candidate | None,
 ) -> list[tuple[Screening, tuple[Screening, Screening]]]:
     """Regression of the filter's errors on each two signatures at once: the pair, as one candidate, and its members.
 

@@ -97,18 +97,17 @@ def library_of(plant: Plant) -> tuple[str, ...]:
 
 
 def discover(
-    bench: Workbench, state: State, library: Sequence[str], rng: np.random.Generator, settle: float | None = None
+    bench: Workbench, state: State, library: Sequence[str], rng: np.random.Generator, settle: float
 ) -> Discovery:
     """At most two terms of the library, chosen stably over halves of the fitted windows and confirmed by the others.
 
     A second one only where something is left beside the first.
 
-    state: what has been fitted so far (`paths`).  settle: s, to which the starts of free runs are fitted; default the
-    vehicle's.  Raises ValueError if the library is empty.
+    state: what has been fitted so far (`paths`).  settle: s, to which the starts of free runs are fitted.
+    Raises ValueError if the library is empty.
     """
     if not library:
         raise ValueError(f"A search for terms of {state.plant.name} needs some to choose from: see `library_of`.")
-    settle = state.plant.settle if settle is None else settle
     terms, rejected, scales = [], [], {}
     for _ in range(MOST_TERMS):
         if terms and not what_is_left(bench, state):

@@ -95,7 +95,7 @@ def explanations(
     rounds: Sequence[Round],
     survivals: Sequence[Survival],
     most: int,
-    search: Search = lambda state, beside: None,
+    search: Search,
 ) -> Explanations:
     """All sets that explain a record nearly as well as the one that rounds have chosen.
 

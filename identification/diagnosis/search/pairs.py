@@ -23,7 +23,7 @@ from identification.diagnosis.search.workbench import State, Workbench
 
 
 def best_pair(
-    bench: Workbench, state: State, left: Sequence[Candidate], count: int, instead: Candidate | None = None
+    bench: Workbench, state: State, left: Sequence[Candidate], count: int, instead: Candidate | None
 ) -> tuple[Trial, Trial] | None:
     """The likeliest pair that passes the gate as one change, and each of the two beside the other; None without one.
 

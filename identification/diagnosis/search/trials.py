@@ -74,7 +74,7 @@ def trials_of(
     left: Sequence[Candidate],
     count: int,
     progress: Progress,
-    plain: Collection[str] = (),
+    plain: Collection[str],
 ) -> list[Trial]:
     """A trial for each candidate beside what was fitted before, most evidence first.
 

@@ -434,12 +434,12 @@ def test_a_profile_of_a_smooth_parameter_is_its_interval_and_ends_at_a_bound(pus
     k = PATHS.index(OFFSET)
     error = float(np.sqrt(told.covariance[k, k])) * problem.scale(OFFSET)
     value = point.vector[problem.index[OFFSET]]
-    low, high = profile_interval(problem, point, PATHS, OFFSET, error)
+    low, high = profile_interval(problem, point, PATHS, OFFSET, error, 1.96, None)
     assert low == pytest.approx(value - 1.96 * error, abs=0.4 * error)  # noises held, scores that correlate allowed for
     assert high == pytest.approx(value + 1.96 * error, abs=0.4 * error)
     lag = "effects.rudder.lag"
     beside = problem.solve(replace_at(GLIDER, lag, 0.05), (*PATHS, lag))
-    low, high = profile_interval(problem, beside, (*PATHS, lag), lag, 0.05)
+    low, high = profile_interval(problem, beside, (*PATHS, lag), lag, 0.05, 1.96, None)
     assert low == 0.0  # a lag is not negative
     assert 0.0 < high < 2.0
 
@@ -578,7 +578,7 @@ def test_a_profile_does_not_count_what_the_colour_of_errors_tells_of_coefficient
     point = problem.solve(replace_at(GLIDER, time, 0.3), paths)
     told = information_of(problem, point, paths)
     error = float(np.linalg.inv(told.alone)[2, 2] ** 0.5) * problem.scale(time)
-    low, high = profile_interval(problem, point, paths, time, error)
+    low, high = profile_interval(problem, point, paths, time, error, 1.96, None)
     assert high - low == pytest.approx(2.0 * 1.96 * error, rel=0.15)  # a dead time is not quite linear
 
 

@@ -28,7 +28,7 @@ def searched(plant, record, window=None, settle=None, seed=0) -> Discovery:
         plant, record, parts_of(plant, record), windows=free_run_windows(plant, record, window or plant.window)
     )
     state = bench.fit(bench.plant, plant.family.coefficients)
-    return discover(bench, state, library_of(plant), np.random.default_rng(seed), settle)
+    return discover(bench, state, library_of(plant), np.random.default_rng(seed), settle or plant.settle)
 
 
 def turned_by(moment, seed: int) -> Record:
@@ -212,4 +212,4 @@ def test_without_a_library_there_is_nothing_to_search():
     plant = QUICK
     assert len(library_of(plant)) == 18
     with pytest.raises(ValueError, match="needs some to choose from"):
-        discover(None, State(plant, (), None), (), np.random.default_rng(0))  # type: ignore[arg-type]
+        discover(None, State(plant, (), None), (), np.random.default_rng(0), 20.0)  # type: ignore[arg-type]

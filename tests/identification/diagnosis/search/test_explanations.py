@@ -224,7 +224,7 @@ def test_what_halves_choose_instead_is_weighed_too():
     made = replace(round_of(A, C), tied=())
     likely = Sets({(A,): 100.0, (C,): 99.0})
     told = [Survival(0.8, {C: 0.2})]
-    found = explanations(likely, made.chosen.state, [made], told, 3)  # type: ignore[arg-type]
+    found = explanations(likely, made.chosen.state, [made], told, 3, lambda state, beside: None)  # type: ignore[arg-type]
     assert odds(found, C)[0] > 0.3
     assert tied_rounds(found, [made], told)[0].tied == made.trials[1:]
 

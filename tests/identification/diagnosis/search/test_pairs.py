@@ -37,7 +37,8 @@ def screened(log):
     bench = Workbench(QUICK, log, parts_of(QUICK, log), 0.1)
     state = bench.fit(QUICK, QUICK.family.coefficients)
     candidates = candidates_of(QUICK, log)
-    return bench, state, candidates, screen_pairs(bench.problem, state.point, state.paths, candidates, 10.0, 10_000)
+    found = screen_pairs(bench.problem, state.point, state.paths, candidates, 10.0, 10_000, None)
+    return bench, state, candidates, found
 
 
 def test_a_pair_promises_at_least_what_each_of_it_does(screened):
@@ -58,7 +59,7 @@ def test_a_pair_in_the_place_of_an_effect_promises_more_than_it(screened):
     alone = [s for s in screen(bench.problem, state.point, state.paths, candidates, 10.0) if s.evidence > 0.0]
     one = alone[len(alone) // 2]
     left = [c for c in candidates if c is not one.candidate]
-    every = screen_pairs(bench.problem, state.point, state.paths, left, 10.0, 10_000)
+    every = screen_pairs(bench.problem, state.point, state.paths, left, 10.0, 10_000, None)
     more = screen_pairs(bench.problem, state.point, state.paths, left, 10.0, 10_000, one.candidate)
     assert 0 < len(more) < len(every)
     assert [w.candidate for w, _ in more] == [w.candidate for w, _ in every if w.evidence > one.evidence]
@@ -108,7 +109,7 @@ def test_two_effects_of_one_rudder_are_both_named(log, monkeypatch, way):
 )
 def test_a_pair_is_taken_up_only_if_it_passes_as_one_change_and_by_members(monkeypatch, likely, found):
     bench, both = promising(monkeypatch, **likely)
-    pair = best_pair(bench, state_of(PLANT, *COEFFICIENTS), (A, B), COUNT)
+    pair = best_pair(bench, state_of(PLANT, *COEFFICIENTS), (A, B), COUNT, None)
     assert {p for t in pair or () for p in t.candidate.paths} == found
     assert all(t.state is both for t in pair or ())
 

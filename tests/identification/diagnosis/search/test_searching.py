@@ -59,7 +59,7 @@ def test_each_round_ends_with_a_fit_from_the_given_coefficients_however_far_behi
 
     monkeypatch.setattr(Workbench, "likelier_from_given", likelier)
     candidates = candidates_of(known.bench.plant, log.record)
-    state, rounds = attribute(known.bench, known.nominal, candidates, 1, [], lambda fraction, text: None)
+    state, rounds = attribute(known.bench, known.nominal, candidates, 1, [], lambda fraction, text: None, ())
     assert rounds[0].chosen.candidate.paths == ("effects.rudder.offset",)
     ((before, after),) = asked
     assert before is rounds[0].chosen.state

@@ -40,7 +40,7 @@ def start():
 @pytest.fixture(scope="module")
 def tried(start):
     bench, state, candidates = start
-    return {t.candidate.paths[0]: t for t in trials_of(bench, state, candidates, len(candidates), quiet)}
+    return {t.candidate.paths[0]: t for t in trials_of(bench, state, candidates, len(candidates), quiet, ())}
 
 
 def test_the_right_one_is_accepted_and_leads(tried):
@@ -59,7 +59,7 @@ def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypa
         return better[-1]
 
     monkeypatch.setattr(Workbench, "likelier_from_given", likelier)
-    (found,) = trials_of(bench, state, [c for c in candidates if OFFSET in c.paths], len(candidates), quiet)
+    (found,) = trials_of(bench, state, [c for c in candidates if OFFSET in c.paths], len(candidates), quiet, ())
     assert asked == [HOPELESS]
     assert found.state is better[0]
 
@@ -67,7 +67,7 @@ def test_a_trial_is_what_is_likelier_from_the_given_coefficients(start, monkeypa
 def test_one_whose_step_promises_nothing_is_not_fitted(start):
     bench, _, candidates = start
     explained = bench.fit(bench.plant, (*bench.plant.family.coefficients, OFFSET))
-    (found,) = trials_of(bench, explained, [c for c in candidates if LAG in c.paths], len(candidates), quiet)
+    (found,) = trials_of(bench, explained, [c for c in candidates if LAG in c.paths], len(candidates), quiet, ())
     assert found.objection == NO_TRACE
     assert found.state is None
     assert 0.0 < found.train < 3.0  # less than a fifth of the bar
@@ -95,7 +95,7 @@ def test_finalists_from_a_quieted_state_get_the_noises_that_suit_them(start, mon
     own = trials._begun
     monkeypatch.setattr(trials, "_begun", begin)
     monkeypatch.setattr(trials, "judged", kept)
-    trials_of(bench, state, candidates, len(candidates), quiet)
+    trials_of(bench, state, candidates, len(candidates), quiet, ())
     renewed = [c for c in nears if begun[c].state.quiet]
     assert renewed
     for candidate in renewed:
@@ -162,7 +162,7 @@ def test_what_leads_nowhere_from_another_base_begins_where_the_state_is(start, m
     monkeypatch.setattr(trials, "_short_list", lambda screened, *_: screened)
     monkeypatch.setattr(trials, "_begun", begun)
     monkeypatch.setattr(trials, "_finalists", lambda begun, *_: fitted.extend(begun) or [])
-    trials_of(bench, state, [offset], len(candidates), quiet)
+    trials_of(bench, state, [offset], len(candidates), quiet, ())
     assert [b.state for b in fitted] == [state if taken == "here" else base]
 
 
@@ -228,7 +228,7 @@ def test_one_that_the_record_cannot_show_is_not_fitted(start):
     state = bench.fit(bench.plant, bench.plant.family.coefficients)
     paths = ("effects.yaw.roll_moment", "effects.yaw.speed_squared")
     left = [c for c in candidates if c.paths[0] in paths]
-    found = {t.candidate.paths[0]: t for t in trials_of(bench, state, left, len(candidates), quiet)}
+    found = {t.candidate.paths[0]: t for t in trials_of(bench, state, left, len(candidates), quiet, ())}
     assert found[paths[0]].objection == f"{UNSEEN}: changes nothing that was measured"
     assert found[paths[1]].objection.startswith(UNSEEN)
     assert found[paths[1]].objection.endswith("has the same effect")
@@ -244,7 +244,7 @@ def test_one_without_a_stable_run_is_refused(start, monkeypatch):
 
     monkeypatch.setattr(trials, "_begun", diverged)
     only = [c for c in candidates if OFFSET in c.paths]
-    (found,) = trials_of(bench, state, only, len(candidates), quiet)
+    (found,) = trials_of(bench, state, only, len(candidates), quiet, ())
     assert found.objection == UNSTABLE
     assert found.train == 0.0
 
@@ -432,7 +432,7 @@ def test_one_beside_louder_promises_is_fitted_all_the_same(start, monkeypatch):
     monkeypatch.setattr(trials, "_short_list", lambda screened, here, bar, plain: screened)
     monkeypatch.setattr(bench, "quieted", lambda state: ())
     left.sort(key=lambda c: OFFSET not in c.paths)
-    found = {t.candidate.paths[0]: t for t in trials_of(bench, state, left, len(candidates), quiet)}
+    found = {t.candidate.paths[0]: t for t in trials_of(bench, state, left, len(candidates), quiet, ())}
     assert found[OFFSET].objection == ""
     assert found[LAG].state is not None
 
