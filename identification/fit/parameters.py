@@ -32,11 +32,11 @@ class Parameters:
 
     doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own
     (`Plant.deviation`); fits hold them to their values by it.
-    scales: by path, see `scale`, where a parameter has no probe to go by.
     """
 
-    def __init__(self, plant: Plant, doubt: float, scales: Mapping[str, float]):
-        self.plant, self.doubt, self.scales = plant, doubt, dict(scales)
+    def __init__(self, plant: Plant, doubt: float):
+        self.plant, self.doubt = plant, doubt
+        self.scales: dict[str, float] = {}
         self.index = positions(plant)
         self.work = Work()  # one for all copies
         self._bounds: dict[str, tuple[float, float]] = {}

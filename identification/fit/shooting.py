@@ -7,12 +7,10 @@ Source: Bock 1983, "Recent advances in parameter identification techniques for O
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from types import MappingProxyType
-from typing import Self
 
 import numpy as np
 
@@ -32,11 +30,8 @@ PIECE = 6  # samples of the short runs from which shared states are first guesse
 TRIES, TIGHTER = 10, 8.0  # of a step, and how much more it is damped each time
 STALE_TRIES = 2  # of a step by slopes that were taken elsewhere
 FAR = 1e6  # a residual, rad or m, at which a run counts as diverged
-_NO_SCALES: Mapping[str, float] = MappingProxyType({})
-REMEMBERED = 3  # points of which the slopes are kept
 RESIDUAL_FLOOR = 1e-12  # keeps the logarithm of a perfect fit finite
-
-_Move = tuple[str | int, float]  # of a path or of the state of a number, and by how much
+_ENOUGH = 1e-7  # gain in cost, of each reading, below which a fit ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,19 +52,12 @@ class Linearisation:
     """Sensitivities of the outputs with the windows' starts projected out, weighted by the channels' deviations.
 
     columns: (P, rows, C).  starts: (F, rows, C), sensitivities to the windows' starts.  raw: (P,), norms of the columns
-    before the projection.  weights: (C,), 1/sigma.
+    before the projection.
     """
 
     columns: np.ndarray
     starts: np.ndarray
     raw: np.ndarray
-    weights: np.ndarray
-
-    @cached_property
-    def information(self) -> np.ndarray:
-        """Normal matrix (P, P) of the parameters in units of their scales."""
-        flat = self.columns.reshape(len(self.columns), -1)
-        return flat @ flat.T
 
 
 class Shooting(Parameters):
@@ -78,26 +66,16 @@ class Shooting(Parameters):
     channels: the plant's outputs that the record holds.  measured: (rows, C), what the runs shall meet.  logged: what
     the record holds, and signals: what moves with the vehicle; these three differ in attitudes that are seen in a
     `Chart`, in which starts are then, too.  start_states: indices of the states that they reveal.
-    doubt: standard deviation of the plant's own coefficients, relative, where they have none of their own
-    (`Plant.deviation`); fits hold them to their values by it.
     shared: index and unit of the states of which each segment has one value, the same in all its windows (`Family`).
     segments: (W,), the number of the segment of each window among those that have one.
-    scales: by path, see `scale`, where a parameter has no probe to go by.
     """
 
-    def __init__(
-        self,
-        plant: Plant,
-        record: Record,
-        windows: Sequence[slice],
-        scales: Mapping[str, float] = _NO_SCALES,
-        doubt: float = np.inf,
-    ):
+    def __init__(self, plant: Plant, record: Record, windows: Sequence[slice]):
         if not windows:
             raise ValueError(
                 "A fit needs at least one window of data, got none: record longer or choose shorter windows."
             )
-        super().__init__(plant, doubt, scales)
+        super().__init__(plant, np.inf)
         self.record, self.windows = record, tuple(windows)
         self.chart = Chart.along(plant.family, record)
         self.runs = Runs.over(plant, record, windows, self.chart)
@@ -123,13 +101,6 @@ class Shooting(Parameters):
         unknown = unknown_states(plant)
         self.shared = [(plant.family.states.index(state), spec_at(plant, unknown[state]).probe) for state in unknown]
         self.segments = np.unique(self.runs.first[self.runs.begin], return_inverse=True)[1]
-        self._known: dict[Point, dict[_Move, np.ndarray]] = {}
-
-    def scaled(self, scales: Mapping[str, float]) -> Self:
-        """The same problem with other scales of these paths."""
-        other = super().scaled(scales)
-        other._known = {p: {m: v for m, v in k.items() if m[0] not in scales} for p, k in self._known.items()}
-        return other
 
     @cached_property
     def first_guess(self) -> np.ndarray:
@@ -170,14 +141,9 @@ class Shooting(Parameters):
     def _pull(self, vector: np.ndarray, paths: Sequence[str]) -> float:
         return 0.5 * float((self.pulls(vector, paths)[0] ** 2).sum())
 
-    def linearise(
-        self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | None = None
-    ) -> Linearisation:
-        """Sensitivities to the paths at a point, by differences of `step` scales, pointing into the bounds.
-
-        step: default the family's first; 1 for what a probe does.
-        """
-        flat, start_columns = self.differences(point, paths, sigma, step)
+    def linearise(self, point: Point, paths: Sequence[str], sigma: np.ndarray) -> Linearisation:
+        """Sensitivities to the paths at a point, by differences of the family's first step, into the bounds."""
+        flat, start_columns = (values / sigma for values in self._slopes(point, paths, self.steps[0]))
         gram, cross, _ = self.blocks.normal(start_columns, flat, None)
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
         rest, count = flat - self.blocks.rows(gain.transpose(0, 2, 1) @ self.blocks.of(start_columns)), len(paths)
@@ -186,81 +152,68 @@ class Shooting(Parameters):
             shared = shared.reshape(len(shared), -1)
             own = np.linalg.lstsq(shared.T, columns.reshape(count, -1).T, rcond=1e-10)[0]
             columns = columns - (own.T @ shared).reshape(columns.shape)
-        return Linearisation(columns, start_columns, np.sqrt((flat[:count] ** 2).sum(axis=(1, 2))), 1.0 / sigma)
+        return Linearisation(columns, start_columns, np.sqrt((flat[:count] ** 2).sum(axis=(1, 2))))
 
-    def equations(
-        self, columns: np.ndarray, residual: np.ndarray, vector: np.ndarray, paths: Sequence[str], first: int = 0
+    def _equations(
+        self, columns: np.ndarray, residual: np.ndarray, vector: np.ndarray, paths: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Normal matrix (n, n) and gradient (n,) of columns (n, rows, C), with what is known of the paths beforehand.
 
-        first: number of the first path's column; the other columns are of what nothing is known of.
+        The paths' columns come first; of the others nothing is known.
         """
         flat = columns.reshape(len(columns), residual.size)
         normal, gradient = flat @ flat.T, flat @ residual.ravel()
         pulled, rates = self.pulls(vector, paths)
-        own = slice(first, first + len(paths))
+        own = slice(0, len(paths))
         normal[own, own] += np.diag(rates**2)
         gradient[own] -= rates * pulled
         return normal, gradient
 
-    def moved(
-        self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str], step, share: float = 1.0
+    def _moved(
+        self, vector: np.ndarray, starts: np.ndarray, paths: Sequence[str], step
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A vector and starts moved by a share of a step, within the bounds of the paths."""
+        """A vector and starts moved by a step, within the bounds of the paths."""
         (change, start_change), starts = step, starts.copy()
-        vector = self.moved_vector(vector, paths, share * change[: len(paths)])
-        starts[:, self.start_states] += share * start_change
+        vector = self.moved_vector(vector, paths, change[: len(paths)])
+        starts[:, self.start_states] += start_change
         for (state, unit), sizes in zip(self.shared, self._by_segment(change[len(paths) :]), strict=True):
-            starts[:, state] += share * unit * sizes[self.segments]
+            starts[:, state] += unit * sizes[self.segments]
         return vector, starts
 
-    def solve(
-        self,
-        plant: Plant,
-        paths: Sequence[str],
-        starts: np.ndarray | None = None,
-        max_iterations: int = 40,
-        tolerance: float = 1e-7,
-        near: Point | None = None,
-    ) -> Point:
+    def solve(self, plant: Plant, paths: Sequence[str], max_iterations: int = 40) -> Point:
         """The point of least cost over the paths and the starts, from the plant's values; Levenberg-Marquardt.
 
-        near: a point whose slopes, if known, do for the first steps.  Slopes follow secants while steps succeed; where
-        these stop gaining, the slopes are taken anew.
+        Slopes follow secants while steps succeed; where these stop gaining, the slopes are taken anew.
         The cost is the negative log-likelihood with one unknown variance per channel. Source: More 1978 (damping,
         bounds by projection), Nocedal and Wright 2006, ch. 10.
         """
         here = self.point(plant.vector, self.first_guess, paths)
-        others = [] if starts is None else [starts]
         if not paths and self._short is not None:  # far from the given plant its guess may be no start at all
-            others.append(self._with_shared(self.first_guess, plant))
-        here = min([here, *(self.point(plant.vector, other, paths) for other in others)], key=lambda point: point.cost)
+            other = self.point(plant.vector, self._with_shared(self.first_guess, plant), paths)
+            here = min(here, other, key=lambda point: point.cost)
         damping, steps, slopes = 1e-3, list(self.steps if paths or self.shared else self.steps[:1]), None
-        if near is not None:
-            self._slopes(near, (), steps[0], self._remembered(near))
-            slopes = self._slopes(here, paths, steps[0], dict(self._remembered(near)))
         for _ in range(max_iterations):
             sigma = self.sigma(here)
             stale = slopes is not None
-            slopes = slopes or self._slopes(here, paths, steps[0], {})
+            slopes = slopes or self._slopes(here, paths, steps[0])
             flat, start_columns = (values / sigma for values in slopes)
             weighted = np.where(self.finite, here.residual / sigma, 0.0)
             gram, cross, start_gradient = self.blocks.normal(start_columns, flat, weighted)
-            normal, gradient = self.equations(flat, weighted, here.vector, paths)
+            normal, gradient = self._equations(flat, weighted, here.vector, paths)
             held = self.at_edge(here.vector, paths, gradient)
             normal[held], normal[:, held], gradient[held], cross[:, :, held] = 0.0, 0.0, 0.0, 0.0
             normal[held, held] = 1.0
             improved, tries = False, 0
             while not improved and tries < (STALE_TRIES if stale else TRIES):
                 step = block_step(normal, gradient, gram, cross, start_gradient, damping * TIGHTER**tries)
-                there = self.point(*self.moved(here.vector, here.starts, paths, step), paths)
+                there = self.point(*self._moved(here.vector, here.starts, paths, step), paths)
                 improved, tries = there.cost < here.cost, tries + 1
             damping *= TIGHTER ** (tries if not improved else tries - 1)
             gain = here.cost - there.cost if improved else 0.0
             slopes = self._secant(slopes, here, there, paths) if improved and tries == 1 else None
             if improved:
                 here, damping = there, max(damping / 12.0, 1e-9)
-            if gain < tolerance * max(self.finite.sum(), 1):
+            if gain < _ENOUGH * max(self.finite.sum(), 1):
                 if stale:
                     slopes = None
                     continue
@@ -295,45 +248,24 @@ class Shooting(Parameters):
         """Values of the shared states, one row for each: (len(shared), segments)."""
         return values.reshape(len(self.shared), -1) if self.shared else np.empty((0, 0))
 
-    def differences(
-        self, point: Point, paths: Sequence[str], sigma: np.ndarray, step: float | Sequence[float] | None = None
-    ):
-        """Columns over sigma: (P + S, rows, C) of the paths, per scale, and of the S shared values, per unit; starts'.
+    def _slopes(self, point: Point, paths: Sequence[str], step: float) -> tuple[np.ndarray, np.ndarray]:
+        """Columns (P + S, rows, C) of the paths, per scale, and the S shared values, per unit; (F, rows, C) of starts.
 
-        step: in scales, one for all or one for each path; default the family's first.  The second array holds those of
-        the windows' starts, (F, rows, C).  What was run at the last points is not run again.
+        step: in scales.
         """
-        step = self.steps[0] if step is None else step
-        columns, starts = self._slopes(point, paths, step, self._remembered(point))
-        return columns / sigma, starts / sigma
-
-    def _remembered(self, point: Point) -> dict[_Move, np.ndarray]:
-        """The slopes that are known at a point, to be added to; those of points that were not asked for lately go."""
-        self._known[point] = self._known.pop(point, {})
-        while len(self._known) > REMEMBERED:
-            del self._known[next(iter(self._known))]
-        return self._known[point]
-
-    def _slopes(
-        self, point: Point, paths: Sequence[str], step: float | Sequence[float], known: dict[_Move, np.ndarray]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """What `_differences` gives, in the channels' units; known: slopes at the point; new ones join."""
-        one = step if isinstance(step, int | float) else self.steps[0]
-        each = [step] * len(paths) if isinstance(step, int | float) else step
-        own = list(zip(paths, each, strict=True))
-        starts, shared = [(int(s), _START_STEP) for s in self.start_states], [(state, one) for state, _ in self.shared]
-        new = [move for move in dict.fromkeys([*own, *starts, *shared]) if move not in known]
-        if new:
-            moved = [self._nudged(point, *move) for move in new]
-            residuals = self._residuals(np.array([m[0] for m in moved]), np.array([m[1] for m in moved]))
-            with np.errstate(invalid="ignore", over="ignore"):
-                slopes = (point.residual - residuals) / np.array([m[2] for m in moved])[:, None, None]
-            slopes[~(np.isfinite(slopes) & self.finite)] = 0.0
-            known.update(zip(new, slopes, strict=True))
+        shared = [(state, step) for state, _ in self.shared]
+        moves = [*((path, step) for path in paths), *((int(s), _START_STEP) for s in self.start_states), *shared]
+        if not moves:
+            return np.empty((0, *self.measured.shape)), np.empty((0, *self.measured.shape))
+        moved = [self._nudged(point, *move) for move in moves]
+        residuals = self._residuals(np.array([m[0] for m in moved]), np.array([m[1] for m in moved]))
+        with np.errstate(invalid="ignore", over="ignore"):
+            slopes = (point.residual - residuals) / np.array([m[2] for m in moved])[:, None, None]
+        slopes[~(np.isfinite(slopes) & self.finite)] = 0.0
+        own, starts, common = np.split(slopes, [len(paths), len(moves) - len(shared)])
         of_row = self.segments[self.window_of_row]
-        apart = [known[move] * (of_row == g)[:, None] for move in shared for g in range(of_row[-1] + 1)]
-        columns = np.array([*(known[move] for move in own), *apart]).reshape(-1, *self.measured.shape)
-        return columns, np.array([known[move] for move in starts]).reshape(-1, *self.measured.shape)
+        apart = [column * (of_row == g)[:, None] for column in common for g in range(of_row[-1] + 1)]
+        return np.array([*own, *apart]).reshape(-1, *self.measured.shape), starts
 
     def _nudged(self, point: Point, what: str | int, step: float) -> tuple[np.ndarray, np.ndarray, float]:
         """The vector and the starts with a path, or the state of a number, moved by a step, and the step with its sign.

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise
-from types import MappingProxyType
 from typing import Self
 
 import numpy as np
@@ -33,7 +32,6 @@ _FEW_SENSORS = 2  # of a vehicle, up to which the filter follows how far their r
 # and changing currents, minutes
 _USUAL_TIME = (25.0, 1.0)
 _OF_READINGS = 10.0  # what errors of readings that last are counted in, of their channel's noise
-_NO_SCALES: Mapping[str, float] = MappingProxyType({})
 
 
 class Stretches(Parameters):
@@ -59,12 +57,11 @@ class Stretches(Parameters):
         *,
         doubt: float = np.inf,
         process: bool = True,
-        scales: Mapping[str, float] = _NO_SCALES,
         counted: Sequence[slice] | None = None,
         stride: int = 1,
         guess: np.ndarray | None = None,
     ):
-        super().__init__(plant, doubt, scales)
+        super().__init__(plant, doubt)
         self.record, self.process = record, process
         family = plant.family
         windows = sorted(windows, key=lambda w: w.start)

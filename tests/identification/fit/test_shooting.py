@@ -107,61 +107,9 @@ def test_what_a_volume_does_in_one_dive_is_taken_out_of_the_sensitivities():
     paths = [OFFSET, "effects.volume.leak", DRAG]
     point = problem.solve(problem.plant, [DRAG])
     linear = problem.linearise(point, paths, problem.sigma(point))
-    left = np.sqrt(np.diag(linear.information)) / linear.raw
+    left = np.sqrt((linear.columns**2).sum(axis=(1, 2))) / linear.raw
     assert left[0] < 1e-9
     assert np.all(left[1:] > 0.05)
-
-
-def runs_of(monkeypatch) -> list[int]:
-    """How many runs each call of the plant makes from now on."""
-    counted, outputs = [], Shooting._outputs
-
-    def counting(self, vectors, starts):
-        counted.append(len(vectors))
-        return outputs(self, vectors, starts)
-
-    monkeypatch.setattr(Shooting, "_outputs", counting)
-    return counted
-
-
-def test_slopes_of_a_point_near_by_lead_to_the_same_fit_in_fewer_runs(monkeypatch):
-    problem = shooting(dives())
-    start = problem.solve(problem.plant, ())
-    problem.linearise(start, [DRAG], problem.sigma(start))
-    counted = runs_of(monkeypatch)
-    alone = problem.solve(problem.plant, [DRAG], start.starts)
-    runs = sum(counted)
-    led = problem.solve(problem.plant, [DRAG], start.starts, near=start)
-    assert sum(counted) - runs <= runs
-    # both rest where the cost, about half a sample's worth per sample, gains less than 1e-7 of that
-    assert led.cost == pytest.approx(alone.cost, abs=1e-4)
-    drag = problem.index[DRAG]
-    assert led.vector[drag] == pytest.approx(alone.vector[drag], rel=1e-3)
-
-
-def test_known_slopes_are_not_run_again_and_are_the_same(monkeypatch):
-    problem = shooting(dives())
-    point = problem.solve(problem.plant, ())
-    sigma = problem.sigma(point)
-    first = problem.linearise(point, [DRAG, "effects.volume.leak"], sigma)
-    counted = runs_of(monkeypatch)
-    again = problem.linearise(point, ["effects.volume.leak", DRAG], sigma)
-    assert counted == []
-    assert np.array_equal(again.raw, first.raw[::-1])
-    problem.linearise(point, [DRAG], sigma, step=1.0)
-    # another step of the path and, for the states that dives share, of these
-    assert counted == [2]
-
-
-def test_other_scales_change_the_units_of_slopes_and_nothing_else():
-    problem = shooting(dives())
-    point = problem.solve(problem.plant, ())
-    sigma = problem.sigma(point)
-    one = problem.linearise(point, [DRAG], sigma)
-    other = problem.scaled({DRAG: 2.0 * problem.scale(DRAG)}).linearise(point, [DRAG], sigma)
-    # a difference quotient over twice the change bends a little
-    assert other.raw == pytest.approx(2.0 * one.raw, rel=1e-2)
-    assert problem.linearise(point, [DRAG], sigma).raw == pytest.approx(one.raw, rel=1e-12)
 
 
 def filtered() -> PredictionErrors:

@@ -68,7 +68,7 @@ def test_what_lifts_or_holds_a_vehicle_is_found_again_with_its_place(path, value
 
 def test_drag_of_which_little_is_known_stays_drag():
     plant = load_vehicle("bluerov")
-    problem = Parameters(plant, 0.1, {})
+    problem = Parameters(plant, 0.1)
     assert plant.deviations["hull.roll.p"] > 1.0 == -value_at(plant, "hull.roll.p")
     assert problem.bounds("hull.roll.p") == (-1.0 - REACH * plant.deviations["hull.roll.p"], 0.0)
     assert problem.bounds("hull.z_b")[1] > 0.0

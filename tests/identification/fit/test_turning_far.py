@@ -123,7 +123,7 @@ def test_slopes_by_parameters_do_not_depend_on_their_step(logs):
     filtered = [problem.columns_of(point, each) for each in moves]
     shooting = Shooting(TRUE, logs[0], logs[0].windows(5.0))
     begun = shooting.point(TRUE.vector, shooting.first_guess)
-    free = [shooting.differences(begun, PATHS, np.full(3, NOISE), step)[0] for step in (1e-2, 1e-3)]
+    free = [shooting._slopes(begun, PATHS, step)[0] for step in (1e-2, 1e-3)]
     for coarse, fine in (filtered, free):
         for one, other in zip(coarse, fine, strict=True):
             # the second derivative: a step is a hundredth of a scale, over which a run of 5 s is not quite linear
