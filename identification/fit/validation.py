@@ -142,16 +142,6 @@ def score(measured: np.ndarray, residual: np.ndarray) -> Score:
     )
 
 
-def compare(measured: Record, model: Record) -> dict[str, Score]:
-    """Scores of a simulated or predicted record against the measured one, for the channels that both hold."""
-    names = [n for n in model.names if measured.has(n) and not np.array_equal(measured[n], model[n])]
-    result = {}
-    for name in names:
-        residual = measured[name] - model[name]
-        result[name] = score(measured[name], wrap(residual) if channel(name).angle else residual)
-    return result
-
-
 @dataclass(frozen=True, eq=False)
 class Whiteness:
     """Autocorrelation of residuals with its 95 % bound, and the Ljung-Box test of its being zero."""

@@ -95,8 +95,7 @@ class Monitor:
         ('heading_rad', 'constant')
     """
 
-    def __init__(self, learned: Learned, false_alarms_per_hour: float = 0.1, seed: int = 0):
-        """seed: of the simulated white noise that sets the bars."""
+    def __init__(self, learned: Learned, false_alarms_per_hour: float = 0.1):
         if not 0.0 < false_alarms_per_hour < np.inf:
             raise ValueError(
                 f"A monitor needs false_alarms_per_hour > 0, got {false_alarms_per_hour!r}: for example 0.1."
@@ -105,7 +104,7 @@ class Monitor:
         self._filter = OnlineFilter(learned.plan)
         self._bank = Bank(learned.memories, learned.columns, len(learned.plan.channels), learned.inflation)
         rate = false_alarms_per_hour * learned.interval / 3600.0
-        self.bars = bars_for(self._bank, learned.clean, learned.present, rate, np.random.default_rng(seed))
+        self.bars = bars_for(self._bank, learned.clean, learned.present, rate, np.random.default_rng(0))
         self._scales = 1.0 / learned.unit
         rows = int((_BEHIND + _AFTER) * learned.plant.window / learned.interval) + 1
         self._kept: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=rows)
@@ -121,7 +120,6 @@ class Monitor:
         doubt: float = DOUBT,
         noise: Noise | None = None,
         trust: bool = False,
-        seed: int = 0,
         progress: Progress = lambda fraction, text: None,
     ) -> Monitor:
         """The monitor of a vehicle, its coefficients and noises fitted to a clean log as a diagnosis begins.
@@ -153,7 +151,7 @@ class Monitor:
         point = problem.point(plant.vector, problem.logs_of(noise))
         longest = min(_LONGEST, _OF_CLEAN * len(record))
         learned = _learned(record, problem.online(point, _KEPT_ON * longest), memories(longest), steady)
-        return cls(replace(learned, missing=missing), false_alarms_per_hour, seed)
+        return cls(replace(learned, missing=missing), false_alarms_per_hour)
 
     def begin(self, inputs: Values, measured: Values) -> None:
         """Begin the filter anew where the vehicle is, as after a gap; the tests go on.  inputs: the commands now."""

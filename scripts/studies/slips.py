@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
 from identification.diagnosis.log.plausibility import Doubt, log_doubts
-from identification.diagnosis.log.slips import possible_slips, slipped
+from identification.diagnosis.log.slips import Slip, possible_slips, undone
 from identification.diagnosis.log.thruster_slips import thruster_slips
 from identification.experiments.missions import mission_of, run_mission
 from identification.fit.windows import free_run_windows
@@ -49,6 +50,19 @@ def attempt(vehicle: str, seed: int) -> list[dict[str, Any]]:
         said = [text for doubt in raised for text in (doubt.text, *doubt.instead)]
         found.append({"slip": slip.text if slip else "", "doubts": said})
     return found
+
+
+def slipped(record: Record, slip: Slip, plant: Plant) -> Record:
+    """The record with a slip in it, as a file that was written so reads: to see whether it is noticed."""
+    undoing = replace(
+        slip,
+        factors=tuple(1.0 / f for f in slip.factors),
+        offset=-slip.offset / slip.factors[0] if slip.factors else 0.0,
+        clock=1.0 / slip.clock,
+    )
+    wrong = undone(record, undoing, plant)
+    segments = wrong.dataset["segment"].values
+    return Record.from_arrays(wrong.time, {name: wrong[name] for name in wrong.names}, segments)
 
 
 def right(found: dict[str, Any]) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import degrees, radians
 
 import numpy as np
@@ -107,19 +107,6 @@ def undone(record: Record, slip: Slip, plant: Plant) -> Record:
         mended = Record(mended.dataset.assign_coords(time_s=("time_s", record.time * slip.clock)))
     held = {name: record.readings(read.get(name, name)) for name in record.names}
     return mended.with_readings({name: mask for name, mask in held.items() if not mask.all()})
-
-
-def slipped(record: Record, slip: Slip, plant: Plant) -> Record:
-    """The record with a slip in it, as a file that was written so reads: to see whether it is noticed."""
-    undoing = replace(
-        slip,
-        factors=tuple(1.0 / f for f in slip.factors),
-        offset=-slip.offset / slip.factors[0] if slip.factors else 0.0,
-        clock=1.0 / slip.clock,
-    )
-    wrong = undone(record, undoing, plant)
-    segments = wrong.dataset["segment"].values
-    return Record.from_arrays(wrong.time, {name: wrong[name] for name in wrong.names}, segments)
 
 
 def _unfolded(record: Record, name: str, factor: float, plant: Plant) -> np.ndarray:

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from auv_gym.channels import wrap
-from auv_gym.model import simulate
 from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from identification.experiments.heading_control import closed_loop
-from identification.fit.validation import compare, fitted_runs, free_runs, input_correlation, score, whiteness
+from identification.fit.validation import fitted_runs, free_runs, input_correlation, score, whiteness
 
 
 def test_a_score_is_what_its_definition_says():
@@ -48,16 +46,6 @@ def test_a_heading_error_beyond_half_a_turn_is_not_flattered():
     wrong = replace_at(plant, "effects.yaw.moment", 2.0)
     runs = free_runs(wrong, record, record.windows(300.0))
     assert np.max(np.abs(runs.residual)) > 2 * np.pi
-
-
-def test_compare_scores_the_channels_that_both_records_hold():
-    plant = load_vehicle("slocum")
-    record = closed_loop(plant, rng=np.random.default_rng(5), duration=300.0, compass_noise=0.0, track_noise=None)
-    model = simulate(replace_at(plant, "hull.n_r", -0.005), record)
-    scores = compare(record, model)
-    error = wrap(record["heading_rad"] - model["heading_rad"])
-    assert set(scores) == {"heading_rad"}
-    assert scores["heading_rad"].rmse == pytest.approx(np.sqrt(np.mean(error**2)))
 
 
 def test_whiteness_accepts_white_noise_and_rejects_coloured():

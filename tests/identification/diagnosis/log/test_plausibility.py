@@ -12,12 +12,12 @@ from auv_gym.records.record import Record
 from identification.deciding import BAD, FACTOR, SLIP_GAIN
 from identification.diagnosis import diagnose
 from identification.diagnosis.log.plausibility import Match, _fitted, _possible, log_doubts
-from identification.diagnosis.log.slips import Slip, possible_slips, slipped, undone
+from identification.diagnosis.log.slips import Slip, possible_slips, undone
 from identification.diagnosis.log.thruster_slips import likely_slips, thruster_slips
 from identification.experiments.hovering import hover
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
-from scripts.studies.slips import doubts, log_of
+from scripts.studies.slips import doubts, log_of, slipped
 
 
 def slip_called(record, plant, text) -> Slip:
