@@ -25,7 +25,6 @@ FAR = 1.0  # of the log-likelihood, for each row, by which a vehicle is far from
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)
 _SHORTENED, _SHORTER = 4, (0.02, 0.5)  # times that a step is tried, and by how much each is shorter
-NOISE_STEPS = 6  # to better noises, after each turn of a fit
 _FADING = 2.0  # of the log-likelihood, that an e-fold less of an acceleration promises where it may be too strong
 
 
@@ -137,7 +136,7 @@ class Noises(Filter):
         return logs
 
     def better_noise(
-        self, point: Point, steps: int = NOISE_STEPS, inverse: np.ndarray | None = None
+        self, point: Point, steps: int, inverse: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """The noises of greatest likelihood for a point's parameters, linearised about its path, and their curvature.
 

@@ -17,14 +17,14 @@ import numpy as np
 from auv_gym.plant import Plant
 from auv_gym.threads import side_by_side
 from identification.fit.filtering import LEAST_GAIN, Point
-from identification.fit.noises import FAR, NOISE_STEPS, Noise, Noises
+from identification.fit.noises import FAR, Noise, Noises
 from identification.fit.online import FilterPlan
 
 _QUIETER = 30.0  # times weaker accelerations, with which a fit is tried too
 _HALVINGS, _SHORTER = 6, 0.4  # of a step that is not confirmed, and by how much
 _DOUBLINGS = 5
 _SLOW = 0.3  # of what the turn before has brought: Gauss and Newton's steps bring far less each time
-_FIRST_NOISE_STEPS = 40  # to better noises, at first
+_FIRST_NOISE_STEPS, NOISE_STEPS = 40, 6  # to better noises, at first and after each turn of a fit
 
 
 class PredictionErrors(Noises):

@@ -178,7 +178,7 @@ class Stretches(Parameters):
         centre, deviation = np.log(max(_USUAL_TIME[0], 3.0 * step)), _USUAL_TIME[1]
         self.slowness = (centre, deviation, np.log(0.5 * step), centre + 2.0 * deviation)  # slower ones are effects
 
-    def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float = 0.0) -> Self:
+    def with_noises(self, velocities: Sequence[int], readings: Sequence[int], period: float) -> Self:
         """The same with more noises: accelerations of a swell, and errors of readings that last.
 
         velocities: the accelerations beside which those of a swell may push.  readings: the channels, by number, whose

@@ -18,7 +18,7 @@ from identification.fit.intervals import information_of, profile_interval
 from identification.fit.kalman import run_filter
 from identification.fit.noises import Noise
 from identification.fit.parameters import moves_of
-from identification.fit.prediction_errors import PredictionErrors
+from identification.fit.prediction_errors import NOISE_STEPS, PredictionErrors
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
 from scripts.blind.own_cruise import cruised
@@ -205,7 +205,7 @@ def test_accelerations_that_a_filter_does_without_are_brought_back(pushed):
     logs[first : first + len(problem.pushed)] = np.log(LEAST_PROCESS * np.array(problem.unit))
     point = problem.point(GLIDER.vector, logs)
     assert np.all(point.gains[:, problem._size :] == 0.0)
-    assert problem._there(problem.better_noise(point)[0]).any()
+    assert problem._there(problem.better_noise(point, NOISE_STEPS)[0]).any()
 
 
 def test_an_acceleration_that_is_far_too_strong_is_not_given_up_before_weaker_ones_are_tried():
@@ -218,7 +218,7 @@ def test_an_acceleration_that_is_far_too_strong_is_not_given_up_before_weaker_on
     assert point.system is not None
     none = problem._without(strong, [0])
     assert problem._likelihood(point.system, none) > problem._likelihood(point.system, strong)
-    assert problem._there(problem.better_noise(point)[0]).all()
+    assert problem._there(problem.better_noise(point, NOISE_STEPS)[0]).all()
 
 
 def test_a_wrong_start_is_corrected_and_costs_no_likelihood(pushed):
@@ -484,9 +484,9 @@ def test_accelerations_that_suit_a_record_are_not_tried_at_other_strengths(pushe
     near = point.logs.copy()
     near[first : first + pushes] += 0.01
     assert -2.0 < problem.noise_slopes(point, near)[1][first] < 0.0
-    problem.better_noise(problem.with_noise(point, near))
+    problem.better_noise(problem.with_noise(point, near), NOISE_STEPS)
     assert not asked
-    problem.better_noise(problem.with_noise(point, strong))
+    problem.better_noise(problem.with_noise(point, strong), NOISE_STEPS)
     assert asked
 
 
@@ -514,7 +514,7 @@ def test_better_noises_of_a_torpedo_in_waves_are_found_in_few_passes(monkeypatch
     best = problem.noise_slopes(point, problem.better_noise(point, 60)[0])[0]
     made = problem._noise_pass
     monkeypatch.setattr(problem, "_noise_pass", lambda *which: passes.append(0) or made(*which))
-    logs = problem.better_noise(point)[0]
+    logs = problem.better_noise(point, NOISE_STEPS)[0]
     assert len(passes) <= 9
     assert problem.noise_slopes(point, logs)[0] == pytest.approx(best, abs=0.1)
     assert problem.noise_slopes(point, point.logs)[0] < best - 1.0

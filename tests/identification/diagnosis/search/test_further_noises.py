@@ -166,7 +166,7 @@ def test_both_of_a_pair_have_the_noises_of_the_first_and_cost_as_one(pushed):
 def test_a_filter_for_samples_one_by_one_knows_no_swell(pushed):
     bench, _ = pushed
     problem = PredictionErrors(bench.plant, bench.record, [slice(0, ROWS)])
-    problem = problem.with_noises(problem.velocities, [0], PERIOD).with_noises([], [0])
+    problem = problem.with_noises(problem.velocities, [0], PERIOD).with_noises([], [0], 0.0)
     logs, count = problem.first_noise(), len(problem.channels)
     logs[count : count + len(problem.pushed)] = np.log(0.1 * problem.unit)
     plan = problem.online(problem.point(bench.plant.vector, logs), 100.0)
