@@ -13,39 +13,18 @@ import numpy as np
 from auv_gym.compiled import outlined
 from identification.fit.kalman import Pass, System, among, latest, own_states
 
-_TERMS = 64  # parts of the rows
-
 
 @dataclass(frozen=True, eq=False)
 class Slopes:
     """The gradient of a weighted sum of scores.
 
-    terms: (T, C + 2 D), by the logarithms of standard deviations of the channels and the accelerations, and of
-    correlation times: of T equal parts of the rows, what goes into the gradient where each is.  means: (W, N), and
-    covariances: (W, N, N), by those with which the stretches begin.
+    noises: (C + 2 D,), by the logarithms of standard deviations of the channels and the accelerations, and of
+    correlation times.  means: (W, N), and covariances: (W, N, N), by those with which the stretches begin.
     """
 
-    terms: np.ndarray
+    noises: np.ndarray
     means: np.ndarray
     covariances: np.ndarray
-
-    @property
-    def noises(self) -> np.ndarray:
-        """The gradient by the noises, (C + 2 D,)."""
-        return self.terms.sum(axis=0)
-
-    @property
-    def scatter(self) -> np.ndarray:
-        """How the gradient by the noises would differ between records, a covariance, (C + 2 D, C + 2 D).
-
-        By how it differs between parts of this one, which is the information where the model is right (Berndt, Hall,
-        Hall and Hausman 1974): terms of parts are their scores, but for what the rows about their ends remember.  What
-        so few parts say of pairs counts the less, the more noises there are.
-        """
-        count, noises = self.terms.shape
-        found = count * np.cov(self.terms, rowvar=False).reshape(noises, noises)
-        own = np.diag(np.diag(found))
-        return own + count / (count + noises) * (found - own)
 
 
 def slopes_of(
@@ -54,22 +33,21 @@ def slopes_of(
     """The gradient of the weighted sum of the scores of a pass, by its adjoint; by what it left out, zero."""
     kept = deviations > 0.0
     s, own, count, size = latest(system, kept), own_states(system, kept), variances.size, found.means.shape[1]
-    slopes = np.zeros((_TERMS, count + 2 * int(kept.sum())))
-    part = np.arange(len(s.c)) * _TERMS // len(s.c)
+    slopes = np.zeros(count + 2 * int(kept.sum()))
     means, covariances = np.zeros((len(s.origin), size)), np.zeros((len(s.origin), size, size))
-    numbers = (s.a, s.c, s.finite, s.counts, s.begin, s.constant, s.durations, part)
+    numbers = (s.a, s.c, s.finite, s.counts, s.begin, s.constant, s.durations)
     _backward(
         *numbers, weights, variances, deviations[kept], times[kept], s.turning,
         np.compress(own, found.gains, axis=1), found.whiten, found.innovations, found.roots, found.means,
         slopes, means, covariances,
     )  # fmt: skip
-    noises = among(slopes, np.r_[np.ones(count, dtype=bool), kept, kept], 1)
+    noises = among(slopes, np.r_[np.ones(count, dtype=bool), kept, kept], 0)
     return Slopes(noises, among(means, own, 1), among(covariances, own, 1, 2))
 
 
 @outlined
 def _backward(
-    a, c, finite, counts, begin, constant, durations, part, weights, variances, deviations, times, turns,
+    a, c, finite, counts, begin, constant, durations, weights, variances, deviations, times, turns,
     gains, whiten, innovations, roots, means, slopes, mean_slopes, covariance_slopes,
 ):  # fmt: skip
     """The adjoint of `_forward`; see `slopes_of`."""
@@ -88,7 +66,7 @@ def _backward(
         ends = k + 1 == rows or begin[k + 1] == 1
         if k + 1 < rows and begin[k + 1] > 0:
             for d in range(pushed):
-                slopes[part[k], count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
+                slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
             for i in range(size):  # of what goes on, without its company
                 goes_on = constant[i] and not ends
                 mean[i] = mean[i] if goes_on else 0.0
@@ -119,7 +97,7 @@ def _backward(
                 decay = np.exp(-durations[k] / times[d])
                 ratio = decay * durations[k] / times[d]  # of the decay, by the logarithm of the time
                 if begin[k + 1] == 0:
-                    slopes[part[k], count + d] += covariance[i, i] * 2.0 * deviations[d] ** 2 * (1.0 - decay * decay)
+                    slopes[count + d] += covariance[i, i] * 2.0 * deviations[d] ** 2 * (1.0 - decay * decay)
                     total = mean[i] * means[k, i]
                     for n in range(size):
                         total += 2.0 * product[i, n] * known[n, i]
@@ -129,7 +107,7 @@ def _backward(
                             turned += 2.0 * product[i, n] * known[n, partner[d]]
                         total = (keeps[d] * total - gives[d] * turned) / decay
                     total -= 2.0 * deviations[d] ** 2 * decay * covariance[i, i]
-                    slopes[part[k], count + pushed + d] += total * ratio
+                    slopes[count + pushed + d] += total * ratio
                 before[i] = keeps[d] * mean[i] + gives[d] * mean[partner[d]]
             for n in range(solid):
                 factor = mean[n]
@@ -185,7 +163,7 @@ def _backward(
                 inner[m, n] -= 0.5 * (onto[m] * scaled[n] + scaled[m] * onto[n])
                 inner[m, n] += 0.5 * weights[k] * (scaled[m] * scaled[n] - inverse[m, n])
             if finite[k, m]:
-                slopes[part[k], m] += inner[m, m] * 2.0 * (variances[m] / counts[k, m])
+                slopes[m] += inner[m, m] * 2.0 * (variances[m] / counts[k, m])
         # G becomes L^T G L with L = I - K C, one side after the other: along an unstable vehicle the terms of both at
         # once would be so large that only their rounding is left
         for i in range(size):
@@ -236,7 +214,7 @@ def _backward(
                 for j in range(size):
                     covariance_slopes[stretch, i, j] = covariance[i, j]
     for d in range(pushed):
-        slopes[0, count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
+        slopes[count + d] += covariance[solid + d, solid + d] * 2.0 * deviations[d] ** 2
 
 
 @outlined

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -24,7 +24,6 @@ _NOISE_GAIN, _NOISE_REACH = 0.005, 2.0  # of the log-likelihood, the least that 
 FAR = 1.0  # of the log-likelihood, for each row, by which a vehicle is far from what is linearised about it
 _LEAST_NOISE = 0.03  # of a channel, over that of its second differences: simulated readings may have none
 _NOISE_RANGE = np.log(1e4)
-_SHORTENED, _SHORTER = 4, (0.02, 0.5)  # times that a step is tried, and by how much each is shorter
 _FADING = 2.0  # of the log-likelihood, that an e-fold less of an acceleration promises where it may be too strong
 
 
@@ -140,41 +139,44 @@ class Noises(Filter):
     ) -> tuple[np.ndarray, np.ndarray]:
         """The noises of greatest likelihood for a point's parameters, linearised about its path, and their curvature.
 
-        Quasi-Newton steps (Nocedal and Wright 2006, ch. 6), each cut to what is possible, and to the top of a parabola
-        where it goes too far.  They begin with the information that the scatter of the gradient along the record tells.
-        inverse: of the curvature, as a search near by left it, which has brought back what is missing.
+        Sought in units of the precision that the record's length gives each, in which the information is near the unit
+        matrix: quasi-Newton steps (Nocedal and Wright 2006, ch. 6), each cut to what is possible.
+        inverse: of the curvature, in these units, as a search near by left it, which has brought back what is missing.
         """
-        fresh = inverse is None
+        fresh, inverse = inverse is None, np.eye(point.logs.size) if inverse is None else inverse
         if point.system is None:
-            return point.logs, np.eye(point.logs.size) if inverse is None else inverse
-        limits = self._limits
+            return point.logs, inverse
+        pushed = len(self.pushed)
+
+        low = np.log(np.maximum(self.steps_of_readings, _LEAST_NOISE * self.floors))
+        bounds = [(a, np.log(f) + _NOISE_RANGE) for a, f in zip(low, self.floors, strict=True)]
+        bounds += [(np.log(LEAST_PROCESS * u), np.log(u) + _NOISE_RANGE) for u in self.unit]
+        bounds += [self.slowness[2:]] * pushed
+        limits = np.array(bounds)
+        periods = float(self.durations.sum()) / np.exp(self.slowness[0])
+        unit = np.sqrt(np.r_[2.0 * np.maximum(self.finite.sum(axis=0), 1), np.full(2 * pushed, max(periods, 1.0))])
         logs = np.clip(point.logs, *limits.T)
         value, made = self._noise_pass(point, logs, fresh)
-        slope, scatter = self._noise_slopes(point, logs, made, fresh)
-        other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope, fresh)
+        slope = self._noise_slopes(point, logs, made, fresh) / unit
+        other = self._faded(point, self._revived(point, logs, slope) if fresh else logs, slope * unit, fresh)
         if other is not logs:
-            logs, inverse, (value, made) = other, None, self._noise_pass(point, other)
-            slope, scatter = self._noise_slopes(point, logs, made)
-        inverse = self._first_inverse(scatter) if inverse is None else inverse
+            logs, inverse, (value, made) = other, np.eye(logs.size), self._noise_pass(point, other)
+            slope = self._noise_slopes(point, logs, made) / unit
         for _ in range(steps):
             open_ = ~(((logs <= limits[:, 0]) & (slope < 0.0)) | ((logs >= limits[:, 1]) & (slope > 0.0)))
             way = np.where(open_, inverse @ np.where(open_, slope, 0.0), 0.0)
             if float(way @ slope) < _NOISE_GAIN:
                 break
-            way *= min(1.0, _NOISE_REACH / max(float(np.abs(way).max()), 1e-12))
-            share = 1.0
-            for _ in range(_SHORTENED):
-                there = np.clip(logs + share * way, *limits.T)
+            way *= min(1.0, _NOISE_REACH / max(float(np.abs(way / unit).max()), 1e-12))
+            for share in (1.0, 0.3, 0.05):
+                there = np.clip(logs + share * way / unit, *limits.T)
                 reached, made = self._noise_pass(point, there)
                 if reached > value:
                     break
-                rise = share * float(way @ slope)
-                top = 0.5 * rise / (rise + value - reached)  # of a parabola
-                share *= float(np.clip(top, *_SHORTER)) if np.isfinite(top) else _SHORTER[0]
             else:
                 break
-            new, _ = self._noise_slopes(point, there, made)
-            moved, turned = there - logs, slope - new
+            new = self._noise_slopes(point, there, made) / unit
+            moved, turned = (there - logs) * unit, slope - new
             product = float(moved @ turned)
             if product > 1e-8 * np.linalg.norm(moved) * np.linalg.norm(turned):
                 left = np.eye(logs.size) - np.outer(moved, turned) / product
@@ -183,31 +185,6 @@ class Noises(Filter):
             if gained < _NOISE_GAIN:
                 break
         return logs, inverse
-
-    @property
-    def _limits(self) -> np.ndarray:
-        """The least and the most that the logarithm of each noise may be, (C + 2 D, 2)."""
-        low = np.log(np.maximum(self.steps_of_readings, _LEAST_NOISE * self.floors))
-        bounds = [(a, np.log(f) + _NOISE_RANGE) for a, f in zip(low, self.floors, strict=True)]
-        bounds += [(np.log(LEAST_PROCESS * u), np.log(u) + _NOISE_RANGE) for u in self.unit]
-        return np.array([*bounds, *[self.slowness[2:]] * len(self.pushed)])
-
-    def _first_inverse(self, scatter: np.ndarray) -> np.ndarray:
-        """The inverse of the information that a scatter of the gradient tells of, (C + 2 D, C + 2 D).
-
-        The information on the logarithm of a channel's noise is known.  On those of an acceleration it is at least that
-        of as many independent values as the record has correlation times, at most that of its rows: far from a record
-        the scatter is no information.
-        """
-        pushed, periods = len(self.pushed), float(self.durations.sum()) / np.exp(self.slowness[0])
-        known = 2.0 * np.maximum(self.finite.sum(axis=0), 1)
-        least = np.r_[known, np.full(2 * pushed, max(periods, 1.0))]
-        most = np.r_[known, np.full(2 * pushed, max(periods, 2.0 * len(self.rows)))]
-        own = np.diag(scatter)
-        size = np.sqrt(np.clip(own, least, most))
-        found = scatter * np.outer(*[size / np.sqrt(np.maximum(own, 1e-300)) * (own > 0.0)] * 2)
-        np.fill_diagonal(found, size**2)
-        return np.linalg.inv(found)
 
     def left_out(self, point: Point) -> np.ndarray:
         """Which accelerations have no part in a point, numbers of them."""
@@ -241,15 +218,12 @@ class Noises(Filter):
         """
         assert point.system is not None
         first, pushed = len(self.channels), len(self.pushed)
-        which = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < -_FADING) & self._leading)
+        strengths = logs[first : first + pushed]
+        which = np.flatnonzero(self._there(logs) & (slope[first : first + pushed] < -_FADING))
         if not which.size:
             return logs
-        found = self._likeliest(point.system, logs, which)
-        gone = [d for d in which if found[first + d] != logs[first + d]]
-        if not (fresh and gone):
-            return found
-        weaker = np.where(self._guesses < logs[first : first + pushed], self._guesses, np.nan)
-        return self._likeliest(point.system, found, gone, weaker)
+        weaker = np.where(self._guesses < strengths, self._guesses, np.nan) if fresh else None
+        return self._likeliest(point.system, logs, which, weaker)
 
     @property
     def _guesses(self) -> np.ndarray:
@@ -262,7 +236,7 @@ class Noises(Filter):
         By accelerations that are hardly there the slopes are zero, see `run_filter`.
         """
         value, made = self._noise_pass(point, logs)
-        return value, self._noise_slopes(point, logs, made)[0]
+        return value, self._noise_slopes(point, logs, made)
 
     def noise_information(self, point: Point, which: Sequence[int], step: float) -> np.ndarray:
         """The information of the record on some noises' logarithms, (K, K), by differences of slopes over a step.
@@ -297,16 +271,12 @@ class Noises(Filter):
         value = float(self.counted @ made.scores) + self._prior(logs)[0]
         return value if np.isfinite(value) else -np.inf, made
 
-    def _noise_slopes(
-        self, point: Point, logs: np.ndarray, made: Pass, every: bool = False
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """The gradient, (C + 2 D,), and its scatter, see `Slopes`."""
+    def _noise_slopes(self, point: Point, logs: np.ndarray, made: Pass, every: bool = False) -> np.ndarray:
         assert point.system is not None
         if not np.isfinite(made.scores).all():
-            return np.zeros(logs.size), np.zeros((logs.size, logs.size))
-        slopes = slopes_of(point.system, made, self.counted, *self._numbers(logs, every))
-        slopes = replace(slopes, terms=self.joined(slopes.terms))
-        return slopes.noises + self._prior(logs)[1], slopes.scatter
+            return np.zeros(logs.size)
+        slopes = slopes_of(point.system, made, self.counted, *self._numbers(logs, every)).noises
+        return self.joined(slopes) + self._prior(logs)[1]
 
     def with_noise(self, point: Point, logs: np.ndarray) -> Point:
         """A point with other noises, linearised about the same path."""

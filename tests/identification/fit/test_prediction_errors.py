@@ -21,7 +21,6 @@ from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import NOISE_STEPS, PredictionErrors
 from identification.fit.shooting import Shooting
 from identification.fit.windows import free_run_windows
-from scripts.blind.own_cruise import cruised
 
 GLIDER = load_vehicle("ganeshblue")
 SENSORS = {"heading_rad": 0.01, "r_radps": 0.003}
@@ -488,36 +487,6 @@ def test_accelerations_that_suit_a_record_are_not_tried_at_other_strengths(pushe
     assert not asked
     problem.better_noise(problem.with_noise(point, strong), NOISE_STEPS)
     assert asked
-
-
-def test_the_scatter_of_the_gradient_by_the_noises_is_about_the_information():
-    """Parts of a record that are shorter than a push lasts tell less than that of its strength and time."""
-    told, own = [], []
-    for seed in range(4):
-        problem = PredictionErrors(GLIDER, log := glider_log(seed), whole(log))
-        point = problem.solve(GLIDER, PATHS)
-        told.append(np.diag(problem._noise_slopes(point, point.logs, problem._noise_pass(point, point.logs)[1])[1]))
-        own.append(np.diag(problem.noise_information(point, range(point.logs.size), 0.05)))
-    ratio = np.mean(told, axis=0) / np.mean(own, axis=0)
-    assert np.all((ratio > 0.5) & (ratio < 2.0))
-
-
-def test_better_noises_of_a_torpedo_in_waves_are_found_in_few_passes(monkeypatch):
-    """By what the scatter of the gradient tells: steps for as much information as channels hold need twice as many."""
-    base = load_vehicle("vt690")
-    plant = replace_at(base, "effects.rudder.offset", 0.05)
-    log, passes = cruised(plant, np.random.default_rng(3), 60.0), []
-    problem = PredictionErrors(base, log, whole(log))
-    first = problem.first_point()
-    without = problem.point(base.vector, problem.better_noise(first, 40)[0], first)
-    point = problem.point(plant.vector, without.logs, without)
-    best = problem.noise_slopes(point, problem.better_noise(point, 60)[0])[0]
-    made = problem._noise_pass
-    monkeypatch.setattr(problem, "_noise_pass", lambda *which: passes.append(0) or made(*which))
-    logs = problem.better_noise(point, NOISE_STEPS)[0]
-    assert len(passes) <= 9
-    assert problem.noise_slopes(point, logs)[0] == pytest.approx(best, abs=0.1)
-    assert problem.noise_slopes(point, point.logs)[0] < best - 1.0
 
 
 def test_a_push_that_lasts_is_tried_as_a_brief_one_which_cannot_take_a_steady_effects_part(monkeypatch):
