@@ -148,7 +148,7 @@ class Shooting(Parameters):
         gain = np.linalg.solve(gram, cross)  # (W, F, P)
         rest, count = flat - self.blocks.rows(gain.transpose(0, 2, 1) @ self.blocks.of(start_columns)), len(paths)
         columns, shared = rest[:count], rest[count:]
-        if len(shared):
+        if len(shared) and count:
             shared = shared.reshape(len(shared), -1)
             own = np.linalg.lstsq(shared.T, columns.reshape(count, -1).T, rcond=1e-10)[0]
             columns = columns - (own.T @ shared).reshape(columns.shape)

@@ -6,6 +6,7 @@ import pytest
 from auv_gym.param import replace_at, value_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record
+from identification.diagnosis.log.checking import Asked, check_log
 from identification.fit.greybox import GreyBox
 from identification.fit.prediction_errors import PredictionErrors
 from identification.fit.shooting import Shooting, unknown_states
@@ -115,6 +116,12 @@ def test_what_a_volume_does_in_one_dive_is_taken_out_of_the_sensitivities():
 def filtered() -> PredictionErrors:
     plant, record = load_vehicle("mermaid"), dives()
     return PredictionErrors(plant, record, stretches_of(plant, record))
+
+
+def test_dives_with_volumes_of_their_own_are_linearised_by_their_starts_alone():
+    """As the length of windows is judged, of a log that may be cut into shorter ones."""
+    log = check_log(dives(), load_vehicle("mermaid"), Asked())
+    assert 0.0 < log.window <= dives().duration_s
 
 
 def test_each_dive_of_a_log_may_count_its_time_from_zero():
