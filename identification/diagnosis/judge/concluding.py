@@ -6,13 +6,21 @@ from dataclasses import dataclass, replace
 
 from identification.deciding import EXPLAINED
 from identification.diagnosis.judge.common import Common
-from identification.diagnosis.judge.findings import as_coefficients, coefficient_of, coefficient_twins, twin_effects
+from identification.diagnosis.judge.findings import (
+    as_coefficients,
+    coefficient_of,
+    coefficient_twins,
+    turned_gains,
+    twin_effects,
+)
 from identification.diagnosis.judge.found import Coefficient, Effect
 from identification.diagnosis.judge.judgement import verdict_of
 from identification.diagnosis.judge.reporting import Reported
 from identification.diagnosis.judge.scoring import Scored, Scoring
 from identification.diagnosis.judge.verdict import Stage, Verdict
 from identification.diagnosis.judge.weighing import common_predictions
+from identification.diagnosis.log.plausibility import Doubt
+from identification.diagnosis.wording import quantity, short
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,6 +35,7 @@ class Conclusion:
     coefficients: tuple[Coefficient, ...]
     before: Stage
     explained: float
+    doubts: tuple[Doubt, ...] = ()
 
 
 def concluded(scoring: Scoring, found: Reported, scored: Scored) -> Conclusion:
@@ -52,8 +61,18 @@ def concluded(scoring: Scoring, found: Reported, scored: Scored) -> Conclusion:
     verdict = verdict_of(effects, tied, explained, bool(found.left), not found.effects, wrong)
     told = tuple(as_coefficients(known.given.plant, effects))
     unexplained = verdict == "unexplained"
+    doubts = () if log.asked.trust else tuple(_turned(c) for c in turned_gains(plant, coefficients))
     if log.slipped or (log.doubts and unexplained and explained < EXPLAINED):  # with less, they are still far apart
         verdict = "doubted"
+    if doubts and not unexplained:
+        return Conclusion("doubted", (), told, (), (), coefficients, before, explained, doubts)
     if unexplained:
-        return Conclusion(verdict, (), told, (), (), coefficients, before, explained)
+        return Conclusion(verdict, (), told, (), (), coefficients, before, explained, doubts)
     return Conclusion(verdict, told, (), tuple(tied), common, coefficients, before, explained)
+
+
+def _turned(c: Coefficient) -> Doubt:
+    """What is said of an actuator that acts the other way round."""
+    sizes = f"{quantity(c.value, c.unit)}, given {quantity(c.given, c.unit)}"
+    mend = "check the signs of the commands and of what they move, and turn the wrong one in a mapping (-NAME)"
+    return Doubt(f"the {short(c.title)} has the opposite sign in this log ({sizes})", (), 1.0, mend)

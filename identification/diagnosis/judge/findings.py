@@ -126,6 +126,15 @@ def coefficient_twins(plant: Plant, found: Sequence[Coefficient]) -> list[tuple[
     return [(effect, path) for effect, path in plant.twins.items() if path in wrong]
 
 
+def turned_gains(plant: Plant, found: Sequence[Coefficient]) -> list[Coefficient]:
+    """Coefficients as which an actuator's gain acts, and that have surely changed their sign.
+
+    No actuator does: a command, or what it moves, has the opposite sign in the record, or the vehicle is another one.
+    """
+    gains = {path for effect, path in plant.twins.items() if effect.endswith(".gain")}
+    return [c for c in found if c.path in gains and max(c.given * end for end in c.ci95) < 0.0]
+
+
 def size_as_effect(plant: Plant, effect: str, given: float, value: float) -> float:
     """The size of an effect that makes of a given coefficient this value; all of these are linear in their size."""
     shift = 1.0 - spec_at(plant, effect).neutral  # gains are neutral at one, errors at zero

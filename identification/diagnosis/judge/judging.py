@@ -83,7 +83,7 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         settle=log.settle,
         seed=asked.seed,
         asked=asked,
-        doubts=log.doubts,
+        doubts=(*told.doubts, *log.doubts),
         resting=tuple(sorted(bench.plant.family.resting(bench.problem.channels))),
         left_out=log.left_out,
         kinematics=searched.kinematics,

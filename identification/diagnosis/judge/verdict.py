@@ -194,7 +194,7 @@ class Diagnosis:
     def paragraphs(self) -> list[str]:
         """The summary in paragraphs: verdict and errors; ties; doubts about effects; what remains; how it was read."""
         grouped = (
-            (_sentence(self), unfinished_sentence(self), _error_sentence(self)),
+            (_sentence(self), _caution_sentence(self), unfinished_sentence(self), _error_sentence(self)),
             (_tied_sentence(self), _likelier_sentence(self), _common_sentence(self)),
             (
                 _halves_sentence(self),
@@ -242,6 +242,13 @@ def _sentence(d: Diagnosis) -> str:
     return f"The model is missing {count}: {'; '.join(names)}."
 
 
+def _caution_sentence(d: Diagnosis) -> str:
+    """What is doubted of a log that effects do not explain."""
+    if d.verdict != "unexplained":
+        return ""
+    return " ".join(f"{doubt.text[0].upper()}{doubt.text[1:]}. What to do: {doubt.mend}." for doubt in d.doubts)
+
+
 def unfinished_sentence(d: Diagnosis) -> str:
     """What is said of a search that ended at its limit, or nothing."""
     if not d.unfinished:
@@ -275,7 +282,7 @@ def _likelier_sentence(d: Diagnosis) -> str:
     told = []
     for e in d.effects:
         for m in e.members:
-            if e.probability is None or m.probability <= e.probability:
+            if e.probability is None or round(100.0 * m.probability) <= round(100.0 * e.probability):
                 continue
             spared = listed([short(d.titles.get(p, p)) for p in m.spared])
             why = f"with it, no {spared} is needed" if spared else "more of the sets that explain this log contain it"
@@ -297,7 +304,8 @@ def _halves_sentence(d: Diagnosis) -> str:
     for e in d.added:
         if e.frequency < STABLE:
             rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(short(e.name))
-    return " ".join(f"Only {share} of the halves of the log choose {listed(t)}." for share, t in rare.items())
+    told = [f"only {share} of the halves that were tried choose {listed(t)}" for share, t in rare.items()]
+    return f"The choice was repeated with half of the log: {'; '.join(told)}." if told else ""
 
 
 def _dives_sentence(d: Diagnosis) -> str:
@@ -368,9 +376,11 @@ def _limit_sentence(d: Diagnosis) -> str:
     limited = [c.title for c in d.coefficients if c.limited]
     if not limited:
         return ""
+    many = len(limited) > 1
     return (
-        f"The fit moved {listed(limited)} as far from the given value as its uncertainty allows. If the value is less "
-        "certain than that, raise --doubt or its deviation in the vehicle file."
+        f"The fit moved {listed(limited)} as far from the given {'values' if many else 'value'} as the stated "
+        f"uncertainty allows. If {'they are' if many else 'it is'} less certain than that, raise --doubt or the "
+        f"{'deviations' if many else 'deviation'} in the vehicle file."
     )
 
 
@@ -427,7 +437,8 @@ def _error_sentence(d: Diagnosis) -> str:
             parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
         else:
             beyond = float(np.sqrt(max(before.rmse**2 - d.noise_of(name) ** 2, 0.0)))
-            told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if np.isfinite(beyond) else ""
+            known = np.isfinite(beyond) and quantity(beyond, unit) != quantity(before.rmse, unit)
+            told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if known else ""
             parts.append(f"{label} {quantity(before.rmse, unit)}{told}")
     return f"RMS error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
 

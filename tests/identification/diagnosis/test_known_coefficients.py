@@ -128,7 +128,7 @@ def test_a_fit_stays_within_five_deviations(log):
     (limited,) = (c for c in found.coefficients if c.path == "hull.n_delta")
     assert limited.value == pytest.approx(1.25 * BARE.hull.n_delta)
     assert limited.limited
-    assert "as far from the given value as its uncertainty allows. If" in found.summary()
+    assert "as the stated uncertainty allows. If" in found.summary()
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from auv_gym.records.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
 from identification.diagnosis.judge import scoring
 from identification.diagnosis.search import workbench
+from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
 
@@ -143,3 +144,26 @@ def test_the_file_is_enough_to_repeat_a_diagnosis(tmp_path):
     file.write_text("{}")
     with pytest.raises(ValueError, match=r"no diagnosis\.json of this version"):
         again(file, record)
+
+
+def test_a_log_whose_rudder_is_turned_is_doubted_beside_an_offset_that_hides_it():
+    """A heading that hardly strays from its set points, and a rudder that is off by more than it moves."""
+    rng, dt, rows = np.random.default_rng(7), 4.0, 400
+    heading, rudder, turn, held = np.zeros(rows), np.zeros(rows), 0.0, 0.0
+    psi = 0.3
+    for k in range(rows):
+        heading[k] = psi + rng.normal(0.0, 0.007)
+        error = (np.deg2rad((20.0, 80.0, 140.0, 60.0)[4 * k // rows]) - heading[k] + np.pi) % (2.0 * np.pi) - np.pi
+        held = np.clip(held + 0.006 * error, -0.15, 0.15)
+        rudder[k] = np.clip(0.6 * error + held - 3.0 * turn, -0.45, 0.45)
+        for _ in range(8):
+            turn += 0.5 * (-0.12 * turn + 0.01 * (rudder[k] + 0.08)) + rng.normal(0.0, 1e-5)
+            psi += 0.5 * turn
+    given = load_vehicle("slocum")
+    right = Record.from_arrays(dt * np.arange(rows), {"heading_rad": heading, "rudder_rad": rudder})
+    turned = right.with_channels({"rudder_rad": -rudder})
+    assert "opposite sign" not in diagnose(right, given).summary()
+    found = diagnose(turned, given)
+    assert found.verdict == "doubted"
+    assert not found.effects
+    assert "rudder effectiveness N_dr has the opposite sign" in found.summary()

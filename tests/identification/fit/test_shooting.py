@@ -121,7 +121,7 @@ def filtered() -> PredictionErrors:
 def test_dives_with_volumes_of_their_own_are_linearised_by_their_starts_alone():
     """As the length of windows is judged, of a log that may be cut into shorter ones."""
     log = check_log(dives(), load_vehicle("mermaid"), Asked())
-    assert 0.0 < log.window <= dives().duration_s
+    assert len(log.every_window) >= 4
 
 
 def test_each_dive_of_a_log_may_count_its_time_from_zero():

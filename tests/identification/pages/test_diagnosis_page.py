@@ -213,7 +213,7 @@ def test_what_most_halves_of_the_log_do_not_choose_is_said(diagnosis, no_figures
     assert "It was not kept: most halves of the log do not choose it." in text
     assert "chosen, but not kept" in text
     assert "chosen by 55 % of the halves of the log" in text
-    assert f"Only 55 % of the halves of the log choose {short(rare.title)}." in d.summary()
+    assert f"only 55 % of the halves that were tried choose {short(rare.title)}." in d.summary()
     assert f"The search also found {chosen[-1].title}, but most halves of the log do not choose it." in d.summary()
     assert as_json(d)["dropped"] == [{"path": chosen[-1].paths[0], "why": RARE.format(it="it")}]
     assert as_json(d)["effects"][0]["frequency"] == 0.55

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from auv_gym.param import replace_at
-from identification.diagnosis.judge.findings import effects_of
+from identification.diagnosis.judge.findings import effects_of, turned_gains
+from identification.diagnosis.judge.found import Coefficient
 from identification.diagnosis.log.parts import parts_of
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.constancy import Steadiness
@@ -60,3 +61,17 @@ def test_a_member_of_a_tie_says_which_other_effects_its_likeliest_set_does_witho
     effects, groups = effects_of(bench, trials[width].state, rounds, sizes, survived, 18, found)  # type: ignore[arg-type]
     assert groups == [(width, play)]
     assert [m.spared for e in effects for m in e.members] == [(offset,)]
+
+
+@pytest.mark.parametrize(
+    "path, ci95, turned",
+    [
+        ("hull.n_delta", (-0.0003, -0.0002), True),
+        ("hull.n_delta", (-0.0003, 0.0001), False),  # not surely
+        ("hull.n_r", (-0.0003, -0.0002), False),  # no actuator
+    ],
+)
+def test_an_actuator_that_surely_acts_the_other_way_is_told(path, ci95, turned):
+    own = Coefficient(path, path, "", 0.0002, -0.00025, ci95)
+    other = Coefficient("hull.n_v", "N_v", "", 0.1, 0.1, (0.09, 0.11))
+    assert turned_gains(PLANT, [own, other]) == ([own] if turned else [])

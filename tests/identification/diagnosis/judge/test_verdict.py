@@ -49,7 +49,8 @@ def test_effects_that_many_halves_of_the_log_do_not_choose_are_said():
     rare = [replace(sure, title=title, frequency=f) for title, f in (("trim", 0.55), ("drift", 0.55), ("lag", 0.799))]
     said = _halves_sentence(SimpleNamespace(added=(sure, *rare)))  # type: ignore[arg-type]
     assert said == (
-        "Only 55 % of the halves of the log choose trim and drift. Only 80 % of the halves of the log choose lag."
+        "The choice was repeated with half of the log: only 55 % of the halves that were tried choose trim and drift; "
+        "only 80 % of the halves that were tried choose lag."
     )
     turned = SimpleNamespace(added=(replace(sure, frequency=0.6, coefficient=gain),))
     assert "choose another rudder effectiveness" in _halves_sentence(turned)  # type: ignore[arg-type]
