@@ -11,7 +11,6 @@ from auv_gym.records.record import Record
 from identification.diagnosis import again, as_json, diagnose, write_diagnosis
 from identification.diagnosis.judge import scoring
 from identification.diagnosis.search import workbench
-from identification.experiments.heading_control import closed_loop
 from identification.experiments.missions import run_mission
 from tests.identification.gliders import QUICK
 
