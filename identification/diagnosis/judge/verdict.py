@@ -47,6 +47,7 @@ VARIES = "parts of the log contradict each other in the size of {it}"
 WORSE = "free runs over unseen parts of the log are worse with {it} than without"
 LEANS = "the log gives no certain size for {it} without the effects that are not named"
 _FEW_DIVES = 6  # that a sentence lists
+_BETTER = 0.95  # of the refitted model's error, below which that of the given one is said to be less
 
 
 @dataclass(frozen=True, eq=False)
@@ -440,7 +441,17 @@ def _error_sentence(d: Diagnosis) -> str:
             known = np.isfinite(beyond) and quantity(beyond, unit) != quantity(before.rmse, unit)
             told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if known else ""
             parts.append(f"{label} {quantity(before.rmse, unit)}{told}")
-    return f"RMS error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
+    told = f"RMS error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
+    worse = [name for name in d.before.scores if d.given.scores[name].rmse < _BETTER * d.before.scores[name].rmse]
+    if not worse:
+        return told
+    given = [
+        f"{d.given.unseen.label(name)} {quantity(d.given.scores[name].rmse, channel(name).unit)}" for name in worse
+    ]
+    return (
+        f"{told} As given, the model errs less: {'; '.join(given)}. A refit makes the next reading likely, which may "
+        "worsen free runs if an effect is missing."
+    )
 
 
 def noise_sentence(d: Diagnosis) -> str:

@@ -11,6 +11,7 @@ from identification.diagnosis.judge.verdict import (
     VARIES,
     WORSE,
     Diagnosis,
+    _error_sentence,
     _halves_sentence,
     _likelier_sentence,
     dropped_sentence,
@@ -112,3 +113,19 @@ def test_a_member_that_is_likelier_than_the_effect_it_is_tied_with_is_said_to_be
     )
     assert said(play, 0.48).endswith("rudder deadband: more of the sets that explain this log contain it.")
     assert said(spared, 0.8) == said(spared, None) == ""
+
+
+@pytest.mark.parametrize("given, words", [(0.1, "As given, the model errs less: heading 5.73 deg. A refit"), (0.2, "")])
+def test_a_refit_that_errs_more_than_the_given_model_is_not_passed_over(given, words):
+    def stage(rmse: float) -> SimpleNamespace:
+        unseen = SimpleNamespace(label=lambda name: "heading")
+        return SimpleNamespace(scores={"heading_rad": SimpleNamespace(rmse=rmse)}, unseen=unseen)
+
+    d = SimpleNamespace(
+        before=stage(0.2), after=stage(0.05), given=stage(given), changed=True, reach="over 100 s", unseen_words="parts"
+    )
+    said = _error_sentence(d)  # type: ignore[arg-type]
+    assert said.startswith(
+        "RMS error of free runs over 100 s in unseen parts: heading 11.5 deg before, 2.86 deg after."
+    )
+    assert (words in said) if words else said.endswith("after.")
