@@ -14,7 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from auv_gym.cli.application import app
-from auv_gym.cli.options import logs
+from auv_gym.cli.options import after_doubt, logs
 from auv_gym.cli.options.console import errors, output, progress_bar, table
 from auv_gym.cli.options.next_experiment import propose_experiments, tell
 from auv_gym.cli.options.numbers import LENGTH, SEED, number, whole_number
@@ -147,8 +147,12 @@ def diagnose(
     for path in (*written.values(), *(plan.file for plan in planned or [])):
         output.print(str(path), markup=False, soft_wrap=True)
     if diagnosis.verdict == "doubted":
-        look = f"auv-gym look {quote(log[0])} --vehicle {quote(vehicle)}"
-        output.print(f"Next: {look} (it lists the signals that look wrong)", markup=False, soft_wrap=True)
+        same = {"min-depth": min_depth, "max-depth": max_depth, "resample": resample, "window": window}
+        options = [f"--{name} {value:g}" for name, value in same.items() if value is not None]
+        options += [f"--profile {quote(str(profile))}"] if profile is not None else []
+        asked = " ".join([f"--vehicle {quote(vehicle)}", *options, f"--out {quote(str(out))}"])
+        following = after_doubt.next_command(diagnosis.doubts, log, mapping, cache_dir, asked)
+        output.print(f"Next: {following}", markup=False, soft_wrap=True)
 
 
 def _source(log: Sequence[str]) -> str:

@@ -38,6 +38,9 @@ _TOO_SMALL = {  # what values of a unit come in instead, so that they are taken 
 }
 _USED = 0.1  # share of its range that an actuator moves through in a log, at least; less may be noise
 _RESOLVED = 1e-5  # of its range, finer than a sensor of 16 bits can tell it
+_MOVES = 0.01  # of the distance of its ends, by which the command of a thruster goes up and down at least
+DEEP = 10.0  # m, below which waves and what a vehicle does at the surface act no more
+_AT_SURFACE, _SURFACED = 2.0, 3  # m; samples above it, of a vehicle that comes up
 _USUAL = {
     "piston_m": 1e-2,
     "oil_volume_m3": 1e-5,
@@ -82,7 +85,7 @@ def check_ranges(plant: Plant, record: Record, few: float = 0.0) -> None:
             other = f", and whether {plant.name} is the right vehicle"
             looks = next((w for w, v in mended.items() if lowest <= v.min() and v.max() <= highest), other)
             raise ValueError(
-                f"{plant.name} has {channel(name).label} from {least:g} to {most:g} {channel(name).unit}; {name} is "
+                f"{plant.name} has {channel(name).label} from {least:g} to {most:g}{_unit(name)}; {name} is "
                 f"{values[row]:.4g} {where} ({share} are beyond): check the column's sign and unit, throughout the log"
                 f"{looks}."
             )
@@ -136,7 +139,7 @@ def _ranges(plant: Plant, record: Record) -> dict[str, tuple[float, float, float
 def _wild(plant: Plant, record: Record) -> dict[str, np.ndarray]:
     """Masks of the few readings that are beyond their channel's range, by what they are."""
     return {
-        f"where {name} is beyond {least:g} to {most:g} {channel(name).unit}": mask
+        f"where {name} is beyond {least:g} to {most:g}{_unit(name)}": mask
         for name, (least, most, _, mask) in _ranges(plant, record).items()
         if 0.0 < mask.mean() <= FEW
     }
@@ -146,7 +149,7 @@ def refusal(plant: Plant, record: Record) -> str:
     """Why a diagnosis would refuse a record as one of this vehicle; '' where it would not, or a channel is missing."""
     if not all(record.has(name) for name in (plant.family.leading, *plant.family.required)):
         return ""
-    record = _commanded(plant, record)
+    record = commanded(plant, record)
     try:
         check_ranges(plant, record, FEW)
         check_excitation(plant, described(plant, record))
@@ -155,10 +158,35 @@ def refusal(plant: Plant, record: Record) -> str:
     return ""
 
 
-def _commanded(plant: Plant, record: Record) -> Record:
+def commanded(plant: Plant, record: Record) -> Record:
     """The samples in which all inputs are known that a record has: a diagnosis leaves out those before, too."""
     known = np.isfinite(record.matrix([name for name in plant.inputs if record.has(name)])).all(axis=1)
     return record.select(known) if known.any() else record
+
+
+def moving_commands(record: Record) -> list[str]:
+    """The commands of thrusters that move in a record, in any unit."""
+    found = []
+    for name in record.names:
+        if re.fullmatch(rf"t\d+_({'|'.join(_FULL)})", name):
+            low, high = _FULL[name.rpartition("_")[2]]
+            values = record[name][np.isfinite(record[name])]
+            found += [name] if values.size and np.ptp(values) > _MOVES * (high - low) else []
+    return found
+
+
+def surfaces(plant: Plant, record: Record) -> bool:
+    """Whether a record is mostly of the deep, with samples at the surface that the vehicle's kind does not leave out.
+
+    Also False where channels are missing, and for vehicles that are judged below the surface alone.
+    """
+    needed = (plant.family.leading, *plant.family.required)
+    if plant.family.afloat is not None or not all(record.has(name) for name in ("depth_m", *needed)):
+        return False
+    found = _not_described(plant, record)
+    left_out = np.any(list(found.values()), axis=0) if found else np.zeros(len(record), dtype=bool)
+    depth = record["depth_m"]
+    return bool(np.sum((depth < _AT_SURFACE) & ~left_out) >= _SURFACED and np.mean(depth > DEEP) > _MOSTLY)
 
 
 def wrong_for(plant: Plant, record: Record) -> list[str]:
@@ -208,8 +236,7 @@ def command_remarks(plant: Plant, record: Record) -> list[str]:
         many = len(still) > 1
         lines.append(
             f"{_listed([row.name for row in still])} {'do' if many else 'does'} not move. This log shows nothing "
-            f"about {'these thrusters' if many else 'this thruster'}: neither gain, dead zone and lag nor place and "
-            "direction."
+            f"about {'their' if many else 'its'} gain, dead zone, lag, place or direction."
         )
     ending = rows[0].name.rpartition("_")[2]
     extra = [n for n in record.names if re.fullmatch(rf"[a-z]+\d+_{ending}", n) and n not in plant.inputs]
@@ -227,7 +254,8 @@ def convertible_commands(plant: Plant, names: Collection[str]) -> dict[str, Targ
     Full thrust astern and ahead is -1 and 1 in shares, -100 and 100 in percent, and 1100 and 1900 in pulses in us.
     """
     found = {}
-    for wanted in find_thrusters(plant).channels if plant.family.body and plant.family.body.thrusters else ():
+    for part in plant.family.body.thrusters if plant.family.body else ():
+        wanted = part.channel(0)
         stem, _, ending = wanted.rpartition("_")
         have = next((f"{stem}_{other}" for other in _FULL if f"{stem}_{other}" in names), wanted)
         if wanted not in names and have != wanted and ending in _FULL:
@@ -247,7 +275,7 @@ class _Commands:
 
     @property
     def unit(self) -> str:
-        return f" {channel(self.name).unit}".removesuffix(" 1")
+        return _unit(self.name)
 
     @property
     def beyond(self) -> np.ndarray:
@@ -270,6 +298,11 @@ def _thruster_commands(plant: Plant, record: Record) -> list[_Commands]:
     ends = command_ranges(plant)[thrusters.at].tolist()
     found = [_Commands(n, record[n], tuple(e)) for n, e in zip(thrusters.channels, ends, strict=True) if record.has(n)]
     return [replace(row, values=row.values[np.isfinite(row.values)]) for row in found]
+
+
+def _unit(name: str) -> str:
+    """A channel's unit with a blank before it; '' where it has none."""
+    return f" {channel(name).unit}".removesuffix(" 1")
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -301,8 +334,7 @@ def described(plant: Plant, record: Record) -> Record:
     ValueError where nothing is left.
     """
     lines = [
-        f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g} {channel(name).unit} is assumed "
-        "throughout."
+        f"The log has no {channel(name).label} ({name}): {plant.constants[name]:g}{_unit(name)} is assumed throughout."
         for name in plant.family.assumed
         if not record.has(name)
     ]

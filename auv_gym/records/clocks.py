@@ -21,6 +21,8 @@ _DAY = 86400.0  # s
 # of counts of days: the least and the largest of this century and the last, that of 1970, and whose they are
 _DAYS = ((6.9e5, 7.7e5, 719529.0, "MATLAB"), (2e4, 7.4e4, 25569.0, "spreadsheets"))
 _WITH_MONTH, _WITH_SLASHES = re.compile(r"\d{1,2}-[A-Za-z]{3}-\d{4} "), re.compile(r"\d{4}/\d{2}/\d{2}\b")
+_DAY_OR_MONTH = re.compile(r"\s*\d{1,2}([./-])\d{1,2}\1\d{2,4}\b")  # first, as in 10/03/2024
+YEAR_FIRST = "Write them with the year first, as in 2024-03-10T08:00:00."
 _QUICK = 1e-3  # between rows: as seconds no vehicle is sampled so fast, as days a minute and a half
 _EPOCHS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
 
@@ -71,6 +73,8 @@ def _clock(group: Group, names: Names, log: Log, notes: list[str]) -> tuple[str,
             )
             notes.append(f"{name}: taken as the time, in {unit}.")
             return name, seconds
+    for name, column in columns.items():
+        _check_order(name, next(filter(str.strip, column), "") if isinstance(column, list) else "")
     raise ValueError(
         "There is no column time_s (s; also time_ms, time_min, time_h, or dates in a column time); the columns are "
         f"{list_of(columns)}. {looks_like('time_s', columns)}"
@@ -110,6 +114,15 @@ def _moment(cell: str) -> datetime:
     return datetime.fromisoformat(cell.replace("/", "-") if _WITH_SLASHES.match(cell) else cell)
 
 
+def _check_order(name: str, cell: str) -> None:
+    """Raises ValueError if a cell is a date that begins with a day or a month."""
+    if _DAY_OR_MONTH.match(cell):
+        raise ValueError(
+            f"Column {name!r} has dates such as {cell.strip()!r}, and which number is the day and which the month is "
+            f"not known. {YEAR_FIRST}"
+        )
+
+
 def _of_day(cells: list[str]) -> np.ndarray | None:
     """Seconds since midnight of cells such as 13:05:20.5, NaN where empty; None if they are something else."""
     seconds = np.full(len(cells), np.nan)
@@ -147,6 +160,7 @@ def _seconds(name: str, column: Column, target: str, unit: str | None = None) ->
         try:
             moment = _moment(cell.strip())
         except ValueError as error:
+            _check_order(name, cell)
             raise ValueError(
                 f"Column {name!r} needs numbers or dates such as 2024-05-31T12:00:00, got {cell!r} at row {row + 1} "
                 "below the header: correct the cell or leave it empty."

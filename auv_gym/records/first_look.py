@@ -10,10 +10,10 @@ from typing import Any, cast
 
 import numpy as np
 
-from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, in_unit
+from auv_gym.channels import CHANNELS, SEGMENT_COLUMNS, conversion, in_unit, known_suffixes
 from auv_gym.records.formats import format_of
 from auv_gym.records.log import Column, Group, Log, Scope
-from auv_gym.records.mapping import Source, Target, load_mapping
+from auv_gym.records.mapping import Source, Target, is_known, load_mapping
 from auv_gym.records.naming import candidates
 from auv_gym.records.reading import Needs, Understood, assembled, command_for, find_log, open_log, understood
 from auv_gym.records.record import Record
@@ -76,6 +76,14 @@ class FirstLook:
     def spare(self) -> list[str]:
         """The columns that are not taken as channels that vehicles know, so that they may be what is missing."""
         return [signal.column for signal in self.signals if signal.channel not in CHANNELS]
+
+    @property
+    def is_profile(self) -> bool:
+        """Whether it is a table without times that has the density of the water over depth."""
+        columns = {name for group in self.log.groups if group.time is None for name in group.columns}
+        have = {conversion(name).channel.name for name in columns if is_known(name, None)}
+        timeless = self.known is None and not candidates("time_s", columns)
+        return timeless and "density_kgpm3" in have and bool(have & {"depth_m", "pressure_dbar"})
 
     def missing(self, needs: Needs) -> list[str]:
         """The channels that a vehicle would still need; a command serves where its input was not measured."""
@@ -169,6 +177,33 @@ def mapping_text(look: FirstLook, needs: Sequence[Needs] = (), turned: Mapping[s
         lines += ["", "# Not recognised: write a channel, and remove the # in front."]
         lines += [f'# {_quoted(name)} = ""' for name in rest]
     return "\n".join([*lines, ""])
+
+
+def corrected(source: Source, channel: str, factor: float = 1.0, offset: float = 0.0) -> str:
+    """The line of a mapping by which a column becomes a channel of factor times what it is taken as, plus an offset.
+
+    factor, offset: in SI.  channel: of the same quantity, as where two columns are exchanged.
+    """
+    target = source.target
+    size = _scale(target.name, source.unit)
+    whole, shift = factor * target.factor * size, factor * target.offset * size + offset
+    own = in_unit(target.name, source.unit).rpartition("_")[2]
+    names = [f"{channel.rpartition('_')[0]}_{suffix}" for suffix in (own, *known_suffixes())]
+    names = [name for name in names if is_known(name, None) and conversion(name).channel.name == channel]
+    plain = next((name for name in names if np.isclose(_scale(name), abs(whole), rtol=1e-9)), None)
+    if plain is not None and shift == 0.0:
+        return f"{_quoted(source.column)} = {_quoted('-' * (whole < 0.0) + plain)}"
+    name = names[0] if names else channel
+    unit = _scale(name)
+    return (
+        f'{_quoted(source.column)} = {{ to = "{name}", factor = {float(f"{whole / unit:.12g}")!r}, '
+        f"offset = {float(f'{shift / unit:.12g}')!r} }}"
+    )
+
+
+def _scale(name: str, unit: str | None = None) -> float:
+    """The size in SI of the unit of a column."""
+    return float(np.diff(conversion(name, unit).convert(np.array([0.0, 1.0])))[0])
 
 
 def _target(source: Source, turned: Target | None) -> str:

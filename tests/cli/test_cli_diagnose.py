@@ -191,7 +191,7 @@ def test_what_is_remarkable_in_a_log_is_said_once_and_before_the_search(tmp_path
     said, _, after = " ".join(capsys.readouterr().err.split()).partition("The search begins.")
     assert after == ""
     for words in (
-        "t8_share does not move",
+        "t8_share does not move. This log shows nothing about its gain, dead zone, lag, place or direction.",
         "also has t9_share, which is not used",
         "Resampled from an interval of 0.01 s",
     ):
@@ -206,4 +206,4 @@ def test_a_log_in_degrees_ends_with_the_command_that_shows_it(tmp_path, capsys):
     code = main(["diagnose", str(tmp_path / "log.nc"), "--vehicle", "slocum", "--out", str(tmp_path / "out")])
     assert code == 0
     told = " ".join(capsys.readouterr().out.split())
-    assert f"Next: auv-gym look {tmp_path / 'log.nc'} --vehicle slocum" in told
+    assert f"Next: auv-gym look {tmp_path / 'log.nc'} (this compares the log with all vehicles" in told

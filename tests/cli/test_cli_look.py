@@ -127,6 +127,107 @@ def test_vehicles_that_fit_equally_well_are_left_to_the_reader(tmp_path, capsys)
     assert text.endswith("ganeshblue or ganeshblue_corrected or slocum")
 
 
+def test_with_a_vehicle_it_says_what_this_one_needs(tmp_path, capsys):
+    log = glider_log(tmp_path / "log.csv")
+    assert main(["look", str(log), "--vehicle", "seaglider"]) == 0
+    text = said(capsys)
+    assert f"Next: auv-gym look {log} (this compares the log with all vehicles; seaglider needs depth_m, " in text
+    assert "buoyancy_volume_m3 and pitch_rad, which the log does not have. If another column holds one of them" in text
+    assert "no preset" not in text
+
+
+def test_of_vehicles_that_match_alike_none_is_chosen_for_a_mapping(log, capsys):
+    assert main(["look", str(log)]) == 0
+    text = said(capsys)
+    assert f"Next: auv-gym look {log} --vehicle NAME --mapping-out names.toml, where NAME is your vehicle: " in text
+    assert text.endswith("ganeshblue or ganeshblue_corrected or slocum")
+
+
+def test_of_a_table_that_fits_nothing_the_vehicle_is_left_to_the_reader(tmp_path, capsys):
+    path = write(tmp_path / "curve.csv", {"command": (0, 1, 2), "thrust_N": (0, 5, 9)})
+    assert main(["look", str(path)]) == 0
+    text = said(capsys)
+    assert "What is missing: There is no column time_s" in text
+    assert text.endswith(
+        "--vehicle NAME --mapping-out names.toml, where NAME is your vehicle: see auv-gym list vehicles"
+    )
+
+
+def test_a_mapping_that_names_no_column_is_to_be_corrected(log, tmp_path, capsys):
+    names = tmp_path / "names.toml"
+    names.write_text('Hdg = "heading_deg"\n')
+    assert main(["look", str(log), "--mapping", str(names)]) == 0
+    text = said(capsys)
+    assert "What is wrong: The mapping names the column 'Hdg'" in text
+    assert text.endswith(f"Next: correct {names} as it says above, then auv-gym look {log} --mapping {names}")
+
+
+def test_a_density_profile_is_for_another_option(tmp_path, capsys):
+    path = write(tmp_path / "ctd.csv", {"pressure_dbar": (1, 2, 3), "density_kgpm3": (1025, 1026, 1027)})
+    assert main(["look", str(path)]) == 0
+    assert f"Next: auv-gym diagnose LOG --vehicle NAME --profile {path} --out diagnosis (if this is" in said(capsys)
+
+
+def test_dates_of_which_the_order_is_not_known_are_to_be_written_anew(tmp_path, capsys):
+    path = tmp_path / "log.csv"
+    path.write_text("Date,Heading\n" + "".join(f"10/03/2024 08:00:0{k},{k}\n" for k in range(9)))
+    for options in ([], ["--mapping", str(tmp_path / "names.toml")]):
+        (tmp_path / "names.toml").write_text('Date = "time_s"\n')
+        assert main(["look", str(path), *options]) == 0
+        text = said(capsys)
+        assert "which number is the day and which the month is not known. Write them with the year first" in text
+        assert text.endswith(" ".join([f"as it says above, then auv-gym look {path}", *options]))
+
+
+@pytest.mark.parametrize("rows, step, words", [(39, 4.0, "got 1 (longest"), (200, 4000.0, "times are in seconds")])
+def test_a_log_with_too_few_windows_is_not_to_be_diagnosed(tmp_path, capsys, rows, step, words):
+    k = np.arange(rows)
+    columns = {"time_s": step * k, "heading_deg": 20.0 * np.sin(0.05 * k), "rudder_rad": 0.3 * np.cos(0.3 * k)}
+    log = write(tmp_path / "log.csv", columns)
+    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert "Looks wrong - A diagnosis needs at least 4 windows of 120 s" in text
+    assert words in text
+    assert "Next: first correct what looks wrong, since a diagnosis would refuse this log." in text
+
+
+def test_a_log_that_begins_at_the_surface_is_to_be_cut_there(tmp_path, capsys):
+    k = np.arange(400)
+    turns = {"heading_deg": 20.0 * np.sin(0.05 * k), "rudder_rad": 0.3 * np.cos(0.3 * k)}
+    for surfaced, option in ((20, "--min-depth 10 "), (0, "")):
+        depth = np.where(k < surfaced, 0.5, 50.0)
+        log = write(tmp_path / "log.csv", {"time_s": 4.0 * k, "depth_m": depth, **turns})
+        assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+        text = said(capsys)
+        assert f"Next: auv-gym diagnose {log} --vehicle slocum {option}--out diagnosis" in text
+        assert ("--min-depth 10 leaves out the surface" in text) == bool(surfaced)
+
+
+@pytest.mark.parametrize("still", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_vehicle_with_a_thruster_for_each_output_that_moves_comes_first(tmp_path, capsys, still):
+    t = np.arange(0.0, 60.0, 0.05)
+    moved = {f"t{k}_us": np.where(t // k % 2 == 0.0, 1400.0, 1600.0) for k in range(1, 9 - still)}
+    rest = {f"t{k}_us": 1500.0 + 0.0 * t for k in range(9 - still, 9)}
+    log = write(tmp_path / "log.csv", {"time_s": t, "heading_rad": 0 * t, "depth_m": t, **moved, **rest})
+    assert main(["look", str(log)]) == 0
+    text = said(capsys)
+    if still:
+        assert 0 < text.index(" bluerov none") < text.index(" bluerov2 none") < text.index(" bluerov2_heavy none")
+        assert f"Next: auv-gym diagnose {log} --vehicle bluerov " in text
+    else:
+        assert 0 < text.index(" bluerov2_heavy none. In another unit: t1_us, ") < text.index(" bluerov none")
+        assert text.endswith(f"Next: auv-gym look {log} --vehicle bluerov2_heavy --mapping-out names.toml")
+
+
+def test_gaps_and_units_of_one_are_told_plainly(tmp_path, capsys):
+    t = np.r_[np.arange(0.0, 400.0, 4.0), np.arange(800.0, 1200.0, 4.0)]
+    log = write(tmp_path / "log.csv", {"time_s": t, "heading_deg": t % 360, "t1_share": 0.001 * t})
+    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+    text = said(capsys)
+    assert "200 samples every 4 s in 2 segments, 13.2 min, gaps not counted." in text
+    assert "0 to 1.196 Rule" in text.replace("─", "")
+
+
 def test_a_unit_that_looks_wrong_is_to_be_corrected_before_a_diagnosis(tmp_path, capsys):
     log = glider_log(tmp_path / "log.csv", rudder=20.0)
     assert main(["look", str(log), "--vehicle", "slocum"]) == 0
@@ -189,7 +290,7 @@ def test_pitch_and_roll_that_look_exchanged_are_to_be_corrected_first(tmp_path, 
     text = said(capsys)
     assert "they look exchanged. Exchange them in a mapping." in text
     assert "of the log is left out, since seaglider does not describe it" in text
-    assert "--mapping-out names.toml, correct in it what looks wrong, then auv-gym diagnose" in text
+    assert "--mapping-out names.toml, correct in it what looks wrong, then auv-gym look" in text
     names = tmp_path / "names.toml"
     names.write_text('pitch_rad = "roll_rad"\nroll_rad = "pitch_rad"\n')
     assert main(["look", str(log), "--vehicle", "seaglider", "--mapping", str(names)]) == 0

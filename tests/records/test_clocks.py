@@ -81,11 +81,11 @@ def test_seconds_since_boot_are_no_days(tmp_path):
     assert record.time - record.time[0] == pytest.approx(TIME)
 
 
-def test_a_date_that_may_be_two_is_refused(tmp_path):
-    with pytest.raises(
-        ValueError, match=r"needs numbers or dates such as 2024-05-31T12:00:00, got '03/10/2024 23:59:40"
-    ):
-        read_record(write(tmp_path / "log.csv", "time", moments("%m/%d/%Y %H:%M:%S")))
+@pytest.mark.parametrize("name", ["time", "Date"])
+def test_a_date_that_may_be_two_is_refused(tmp_path, name):
+    words = r"'03/10/2024 23:59:40', and which number is the day and which the month is not known\. Write them with the"
+    with pytest.raises(ValueError, match=words):
+        read_record(write(tmp_path / "log.csv", name, moments("%m/%d/%Y %H:%M:%S")))
 
 
 def test_a_log_that_runs_backwards_is_turned_round(tmp_path):

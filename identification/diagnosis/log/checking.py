@@ -111,6 +111,16 @@ def check_log(record: Record, plant: Plant, asked: Asked) -> CheckedLog:
     return CheckedLog(record, plant, asked, parts, scored, window, settle, steady, doubts, left_out)
 
 
+def too_short(record: Record, plant: Plant) -> str:
+    """Why a record has too few windows to be compared with free runs; '' where it has enough."""
+    try:
+        record = described(plant, record)
+        _checked_windows(record, plant, _usual_window(plant, record), 0.0)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
 def _adrift(record: Record, plant: Plant) -> tuple[str, ...]:
     """The depth of a vehicle that loops, where nothing tells its speed forward and to starboard.
 

@@ -1,0 +1,142 @@
+"""Which vehicles fit a log best, by the channels that they need and those that a mapping can convert."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from auv_gym.cli.options import logs
+
+if TYPE_CHECKING:
+    from auv_gym.plant import Plant
+    from auv_gym.records.first_look import FirstLook
+    from auv_gym.records.mapping import Target
+    from auv_gym.records.reading import Needs
+    from auv_gym.records.record import Record
+
+_MOST_NAMED = 4  # vehicles that match equally well and are named; more are a list of their own
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Vehicles against a log.  needs: what each of them takes from a log."""
+
+    found: FirstLook
+    needs: Mapping[str, Needs]
+
+    @cached_property
+    def plants(self) -> dict[str, Plant]:
+        """The vehicles by name."""
+        from auv_gym.plant import load_vehicle
+
+        return {name: load_vehicle(name) for name in self.needs}
+
+    @cached_property
+    def turned(self) -> dict[str, dict[str, Target]]:
+        """What becomes of the log's commands of thrusters that a vehicle takes in another unit, by vehicle, channel."""
+        from auv_gym.plant.record_check import convertible_commands
+
+        channels = self.found.channels
+        return {name: convertible_commands(plant, channels) for name, plant in self.plants.items()}
+
+    def missing(self, name: str) -> list[str]:
+        """The channels that a vehicle needs and the log does not have, in any unit."""
+        have = {target.name for target in self.turned[name].values()}
+        return [one for one in self.found.missing(self.needs[name]) if one not in have]
+
+    def used(self, name: str) -> int:
+        """How many channels of the log a vehicle uses, those that are converted among them."""
+        need = self.needs[name]
+        return len(self.found.channels & {*need.required, *need.wanted}) + len(self.turned[name])
+
+    @cached_property
+    def ranked(self) -> list[str]:
+        """The vehicles, best match first.
+
+        In order: fewest missing channels, most columns that look like these, a thruster for each output that moves,
+        that of the log's source, fewest conversions, most channels used.
+        """
+        return sorted(self.needs, key=self._places.__getitem__)
+
+    @cached_property
+    def best(self) -> list[str]:
+        """The vehicles that match as well as the best one."""
+        first = min(self._places.values())
+        return [name for name, place in self._places.items() if place == first]
+
+    @cached_property
+    def guessed(self) -> bool:
+        """Whether a column looks like a channel that one of the best vehicles is missing."""
+        from auv_gym.records.naming import candidates
+
+        return any(candidates(one, self.found.spare) for name in self.best for one in self.missing(name))
+
+    @property
+    def fits(self) -> bool:
+        """Whether the best vehicles have all that they need."""
+        return self.found.record is not None and not self.found.missing(self.needs[self.best[0]])
+
+    @cached_property
+    def refused(self) -> dict[str, str]:
+        """Why a diagnosis with each of the best vehicles would refuse the log, '' where not; none where none fits."""
+        if not self.fits:
+            return {}
+        record = self.found.record
+        if self.found.sampled is not None or record is None:
+            return dict.fromkeys(self.best, "")
+        return {name: _refusal(self.plants[name], record) for name in self.best}
+
+    def surfacing(self, names: Sequence[str]) -> float | None:
+        """The depth, m, below which a diagnosis with these vehicles should begin; None if it needs no such limit."""
+        from auv_gym.plant.record_check import DEEP, surfaces
+
+        record, plants = self.found.record, [self.plants[name] for name in names]
+        if record is None or self.found.sampled is not None or not all(surfaces(plant, record) for plant in plants):
+            return None
+        below = logs.between_depths(record, DEEP, None)
+        return DEEP if not any(_refusal(plant, below) for plant in plants) else None
+
+    def thrusters(self, name: str) -> int:
+        """How many thrusters a vehicle has."""
+        body = self.plants[name].family.body
+        return len(body.thrusters) if body is not None else 0
+
+    @cached_property
+    def _places(self) -> dict[str, tuple[int, int, int, bool, int, int]]:
+        """What the vehicles are ranked by, the least first."""
+        from auv_gym.plant.record_check import moving_commands
+        from auv_gym.records.mapping import fitting_mappings
+        from auv_gym.records.naming import candidates
+
+        own = {fitting.vehicle for fitting in fitting_mappings(self.found.log)}
+        moving = len(moving_commands(self.found.record)) if self.found.record is not None else 0
+        columns, missing = self.found.spare, {name: self.missing(name) for name in self.needs}
+        return {
+            name: (
+                len(missing[name]),
+                sum(not candidates(one, columns) for one in missing[name]),
+                abs(self.thrusters(name) - moving) if moving else 0,
+                name not in own,
+                len(self.turned[name]),
+                -self.used(name),
+            )
+            for name in self.needs
+        }
+
+
+def to_type(names: Sequence[str]) -> tuple[str, str]:
+    """The vehicle to type, and what explains it: NAME where several would do."""
+    if len(names) == 1:
+        return names[0], ""
+    listed = " or ".join(names) if len(names) <= _MOST_NAMED else "see auv-gym list vehicles"
+    return "NAME", f"where NAME is your vehicle: {listed}"
+
+
+def _refusal(plant: Plant, record: Record) -> str:
+    """Why a diagnosis of a record would be refused, '' where it would not."""
+    from auv_gym.plant.record_check import commanded, refusal
+    from identification.diagnosis.log.checking import too_short
+
+    return refusal(plant, record) or too_short(logs.thinned(commanded(plant, record), plant.dt), plant)
