@@ -32,8 +32,12 @@ def _loaded() -> tuple[tuple[Format, ...], str]:
 
 
 def known_endings() -> str:
-    """The endings of all formats, in words."""
-    return ", ".join(f"{', '.join(found.endings) or 'a folder'} ({found.name})" for found in formats())
+    """The endings of all formats, in words, each once: with all formats that have it."""
+    named: dict[tuple[str, ...], list[str]] = {}
+    for ending in dict.fromkeys(ending for found in formats() for ending in found.endings or ("a folder",)):
+        names = tuple(found.name for found in formats() if ending in (found.endings or ("a folder",)))
+        named.setdefault(names, []).append(ending)
+    return ", ".join(f"{', '.join(endings)} ({' or '.join(names)})" for names, endings in named.items())
 
 
 def format_of(path: Path) -> Format:
@@ -48,8 +52,8 @@ def format_of(path: Path) -> Format:
             return found
     if path.is_dir():
         raise ValueError(
-            f"{path} is a folder, and no log as a whole (a ROS 2 bag is one, with its metadata.yaml): give the path of "
-            "one log file in it, or of several."
+            f"{path} is a folder, and not itself a log, as a ROS 2 bag with its metadata.yaml is: give the path of "
+            "one log file in it."
         )
     if of_ending:
         names = " or ".join(dict.fromkeys(found.name for found in of_ending))
@@ -58,7 +62,8 @@ def format_of(path: Path) -> Format:
             "ending, or copy or export it again."
         )
     raise ValueError(
-        f"{path} ends in {ending!r}, which is no known format. Known are {known_endings()}. {_loaded()[1]}".rstrip()
+        f"{path} ends in {ending!r}, which is no known format. Save it as CSV, or give one of these: "
+        f"{known_endings()}. {_loaded()[1]}".rstrip()
     )
 
 

@@ -64,9 +64,10 @@ def on_dropped(variables: Mapping[str, Any], missing: np.ndarray) -> list[str]:
     lost = [n for n, (_, values, _) in variables.items() if channel(n).needed and not np.isfinite(values).all()]
     share = 100.0 * missing.mean()
     names = " or ".join(lost) if len(lost) < 3 else f"{', '.join(lost[:2])} or others"
+    were = "was" if missing.sum() == 1 else "were"
     return [
-        f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) were dropped, where {names} had no value; "
-        "the record is cut there."
+        f"{int(missing.sum()):,} of {missing.size:,} samples ({share:.2g} %) {were} dropped, where {names} had no "
+        "value; the record is cut there."
     ]
 
 

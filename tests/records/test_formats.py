@@ -39,6 +39,25 @@ def test_a_foreign_reader_that_cannot_be_imported_leaves_the_others_alone(monkey
         formats_module.formats.cache_clear()
 
 
+def test_a_file_of_no_known_format_is_to_be_saved_as_a_table_first_of_all(tmp_path):
+    odd = tmp_path / "log.parquet"
+    odd.write_bytes(b"PAR1\0")
+    with pytest.raises(ValueError, match=r"no known format\. Save it as CSV, or give one of these: \."):
+        format_of(odd)
+
+
+def test_each_ending_is_listed_once():
+    endings = [word.strip(",") for word in known_endings().split() if word.startswith(".")]
+    assert len(endings) == len(set(endings))
+    assert {".nc", ".asc", ".csv"} <= set(endings)
+    assert ".nc (NetCDF or Seaglider NetCDF)" in known_endings()
+
+
+def test_a_folder_is_one_log_or_none(tmp_path):
+    with pytest.raises(ValueError, match=r"is a folder, and not itself a log.*give the path of one log file in it\.$"):
+        format_of(tmp_path)
+
+
 def test_the_content_tells_the_format_whatever_a_file_is_called(tmp_path):
     bag = tmp_path / "log.txt"
     bag.write_bytes(b"#ROSBAG V2.0\n" + bytes(100))

@@ -146,7 +146,8 @@ def _drop_bad(file: NetcdfFile, dim: str, columns: dict[str, Column], notes: lis
                 lost = int(np.count_nonzero(bad & np.isfinite(column)))
                 if lost:
                     notes.append(
-                        f"{lost} of {column.size} samples of {name} are left out: {flags.name} calls them bad."
+                        f"{lost} of {column.size} samples of {name} {'is' if lost == 1 else 'are'} left out: "
+                        f"{flags.name} calls {'it' if lost == 1 else 'them'} bad."
                     )
                 columns[name] = np.where(bad, np.nan, column)
 

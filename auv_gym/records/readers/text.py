@@ -174,8 +174,11 @@ def _whole_rows(rows: bytes, cells: int, delimiter: str) -> tuple[bytes, list[st
         del counts[-1], kept[-1]
     for number, count in enumerate(counts):
         if count != cells:
+            row = next(csv.reader([_text(kept[number])], delimiter=delimiter, skipinitialspace=True))
+            no_table = "" if any(map(_is_number, row)) else " Is this file a log, a table of numbers below a header?"
             raise ValueError(
-                f"Row {number + 1} below the header has {count} cells, the header has {cells}. Correct the line."
+                f"Row {number + 1} below the header has {count} cells, the header has {cells}.{no_table} Correct the "
+                f"line{', if it is' * bool(no_table)}."
             )
     return b"\n".join(kept), notes
 

@@ -49,3 +49,13 @@ def test_a_number_among_others_like_it_is_one(tmp_path):
     lines = ["time_s,heading_deg,propeller_rpm", *(f"{k},10,{n}" for k, n in enumerate(rpm))]
     path.write_text("\n".join(lines) + "\n")
     assert read_record(path)["propeller_rpm"].tolist() == rpm
+
+
+def test_of_text_without_numbers_it_is_asked_whether_it_is_a_log(tmp_path):
+    path = tmp_path / "notes.txt"
+    path.write_text("Mission notes\nWe launched at 9.\nRecovered at 17:00, battery low, fin looks bent.\n")
+    with pytest.raises(ValueError, match=r"the header has 1\. Is this file a log, a table of numbers below a header\?"):
+        read_record(path)
+    path.write_text(text(",").replace("11.0,1.5", "11.0"))
+    with pytest.raises(ValueError, match=r"Row 2 below the header has 2 cells, the header has 3\. Correct the line\.$"):
+        read_record(path)
