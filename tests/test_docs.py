@@ -49,6 +49,11 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.parametrize("page", [str(page.relative_to(ROOT)) for page in PAGES])
+def test_pages_install_from_a_clone_since_no_index_has_the_package(page):
+    assert re.findall(r"pip install.*auv-gym.*", (ROOT / page).read_text()) == []
+
+
 # what these two run, tests of the command line run, too
 LONG = ("docs/tutorials/campaign.md", "docs/tutorials/log_and_model.md")
 
