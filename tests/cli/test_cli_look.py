@@ -179,16 +179,19 @@ def test_dates_of_which_the_order_is_not_known_are_to_be_written_anew(tmp_path, 
         assert text.endswith(" ".join([f"as it says above, then auv-gym look {path}", *options]))
 
 
-@pytest.mark.parametrize("rows, step, words", [(39, 4.0, "got 1 (longest"), (200, 4000.0, "times are in seconds")])
-def test_a_log_with_too_few_windows_is_not_to_be_diagnosed(tmp_path, capsys, rows, step, words):
-    k = np.arange(rows)
-    columns = {"time_s": step * k, "heading_deg": 20.0 * np.sin(0.05 * k), "rudder_rad": 0.3 * np.cos(0.3 * k)}
-    log = write(tmp_path / "log.csv", columns)
-    assert main(["look", str(log), "--vehicle", "slocum"]) == 0
-    text = said(capsys)
-    assert "Looks wrong - A diagnosis needs at least 4 windows of 120 s" in text
-    assert words in text
-    assert "Next: first correct what looks wrong, since a diagnosis would refuse this log." in text
+def test_a_log_with_too_few_windows_is_not_to_be_diagnosed_alone(tmp_path, capsys):
+    for rows, step in ((39, 4.0), (200, 4000.0)):
+        k = np.arange(rows)
+        turns = {"heading_deg": 20.0 * np.sin(0.05 * k), "rudder_rad": 0.3 * np.cos(0.3 * k)}
+        log = write(tmp_path / "log.csv", {"time_s": step * k, **turns})
+        assert main(["look", str(log), "--vehicle", "slocum"]) == 0
+        text = said(capsys)
+        assert "Looks wrong - A diagnosis needs at least 4 windows of 120 s" in text
+        if rows == 39:
+            assert f"Next: auv-gym diagnose {log} MORE --vehicle slocum --out diagnosis, where MORE are other" in text
+        else:
+            assert "check that times are in seconds." in text
+            assert "Next: first correct what looks wrong, since a diagnosis would refuse this log." in text
 
 
 def test_a_log_that_begins_at_the_surface_is_to_be_cut_there(tmp_path, capsys):

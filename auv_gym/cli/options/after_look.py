@@ -72,6 +72,7 @@ def _nothing_fits(matches: Matches, log: str, chosen: bool, given: str) -> str:
 def _next_diagnosis(matches: Matches, log: str, used: Path | None) -> str:
     """The diagnosis to type next, or what to correct before it."""
     from auv_gym.cli.options.matching import to_type
+    from identification.diagnosis.log.checking import RECORD_LONGER
 
     found, refused = matches.found, matches.refused
     names = quote(str(used or "names.toml"))
@@ -79,6 +80,12 @@ def _next_diagnosis(matches: Matches, log: str, used: Path | None) -> str:
     if used is None:
         edited = f"auv-gym look {quote(log)} --mapping-out {names}, correct in it what looks wrong"
     fitting = [name for name, why in refused.items() if not why]
+    firm = any(("map it to" in doubt or "in a mapping" in doubt) and "unless" not in doubt for doubt in found.doubts)
+    if not fitting and not firm and all(why.endswith(RECORD_LONGER) for why in refused.values()):
+        name, where = to_type(list(refused))
+        options = f" --vehicle {quote(name)}{f' --mapping {names}' if used else ''} --out diagnosis"
+        others = "where MORE are other logs of the same vehicle, since this one alone is too short"
+        return ", and ".join(filter(None, [f"auv-gym diagnose {quote(log)} MORE{options}, {others}", where]))
     if not fitting:
         alone = next(iter(refused)) if len(refused) == 1 else "NAME"
         return (
@@ -86,7 +93,6 @@ def _next_diagnosis(matches: Matches, log: str, used: Path | None) -> str:
             f"{edited}, then auv-gym look {quote(log)} --vehicle {quote(alone)} --mapping {names}. "
             "Otherwise change the file, or use another log or vehicle."
         )
-    firm = any(("map it to" in doubt or "in a mapping" in doubt) and "unless" not in doubt for doubt in found.doubts)
     first = f"{edited}, then " if firm else ""
     options, reasons = f" --mapping {names}" if used or firm else "", []
     if cut := matches.surfacing(fitting):

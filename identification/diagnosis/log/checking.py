@@ -16,6 +16,7 @@ from identification.fit.shooting import Shooting, unknown_states
 from identification.fit.steps import readings_noise
 from identification.fit.windows import LEAST_SAMPLES, free_run_windows
 
+RECORD_LONGER = "record longer, give several logs of the vehicle, or diagnose with shorter windows (--window)."
 _SHORTER = (1.0, 0.8, 0.65, 0.5)  # of the vehicle's window, tried in turn in short records
 
 
@@ -155,7 +156,7 @@ def _checked_windows(record: Record, plant: Plant, window: float, settle: float)
             + (
                 "choose longer windows, and check that times are in seconds."
                 if window < 2.0 * record.sample_interval
-                else "record longer, give several logs of the vehicle, or diagnose with shorter windows (--window)."
+                else RECORD_LONGER
             )
         )
     shortest = min(w.stop - w.start for w in windows)
