@@ -206,6 +206,12 @@ def test_a_log_that_begins_at_the_surface_is_to_be_cut_there(tmp_path, capsys):
         assert ("--min-depth 10 leaves out the surface" in text) == bool(surfaced)
 
 
+def test_a_kind_that_leaves_out_the_surface_by_itself_needs_no_cut(tmp_path, capsys):
+    log = dive_log(tmp_path / "log.csv", depth_m=lambda c: np.where(c["time_s"] < 100.0, 0.5, c["depth_m"]))
+    assert main(["look", str(log), "--vehicle", "seaglider"]) == 0
+    assert said(capsys).endswith(f"Next: auv-gym diagnose {log} --vehicle seaglider --out diagnosis")
+
+
 @pytest.mark.parametrize("still", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_vehicle_with_a_thruster_for_each_output_that_moves_comes_first(tmp_path, capsys, still):
     t = np.arange(0.0, 60.0, 0.05)
@@ -309,7 +315,10 @@ def test_thruster_commands_in_another_unit_are_converted_by_the_mapping(
 ):
     t = np.arange(0.0, 60.0, 0.05)
     made = {f"t{k}_{ending}": np.where(t // k % 2 == 0.0, *values) for k in range(1, 7)}
-    log, names = write(tmp_path / "log.csv", {"time_s": t, "heading_rad": 0 * t, "depth_m": t, **made}), "names.toml"
+    log, names = (
+        write(tmp_path / "log.csv", {"time_s": t, "heading_rad": 0 * t, "depth_m": 20.0 + t, **made}),
+        "names.toml",
+    )
     assert main(["look", str(log), "--vehicle", vehicle]) == 0
     text = said(capsys)
     assert f"In another unit: t1_{ending}, " in text

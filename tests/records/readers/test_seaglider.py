@@ -138,6 +138,9 @@ def test_flagged_samples_are_missing_and_counted(tmp_path, whole):
     assert np.flatnonzero(np.isnan(column(log, "density"))).tolist() == [0, 1, 2]
     assert "4 of 50 samples of temperature are left out: temperature_qc calls them bad." in log.notes
     assert "3 of 50 samples of density are left out: salinity_qc calls them bad." in log.notes
+    one = dive(temperature_qc=("ctd_data_point", chars("1" * 49 + "4")))
+    notes = FORMAT.read(write(tmp_path / "one.nc", one), Scope()).notes
+    assert "1 of 50 samples of temperature is left out: temperature_qc calls it bad." in notes
     flags = dive(temperature_qc=("ctd_data_point", np.r_[np.ones(49), 4.0]))
     log = FORMAT.read(write(tmp_path / "numbers.nc", flags), Scope())
     assert np.flatnonzero(np.isnan(column(log, "temperature"))).tolist() == [49]
