@@ -1,5 +1,7 @@
 """Subspace methods on outputs that integrate: a pole at exactly 1 by default, and a drift only where there is one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,6 @@ from identification.linear.regressors import Series
 from identification.linear.scaled import Scaled
 from identification.linear.subspaces.n4sid import N4sid
 from identification.linear.subspaces.pbsid import Pbsid
-from identification.linear.subspaces.realisation import Realisation
 from identification.linear.subspaces.refinement import candidate, local_directions, realisation_normal_equations
 from identification.linear.uncertainty import pole_intervals
 from tests.identification.linear.subspaces.test_long_predictor import (
@@ -22,6 +23,7 @@ from tests.identification.linear.subspaces.test_long_predictor import (
     both,
     driven,
 )
+from tests.identification.linear.subspaces.test_refinement import between_scaled
 
 METHODS = pytest.mark.parametrize("method", [N4sid, Pbsid])
 DRIFT = 0.03  # rad a sample, a fifth of what an input does
@@ -127,17 +129,8 @@ def test_a_record_too_short_to_refine_shows_no_drift():
 
 def scaled_of(fit, scaled):
     """The model of a fit between scaled signals."""
-    model = fit.model
-    return Realisation(
-        model.a,
-        model.b * scaled.input_spread,
-        model.c / scaled.output_spread[:, None],
-        model.k * scaled.output_spread,
-        model.b @ (scaled.input_middle - model.input_offset),
-        (model.output_offset - scaled.output_middle) / scaled.output_spread,
-        fit.centre.integrators,
-        fit.centre.rest,
-    )
+    found = between_scaled(fit.model, scaled)
+    return replace(found, integrators=fit.centre.integrators, rest=fit.centre.rest)
 
 
 @pytest.mark.parametrize("resting", [True, False])
