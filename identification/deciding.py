@@ -142,7 +142,7 @@ time; with more it takes minutes."""
 
 TIMED = 12
 """Effects and coefficients whose times are sought, of a vehicle with more states: those in which sixths of the log seem
-to differ most.  Source: time, all of a torpedo's take ten minutes; convention."""
+to differ most.  Source: time, a torpedo has a hundred, each with 69 times and forms; convention."""
 
 # Search: what is accepted, and what is tied with it
 
