@@ -152,22 +152,20 @@ def _attributed(
 
     sought: paths that are fitted to the end whatever they promise.
     """
-    bench, count = known.bench, len(candidates)
 
     def told(fraction: float, text: str) -> None:
         progress(0.1 + 0.7 * fraction, text)
 
-    state, rounds = attribute(bench, known.nominal, candidates, most, (), told, sought)
+    state, rounds = attribute(known.bench, known.nominal, candidates, most, (), told, sought)
     suited = known.in_suited_steps(state)
     if suited is not known:
         return _attributed(suited, candidates, most, progress, sought)
     progress(0.8, "looking for waves and for sensor errors that last")
-    noisier, beside = known.with_further_noises(state)
-    if noisier is known:
-        return known, state, rounds
     chosen = [p for made in rounds if made.chosen for p in made.chosen.candidate.paths]
-    again = _attributed(noisier, candidates, most, progress, chosen)
-    return (known, state, rounds) if noisier.led_astray(beside, again[0], again[1], count) else again
+    again = known.beside_noises(
+        state, lambda noisier: _attributed(noisier, candidates, most, progress, chosen), len(candidates)
+    )
+    return again or (known, state, rounds)
 
 
 def _own_paths(made: Round, state: State) -> list[str]:

@@ -191,11 +191,8 @@ def _beside_noises(
     given, nominal = (placed(bench, one, {})[1] for one in (known.given, known.nominal))
     here = replace(known, bench=bench, given=given, nominal=nominal)
     progress(0.85, "looking for waves and for sensor errors that last")
-    noisier, beside = here.with_further_noises(state)
-    if noisier is here:
-        return here, state, rounds, times
-    again = _beside_noises(noisier, forms, count, most, progress)
-    return (here, state, rounds, times) if noisier.led_astray(beside, again[0], again[1], count) else again
+    again = here.beside_noises(state, lambda noisier: _beside_noises(noisier, forms, count, most, progress), count)
+    return again or (here, state, rounds, times)
 
 
 def _searched(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from identification.diagnosis.search.further_noises import with_further_noises
 from identification.diagnosis.search.trials import Progress, Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
 from identification.fit.parameters import moves_of
+
+Found = TypeVar("Found", bound=tuple[Any, ...])
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,17 @@ class Known:
             return self, state
         there = dict(zip(states, found, strict=True))
         return Known(bench, self.coefficients, there[self.given], there[self.nominal]), there[state]
+
+    def beside_noises(self, state: State, search: Callable[[Known], Found], count: int) -> Found | None:
+        """What a search finds beside the noises that a state's errors show; None without any, or if led astray.
+
+        search: returns the fits, the state that it found, and more.  count: of all candidates, for the bar.
+        """
+        noisier, beside = self.with_further_noises(state)
+        if noisier is self:
+            return None
+        found = search(noisier)
+        return None if noisier.led_astray(beside, found[0], found[1], count) else found
 
     def led_astray(self, state: State, again: Known, there: State, count: int) -> bool:
         """Whether a search beside these noises explains the record less well than what was found without them.
