@@ -16,7 +16,7 @@ from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.known import Known
 from identification.diagnosis.search.workbench import State, Workbench
-from identification.fit.changing import change, changed
+from identification.fit.changing import changed
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def kind_of(form: str) -> str:
 
 def in_form(candidate: Candidate, form: str) -> Candidate:
     """The candidate as a change."""
-    return Candidate(f"{candidate.title}, {kind_of(form)}", tuple(change(form, p) for p in candidate.paths))
+    return candidate.in_form(form, f"{candidate.title}, {kind_of(form)}")
 
 
 def tied_names(rounds: Sequence[Round]) -> tuple[str, ...]:

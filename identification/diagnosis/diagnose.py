@@ -14,8 +14,9 @@ from identification.deciding import DOUBT, MOST_EFFECTS
 from identification.diagnosis.judge.judging import judge
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
+from identification.diagnosis.log.several import logs_in, with_own_effects
 from identification.diagnosis.search.known import fit_known
-from identification.diagnosis.search.searching import Searched, search_effects
+from identification.diagnosis.search.searching import Searched, may_differ, search_effects
 from identification.diagnosis.search.trials import Progress
 
 T = TypeVar("T")
@@ -39,6 +40,8 @@ def diagnose(
     window: s, length of the free runs (see `free_run_windows`).  settle: s at a window's start to which its
     initial states are fitted.  Both default to the vehicle's; an unstable vehicle's windows are shortened, and settling
     times with short windows.
+    Several logs (segments of different labels) are one record.  Where no effect of all of them explains it, effects of
+    some of them only are sought, too.
     doubt: standard deviation of the vehicle's own coefficients, relative, where it states none; 0 holds all of them.
     seed: of what resamples blocks.  trust: also of logs that look mislabelled.
     Raises ValueError if the record is too short, lacks a channel, or does not excite the vehicle.
@@ -75,9 +78,13 @@ def diagnose(
     brief = log.in_brief()
     searched = sought(brief)
     if brief is not log and searched.state is searched.nominal:  # what is weak needs all of the log
-        searched = sought(log)
-    else:
-        log = brief
-    found = timed("judging", lambda: judge(log, searched, source, progress))
+        searched, brief = sought(log), log
+    found = timed("judging", lambda: judge(brief, searched, source, progress))
+    if found.verdict == "unexplained" and brief is log and len(logs_in(log.record)) > 1:
+        own = with_own_effects(log, may_differ(searched))
+        again = searched if own is None else sought(own)
+        if own is not None and again.state is not again.nominal:
+            apart = timed("judging", lambda: judge(own, again, source, progress))
+            found = apart if apart.verdict in ("named", "tied") else found
     # with the channels that were not compared, and the rows that windows count
-    return replace(found, record=described(plant, record).with_notes(log.record.notes), seconds=seconds)
+    return replace(found, record=described(plant, record).with_notes(brief.record.notes), seconds=seconds)

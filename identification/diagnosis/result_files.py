@@ -24,6 +24,7 @@ from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.verdict import Diagnosis, Stage
 from identification.diagnosis.search.trials import Progress
+from identification.fit.changing import changed
 
 
 def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Extras | None = None) -> dict[str, Path]:
@@ -51,10 +52,15 @@ def write_diagnosis(diagnosis: Diagnosis, folder: str | os.PathLike, extras: Ext
     paths = {name: out / name for name in ("diagnosis.json", "vehicle.toml", "report.html")}
     write_text(paths["diagnosis.json"], _json_text(diagnosis, extras))
     told = ((diagnosis.effects, "named by"), (diagnosis.alike, "acts like the difference, but is not named, in"))
-    notes = {e.path: f"{words} a diagnosis of {diagnosis.source or 'a record'}" for own, words in told for e in own}
+    notes = {
+        changed(e.path)[1]: f"{words} a diagnosis of {diagnosis.source or 'a record'}"
+        for own, words in told
+        for e in own
+    }
     notes |= {c.path: f"refitted by a diagnosis of {diagnosis.source or 'a record'}" for c in diagnosis.coefficients}
-    seen = (diagnosis.after.plant.fitted_to, diagnosis.source or "a record")
-    fitted = replace(diagnosis.after.plant, fitted_to="; ".join(dict.fromkeys(filter(None, seen))))
+    after = diagnosis.plants["after"]
+    seen = (after.fitted_to, diagnosis.source or "a record")
+    fitted = replace(after, fitted_to="; ".join(dict.fromkeys(filter(None, seen))))
     save_vehicle(fitted, paths["vehicle.toml"], notes)
     before = len(extras.failures)
     page = extras.attempt("The report", lambda: diagnosis_page(diagnosis, extras), "")
@@ -74,6 +80,7 @@ def _json_text(diagnosis: Diagnosis, extras: Extras) -> str:
 
 def as_json(d: Diagnosis) -> dict[str, Any]:
     """The diagnosis as plain data; angles in rad, SI throughout."""
+    given = d.plants["given"]
     metric = {
         "metric": "RMS error of free runs in unseen parts of the log",
         "horizon_s": d.window - d.settle,
@@ -151,17 +158,17 @@ def as_json(d: Diagnosis) -> dict[str, Any]:
         "failures": [asdict(failure) for failure in d.failures],
         "remains": d.remains,
         "vehicle": {
-            "name": d.given.plant.name,
-            "family": d.given.plant.family.name,
-            "parts": [finite(asdict(part)) for part in (d.given.plant.family.body or Body(())).parts],
-            "dt_s": d.given.plant.dt,
-            "longest_step_s": d.given.plant.longest_step,
-            "window_s": d.given.plant.window,
-            "settle_s": d.given.plant.settle,
-            "deviations": dict(d.given.plant.deviations),
-            "fitted_to": d.given.plant.fitted_to,
-            "parameters": {p: value_at(d.given.plant, p) for p in list_paths(d.given.plant)},
-            "units": {p: spec_at(d.given.plant, p).unit for p in list_paths(d.given.plant)},
+            "name": given.name,
+            "family": given.family.name,
+            "parts": [finite(asdict(part)) for part in (given.family.body or Body(())).parts],
+            "dt_s": given.dt,
+            "longest_step_s": given.longest_step,
+            "window_s": given.window,
+            "settle_s": given.settle,
+            "deviations": dict(given.deviations),
+            "fitted_to": given.fitted_to,
+            "parameters": {p: value_at(given, p) for p in list_paths(given)},
+            "units": {p: spec_at(given, p).unit for p in list_paths(given)},
         },
         "asked": asdict(d.asked),
         "record_sha256": digest_of(d.record),

@@ -19,22 +19,35 @@ _SHARE = 0.1  # of a coefficient's value, the change in which a fit steps
 
 @dataclass(frozen=True)
 class Course:
-    """The share of a change that acts at each row of a record: from each of the edges on another one, see `shares`."""
+    """The share of a change that acts at each row of a record: from each of the edges on another one, see `shares`.
+
+    name: when it acts, to follow the name of what changes.
+    """
 
     edges: tuple[int, ...]
     shares: tuple[float, ...]
+    name: str = ""
 
     def at(self, row: int) -> float:
         """The share at a row."""
         return self.shares[int(np.searchsorted(self.edges, row, side="right"))]
+
+    def over(self, rows: np.ndarray) -> np.ndarray:
+        """The share at each of some rows."""
+        return np.array(self.shares)[np.searchsorted(self.edges, rows, side="right")]
+
+    def of(self, whole: Course) -> Course:
+        """This course of what acts by another one itself."""
+        edges = sorted({*self.edges, *whole.edges})
+        return Course(tuple(edges), tuple(self.at(row) * whole.at(row) for row in (-1, *edges)), whole.name)
 
 
 @dataclass(frozen=True)
 class ChangingPlant(Plant):
     """A plant that has one more parameter for each form in which one of its parameters may change.
 
-    Their paths are `changes.FORM.PATH`; zero is no change.  courses: of the forms, by name.  What has changed stays
-    within the bounds of the parameter.
+    Their paths are `changes.FORM.PATH`; zero is no change.  What changes may be a change itself, in a form of its own.
+    courses: of the forms, by name.  What has changed stays within the bounds of the parameter.
     """
 
     courses: Mapping[str, Course] = field(default_factory=dict, hash=False)
@@ -42,7 +55,9 @@ class ChangingPlant(Plant):
     @classmethod
     def of(cls, plant: Plant, paths: Mapping[str, Sequence[str]], courses: Mapping[str, Course]) -> ChangingPlant:
         """The plant with changes of these paths, by form; those that it has already stay."""
-        specs = {f"{form}.{path}": _spec(plant, path) for form, own in paths.items() for path in own}
+        specs = {
+            f"{form}.{path}": _spec(plant, path, courses[form].name) for form, own in paths.items() for path in own
+        }
         kept = {}
         if isinstance(plant, ChangingPlant):
             kept = {path: value_at(plant, path) for path in plant.changes}
@@ -161,7 +176,7 @@ class _Layout:
     @classmethod
     def of(cls, plant: ChangingPlant) -> _Layout:
         places, names = positions(plant), plant.changes
-        split = [changed(name) for name in names]
+        split = [_resolved(plant, name) for name in names]
         bounds = [spec_at(plant, path).bounds for _, path in split]
         return cls(
             len(places) - len(names),
@@ -169,7 +184,7 @@ class _Layout:
             np.array([low for low, _ in bounds]),
             np.array([high for _, high in bounds]),
             frozenset(path for _, path in split),
-            tuple(plant.courses[form] for form, _ in split),
+            tuple(course for course, _ in split),
         )
 
     def edges(self, vectors: np.ndarray) -> list[int]:
@@ -203,12 +218,30 @@ def change(form: str, path: str) -> str:
     return f"{CHANGES}.{form}.{path}"
 
 
-def _spec(plant: Plant, path: str) -> Spec:
+def named_when(title: str, when: str) -> str:
+    """A title with when it acts, before what it has in brackets."""
+    name, *remark = title.partition(" (")
+    return "".join([f"{name} {when}".rstrip(), *remark])
+
+
+def _resolved(plant: ChangingPlant, path: str) -> tuple[Course, str]:
+    """The course of a change, and the parameter that it changes."""
+    form, own = changed(path)
+    course = plant.courses[form]
+    if not changed(own)[0]:
+        return course, own
+    whole, own = _resolved(plant, own)
+    return course.of(whole), own
+
+
+def _spec(plant: Plant, path: str, when: str) -> Spec:
     """What is known of a change: it may take the parameter from one bound to the other."""
     spec = spec_at(plant, path)
     low, high = spec.bounds
     probe = _SHARE * abs(value_at(plant, path)) if path in plant.doubted else spec.probe
-    return spec._replace(title=spec.title or path, neutral=0.0, bounds=(low - high, high - low), probe=probe)
+    return spec._replace(
+        title=named_when(spec.title or path, when), neutral=0.0, bounds=(low - high, high - low), probe=probe
+    )
 
 
 def _group(name: str, specs: Mapping[str, Spec]) -> type:

@@ -26,6 +26,7 @@ from identification.experiments.designs import Design, campaign_text
 from identification.experiments.driving import drive
 from identification.experiments.kinds import KINDS
 from identification.experiments.missions import mission_of, run_mission, sampling_of
+from identification.fit.changing import ChangingPlant
 from identification.fit.windows import free_run_windows
 from identification.planning.separation import Knowledge, Noise, record_knowledge, record_noise, separation
 
@@ -61,10 +62,13 @@ class Proposal:
 
 
 def rivals_of(diagnosis: Diagnosis) -> tuple[tuple[Rival, ...], ...]:
-    """The groups of effects that a diagnosis could not tell apart, each as the plants that explain the record."""
+    """The groups of effects that a diagnosis could not tell apart, each as the plants that explain the record.
+
+    Without what is an effect of some logs only: no experiment goes back to these.
+    """
     final, groups = diagnosis.state, []
     for number, found in enumerate(diagnosis.rounds):
-        if found.chosen is None or not found.tied:
+        if found.chosen is None or not found.tied or isinstance(final.plant, ChangingPlant):
             continue
         later = [r.chosen for r in diagnosis.rounds[number + 1 :] if r.chosen is not None]
         beside = {p: value_at(final.plant, p) for t in later for p in t.candidate.free if p in final.paths}

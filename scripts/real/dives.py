@@ -39,11 +39,22 @@ def dive_of(file: str) -> str:
     return str(int(Path(file).name.partition(".")[0].partition("_")[0][4:]))
 
 
+def read_dives(log: Log, data: Path) -> tuple[Record, Plant]:
+    """The dives of a Seaglider that are fitted, and the glider that the first of them states."""
+    plant = vehicle_from_dive(data / log.files[0], log.vehicle)
+    return log.record(data, log.files, needs_of(plant)), plant
+
+
+def read_flight(log: Log, data: Path) -> tuple[Record, Plant]:
+    """A log in flight, with what the science computer logged, and its glider."""
+    plant = load_vehicle(log.vehicle)
+    return log.record(data, _with_science(log.files), needs_of(plant)), plant
+
+
 def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
     """The diagnosis of some dives of a Seaglider, judged on others beside the operators' own model, and currents."""
-    plant = vehicle_from_dive(places.data / log.files[0], log.vehicle)
-    needs = needs_of(plant)
-    found = diagnose(log.record(places.data, log.files, needs), plant, source=log.name)
+    record, plant = read_dives(log, places.data)
+    found, needs = diagnose(record, plant, source=log.name), needs_of(plant)
     judged = described(plant, log.record(places.data, log.judged, needs))
     stages = [
         100.0 * velocity_error(stage, judged) for stage in (found.given.plant, found.refitted.plant, found.after.plant)
@@ -71,8 +82,7 @@ def diagnose_dives(log: Log, places: Places) -> dict[str, Any]:
 
 def diagnose_flight(log: Log, places: Places) -> dict[str, Any]:
     """The diagnosis of a log in flight, parts judged by vehicles fitted without them, and Slocums by gliderflight."""
-    plant = load_vehicle(log.vehicle)
-    record = log.record(places.data, _with_science(log.files), needs_of(plant))
+    record, plant = read_flight(log, places.data)
     found = diagnose(record, plant, source=log.name, window=log.window)
     parts = parts_of(plant, found.record, len(found.windows))
     numbers = np.full(len(found.record), -1)

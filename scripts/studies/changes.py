@@ -1,4 +1,4 @@
-"""Changes between missions of gliders and floats, and within a log: how often they are named, and when.
+"""Changes between missions of gliders and floats, in one of three logs, and within a log: how often they are named.
 
     python -m scripts.studies.changes --seeds 40 --jobs 2 --out changes
 
@@ -20,10 +20,12 @@ from scipy.stats import beta
 from auv_gym.model import Diverged
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import Plant
-from auv_gym.records.record import Record
+from auv_gym.records.record import Record, concat
 from identification.changes.missions import Comparison, compare_missions
 from identification.changes.onset import FROM, GROWING, find_onsets
 from identification.changes.spans import BETWEEN, OUTSIDE
+from identification.diagnosis import diagnose
+from identification.fit.changing import changed
 from scripts.blind.cases import FAMILIES, PERIOD_OF, detectable_sizes
 from scripts.blind.kinds import effects_of, kind_of, known, log_of
 from scripts.blind.logs import Conditions
@@ -39,6 +41,13 @@ MISSIONS = {  # whether the effect is there before and after
     "missions: effect new": (False, True),
     "missions: effect gone": (True, False),
 }
+SEVERAL = {  # of three logs, those with the effect
+    "three logs: nothing": (),
+    "three logs: effect in all": (1, 2, 3),
+    "three logs: effect in one": (2,),
+    "three logs: effect from the second on": (2, 3),
+}
+_ONLY = {(): (), (1, 2, 3): ("",), (2,): ("log2",), (2, 3): ("since2",)}  # the form in which each is to be named
 ONSETS: dict[str, Callable[[float, Sequence[float]], float]] = {  # share of the effect at a share of the log
     "log: nothing": lambda t, times: 0.0,
     "log: effect throughout": lambda t, times: 1.0,
@@ -66,7 +75,7 @@ def attempt(case: str, seed: int, vehicle: str) -> dict[str, Any]:
             raise ValueError(f"Nothing changes within the simulated logs of {vehicle}.")
     plant = known(str(rng.choice(names)))
     conditions = Conditions(float(rng.choice([0.5, 1.0, 2.0])), float(rng.uniform(0.7, 1.3)), DURATION)
-    work = _missions if case in MISSIONS else _onset
+    work = _missions if case in MISSIONS else _several if case in SEVERAL else _onset
     return work(case, plant, conditions, rng) | {"vehicle": plant.name}
 
 
@@ -155,6 +164,42 @@ def _missions(case: str, plant: Plant, conditions: Conditions, rng: np.random.Ge
     return _told(found, path, truth) | {"seconds": perf_counter() - begin}
 
 
+def _several(case: str, plant: Plant, conditions: Conditions, rng: np.random.Generator) -> dict[str, Any]:
+    """Three logs as one record, some of them with an effect."""
+    seeds, there, path, other = [int(s) for s in rng.integers(2**31, size=3)], SEVERAL[case], "", plant
+    logs = list[Record]()
+    for _ in range(ATTEMPTS):
+        try:
+            if there:
+                path, other = drawn_effect(plant, conditions, seeds[1], rng)
+            logs = [log_of(other if k in there else plant, conditions, seed) for k, seed in enumerate(seeds, 1)]
+            break
+        except (ValueError, Diverged, np.linalg.LinAlgError):
+            logs = []
+    if not logs:
+        raise ValueError(f"No effect of {plant.name} shows in {ATTEMPTS} draws.")
+    begin = perf_counter()
+    labelled = [log.with_labels([f"log {k}"] * len(log.segments)) for k, log in enumerate(logs, 1)]
+    found = diagnose(concat(labelled), plant)
+    groups = [[changed(p) for p in (e.path, *e.tied_with)] for e in found.effects]
+    right = [[form for form, own in group if own == path] for group in groups]
+    size = next((e for e in found.effects if changed(e.path) in [(form, path) for form in _ONLY[there]]), None)
+    # of some logs only, an effect is what it adds there
+    truth = value_at(other, path) - (value_at(plant, path) if len(there) < len(logs) else 0.0) if path else 0.0
+    return {
+        "path": path,
+        "truth": truth,
+        "verdict": found.verdict,
+        "found": [[e.path, e.value, *e.ci95, list(e.tied_with)] for e in (*found.effects, *found.alike)],
+        "right": bool(right) and any(set(_ONLY[there]) & set(forms) for forms in right),
+        "named": any(right),
+        "false": [e.path for e, forms in zip(found.effects, right, strict=True) if not forms],
+        "covered": size is not None and size.ci95[0] <= truth <= size.ci95[1],
+        "sized": size is not None,
+        "seconds": perf_counter() - begin,
+    }
+
+
 def drawn_effect(
     plant: Plant, conditions: Conditions, seed: int, rng: np.random.Generator, share: float = 1.0
 ) -> tuple[str, Plant]:
@@ -209,6 +254,8 @@ _RIGHT: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
     "missions: effect in both": lambda r: r["right_common"],
     "missions: effect new": lambda r: r["right_change"],
     "missions: effect gone": lambda r: r["right_change"],
+    "three logs: nothing": lambda r: not r["found"],
+    **{case: lambda r: r["right"] for case, there in SEVERAL.items() if there},
     "log: nothing": lambda r: not r["changing"],
     "log: effect throughout": lambda r: r["named"] and not r["changing"],
     **{case: lambda r, form=form: form in r["forms"] for case, form in FORMS.items()},
@@ -217,12 +264,12 @@ _RIGHT: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
 
 def sheets(found: Found) -> list[Sheet]:
     """A row for each case, and one for each log that came out wrong."""
-    rows, misses = {"missions": [], "log": []}, []
+    rows, misses = {"missions": [], "three logs": [], "log": []}, []
     for case in found.runs:
         runs, missions = found.of(case), case in MISSIONS
         right, false = [_RIGHT[case](r) for r in runs], "false_changes" if missions else "false"
         row = [case, exact(sum(right), len(runs)), exact(sum(bool(r[false]) for r in runs), len(runs))]
-        if missions:
+        if missions or case in SEVERAL:
             sized = [r for r in runs if r["sized"]]
             row.append(exact(sum(r["covered"] for r in sized), len(sized)))
         else:
@@ -233,21 +280,25 @@ def sheets(found: Found) -> list[Sheet]:
         for seed, r in found.runs[case].items():
             if not _RIGHT[case](r) or r[false]:
                 told = [f"{f[0]} {f[1]}".strip() for f in r["found"]] if not missions else r["changed"] + r["common"]
+                if case in SEVERAL:
+                    told = [r["verdict"], *(f[0] for f in r["found"])]
                 misses.append([case, str(seed), r["vehicle"], r["path"], "; ".join(told)])
     heads = ("case", "right>", "something false>")
     wrong = ("case", "seed>", "vehicle", "truth", "found")
-    of_missions, of_logs = ("interval of the change holds>", "s>"), ("times within 5 %>", "their intervals hold>", "s>")
-    return [
+    of_missions, of_logs = ("interval of the size holds>", "s>"), ("times within 5 %>", "their intervals hold>", "s>")
+    every = [
         Sheet("missions", "Changes between missions", (*heads, *of_missions), rows["missions"]),
+        Sheet("three_logs", "Effects of some of three logs", (*heads, *of_missions), rows["three logs"]),
         Sheet("logs", "Changes within a log", (*heads[:2], "said to change>", heads[2], *of_logs), rows["log"]),
         Sheet("misses", "What came out wrong", wrong, misses),
     ]
+    return [sheet for sheet in every if sheet.rows]
 
 
 STUDY = Study(
     __doc__ or "",
     attempt,
-    (*MISSIONS, *ONSETS),
+    (*MISSIONS, *SEVERAL, *ONSETS),
     sheets,
     seeds=20,
     first_seed=9000,

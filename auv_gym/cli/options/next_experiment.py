@@ -31,7 +31,7 @@ def propose_experiments(diagnosis: Diagnosis, out: Path, progress: Callable[[flo
 
     planned = []
     for number, rivals in enumerate(rivals_of(diagnosis)):
-        plant = diagnosis.given.plant
+        plant = diagnosis.plants["given"]
         found = next_experiment(plant, rivals, record=diagnosis.record, seed=diagnosis.seed, progress=progress)
         name = _FILES[0] if number == 0 else _FILES[1].format(number + 1)
         file = write_experiment(found[0], plant, rivals, out, name)

@@ -20,6 +20,7 @@ from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.explanations import UNWEIGHED, Explanations
 from identification.diagnosis.search.survival import Survival
 from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.changing import changed
 
 Sizes = Mapping[str, tuple[float, float, float]]  # value, standard error and half-width of the interval, by path
 
@@ -55,7 +56,7 @@ def effects_of(
             effects.append(
                 Effect(
                     path=path,
-                    title=spec.title + with_period,
+                    title=_title(spec.title, path, state) + with_period,
                     value=sizes[path][0],
                     neutral=spec.neutral,
                     unit=spec.unit,
@@ -73,6 +74,12 @@ def effects_of(
                 )
             )
     return effects, groups
+
+
+def _title(title: str, path: str, state: State) -> str:
+    """What an effect is called: of some logs only, beside the same effect in all of them, a change."""
+    form, own = changed(path)
+    return f"change of {title}" if form and own in state.paths else title
 
 
 def _member(bench: Workbench, found: Explanations, path: str, beside: Sequence[str]) -> Member | None:

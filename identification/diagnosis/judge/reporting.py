@@ -12,11 +12,12 @@ from identification.diagnosis.judge.judgement import unsteady_of
 from identification.diagnosis.judge.verdict import VARIES, WORSE
 from identification.diagnosis.judge.weighing import Weighed, rounds_told
 from identification.diagnosis.search.attribution import Round
-from identification.diagnosis.search.constancy import ByDive, own_of_logs, sizes_by_dive
+from identification.diagnosis.search.constancy import ByDive, sizes_by_dive
 from identification.diagnosis.search.explanations import Explanations
 from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.searching import Searched
 from identification.diagnosis.search.workbench import State
+from identification.fit.changing import ChangingPlant
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +26,7 @@ class Reported:
 
     weighed: the set of effects, and all others that explain the record.  told: the rounds of the search, with ties.
     sizes: of all that is fitted, by path.  effects, tied: see `effects_of`.  dives: the effect with another size in
-    each dive or log, if there is one.  left: what the errors hold still.  dropped: paths of effects that are not
+    each dive, if there is one.  left: what the errors hold still.  dropped: paths of effects that are not
     reported, each with the reason.
     """
 
@@ -48,7 +49,8 @@ def reported(searched: Searched, held: Held, weighed: Weighed) -> Reported:
     """The effects of the set that is reported, with their sizes; held: what the search found."""
     bench, state, count = searched.known.bench, weighed.state, len(searched.candidates)
     left = held.left if state is held.state else what_is_left(bench, state)
-    by_dive = bench.plant.family.by_dive
+    # where logs may have effects of their own, each has a path already
+    by_dive = () if isinstance(bench.plant, ChangingPlant) else bench.plant.family.by_dive
     differing = [d for d in (sizes_by_dive(bench, state, p) for p in by_dive) if d is not None]
     dives = next((d for d in differing if d.path in state.paths), None)
     if dives is not None:
@@ -57,10 +59,6 @@ def reported(searched: Searched, held: Held, weighed: Weighed) -> Reported:
         left = replace(left, changes=left.changes or differing[0].path)
     sizes = bench.intervals(state)
     effects, tied = effects_of(bench, state, weighed.tied, sizes, weighed.survivals, count, weighed.found)
-    if dives is None:
-        own = (own_of_logs(bench, state, e.path) for e in unsteady_of(effects) if e.path not in by_dive)
-        dives = next((d for d in own if d is not None), None)
-        left = left if dives is None else what_is_left(dives.bench, dives.state)
     if dives is not None:
         effects = [replace(e, by_dive=dives.sizes) if e.path == dives.path else e for e in effects]
     dropped = {trial.candidate.paths[0]: reason for trial, reason in held.dropped.items()}

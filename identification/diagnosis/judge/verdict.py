@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from auv_gym.channels import channel
-from auv_gym.param import spec_at
+from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.plant.currents import DiveCurrent
 from auv_gym.records.record import Record
@@ -22,6 +22,7 @@ from identification.diagnosis.judge.habitat import Habitat
 from identification.diagnosis.log.checking import Asked
 from identification.diagnosis.log.kinematics import Kinematics
 from identification.diagnosis.log.plausibility import Doubt
+from identification.diagnosis.log.several import in_last_log, logs_in
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.candidates import Screening
 from identification.diagnosis.search.discovery import Discovery
@@ -37,6 +38,7 @@ from identification.diagnosis.wording import (
     short,
     sized,
 )
+from identification.fit.changing import ChangingPlant, changed
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
@@ -135,8 +137,9 @@ class Diagnosis:
 
     @property
     def plants(self) -> dict[str, Plant]:
-        """The vehicle as given, before and after."""
-        return {"given": self.given.plant, "before": self.before.plant, "after": self.after.plant}
+        """The vehicle as given, before and after; as in the last log, where logs have effects of their own."""
+        stages = {"given": self.given, "before": self.before, "after": self.after}
+        return {name: in_last_log(stage.plant, self.record) for name, stage in stages.items()}
 
     @property
     def changed(self) -> bool:
@@ -206,7 +209,7 @@ class Diagnosis:
                 _slight_sentence(self),
             ),
             (_rest_sentence(self), noise_sentence(self), _currents_sentence(self)),
-            (_limit_sentence(self), averaged_sentence(self), _unseen_sentence(self)),
+            (_logs_sentence(self), _limit_sentence(self), averaged_sentence(self), _unseen_sentence(self)),
         )
         joined = (" ".join(sentence for sentence in group if sentence) for group in grouped)
         return [paragraph for paragraph in joined if paragraph]
@@ -310,16 +313,16 @@ def _halves_sentence(d: Diagnosis) -> str:
 
 
 def _dives_sentence(d: Diagnosis) -> str:
-    """The sizes of effects that differ between dives or logs; of many, the smallest and the largest."""
-    told, each = [], "dive" if d.state.plant.family.by_dive else "log"
+    """The sizes of effects that differ between dives; of many, the smallest and the largest."""
+    told = []
     for e in (e for e in d.added if e.by_dive):
         sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
         own = [
-            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or f'the first {each}'}"
+            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or 'the first dive'}"
             for s in ((sizes[0], sizes[-1]) if many else e.by_dive)
         ]
         range_of = f"from {' to '.join(own)}" if many else listed(own)
-        told.append(f"{capital(short(e.name))} differs from {each} to {each}: {range_of}.")
+        told.append(f"{capital(short(e.name))} differs from dive to dive: {range_of}.")
     return " ".join(told)
 
 
@@ -370,6 +373,22 @@ def _slight_sentence(d: Diagnosis) -> str:
                 f"{channel(name).label}, where the sensor noise is {noise}, and by even less in other channels."
             )
     return " ".join(told)
+
+
+def _logs_sentence(d: Diagnosis) -> str:
+    """What an effect comes to in each log where some of them differ in it, and which vehicle is written."""
+    own = [changed(e.path)[1] for e in d.added if changed(e.path)[0]]
+    if not own:
+        return ""
+    logs, told = logs_in(d.record), []
+    plants = [d.after.plant.at_row(log.rows.start) for log in logs] if isinstance(d.after.plant, ChangingPlant) else []
+    for path in dict.fromkeys(own):
+        spec, sizes = spec_at(d.after.plant, path), [value_at(plant, path) for plant in plants]
+        shown = range(len(logs)) if len(logs) <= _FEW_DIVES else (int(np.argmin(sizes)), int(np.argmax(sizes)))
+        each = [f"{quantity(sizes[k], spec.unit)} in {logs[k].name}" for k in shown]
+        by_log = listed(each) if len(logs) <= _FEW_DIVES else f"from {' to '.join(each)}"
+        told.append(f"{capital(short(spec.title))} by log: {by_log}.")
+    return f"{' '.join(told)} vehicle.toml has the vehicle as it was in the last log, {logs[-1].name}."
 
 
 def _limit_sentence(d: Diagnosis) -> str:

@@ -13,6 +13,7 @@ from auv_gym.param import list_paths, spec_at, value_at
 from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.deciding import ALIKE, MANY, ONLY_STARTS, SEEN
+from identification.fit.changing import ChangingPlant, change, changed, named_when
 from identification.fit.filtering import Point
 from identification.fit.parameters import STEP, kinked
 from identification.fit.prediction_errors import PredictionErrors
@@ -44,6 +45,10 @@ class Candidate:
     def free(self) -> tuple[str, ...]:
         """What a fit of the candidate frees."""
         return (*self.paths, self.period) if self.period else self.paths
+
+    def in_form(self, form: str, title: str) -> Candidate:
+        """The candidate as a change of a `ChangingPlant`."""
+        return Candidate(title, tuple(change(form, p) for p in self.paths))
 
     @property
     def steps(self) -> tuple[float, ...]:
@@ -97,7 +102,7 @@ def part_of(path: str) -> str:
 def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]:
     """Every effect that the plant has at its neutral value, that may be probed and that the record does not measure.
 
-    Without those that are known exactly.
+    Without those that are known exactly.  Of several logs also those of some of them only, where the plant has such.
     """
     free = [
         path
@@ -109,7 +114,19 @@ def candidates_of(plant: Plant, record: Record | None = None) -> list[Candidate]
         and not (record is not None and record.has(plant.family.measured.get(path, "time_s")))
         and not (path == COMMON_DELAY and record is not None and _moved(plant, record) < 2)
     ]
-    found, used = [], set()
+    found = _grouped(plant, free)
+    if isinstance(plant, ChangingPlant):
+        zero = [changed(p) for p in plant.changes if value_at(plant, p) == 0.0]
+        for form, course in plant.courses.items():
+            if course.name:
+                own = _grouped(plant, [path for f, path in zero if f == form])
+                found += [c.in_form(form, named_when(c.title, course.name)) for c in own]
+    return found
+
+
+def _grouped(plant: Plant, free: Sequence[str]) -> list[Candidate]:
+    """Some effects as candidates, components of one thing together."""
+    found, used = list[Candidate](), set[str]()
     for path in free:
         if path in used:
             continue

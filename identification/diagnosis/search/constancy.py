@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache
-from itertools import pairwise
 
 import numpy as np
 from scipy.stats import chi2
@@ -14,10 +13,11 @@ from scipy.stats import chi2
 from auv_gym.param import positions, replace_at, spec_at, value_at
 from auv_gym.records.record import Record
 from identification.deciding import BLOCKS, MOST_PARTS, SLIGHTLY, UNSTEADY
+from identification.diagnosis.log.several import logs_in
 from identification.diagnosis.search.beside_noise import Weight, freedom_of
-from identification.diagnosis.search.candidates import Candidate, screen
+from identification.diagnosis.search.candidates import Candidate, Screening, screen
 from identification.diagnosis.search.workbench import ITERATIONS, TRIAL_GAIN, State, Workbench
-from identification.fit.changing import ChangingPlant, Course, change
+from identification.fit.changing import ChangingPlant, Course, change, changed
 from identification.fit.filtering import Point
 from identification.fit.parameters import moves_of
 from identification.fit.prediction_errors import PredictionErrors
@@ -85,12 +85,44 @@ def steadiness(
     one above it takes noises for known exactly.
     """
     count = len(paths) if tried is None else tried
-    rows, block = bench.problem.rows, bench.block_of_row
-    first = int(not set(paths).isdisjoint(state.paths))
-    begins = [int(rows[np.argmax(block >= k * BLOCKS // MOST_PARTS)]) for k in range(first, MOST_PARTS)]
-    courses = {f"part{k}": Course((row,), (0.0, 1.0)) for k, row in enumerate(begins, first + 1)}
-    best, chance, _, found = _changed(bench, state, paths, courses, level / count, quietly, False)
-    return Steadiness(best, min(count * chance, 1.0), _apart(state, found, best, list(courses)))
+    courses, forms = _divisions(bench, paths, not set(paths).isdisjoint(state.paths))
+    best, chance, _, found = _changed(bench, state, forms, courses, level / count, quietly, False)
+    return Steadiness(best, min(count * chance, 1.0), _apart(state, found, best, forms[best]))
+
+
+def _divisions(
+    bench: Workbench, paths: Sequence[str], fitted: bool
+) -> tuple[dict[str, Course], dict[str, tuple[str, ...]]]:
+    """Changes from each sixth of the record on, and which of them each path may have, by path.
+
+    What acts in some logs only has those from each sixth of these on.  fitted: whether any of the paths is, so that the
+    first sixth needs none.
+    """
+    rows, courses, forms = bench.problem.rows, dict[str, Course](), dict[str, tuple[str, ...]]()
+    sixths = _sixths(bench)
+    for path in paths:
+        own, number, begins = changed(path)[0], sixths, range(int(fitted), int(sixths[-1]) + 1)
+        if own and isinstance(bench.plant, ChangingPlant):
+            acts = bench.plant.courses[own].over(rows) != 0.0
+            number = np.where(acts, (np.cumsum(acts) - 1) * MOST_PARTS // max(int(acts.sum()), 1), -1)
+            begins = range(1, MOST_PARTS)
+        cuts = {f"{own}part{k}": int(rows[np.argmax(number == k)]) for k in begins if (number == k).any()}
+        courses |= {name: Course((row,), (0.0, 1.0)) for name, row in cuts.items()}
+        forms[path] = tuple(cuts)
+    return courses, forms
+
+
+def _sixths(bench: Workbench) -> np.ndarray:
+    """In which sixth of the record each row is, (n,); of several logs, about as many parts, none of two logs."""
+    begins = [begin for _, begin in dives_of(bench.record, bench.problem.rows)]
+    if len(begins) < 2:
+        return bench.block_of_row * MOST_PARTS // BLOCKS
+    log = np.searchsorted(begins, bench.problem.rows, side="right") - 1
+    each, found = max(round(MOST_PARTS / len(begins)), 1), np.zeros(log.size, dtype=int)
+    for k in range(len(begins)):
+        own = log == k
+        found[own] = k * each + np.arange(own.sum()) * each // own.sum()
+    return found
 
 
 def _apart(state: State, found: State | None, path: str, forms: Sequence[str]) -> float:
@@ -118,7 +150,7 @@ def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
     courses = {
         f"dive{k + 1}": Course((begins[k], begins[k + 1]), (0.0, 1.0, 0.0)) for k in range(int(fitted), len(dives))
     }
-    _, chance, by_dive, found = _changed(bench, state, [path], courses, UNSTEADY, True, True)
+    _, chance, by_dive, found = _changed(bench, state, {path: tuple(courses)}, courses, UNSTEADY, True, True)
     if found is None or chance >= UNSTEADY:
         return None
     sizes, limits, common = [], spec_at(found.plant, path).bounds, {path: 1.0} if fitted else {}
@@ -130,62 +162,55 @@ def sizes_by_dive(bench: Workbench, state: State, path: str) -> ByDive | None:
     return ByDive(path, tuple(sizes), by_dive, found)
 
 
-def own_of_logs(bench: Workbench, state: State, path: str) -> ByDive | None:
-    """The size of an effect in each log of a record, if they surely contradict each other, and the halves of none."""
-    found = sizes_by_dive(bench, state, path)
-    if found is None:
-        return None
-    rows = bench.problem.rows
-    begins = [*(begin for _, begin in dives_of(bench.record, rows)), int(rows[-1]) + 1]
-    halves = {
-        f"half{k}": Course((int(np.median(rows[(rows >= first) & (rows < last)])), last), (0.0, 1.0, 0.0))
-        for k, (first, last) in enumerate(pairwise(begins), 1)
-    }
-    _, chance, _, _ = _changed(found.bench, found.state, [path], halves, UNSTEADY, True, False)
-    return found if chance >= UNSTEADY else None
-
-
 def dives_of(record: Record, rows: np.ndarray) -> list[tuple[str, int]]:
     """The dives of a record, which are its segments of one label, each with the first of some rows that lies in it."""
     found: list[tuple[str, int]] = []
-    for label, segment in zip(record.labels, record.segments, strict=True):
-        own = rows[(rows >= segment.start) & (rows < segment.stop)]
-        if own.size and (not found or found[-1][0] != label):
-            found.append((label, int(own[0])))
+    for dive in logs_in(record):
+        own = rows[(rows >= dive.rows.start) & (rows < dive.rows.stop)]
+        if own.size:
+            found.append((dive.label, int(own[0])))
     return found
 
 
 def _changed(
     bench: Workbench,
     state: State,
-    paths: Sequence[str],
+    forms: Mapping[str, Sequence[str]],
     courses: Mapping[str, Course],
     level: float,
     quietly: bool,
     whole: bool,
 ) -> tuple[str, float, Workbench, State | None]:
-    """The path that changes in these courses are likeliest of, the chance of as much, and bench and fit with them.
+    """The path that changes are likeliest of, the chance of as much, and bench and fit with them.
+
+    forms: in which each path may change, by path; courses: of these.
 
     No fit where a regression promises less than what chance has with the probability `level`.  whole: whether the fit
     goes on when its beginning is less probable than that.  Accelerations cost nothing here: of two models that may both
     have them, chance prefers neither.
     """
     problem, changing = copy(bench.problem), copy(bench)
-    problem.plant = plant = ChangingPlant.of(bench.plant, {form: list(paths) for form in courses}, courses)
+    moving = {form: [path for path, own in forms.items() if form in own] for form in courses}
+    problem.plant = plant = ChangingPlant.of(bench.plant, moving, courses)
     problem.index = positions(plant)
     changing.plant, changing.problem = plant, problem
     here = replace_at(plant, {p: value_at(state.plant, p) for p in state.paths})
     near = replace(state.point, vector=here.vector)
-    _soon(bench, problem, state, near, paths, courses)
-    parts = {Candidate(p, tuple(change(form, p) for form in courses)): p for p in paths}
-    bar = float(chi2.isf(level, len(courses)))
+    _soon(bench, problem, state, near, moving, courses)
+    parts = {Candidate(p, tuple(change(form, p) for form in own)): p for p, own in forms.items() if own}
     quiet = problem.quieted(near) if quietly and problem.pushed else None
     bases = (near,) if quiet is None else (near, quiet)
-    found = [(screen(problem, one, state.paths, list(parts), bar)[0], one) for one in bases]
-    best, base = max(found, key=lambda f: f[0].evidence)
-    path = parts[best.candidate]
-    if best.evidence <= bar:
-        return path, float(chi2.sf(best.evidence, len(courses))), changing, None
+    found = [(one, base) for base in bases for one in screen(problem, base, state.paths, list(parts), 0.0)]
+    if not found:
+        return next(iter(forms)), 1.0, changing, None
+
+    def by_chance(of: tuple[Screening, Point]) -> tuple[float, float]:
+        return float(chi2.sf(of[0].evidence, len(of[0].candidate.paths))), -of[0].evidence
+
+    best, base = min(found, key=by_chance)
+    path, count = parts[best.candidate], len(best.candidate.paths)
+    if best.evidence <= float(chi2.isf(level, count)):
+        return path, float(chi2.sf(best.evidence, count)), changing, None
     free, moves = (*state.paths, *best.candidate.paths), moves_of(best.candidate.paths)
     without, tried = bench.problem.likelihood(state.point, state.paths), list[Point]()
 
@@ -194,7 +219,7 @@ def _changed(
         return freedom_of(problem, near, lambda point: problem.counted_flat(problem.columns_of(point, moves)))
 
     def chance(point: Point) -> float:
-        weight = Weight(2.0 * (problem.likelihood(point, free) - without), np.inf, len(courses))
+        weight = Weight(2.0 * (problem.likelihood(point, free) - without), np.inf, count)
         return weight.chance if weight.chance >= level else replace(weight, freedom=freedom()).chance
 
     for share in _SHARES:
@@ -216,16 +241,18 @@ def _soon(
     problem: PredictionErrors,
     state: State,
     near: Point,
-    paths: Sequence[str],
+    moving: Mapping[str, Sequence[str]],
     courses: Mapping[str, Course],
 ) -> None:
-    """Slopes that are known already, and those by changes of coefficients as far as responses give them."""
+    """Slopes that are known already, and those by changes of coefficients as far as responses give them.
+
+    moving: paths by the form in which they change.
+    """
     moves = moves_of(state.paths)
     problem.keep_columns(near, moves, bench.problem.columns_of(state.point, moves))
     answered = bench.problem.prepared(state.point, state.paths)
-    for form, course in courses.items():
-        shares = np.array([course.at(int(row)) for row in problem.rows])
-        columns = bench.problem.changing_slopes(answered, paths, shares)
+    for form, paths in moving.items():
+        columns = bench.problem.changing_slopes(answered, paths, courses[form].over(problem.rows))
         if columns is None:
             return
         own = [change(form, p) for p in paths]

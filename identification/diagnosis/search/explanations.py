@@ -13,7 +13,7 @@ Source: bagged posteriors, Huggins and Miller 2023, Bayesian Analysis 18, pages 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -31,6 +31,7 @@ from identification.diagnosis.search.survival import Survival, halves_of
 from identification.diagnosis.search.ties import imitations, likenesses
 from identification.diagnosis.search.trials import Trial
 from identification.diagnosis.search.workbench import TRIAL_GAIN, State, Workbench
+from identification.fit.changing import ChangingPlant, changed
 
 STOPPED = 2.0 * TRIAL_GAIN  # of the cost, that trials differ by since their fits stop early
 
@@ -103,12 +104,13 @@ def explanations(
     them.  most: effects in a set.  search: one round beside a state and the trials it has; None where it finds nothing.
     """
     first = explanation(bench, state, rounds)
-    found = {first.candidates: first}
+    found = {meaning(state.plant, first.candidates): first}
 
     def keep(made: Explanation) -> None:
-        known = found.get(made.candidates)
-        if known is None or made.cost < known.cost:
-            found[made.candidates] = made
+        same = meaning(state.plant, made.candidates)
+        known = found.get(same)
+        if known is None or (made.cost < known.cost and made.candidates == known.candidates):
+            found[same] = made
 
     singles: list[list[Explanation]] = []
     for number, (made, survived) in enumerate(zip(rounds, survivals, strict=True)):
@@ -127,6 +129,27 @@ def explanations(
     for several in _combined(first, singles, min(s.cost for s in found.values())):
         keep(_joined(bench, several))
     return Explanations(tuple(sorted(found.values(), key=lambda s: s.cost)))
+
+
+def meaning(plant: Plant, candidates: Collection[Candidate]) -> frozenset:
+    """The effects, or what is the same for any sets of them that say the same.
+
+    An effect in one of two logs and in the other says no more than one in both that has changed.
+    """
+    if not isinstance(plant, ChangingPlant):
+        return frozenset(candidates)
+    *begins, _ = sorted({edge for course in plant.courses.values() for edge in course.edges})
+    rows, shares = np.array(begins), dict[tuple[str, ...], list[np.ndarray]]()
+    for candidate in candidates:
+        form = changed(candidate.paths[0])[0]
+        own = plant.courses[form].over(rows) if form else np.ones(len(rows))
+        shares.setdefault(tuple(changed(p)[1] for p in candidate.paths), []).append(own)
+    return frozenset((paths, _span(np.array(own))) for paths, own in shares.items())
+
+
+def _span(rows: np.ndarray) -> tuple[float, ...]:
+    """The projection on the span of some rows, rounded: the same for any rows that span the same."""
+    return tuple(np.round(np.linalg.pinv(rows) @ rows, 6).ravel() + 0.0)
 
 
 def rivals_of_round(made: Round, survived: Survival, followed: bool = False) -> list[Trial]:
@@ -256,7 +279,9 @@ def _behind(replaced: Sequence[Explanation], first: Explanation, found: dict) ->
     for made in found.values():
         for candidate in made.candidates - first.candidates:
             least[candidate] = min(made.cost, least.get(candidate, np.inf))
-    return [s for s in replaced if all(least[c] > first.cost + TIE for c in s.candidates - first.candidates)]
+    return [
+        s for s in replaced if all(least.get(c, -np.inf) > first.cost + TIE for c in s.candidates - first.candidates)
+    ]
 
 
 def _searched(

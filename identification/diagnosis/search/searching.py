@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass
 
-from identification.deciding import FEW_STATES
+from identification.deciding import FEW_STATES, TIMED
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.log.kinematics import Kinematics, kinematic_findings
 from identification.diagnosis.search.attribution import Round, attribute, confirmed, settled
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.known import Known
-from identification.diagnosis.search.remainder import Left, what_is_left
+from identification.diagnosis.search.remainder import Left, likeliest_to_change, what_is_left
 from identification.diagnosis.search.swaps import Reconsidering
 from identification.diagnosis.search.trials import Progress
 from identification.diagnosis.search.workbench import State
@@ -82,6 +82,16 @@ def search_effects(log: CheckedLog, known: Known, progress: Progress, sought: Co
                 return again
         found = _reconsidered(log, chosen, progress)
     return found
+
+
+def may_differ(searched: Searched) -> list[str]:
+    """Paths of the effects that one of several logs may have alone: all, or of many states those that differ most."""
+    paths = [p for c in searched.candidates if not c.period for p in c.paths]
+    bench = searched.known.bench
+    if bench.followed <= FEW_STATES:
+        return paths
+    likely = likeliest_to_change(bench, searched.state, paths, TIMED)
+    return [p for c in searched.candidates if not set(likely).isdisjoint(c.paths) for p in c.paths]
 
 
 def _selected(log: CheckedLog, known: Known, progress: Progress, sought: Collection[str]) -> _Chosen | Known:

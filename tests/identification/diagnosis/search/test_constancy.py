@@ -8,7 +8,6 @@ import pytest
 
 from auv_gym.param import replace_at, spec_at, value_at
 from auv_gym.plant import load_vehicle
-from auv_gym.records.joining import labelled
 from auv_gym.records.record import concat
 from identification.deciding import LEFT, UNSTEADY
 from identification.diagnosis import as_json, diagnose
@@ -19,7 +18,7 @@ from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search import constancy, remainder
 from identification.diagnosis.search.candidates import candidates_of
-from identification.diagnosis.search.constancy import Steadiness, dives_of, own_of_logs, sizes_by_dive, steadiness
+from identification.diagnosis.search.constancy import Steadiness, dives_of, sizes_by_dive, steadiness
 from identification.diagnosis.search.discovery import Discovery
 from identification.diagnosis.search.remainder import Left, what_is_left
 from identification.diagnosis.search.workbench import Workbench
@@ -60,45 +59,6 @@ def test_what_acts_from_or_until_half_way_shows_where_it_was_not_fitted(begins, 
 
 def test_what_acts_nowhere_does_not_show_where_it_was_not_fitted():
     assert steadiness(*fitted(np.inf, also=()), [OFFSET], level=LEFT).probability > LEFT
-
-
-def logs_of(*sizes):
-    """A record of logs, each with a rudder offset of its own."""
-    plant = load_vehicle("slocum")
-    bent = [replace_at(plant, OFFSET, size) for size in sizes]
-    own = [closed_loop(one, rng=np.random.default_rng(70 + k), duration=600.0) for k, one in enumerate(bent)]
-    return concat([labelled(record, f"log{k}.csv") for k, record in enumerate(own)])
-
-
-@pytest.mark.slow
-def test_an_effect_that_differs_from_log_to_log_is_named_with_its_size_in_each():
-    found = diagnose(logs_of(0.05, 0.02), load_vehicle("slocum"))
-    (only,) = found.added
-    assert (found.verdict, only.path) == ("named", OFFSET)
-    for own, truth in zip(only.by_dive, (0.05, 0.02), strict=True):
-        assert abs(own.value - truth) < 0.002
-    assert "Rudder offset differs from log to log: 2.8" in found.summary()
-    assert diagnose(logs_of(0.03, 0.03), load_vehicle("slocum")).added[0].by_dive == ()
-
-
-@pytest.mark.slow
-def test_an_effect_in_one_log_of_two_is_said_and_which_commands_look_for_it():
-    found = diagnose(logs_of(0.05, 0.0), load_vehicle("slocum"))
-    assert (found.verdict, found.left.passing) == ("unexplained", OFFSET)
-    assert "`auv-gym compare-missions` compares the logs with each other, and `auv-gym onset`" in found.summary()
-
-
-def test_an_effect_that_changes_within_a_log_has_no_size_of_its_own_there():
-    """It begins in the middle of the first of two logs, and points the other way throughout the second."""
-    plant = load_vehicle("slocum")
-    other = labelled(log_of(-100.0, size=-0.06), "b")
-    for begins, alone in ((300.0, False), (-100.0, True)):
-        record = concat([labelled(log_of(begins, size=0.06), "a"), other])
-        log = check_log(record, plant, Asked(trust=True))
-        bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
-        state = bench.fit(bench.plant, (*plant.coefficients, OFFSET))
-        assert sizes_by_dive(bench, state, OFFSET) is not None
-        assert (own_of_logs(bench, state, OFFSET) is not None) == alone
 
 
 def test_a_size_that_surely_differs_but_hardly_does_not_vary():

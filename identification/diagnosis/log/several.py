@@ -1,0 +1,98 @@
+"""Several logs of one vehicle, each of which may have effects of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from auv_gym.plant import Plant
+from auv_gym.records.record import Record
+from identification.diagnosis.log.checking import CheckedLog
+from identification.diagnosis.log.parts import Part, block_numbers, windows_of
+from identification.fit.changing import ChangingPlant, Course
+from identification.fit.shooting import unknown_states
+
+
+@dataclass(frozen=True)
+class OneLog:
+    """One of a record's logs: its label, its number, and its rows."""
+
+    label: str
+    number: int
+    rows: slice
+
+    @property
+    def name(self) -> str:
+        """What it is called."""
+        return self.label or f"log {self.number}"
+
+
+def logs_in(record: Record) -> list[OneLog]:
+    """The logs of a record, which are its segments of one label."""
+    found: list[OneLog] = []
+    for label, segment in zip(record.labels, record.segments, strict=True):
+        if found and found[-1].label == label:
+            found[-1] = replace(found[-1], rows=slice(found[-1].rows.start, segment.stop))
+        else:
+            found.append(OneLog(label, len(found) + 1, segment))
+    return found
+
+
+def with_own_effects(log: CheckedLog, paths: Sequence[str]) -> CheckedLog | None:
+    """The logs with parts that hold a share of each, and a vehicle whose effects may be those of some logs only.
+
+    Of one log, of all from one on, and of all up to one.  paths: of the effects.  None where there is one log only, or
+    where a part of a log could not be foretold from the rest of that log.
+    """
+    logs = logs_in(log.record)
+    parts = _shares_of_each(log, logs)
+    if len(logs) < 2 or len(parts) < 2:
+        return None
+    courses = _courses(logs)
+    plant = ChangingPlant.of(log.plant, {form: list(paths) for form in courses}, courses)
+    runs = [windows_of(log.record, part, log.window) for part in parts]
+    if not all(runs):
+        return None
+    return replace(log, plant=plant, parts=parts, windows=tuple(runs))
+
+
+def in_last_log(plant: Plant, record: Record) -> Plant:
+    """A vehicle as it was in the last of a record's logs, without what is not known of a single vehicle."""
+    return plant.at_row(len(record) - 1) if isinstance(plant, ChangingPlant) else plant
+
+
+def _courses(logs: Sequence[OneLog]) -> dict[str, Course]:
+    found = {
+        f"log{one.number}": Course((one.rows.start, one.rows.stop), (0.0, 1.0, 0.0), f"in {one.name}") for one in logs
+    }
+    for one in logs[1:-1]:
+        found[f"since{one.number}"] = Course((one.rows.start,), (0.0, 1.0), f"from {one.name} on")
+        found[f"until{one.number}"] = Course((one.rows.stop,), (1.0, 0.0), f"up to {one.name}")
+    return found
+
+
+def _shares_of_each(log: CheckedLog, logs: Sequence[OneLog]) -> tuple[Part, ...]:
+    """As many parts as the log has, each with a share of each of the logs; none where a log has less than two."""
+    count = len(log.parts)
+    found: list[list[slice]] = [[] for _ in range(count)]
+    pieces = sorted((piece for part in log.parts for piece in part), key=lambda w: w.start)
+    for one in logs:
+        own = [p for p in pieces if one.rows.start <= p.start < one.rows.stop]
+        if unknown_states(log.plant):  # dives as a whole: pieces would tell each other what each does not know
+            numbers = [np.full(p.stop - p.start, k % count) for k, p in enumerate(own)]
+        else:
+            numbers = _cut(block_numbers(log.record, own, count), own) if own else []
+        if len(set(np.concatenate(numbers).tolist() if numbers else [])) < 2:
+            return ()
+        for piece, number in zip(own, numbers, strict=True):
+            edges = piece.start + np.r_[0, np.flatnonzero(np.diff(number)) + 1, number.size]
+            for a, b in pairwise(edges.tolist()):
+                found[int(number[a - piece.start])].append(slice(a, b))
+    return tuple(tuple(part) for part in found if part)
+
+
+def _cut(numbers: np.ndarray, pieces: Sequence[slice]) -> list[np.ndarray]:
+    return np.split(numbers, np.cumsum([p.stop - p.start for p in pieces])[:-1])

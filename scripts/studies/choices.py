@@ -1,0 +1,155 @@
+"""Do names in measured logs depend on choices that should not matter?
+
+    python -m scripts.studies.choices --data DIR --out choices
+    python -m scripts.studies.choices --data DIR --case 'slocum:*' --out choices
+
+Each log of `scripts.real_logs` that is diagnosed as it is read is diagnosed as a whole and then again with other
+lengths of free runs, without its first or last tenth, without its first few samples, by halves, and with more or less
+doubt of the coefficients.  A name of the whole log is kept where one of its tie is named again, and is new where it
+stands in no tie of the whole.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from auv_gym.plant import Plant, load_vehicle
+from auv_gym.records.record import Record
+from identification.diagnosis import Diagnosis, diagnose
+from scripts.real.dives import diagnose_dives, diagnose_flight, read_dives, read_flight
+from scripts.real.log import Log
+from scripts.real.logs import LOGS
+from scripts.studies.harness import Found, Option, Sheet, Study
+
+WHOLE = "whole log"
+_FEW = 7  # samples left out, so that windows and averaged rows fall elsewhere
+
+
+def _share(begin: float, end: float) -> Callable[[Record], Record]:
+    """The rows between two shares of a record."""
+
+    def cut(record: Record) -> Record:
+        place = np.arange(len(record)) / len(record)
+        return record.select((place >= begin) & (place < end))
+
+    return cut
+
+
+CUTS: Mapping[str, Callable[[Record], Record]] = {
+    f"without the first {_FEW} samples": lambda record: record.select(np.arange(len(record)) >= _FEW),
+    "without the first tenth": _share(0.1, 1.0),
+    "without the last tenth": _share(0.0, 0.9),
+    "first half": _share(0.0, 0.5),
+    "second half": _share(0.5, 1.0),
+}
+SETTINGS: Mapping[str, Mapping[str, float]] = {
+    **{f"free runs {times:g} times as long": {"window": times} for times in (0.6, 0.8, 1.25, 1.5)},
+    "coefficients doubted by 5 %": {"doubt": 0.05},
+    "coefficients doubted by 20 %": {"doubt": 0.2},
+}
+CHOICES = (WHOLE, *SETTINGS, *CUTS)
+
+
+def logs() -> list[Log]:
+    """Those that are one record, diagnosed as it is read, or gliders' dives that are fitted."""
+    return [log for log in LOGS if not log.name.startswith("BlueROV2 Heavy")]
+
+
+def attempt(case: str, seed: int, data: Path, **options: Any) -> list[dict[str, Any]]:
+    """What is named with each choice; seed: not used."""
+    log = next(log for log in logs() if log.name == case)
+    missing = log.missing(Path(data))
+    if missing:
+        raise ValueError(f"{missing[0]} is not in {data}.")
+    return [_named(log, Path(data), choice) for choice in CHOICES]
+
+
+def _named(log: Log, data: Path, choice: str) -> dict[str, Any]:
+    began, (record, plant) = perf_counter(), _read(log, data)
+    record = CUTS.get(choice, lambda whole: whole)(record)
+    settings = dict(SETTINGS.get(choice, {}))
+    if "window" in settings:
+        settings["window"] *= log.window or plant.window
+    elif log.window is not None:
+        settings["window"] = log.window
+    try:
+        found = diagnose(record, plant, source=log.name, **settings)
+    except ValueError as error:
+        return {"choice": choice, "verdict": "refused", "why": str(error), "groups": []}
+    return {
+        "choice": choice,
+        "verdict": found.verdict,
+        "groups": groups_of(found),
+        "sizes": {e.path: [e.value, *e.ci95] for e in (*found.effects, *found.alike)},
+        "seconds": perf_counter() - began,
+    }
+
+
+def _read(log: Log, data: Path) -> tuple[Record, Plant]:
+    """A log as `scripts.real_logs` reads it, and its vehicle."""
+    if log.run is diagnose_dives:
+        return read_dives(log, data)
+    if log.run is diagnose_flight:
+        return read_flight(log, data)
+    plant = load_vehicle(log.vehicle)  # makes its channels known
+    return log.record(data, log.files), plant
+
+
+def groups_of(found: Diagnosis) -> list[list[str]]:
+    """Each effect that is named or that the log acts like, with what is tied with it; the former only are names."""
+    ties = {group[0]: list(group) for group in found.tied}
+    return [ties.get(e.path, [e.path]) for e in (*found.effects, *found.alike)]
+
+
+def kept(whole: Sequence[Sequence[str]], other: Sequence[Sequence[str]]) -> int:
+    """How many groups of the whole share a member with one of the others, each with one of its own."""
+    left, count = [set(group) for group in other], 0
+    for group in map(set, whole):
+        same = next((one for one in left if one & group), None)
+        if same is not None:
+            left.remove(same)
+            count += 1
+    return count
+
+
+def sheets(found: Found) -> list[Sheet]:
+    rows = []
+    for case, runs in found.runs.items():
+        for result in (r for run in runs.values() for r in run):
+            whole = next(r for run in runs.values() for r in run if r["choice"] == WHOLE)["groups"]
+            same, named = kept(whole, result["groups"]), len(result["groups"])
+            rows.append(
+                [
+                    case if result["choice"] == WHOLE else "",
+                    result["choice"],
+                    result["verdict"],
+                    f"{same} of {len(whole)}",
+                    f"{named - same}",
+                    "; ".join(
+                        " or ".join(group[:3]) + (" or more" if len(group) > 3 else "") for group in result["groups"]
+                    ),
+                ]
+            )
+        rows.append([])
+    heads = ["log", "choice", "verdict", "kept>", "new>", "effects"]
+    return [Sheet("choices", "Names of measured logs with choices that should not matter", heads, rows)]
+
+
+STUDY = Study(
+    about=__doc__ or "",
+    attempt=attempt,
+    cases=tuple(log.name for log in logs()),
+    sheets=sheets,
+    seeds=None,
+    options={"data": Option("data", "folder of measured logs")},
+)
+
+
+if __name__ == "__main__":
+    sys.exit(STUDY.main())

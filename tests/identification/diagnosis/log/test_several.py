@@ -1,0 +1,151 @@
+"""Several logs of one vehicle, and effects that only some of them have."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auv_gym import concat, load_vehicle, replace_at
+from auv_gym.param import value_at
+from auv_gym.records.record import Record
+from identification import closed_loop, diagnose, write_diagnosis
+from identification.diagnosis.log.checking import Asked, check_log
+from identification.diagnosis.log.several import in_last_log, logs_in, with_own_effects
+from identification.diagnosis.result_files import again
+from identification.diagnosis.search.candidates import Candidate, candidates_of
+from identification.diagnosis.search.constancy import steadiness
+from identification.diagnosis.search.explanations import meaning
+from identification.diagnosis.search.workbench import Workbench
+from identification.fit.changing import change
+from identification.planning.next_experiment import rivals_of
+
+OFFSET = "effects.rudder.offset"
+
+
+def logs_of(*sizes: float, duration: float = 600.0) -> Record:
+    """Logs of a glider, each with a rudder offset of its own."""
+    plant = load_vehicle("slocum")
+    bent = [replace_at(plant, OFFSET, size) for size in sizes]
+    own = [closed_loop(one, rng=np.random.default_rng(70 + k), duration=duration) for k, one in enumerate(bent)]
+    return concat([one.with_labels([f"log{k}.csv"] * len(one.segments)) for k, one in enumerate(own)])
+
+
+def test_a_log_is_what_has_one_label_and_else_a_number():
+    record = logs_of(0.0, 0.0, duration=100.0)
+    gap = np.ones(len(record), bool)
+    gap[5] = False
+    assert [(one.name, one.rows.stop) for one in logs_in(record.select(gap))] == [
+        ("log0.csv", len(record) // 2 - 1),
+        ("log1.csv", len(record) - 1),
+    ]
+    assert logs_in(record.with_labels(["", "b"]))[0].name == "log 1"
+
+
+def test_each_part_has_a_share_of_each_log_and_windows_stay_within_it():
+    plant = load_vehicle("slocum")
+    log = check_log(logs_of(0.0, 0.0, 0.0), plant, Asked(trust=True))
+    own = with_own_effects(log, [OFFSET])
+    rows = [one.rows for one in logs_in(log.record)]
+    for part, windows in zip(own.parts, own.windows, strict=True):
+        assert all(any(r.start <= p.start < r.stop for p in part) for r in rows)
+        assert all(any(p.start <= w.start and w.stop <= p.stop for p in part) for w in windows)
+    assert [c.name for c in own.plant.courses.values()] == [
+        "in log0.csv", "in log1.csv", "in log2.csv", "from log1.csv on", "up to log1.csv",
+    ]  # fmt: skip
+    alone = check_log(logs_of(0.0, duration=300.0), plant, Asked(trust=True))
+    assert with_own_effects(alone, [OFFSET]) is None
+
+
+def test_candidates_are_those_of_all_logs_and_of_some_and_neither_hides_the_other():
+    log = check_log(logs_of(0.0, 0.0), load_vehicle("slocum"), Asked(trust=True))
+    paths = [OFFSET, "effects.current.north", "effects.current.east"]
+    plant = with_own_effects(log, paths).plant
+    every = {c.paths: c.title for c in candidates_of(plant, log.record)}
+    assert every[(OFFSET,)] == "rudder offset"
+    assert every[(change("log2", OFFSET),)] == "rudder offset in log1.csv"
+    assert (change("log1", paths[1]), change("log1", paths[2])) in every
+    for found in (OFFSET, change("log2", OFFSET)):
+        left = {c.paths for c in candidates_of(replace_at(plant, found, 0.05), log.record)}
+        assert set(every) - left == {(found,)}
+
+
+def test_the_vehicle_that_is_written_is_that_of_the_last_log():
+    log = check_log(logs_of(0.0, 0.0), load_vehicle("slocum"), Asked(trust=True))
+    plant = replace_at(with_own_effects(log, [OFFSET]).plant, {OFFSET: 0.02, change("log2", OFFSET): 0.03})
+    assert value_at(in_last_log(plant, log.record), OFFSET) == pytest.approx(0.05)
+    assert value_at(plant.at_row(0), OFFSET) == pytest.approx(0.02)
+    assert in_last_log(log.plant, log.record) is log.plant
+
+
+@pytest.mark.parametrize("begins, varies", [(0.0, False), (0.5, True)])
+def test_an_effect_of_one_log_is_compared_with_itself_within_that_log(begins, varies):
+    """The first log is as it should be; in the second the effect acts throughout, or begins half way."""
+    plant = load_vehicle("slocum")
+    first, last = logs_of(0.0), logs_of(0.06)
+    if begins:
+        early = closed_loop(plant, rng=np.random.default_rng(77), duration=300.0)
+        late = closed_loop(replace_at(plant, OFFSET, 0.06), rng=np.random.default_rng(78), duration=300.0)
+        last = concat([early, late])
+    last = last.with_labels(["b"] * len(last.segments))
+    own = with_own_effects(check_log(concat([first, last]), plant, Asked(trust=True)), [OFFSET])
+    path = change("log2", OFFSET)
+    bench = Workbench(own.plant, own.record, own.parts, 0.1, own.every_window)
+    state = bench.fit(bench.plant, (*plant.coefficients, path))
+    assert steadiness(bench, state, [path]).varies == varies
+
+
+def test_a_log_that_differs_from_three_others_does_not_vanish_among_sixths():
+    """Its first log is a quarter of the record: the second sixth is half of that and half of the next."""
+    plant = load_vehicle("slocum")
+    log = check_log(logs_of(0.02, 0.05, 0.05, 0.05), plant, Asked(trust=True))
+    bench = Workbench(log.plant, log.record, log.parts, 0.1, log.every_window)
+    assert steadiness(bench, bench.fit(bench.plant, (*plant.coefficients, OFFSET)), [OFFSET]).varies
+
+
+def test_two_ways_to_say_the_same_are_one_explanation():
+    log = check_log(logs_of(0.0, 0.0), load_vehicle("slocum"), Asked(trust=True))
+    plant = with_own_effects(log, [OFFSET, "effects.yaw.moment"]).plant
+
+    def said(*paths: str):
+        return meaning(plant, [Candidate(path, (path,)) for path in paths])
+
+    first, second = (change(f"log{k}", OFFSET) for k in (1, 2))
+    assert said(OFFSET, first) == said(first, second) == said(second, OFFSET)
+    assert len({said(OFFSET), said(first), said(second), said(first, second)}) == 4
+    assert said(first, change("log2", "effects.yaw.moment")) != said(first, second)
+
+
+@pytest.mark.slow
+def test_an_effect_of_one_log_is_named_with_that_log(tmp_path):
+    record = logs_of(0.0, 0.05)
+    found = diagnose(record, load_vehicle("slocum"))
+    (only,) = found.effects
+    assert (found.verdict, only.path) == ("named", change("log2", OFFSET))
+    assert abs(only.value - 0.05) < 0.002
+    assert found.after.scores["heading_rad"].rmse < 0.4 * found.before.scores["heading_rad"].rmse
+    assert "rudder offset in log1.csv, 2.8" in found.summary()
+    assert "vehicle.toml has the vehicle as it was in the last log, log1.csv." in found.summary()
+    assert rivals_of(found) == ()
+    files = write_diagnosis(found, tmp_path)
+    assert value_at(load_vehicle(files["vehicle.toml"]), OFFSET) == pytest.approx(only.value)
+    assert f'"{change("log2", OFFSET)}"' in files["diagnosis.json"].read_text()
+    assert "log1.csv" in files["report.html"].read_text()
+    assert again(files["diagnosis.json"], record).summary() == found.summary()
+    assert not any(
+        p.startswith("changes.") for p in json.loads(files["diagnosis.json"].read_text())["vehicle"]["units"]
+    )
+
+
+@pytest.mark.slow
+def test_an_effect_that_begins_with_a_log_is_named_from_it_on_and_one_of_all_logs_as_such():
+    begins = diagnose(logs_of(0.0, 0.05, 0.05), load_vehicle("slocum"))
+    assert [(e.path, e.title) for e in begins.effects] == [(change("since2", OFFSET), "rudder offset from log1.csv on")]
+    assert [e.path for e in diagnose(logs_of(0.03, 0.03), load_vehicle("slocum")).effects] == [OFFSET]
+
+
+@pytest.mark.slow
+def test_two_sizes_of_one_effect_are_told_apart():
+    found = diagnose(logs_of(0.05, 0.02), load_vehicle("slocum"))
+    assert found.verdict in ("named", "tied")
+    sizes = [value_at(found.after.plant.at_row(log.rows.start), OFFSET) for log in logs_in(found.record)]
+    assert sizes == pytest.approx([0.05, 0.02], abs=0.002)
