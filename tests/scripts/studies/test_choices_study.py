@@ -1,0 +1,72 @@
+"""The study of choices that should not matter: what counts as the same name, and what each choice does to a log."""
+
+import numpy as np
+import pytest
+
+from auv_gym import Record
+from scripts.real.log import Log
+from scripts.studies import choices
+from scripts.studies.harness import Found
+
+
+@pytest.mark.parametrize(
+    "whole, other, same",
+    [
+        ([["a"]], [["a"]], 1),
+        ([["a", "b"]], [["b", "c"]], 1),  # a member of its tie is named
+        ([["a", "b"], ["b", "c"]], [["b"]], 1),  # one name is not two
+        ([["a"]], [["b"]], 0),
+        ([], [["b"]], 0),
+    ],
+)
+def test_a_name_is_kept_where_one_of_its_tie_is_named(whole, other, same):
+    assert choices.kept(whole, other) == same
+
+
+def test_cuts_leave_out_what_they_say():
+    record = Record.from_arrays(np.arange(100.0), {"heading_rad": np.arange(100.0)})
+    left = {name: cut(record).time for name, cut in choices.CUTS.items()}
+    assert {name: (time[0], time[-1]) for name, time in left.items()} == {
+        "without the first 7 samples": (7.0, 99.0),
+        "without the first tenth": (10.0, 99.0),
+        "without the last tenth": (0.0, 89.0),
+        "first half": (0.0, 49.0),
+        "second half": (50.0, 99.0),
+    }
+
+
+def test_every_choice_is_diagnosed_and_a_refusal_is_told(monkeypatch, tmp_path):
+    """With a log that is there, and a diagnosis that only notes what it was asked."""
+    asked = []
+
+    def diagnosed(record, plant, **settings):
+        asked.append((len(record), {k: v for k, v in settings.items() if k != "source"}))
+        raise ValueError("too short")
+
+    record = Record.from_arrays(np.arange(40.0), {"heading_rad": np.zeros(40)})
+    log = next(log for log in choices.logs() if log.vehicle == "slocum")
+    monkeypatch.setattr(Log, "record", lambda self, data, files, needs=None: record)
+    monkeypatch.setattr(Log, "missing", lambda self, data: [])
+    monkeypatch.setattr(choices, "diagnose", diagnosed)
+    told = choices.attempt(log.name, 0, str(tmp_path))
+    assert [r["choice"] for r in told] == list(choices.CHOICES)
+    assert {(r["verdict"], r["why"]) for r in told} == {("refused", "too short")}
+    assert asked[0] == (40, {})
+    for other in ((40, {"window": 72.0}), (20, {}), (40, {"doubt": 0.05})):
+        assert other in asked
+
+
+def test_a_log_that_is_not_there_is_an_error_with_its_name(tmp_path):
+    log = next(log for log in choices.logs() if log.name.startswith("SG561"))
+    with pytest.raises(ValueError, match=r"p5610002.nc is not in"):
+        choices.attempt(log.name, 0, str(tmp_path))
+
+
+def test_the_table_counts_names_that_are_kept_and_new_ones():
+    whole = {"choice": choices.WHOLE, "verdict": "named", "groups": [["a", "b"]]}
+    other = {"choice": "first half", "verdict": "tied", "groups": [["b"], ["c"]]}
+    (sheet,) = choices.sheets(Found({"log": {0: [whole, other]}}, {}))
+    assert [row[1:5] for row in sheet.rows if row] == [
+        [choices.WHOLE, "named", "1 of 1", "0"],
+        ["first half", "tied", "1 of 1", "1"],
+    ]
