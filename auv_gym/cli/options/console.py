@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from itertools import count
+from time import monotonic
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -14,15 +15,36 @@ output = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
 
+_SELDOM = 30.0  # s, between lines on a long step's progress where no bar can be drawn
+
+
 @contextmanager
 def progress_bar() -> Generator[Callable[[float, str], None]]:
-    """A callable of fraction and text that draws a bar on stderr, where that is a terminal."""
+    """A callable of fraction and text that draws a bar on stderr; a line now and then where that is no terminal."""
+    if not errors.is_terminal:
+        yield _seldom_told()
+        return
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (BarColumn(bar_width=30), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=errors, transient=True, disable=not errors.is_terminal) as bars:
+    with Progress(*columns, console=errors, transient=True) as bars:
         task = bars.add_task("", total=1.0)
         yield lambda fraction, text: bars.update(task, completed=fraction, description=text)
+
+
+def _seldom_told() -> Callable[[float, str], None]:
+    """Lines of time, fraction and text, so that a log shows that a long run goes on."""
+    began = told = monotonic()
+
+    def show(fraction: float, text: str) -> None:
+        nonlocal told
+        now = monotonic()
+        if now - told >= _SELDOM:
+            told = now
+            minutes, seconds = divmod(int(now - began), 60)
+            errors.print(f"{minutes}:{seconds:02d} min, {100.0 * fraction:.0f} %: {text}", markup=False)
+
+    return show
 
 
 @contextmanager
