@@ -80,11 +80,13 @@ def diagnose(
     if brief is not log and searched.state is searched.nominal:  # what is weak needs all of the log
         searched, brief = sought(log), log
     found = timed("judging", lambda: judge(brief, searched, source, progress))
-    if found.verdict == "unexplained" and brief is log and len(logs_in(log.record)) > 1:
-        own = with_own_effects(log, may_differ(searched))
-        again = searched if own is None else sought(own)
-        if own is not None and again.state is not again.nominal:
+    several = found.verdict == "unexplained" and len(logs_in(log.record)) > 1
+    own = with_own_effects(log, may_differ(searched)) if several else None
+    if own is not None:
+        own = own.in_brief()
+        again = sought(own)
+        if again.state is not again.nominal:
             apart = timed("judging", lambda: judge(own, again, source, progress))
-            found = apart if apart.verdict in ("named", "tied") else found
+            found, brief = (apart, own) if apart.verdict in ("named", "tied") else (found, brief)
     # with the channels that were not compared, and the rows that windows count
     return replace(found, record=described(plant, record).with_notes(brief.record.notes), seconds=seconds)

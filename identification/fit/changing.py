@@ -219,9 +219,14 @@ def change(form: str, path: str) -> str:
 
 
 def named_when(title: str, when: str) -> str:
-    """A title with when it acts, before what it has in brackets."""
-    name, *remark = title.partition(" (")
-    return "".join([f"{name} {when}".rstrip(), *remark])
+    """A title with when it acts, before what it has in brackets or behind a comma."""
+    name = plain(title)
+    return f"{name} {when}".rstrip() + title.removeprefix(name)
+
+
+def plain(title: str) -> str:
+    """A title without what it has in brackets or behind a comma."""
+    return title.partition(" (")[0].partition(",")[0]
 
 
 def _resolved(plant: ChangingPlant, path: str) -> tuple[Course, str]:

@@ -38,7 +38,7 @@ from identification.diagnosis.wording import (
     short,
     sized,
 )
-from identification.fit.changing import ChangingPlant, changed
+from identification.fit.changing import ChangingPlant, changed, plain
 from identification.fit.noises import Noise
 from identification.fit.shooting import unknown_states
 from identification.fit.validation import FreeRuns, Score, Whiteness
@@ -387,7 +387,7 @@ def _logs_sentence(d: Diagnosis) -> str:
         shown = range(len(logs)) if len(logs) <= _FEW_DIVES else (int(np.argmin(sizes)), int(np.argmax(sizes)))
         each = [f"{quantity(sizes[k], spec.unit)} in {logs[k].name}" for k in shown]
         by_log = listed(each) if len(logs) <= _FEW_DIVES else f"from {' to '.join(each)}"
-        told.append(f"{capital(short(spec.title))} by log: {by_log}.")
+        told.append(f"{capital(plain(spec.title))} by log: {by_log}.")
     return f"{' '.join(told)} vehicle.toml has the vehicle as it was in the last log, {logs[-1].name}."
 
 

@@ -46,17 +46,30 @@ def parts_of(plant: Plant, record: Record, most: int = MOST_PARTS) -> tuple[Part
 
 
 def excerpts(record: Record, parts: Sequence[Part], inputs: Sequence[str], samples: int) -> tuple[Part, ...]:
-    """Of each part the stretch of at most so many samples in which the inputs move most.
+    """Of each part, the stretch of at most so many samples in which the inputs move most; of several logs, one of each.
 
     No reading decides which of them count, only what was commanded.
     """
-    found = list[Part]()
-    for part in parts:
-        pieces = [slice(a, min(a + samples, p.stop)) for p in part for a in range(p.start, p.stop, samples)]
-        longest = max(p.stop - p.start for p in pieces)
-        pieces = [p for p in pieces if 2 * (p.stop - p.start) >= longest]
-        found.append((pieces[int(np.argmax(excitation(record, inputs, pieces)))],))
-    return tuple(found)
+    return tuple(
+        tuple(_liveliest(record, own, inputs, samples // len(logs)) for own in logs)
+        for logs in (_by_log(record, part) for part in parts)
+    )
+
+
+def _by_log(record: Record, part: Part) -> list[Part]:
+    """The pieces of a part, those of one label together, in the order of the record."""
+    starts, labels, found = [segment.start for segment in record.segments], record.labels, dict[str, list[slice]]()
+    for piece in part:
+        segment = int(np.searchsorted(starts, piece.start, side="right")) - 1
+        found.setdefault(labels[segment], []).append(piece)
+    return [tuple(own) for own in found.values()]
+
+
+def _liveliest(record: Record, part: Part, inputs: Sequence[str], samples: int) -> slice:
+    pieces = [slice(a, min(a + samples, p.stop)) for p in part for a in range(p.start, p.stop, samples)]
+    longest = max(p.stop - p.start for p in pieces)
+    pieces = [p for p in pieces if 2 * (p.stop - p.start) >= longest]
+    return pieces[int(np.argmax(excitation(record, inputs, pieces)))]
 
 
 def excitation(record: Record, inputs: Sequence[str], pieces: Sequence[slice]) -> np.ndarray:

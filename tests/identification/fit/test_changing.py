@@ -8,7 +8,7 @@ from auv_gym.plant import Runs, load_vehicle
 from auv_gym.plant.rollout import bind_family
 from identification.experiments.float_dives import oil_mission
 from identification.experiments.heading_control import closed_loop
-from identification.fit.changing import ChangingPlant, Course, change, changed
+from identification.fit.changing import ChangingPlant, Course, change, changed, named_when
 from identification.fit.prediction_errors import PredictionErrors
 
 OFFSET, BIAS, LEAK = "effects.rudder.offset", "effects.rudder.deadband", "effects.volume.leak"
@@ -117,6 +117,33 @@ def test_a_vehicle_that_changes_may_change_in_other_forms_too(glider):
     assert value_at(both, row) == 0.03
     assert value_at(both.at_row(len(record) - 1), OFFSET) == 0.03
     assert both.plain == plant
+
+
+def test_a_change_may_change_itself_where_it_acts(glider):
+    """One that begins at a quarter, doubled from half way on."""
+    plant, record = glider
+    quarter, half = len(record) // 4, len(record) // 2
+    whole, more = change("after", OFFSET), change("late", change("after", OFFSET))
+    first = changing(plant, [OFFSET], quarter, (0.0, 1.0))
+    both = ChangingPlant.of(first, {"late": [whole]}, {"late": Course((half,), (0.0, 1.0))})
+    both = replace_at(both, {whole: 0.03, more: 0.03})
+    assert [value_at(both.at_row(row), OFFSET) for row in (0, quarter, half)] == pytest.approx([0.0, 0.03, 0.06])
+    early = replace_at(both, {whole: 0.0, more: 0.03})  # nothing acts of it before it begins itself
+    assert value_at(early.at_row(quarter), OFFSET) == 0.0
+    stepwise = ChangingPlant.of(
+        plant,
+        {"a": [OFFSET], "b": [OFFSET]},
+        {"a": Course((quarter,), (0.0, 1.0)), "b": Course((half,), (0.0, 1.0))},
+    )
+    found, _ = errors_of(replace_at(both, {whole: 0.0, more: 0.0}), record, {whole: 0.03, more: 0.03})
+    wanted, _ = errors_of(stepwise, record, {change("a", OFFSET): 0.03, change("b", OFFSET): 0.03})
+    np.testing.assert_allclose(found, wanted, atol=1e-12)
+
+
+def test_a_title_has_when_it_acts_before_its_remark():
+    assert named_when("rudder deadband (half width)", "in a.csv") == "rudder deadband in a.csv (half width)"
+    assert named_when("trapped air, at the surface", "in a.csv") == "trapped air in a.csv, at the surface"
+    assert named_when("rudder offset", "") == "rudder offset"
 
 
 @pytest.mark.parametrize("path, size", [("effects.rudder.lag", 4.0), ("effects.rudder.backlash", 0.1)])

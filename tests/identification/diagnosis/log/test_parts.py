@@ -95,6 +95,16 @@ def test_of_a_long_log_the_stretch_of_each_part_counts_in_which_the_commands_mov
         assert whole.start <= piece.start < piece.stop <= whole.stop
 
 
+def test_of_several_long_logs_a_stretch_of_each_counts(record):
+    both = concat([record.with_labels([name] * len(record.segments)) for name in "ab"])
+    half = len(record)
+    part = (slice(10, half - 10), slice(half + 10, 2 * half - 10))
+    ((first, second),) = excerpts(both, [part], ("rudder_rad",), 40)
+    assert part[0].start <= first.start < first.stop <= part[0].stop
+    assert part[1].start <= second.start < second.stop <= part[1].stop
+    assert first.stop - first.start == second.stop - second.start == 20
+
+
 def test_fits_count_a_share_of_a_long_log_and_free_runs_all_of_it(record, monkeypatch):
     log = check_log(record, QUICK, Asked())
     assert log.in_brief() is log
