@@ -22,7 +22,8 @@ from identification.deciding import SIMILAR
 from identification.diagnosis.diagnose import diagnose
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.found import Effect
-from identification.diagnosis.judge.verdict import Diagnosis, Stage
+from identification.diagnosis.judge.result import Stage
+from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.search.trials import Progress
 from identification.fit.changing import changed
 

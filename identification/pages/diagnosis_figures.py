@@ -14,7 +14,8 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.records.record import Record
-from identification.diagnosis.judge.verdict import Diagnosis, Stage
+from identification.diagnosis.judge.result import Stage
+from identification.diagnosis.judge.verdict import Diagnosis
 from identification.fit.validation import FreeRuns, input_correlation
 from identification.pages import drawing
 from identification.pages.drawing import (

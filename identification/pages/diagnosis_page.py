@@ -14,14 +14,14 @@ from auv_gym.param import spec_at, value_at
 from auv_gym.plant import Plant
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.found import Coefficient, Detectable, Effect
-from identification.diagnosis.judge.verdict import (
-    Diagnosis,
+from identification.diagnosis.judge.summary import (
     dropped_sentence,
     left_sentence,
     noise_sentence,
     slight_sentence,
     unsteady_sentence,
 )
+from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import candidates_of

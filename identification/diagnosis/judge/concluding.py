@@ -16,8 +16,8 @@ from identification.diagnosis.judge.findings import (
 from identification.diagnosis.judge.found import Coefficient, Effect
 from identification.diagnosis.judge.judgement import verdict_of
 from identification.diagnosis.judge.reporting import Reported
+from identification.diagnosis.judge.result import Stage, Verdict
 from identification.diagnosis.judge.scoring import Scored, Scoring
-from identification.diagnosis.judge.verdict import Stage, Verdict
 from identification.diagnosis.judge.weighing import common_predictions
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.wording import quantity, short

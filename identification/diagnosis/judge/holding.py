@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import compress
 
-from identification.diagnosis.judge.verdict import LEANS, RARE, VARIES
+from identification.diagnosis.judge.result import LEANS, RARE, VARIES
 from identification.diagnosis.search.attribution import Round, confirmed
 from identification.diagnosis.search.constancy import steadiness
 from identification.diagnosis.search.remainder import Left, what_is_left

@@ -8,7 +8,7 @@ import numpy as np
 
 from identification.deciding import EXPLAINED, MANY_WINDOWS
 from identification.diagnosis.judge.found import Effect
-from identification.diagnosis.judge.verdict import Stage, Verdict
+from identification.diagnosis.judge.result import Stage, Verdict
 from identification.fit.residual import noise_floors
 
 

@@ -13,8 +13,9 @@ from identification.diagnosis.judge.detectable import detectable_effects
 from identification.diagnosis.judge.holding import what_holds
 from identification.diagnosis.judge.remaining import Remaining, what_remains
 from identification.diagnosis.judge.reporting import Reported, reported, withdrawn
+from identification.diagnosis.judge.result import VARIES
 from identification.diagnosis.judge.scoring import Scored, Scoring
-from identification.diagnosis.judge.verdict import VARIES, Diagnosis
+from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.judge.weighing import weigh
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.bars import threshold

@@ -8,8 +8,8 @@ import numpy as np
 
 from identification.diagnosis.judge.habitat import Habitat, residual_habitat
 from identification.diagnosis.judge.reporting import Reported
+from identification.diagnosis.judge.result import WORSE, Stage
 from identification.diagnosis.judge.scoring import Scoring
-from identification.diagnosis.judge.verdict import WORSE, Stage
 from identification.diagnosis.search.discovery import Discovery, discover, library_of
 from identification.diagnosis.search.remainder import what_is_left
 

@@ -9,7 +9,7 @@ from identification.diagnosis.judge.findings import Sizes, effects_of
 from identification.diagnosis.judge.found import Effect
 from identification.diagnosis.judge.holding import Held
 from identification.diagnosis.judge.judgement import unsteady_of
-from identification.diagnosis.judge.verdict import VARIES, WORSE
+from identification.diagnosis.judge.result import VARIES, WORSE
 from identification.diagnosis.judge.weighing import Weighed, rounds_told
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.constancy import ByDive, sizes_by_dive

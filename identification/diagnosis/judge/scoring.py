@@ -14,7 +14,7 @@ from auv_gym.plant import Plant
 from auv_gym.records.record import Record
 from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.judgement import explained_share, many_windows
-from identification.diagnosis.judge.verdict import Stage
+from identification.diagnosis.judge.result import Stage
 from identification.diagnosis.log.checking import CheckedLog
 from identification.diagnosis.search.attribution import Round
 from identification.diagnosis.search.searching import Searched

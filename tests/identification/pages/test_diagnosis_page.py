@@ -15,7 +15,7 @@ from auv_gym.param import replace_at
 from auv_gym.plant import load_vehicle
 from auv_gym.records.record import Record, concat
 from identification.diagnosis import as_json, diagnose
-from identification.diagnosis.judge.verdict import RARE
+from identification.diagnosis.judge.result import RARE
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search.remainder import Left
 from identification.diagnosis.wording import short

@@ -12,8 +12,8 @@ from auv_gym.records.record import concat
 from identification.deciding import LEFT, UNSTEADY
 from identification.diagnosis import as_json, diagnose
 from identification.diagnosis.judge import findings, holding, remaining
+from identification.diagnosis.judge.result import VARIES
 from identification.diagnosis.judge.scoring import Scoring
-from identification.diagnosis.judge.verdict import VARIES
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.log.plausibility import Doubt
 from identification.diagnosis.search import constancy, remainder

@@ -6,11 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from identification.diagnosis.judge.found import AsCoefficient, Effect, Member
-from identification.diagnosis.judge.verdict import (
-    RARE,
-    VARIES,
-    WORSE,
-    Diagnosis,
+from identification.diagnosis.judge.result import RARE, VARIES, WORSE
+from identification.diagnosis.judge.summary import (
     _error_sentence,
     _halves_sentence,
     _likelier_sentence,
@@ -20,6 +17,7 @@ from identification.diagnosis.judge.verdict import (
     slight_sentence,
     unsteady_sentence,
 )
+from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.search.candidates import Candidate
 from identification.diagnosis.search.remainder import Left
 from identification.fit.noises import Noise

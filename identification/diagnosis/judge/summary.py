@@ -1,0 +1,350 @@
+"""What a diagnosis says in words: its summary, sentence by sentence."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from auv_gym.channels import channel
+from auv_gym.param import spec_at, value_at
+from identification.deciding import SLIGHT, STABLE, UNSTEADY
+from identification.diagnosis.judge.result import Result
+from identification.diagnosis.log.several import logs_in
+from identification.diagnosis.wording import (
+    accelerations,
+    capital,
+    interval,
+    lasting_errors,
+    listed,
+    quantity,
+    short,
+    sized,
+)
+from identification.fit.changing import ChangingPlant, changed, plain
+
+_FEW_DIVES = 6  # that a sentence lists
+_BETTER = 0.95  # of the refitted model's error, below which that of the given one is said to be less
+
+
+def paragraphs(d: Result) -> list[str]:
+    """The summary in paragraphs: verdict and errors; ties; doubts about effects; what remains; how it was read."""
+    grouped = (
+        (_sentence(d), _caution_sentence(d), unfinished_sentence(d), _error_sentence(d)),
+        (_tied_sentence(d), _likelier_sentence(d), _common_sentence(d)),
+        (
+            _halves_sentence(d),
+            _dives_sentence(d),
+            unsteady_sentence(d),
+            slight_sentence(d),
+            dropped_sentence(d),
+            _slight_sentence(d),
+        ),
+        (_rest_sentence(d), noise_sentence(d), _currents_sentence(d)),
+        (_logs_sentence(d), _limit_sentence(d), averaged_sentence(d), _unseen_sentence(d)),
+    )
+    joined = (" ".join(sentence for sentence in group if sentence) for group in grouped)
+    return [paragraph for paragraph in joined if paragraph]
+
+
+def _alike(d: Result) -> str:
+    alike = "; ".join(e.told for e in d.alike)
+    return f" Part of the difference acts like {alike}." if alike else ""
+
+
+def _sentence(d: Result) -> str:
+    names = [e.told for e in d.effects]
+    if d.verdict == "doubted":
+        doubt = d.doubts[0]
+        if doubt.slip is not None:
+            return f"Something is wrong with the log: {doubt.text}. What to do: {doubt.mend}."
+        return f"{doubt.text[0].upper()}{doubt.text[1:]}.{_alike(d)} What to do: {doubt.mend}."
+    if d.verdict == "none":
+        return "The model explains this log: no known effect is missing."
+    wrong = [
+        sized(c.title, quantity(c.value, c.unit), interval(c.ci95, c.unit), f"given {quantity(c.given, c.unit)}")
+        for c in d.coefficients
+        if c.wrong
+    ]
+    if d.verdict == "coefficients":
+        return (
+            "With corrected coefficients the model explains this log: no known effect is missing. "
+            f"Corrected: {'; '.join(wrong)}."
+        )
+    if d.verdict == "unexplained":
+        kind = "constant" if unsteady_sentence(d) else "known"
+        return f"The log and the model disagree, and no {kind} effect explains the difference.{_alike(d)}"
+    count = "an effect" if len(names) == 1 else f"{len(names)} effects"
+    return f"The model is missing {count}: {'; '.join(names)}."
+
+
+def _caution_sentence(d: Result) -> str:
+    """What is doubted of a log that effects do not explain."""
+    if d.verdict != "unexplained":
+        return ""
+    return " ".join(f"{doubt.text[0].upper()}{doubt.text[1:]}. What to do: {doubt.mend}." for doubt in d.doubts)
+
+
+def unfinished_sentence(d: Result) -> str:
+    """What is said of a search that ended at its limit, or nothing."""
+    if not d.unfinished:
+        return ""
+    return (
+        f"The search ended at its limit of computing time before it had {listed(d.unfinished)}: more effects may be "
+        "missing, and others may explain this log as well. Shorten the log, or thin it by --resample."
+    )
+
+
+def _tied_sentence(d: Result) -> str:
+    """The causes that the log cannot tell apart, with their probabilities."""
+    if d.verdict != "tied":
+        return ""
+    titles, odds = d.titles, d.probabilities
+    groups = [listed([_with_odds(titles.get(p, p), odds.get(p)) for p in group], "or") for group in d.tied]
+    return f"This log cannot tell apart: {'; '.join(groups)}."
+
+
+def _with_odds(title: str, probability: float | None) -> str:
+    """A title with its probability in brackets, where there is one."""
+    if probability is None:
+        return title
+    percent = 100.0 * probability
+    words = "under 1 %" if percent < 1.0 else "over 99 %" if percent > 99.0 else f"{percent:.0f} %"
+    return f"{short(title)} ({words})"
+
+
+def _likelier_sentence(d: Result) -> str:
+    """The members of a tie that are more probable than the effect in the fitted vehicle, and why."""
+    told = []
+    for e in d.effects:
+        for m in e.members:
+            if e.probability is None or round(100.0 * m.probability) <= round(100.0 * e.probability):
+                continue
+            spared = listed([short(d.titles.get(p, p)) for p in m.spared])
+            why = f"with it, no {spared} is needed" if spared else "more of the sets that explain this log contain it"
+            told.append(f"{capital(short(m.title))} is more probable than {short(e.name)}: {why}.")
+    return " ".join(told)
+
+
+def _common_sentence(d: Result) -> str:
+    """What the members of each tie agree on, and what would tell them apart."""
+    told = [common.words(d.titles, d.reach) for common in d.common]
+    if told and not d.planned:
+        told.append("Use --next-experiment to plan an experiment that tells them apart.")
+    return " ".join(told)
+
+
+def _halves_sentence(d: Result) -> str:
+    """Effects that many halves of the log do not choose."""
+    rare: dict[str, list[str]] = {}
+    for e in d.added:
+        if e.frequency < STABLE:
+            rare.setdefault(f"{100.0 * e.frequency:.0f} %", []).append(short(e.name))
+    told = [f"only {share} of the halves that were tried choose {listed(t)}" for share, t in rare.items()]
+    return f"The choice was repeated with half of the log: {'; '.join(told)}." if told else ""
+
+
+def _dives_sentence(d: Result) -> str:
+    """The sizes of effects that differ between dives; of many, the smallest and the largest."""
+    told = []
+    for e in (e for e in d.added if e.by_dive):
+        sizes, many = sorted(e.by_dive, key=lambda s: s.value), len(e.by_dive) > _FEW_DIVES
+        own = [
+            f"{quantity(s.value, e.unit)} (95 % interval {interval(s.ci95, e.unit)}) in {s.dive or 'the first dive'}"
+            for s in ((sizes[0], sizes[-1]) if many else e.by_dive)
+        ]
+        range_of = f"from {' to '.join(own)}" if many else listed(own)
+        told.append(f"{capital(short(e.name))} differs from dive to dive: {range_of}.")
+    return " ".join(told)
+
+
+def unsteady_sentence(d: Result) -> str:
+    """Effects whose size differs between parts of the log, and not from dive to dive."""
+    names = [short(e.name) for e in d.alike if e.unsteady]
+    if not names:
+        return ""
+    which = "Its size" if len(names) == len(d.alike) == 1 else f"The size of {listed(names)}"
+    return f"{which} differs between parts of the log: {_sought(d, 'when the effect begins or ends')}."
+
+
+def _sought(d: Result, when: str) -> str:
+    """Which command looks for what changes within a log, or between several."""
+    within = f"`auv-gym onset` looks for {when}"
+    if len(set(d.record.labels)) < 2:
+        return within
+    return f"`auv-gym compare-missions` compares the logs with each other, and {within}"
+
+
+def slight_sentence(d: Result) -> str:
+    """Effects whose size surely differs between parts of the log, and hardly."""
+    slight = [e for e in d.added if e.steady < UNSTEADY and not (e.unsteady or e.by_dive)]
+    told = listed([f"{short(e.name)} (by up to {100.0 * e.apart:.2g} %)" for e in slight])
+    return f"Parts of the log differ slightly in the size of {told}." if slight else ""
+
+
+def dropped_sentence(d: Result) -> str:
+    """Effects that the search found and that are not named, or nothing."""
+    told = []
+    for reason in dict.fromkeys(d.dropped.values()):
+        titles = d.dropped_for(reason)
+        why = reason.format(it="it" if len(titles) == 1 else "them")
+        told.append(f"The search also found {listed(titles)}, but {why}.")
+    return " ".join(told)
+
+
+def _slight_sentence(d: Result) -> str:
+    """Effects that are certain but too small to matter."""
+    told = []
+    for e in d.effects:
+        most = max(((size / d.noise_of(name), name) for name, size in e.changes.items()), default=(np.inf, ""))
+        if most[0] < SLIGHT:
+            name = most[1]
+            size, noise = quantity(e.changes[name], channel(name).unit), quantity(d.noise_of(name), channel(name).unit)
+            told.append(
+                f"{capital(e.name)} is certain but small: it changes free runs {d.reach} by {size} in "
+                f"{channel(name).label}, where the sensor noise is {noise}, and by even less in other channels."
+            )
+    return " ".join(told)
+
+
+def _logs_sentence(d: Result) -> str:
+    """What an effect comes to in each log where some of them differ in it, and which vehicle is written."""
+    own = [changed(e.path)[1] for e in d.added if changed(e.path)[0]]
+    if not own:
+        return ""
+    logs, told = logs_in(d.record), []
+    plants = [d.after.plant.at_row(log.rows.start) for log in logs] if isinstance(d.after.plant, ChangingPlant) else []
+    for path in dict.fromkeys(own):
+        spec, sizes = spec_at(d.after.plant, path), [value_at(plant, path) for plant in plants]
+        shown = range(len(logs)) if len(logs) <= _FEW_DIVES else (int(np.argmin(sizes)), int(np.argmax(sizes)))
+        each = [f"{quantity(sizes[k], spec.unit)} in {logs[k].name}" for k in shown]
+        by_log = listed(each) if len(logs) <= _FEW_DIVES else f"from {' to '.join(each)}"
+        told.append(f"{capital(plain(spec.title))} by log: {by_log}.")
+    return f"{' '.join(told)} vehicle.toml has the vehicle as it was in the last log, {logs[-1].name}."
+
+
+def _limit_sentence(d: Result) -> str:
+    """Coefficients that a fit moved to their limit."""
+    limited = [c.title for c in d.coefficients if c.limited]
+    if not limited:
+        return ""
+    many = len(limited) > 1
+    return (
+        f"The fit moved {listed(limited)} as far from the given {'values' if many else 'value'} as the stated "
+        f"uncertainty allows. If {'they are' if many else 'it is'} less certain than that, raise --doubt or the "
+        f"{'deviations' if many else 'deviation'} in the vehicle file."
+    )
+
+
+def _rest_sentence(d: Result) -> str:
+    """The part of the error that nothing explains."""
+    if d.discovery is None:
+        return ""
+    begin = "" if d.verdict == "unexplained" else "Part of the error remains unexplained. "
+    begin += left_sentence(d)
+    if d.discovery.holds:
+        terms = listed([t.words for t in d.discovery.terms])
+        begin += f"A term found in the data and confirmed on unseen parts of the log explains part of it: {terms}. "
+    return (begin + (d.habitat.summary() if d.habitat is not None else "")).strip()
+
+
+def left_sentence(d: Result) -> str:
+    """The evidence that something is left, with a space behind it; empty if there is none."""
+    left, shown = d.left, []
+    for names, what in ((left.coloured, "are correlated in time"), (left.bursts, "come in bursts")):
+        if names:
+            shown.append(f"{what} ({', '.join(channel(name).label for name in names)})")
+    if left.depends:
+        of, pushed = channel(left.depends.signal).label, channel(left.depends.pushed).label
+        law = f"past changes of {of}" if left.depends.remembers else of
+        how = f"as errors of the reading of {pushed}" if left.depends.misread else f"acting on {pushed}"
+        shown.append(f"depend on {law} ({how})")
+    text = f"One-step prediction errors {listed(shown)}. " if shown else ""
+    if left.gusts:
+        pushed = listed([channel(name).label for name in left.gusts])
+        text += (
+            f"Random accelerations ({pushed}) are stronger at some times than at others: something acts now and then. "
+        )
+    if left.misread:
+        misread = listed([channel(name).label for name in left.misread])
+        text += f"Lasting sensor errors ({misread}) are larger at some times than at others. "
+    if left.changes and left.changes not in {*d.dropped, *(e.path for e in d.alike)}:
+        title = spec_at(d.state.plant, left.changes).title or left.changes
+        text += f"The {title} differs between parts of the log: something changed during the log. "
+    if left.passing:
+        title = spec_at(d.state.plant, left.passing).title or left.passing
+        text += (
+            f"Something began, ended or changed during the log that acts like this effect: {title}. "
+            f"{capital(_sought(d, 'when'))}. "
+        )
+    return text
+
+
+def _error_sentence(d: Result) -> str:
+    parts = []
+    for name, before in d.before.scores.items():
+        after = d.after.scores[name]
+        label, unit = d.after.unseen.label(name), channel(name).unit
+        if d.changed:
+            parts.append(f"{label} {quantity(before.rmse, unit)} before, {quantity(after.rmse, unit)} after")
+        else:
+            beyond = float(np.sqrt(max(before.rmse**2 - d.noise_of(name) ** 2, 0.0)))
+            known = np.isfinite(beyond) and quantity(beyond, unit) != quantity(before.rmse, unit)
+            told = f" ({quantity(beyond, unit)} beyond the sensor noise)" if known else ""
+            parts.append(f"{label} {quantity(before.rmse, unit)}{told}")
+    told = f"RMS error of free runs {d.reach} in unseen {d.unseen_words}: {'; '.join(parts)}."
+    worse = [name for name in d.before.scores if d.given.scores[name].rmse < _BETTER * d.before.scores[name].rmse]
+    if not worse:
+        return told
+    given = [
+        f"{d.given.unseen.label(name)} {quantity(d.given.scores[name].rmse, channel(name).unit)}" for name in worse
+    ]
+    return (
+        f"{told} As given, the model errs less: {'; '.join(given)}. A refit makes the next reading likely, which may "
+        "worsen free runs if an effect is missing."
+    )
+
+
+def noise_sentence(d: Result) -> str:
+    """The process noise that the fit found, or nothing."""
+    if d.noise is None:
+        return ""
+    told = []
+    if d.noise.process:
+        kinds = {"accelerations" if name.endswith("ps") else "drifts" for name in d.noise.process}
+        pushed = accelerations(d.noise.process)
+        told.append(f"Random {' and '.join(sorted(kinds))} push the vehicle (process noise): {pushed}.")
+    for period, pushes in d.noise.swell.items():
+        told.append(
+            f"Accelerations with a period of {quantity(period, 's')} push it, as of waves: {accelerations(pushes)}."
+        )
+    for period, errors in d.noise.lasting.items():
+        how = f"swing with a period of {quantity(period, 's')}" if period else "last"
+        told.append(f"Some sensor errors {how}: {lasting_errors(errors)}.")
+    return " ".join(told)
+
+
+def _currents_sentence(d: Result) -> str:
+    """The current of each dive, where GPS fixes show it."""
+    if not d.currents:
+        return ""
+    dives = "; ".join(current.words for current in d.currents)
+    return f"Depth-averaged current to the north and east, from GPS and dead reckoning, with 95 % intervals: {dives}."
+
+
+def _unseen_sentence(d: Result) -> str:
+    """States that nothing in the log measures."""
+    speeds = [channel(name).label for name in d.resting if name.endswith("_mps")]
+    if not speeds:
+        return ""
+    told = (
+        f"The log does not measure {listed(speeds)}. The model computes these speeds from the commands, starting from "
+        "rest and without process noise."
+    )
+    if d.left_out:
+        names = listed([channel(name).label for name in d.left_out])
+        told += f" {capital(names)} is not compared, because it depends on these speeds when the vehicle loops."
+    return told
+
+
+def averaged_sentence(d: Result) -> str:
+    """The interval over which readings were averaged, or nothing."""
+    return f"Readings were averaged over {quantity(d.averaged, 's')}." if d.averaged else ""
