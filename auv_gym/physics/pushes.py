@@ -43,8 +43,15 @@ def shove(x, push, kicks, side, duration):
 
 
 @compiled
+def misreads(kick):
+    """The output to which an error of readings that lasts is added, by its row of `kicks`; -1 where it is none."""
+    return int(-kick[0]) - 1 if kick[0] < 0.0 else -1
+
+
+@compiled
 def misread(y, push, kicks):
     """What errors of readings that last, (D,), add to the outputs, in place."""
     for j in range(push.shape[0]):
-        if kicks[j, 0] < 0.0:
-            y[int(-kicks[j, 0]) - 1] += push[j]
+        output = misreads(kicks[j])
+        if output >= 0:
+            y[output] += push[j]

@@ -12,7 +12,7 @@ import numpy as np
 
 from auv_gym.compiled import OPEN, bind, compiled, ready
 from auv_gym.param import list_paths
-from auv_gym.physics.pushes import fade
+from auv_gym.physics.pushes import fade, misreads
 from auv_gym.plant import Plant
 from identification.fit.kalman import read_row, to_next_row
 
@@ -99,8 +99,8 @@ def filtered(
                 for j in range(many - 1):  # an acceleration does nothing to a single reading
                     slopes[m, j] = (seen[j + 1, columns[m]] - seen[0, columns[m]]) / probes[j]
                 for d in range(pushes):  # but an error that lasts is added to it
-                    if kicks[d, 0] < 0.0:
-                        slopes[m, size + d] = 1.0 if int(-kicks[d, 0]) - 1 == columns[m] else 0.0
+                    if misreads(kicks[d]) >= 0:
+                        slopes[m, size + d] = 1.0 if misreads(kicks[d]) == columns[m] else 0.0
             mean[:] = 0.0
             gains[:, :] = 0.0
             whiten[:, :] = 0.0

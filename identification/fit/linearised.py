@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from auv_gym.physics.pushes import misreads
 from identification.fit.extended import program_of
 from identification.fit.kalman import System
 from identification.fit.parameters import moves_of
@@ -79,7 +80,7 @@ class Linearised(Stretches):
             kicked, felt = np.zeros((rows, solid, pushed)), np.zeros((rows, c.shape[1], pushed))
             for d, i in enumerate(self._pushed):
                 if self.kicks[d, 0] < 0.0:
-                    felt[:, self.columns == int(-self.kicks[d, 0]) - 1, d] = 1.0
+                    felt[:, self.columns == misreads(self.kicks[d]), d] = 1.0
                     continue
                 j = int(np.flatnonzero(live == i)[0])
                 kicked[:, :, d] = self.kicks[d, 1] * a[:, :, j]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import Self
 
 import numpy as np
 
@@ -305,6 +306,15 @@ class Noises(Filter):
                     told[self.pushed[d]] = (float(deviations[d]), float(times[d]))
         measured = dict(zip(self.channels, np.sqrt(variances).tolist(), strict=True))
         return Noise(measured, process, swell, lasting)
+
+    def with_noises_of(self, noise: Noise) -> Self:
+        """The same with a swell, and errors of readings that last, where a fit has found such noises."""
+        made = self
+        for period in dict.fromkeys([*noise.swell, *noise.lasting]):
+            velocities = [self.pushed.index(n) for n in noise.swell.get(period, {}) if n in self.pushed]
+            readings = [self.channels.index(n) for n in noise.lasting.get(period, {}) if n in self.channels]
+            made = made.with_noises(velocities, readings, period)
+        return made
 
     def logs_of(self, noise: Noise) -> np.ndarray:
         """The logarithms of given noises."""

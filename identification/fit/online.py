@@ -9,7 +9,7 @@ import numpy as np
 
 from auv_gym.channels import channel
 from auv_gym.compiled import OPEN, bind, ready
-from auv_gym.physics.pushes import fade, shove
+from auv_gym.physics.pushes import fade, misreads, shove
 from auv_gym.plant import Plant
 from auv_gym.plant.rollout import scratch_for
 from identification.fit.kalman import read_row, to_next_row
@@ -39,7 +39,7 @@ def one_sample(
     x: full state; push: (D,); root: (N, N), transposed.  places: (N - D,), of the live states in x.  columns: (C,) of
     the channels among the outputs; angles: (C,) bool.  pushed: (D,), which of the live states accelerations push.
     fading: by which deviations of the live states grow at each sample.  measured: outputs, NaN where nothing is.
-    innovations: (C,), of unit variance, NaN there.  y: outputs before the correction.
+    innovations: (C,), of unit variance, NaN there.  y: outputs before the correction, but for errors that last.
     room: work, (10 + 3 N + D + C, max(N + D, len(x), C, outputs)).
     """
     size, count = places.shape[0], columns.shape[0]
@@ -82,6 +82,9 @@ def one_sample(
     finite = np.empty(count, dtype=np.bool_)
     for c in range(count):
         error[c] = measured[columns[c]] - y[columns[c]]
+        for d in range(push.shape[0]):
+            if misreads(kicks[d]) == columns[c]:
+                error[c] -= push[d]
         finite[c] = np.isfinite(error[c])
         if not finite[c]:
             error[c] = 0.0
@@ -96,6 +99,10 @@ def one_sample(
             x[places[j]] = before
             for c in range(count):
                 slopes[c, j] = (other[columns[c]] - y[columns[c]]) / probes[j]
+        for d in range(push.shape[0]):
+            for c in range(count):
+                if misreads(kicks[d]) == columns[c]:
+                    slopes[c, size + d] = 1.0
         gains[:, :] = 0.0
         whiten[:, :] = 0.0
         innovations[:] = 0.0
@@ -180,7 +187,7 @@ class OnlineFilter:
         self.innovations, self.inputs = np.zeros(count), np.zeros(len(plant.inputs))
         numbers = (
             self._places, self._columns, np.array([channel(name).angle for name in plan.channels]), plan.probes,
-            np.ascontiguousarray(plan.kicks), np.searchsorted(plan.live, plan.kicks[:, 0].astype(int)),
+            np.ascontiguousarray(plan.kicks), self._pushed(plan),
             plan.deviations, plan.times, np.ascontiguousarray(plan.kicks[:, 3]), plan.variances,
             np.sqrt(1.0 + 1.0 / plan.memory),
         )  # fmt: skip
@@ -189,6 +196,11 @@ class OnlineFilter:
         made = (self.gains, self.whiten, self.innovations, np.zeros(len(plant.outputs)), room)
         model = (self._ages, plant.longest_step, plant.derived, scratch_for(family))
         self._arrays = (self.inputs, self.x, self._push, self._root, *model, *numbers, *made)
+
+    @staticmethod
+    def _pushed(plan: FilterPlan) -> np.ndarray:
+        """Which of the live states accelerations push, (D,); the first one for what only misreads, and pushes none."""
+        return np.where(plan.kicks[:, 0] < 0.0, 0, np.searchsorted(plan.live, plan.kicks[:, 0].astype(int)))
 
     def begin(self, inputs: np.ndarray, measured: np.ndarray, keep: bool = False) -> None:
         """Begin at a sample, by its outputs, with the actuators where the inputs put them.

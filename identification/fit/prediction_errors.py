@@ -267,7 +267,7 @@ class PredictionErrors(Noises):
         solid, states = len(self.live), len(self._shared)
         lasting = (self.live < states) | point.system.a[:, np.arange(solid), :solid].any(axis=(0, 2))
         variances, deviations, times = self._numbers(point.logs)
-        there, live = (deviations > 0.0) & ~self.further, self.live[lasting]
+        there, live = deviations > 0.0, self.live[lasting]
         shared, first = np.r_[self._shared, np.zeros(self._size - states, bool)][live], point.path[:, :states]
         return FilterPlan(
             self.plant, self.channels, live, shared, np.median(first, axis=0), self.spread[live], self._probes(live),

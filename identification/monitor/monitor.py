@@ -133,7 +133,9 @@ class Monitor:
         errors, missing = dict[str, float](), ()
         if noise is None:
             log = usable_log(record, plant, Asked(doubt=doubt, trust=trust), "of the healthy vehicle")
-            known = fit_known(log, lambda f, text: progress(0.5 * f, text))
+            known = fit_known(log, lambda f, text: progress(0.4 * f, text))
+            progress(0.4, "looking for waves and for sensor errors that last")
+            known, _ = known.with_further_noises(known.nominal)
             missing = _missing(known, plant, doubt, lambda f, text: progress(0.5 + 0.5 * f, text))
             bench, state, record = known.bench, known.nominal, log.record
             noise, plant = bench.problem.noise_at(state.point), state.plant
@@ -147,7 +149,7 @@ class Monitor:
                 "without loops."
             )
         plant = replace(plant, dt=record.sample_interval, deviations={**plant.deviations, **errors})
-        problem = PredictionErrors(plant, record, stretches_of(plant, record), doubt=doubt)
+        problem = PredictionErrors(plant, record, stretches_of(plant, record), doubt=doubt).with_noises_of(noise)
         point = problem.point(plant.vector, problem.logs_of(noise))
         longest = min(_LONGEST, _OF_CLEAN * len(record))
         learned = _learned(record, problem.online(point, _KEPT_ON * longest), memories(longest), steady)

@@ -18,9 +18,14 @@ from identification.monitor.monitor import CONSTANT, Alarm, Monitor
 from identification.monitor.report import Watched, learned_words, watch, watched_page, watched_summary
 from identification.monitor.wrapper import Monitored
 from scripts.blind.changing import ChangingGlider
+from scripts.blind.own_cruise import PERIOD, cruised
 
 NOISE = Noise({"heading_rad": np.radians(0.5), "north_m": 1.0, "east_m": 1.0}, {})
 PUSHED = replace(NOISE, process={"r_radps": (2e-4, 60.0)})
+SWELL = replace(PUSHED, swell={40.0: {"r_radps": (2e-4, 200.0)}})
+LASTING = replace(
+    PUSHED, lasting={0.0: {"heading_rad": (0.02, 60.0)}, 50.0: {"north_m": (2.0, 300.0), "east_m": (1.0, 300.0)}}
+)
 
 
 @pytest.fixture(scope="module")
@@ -34,10 +39,11 @@ def clean(slocum):
 
 
 @pytest.mark.slow
-def test_an_online_filter_predicts_as_that_of_a_fit_does(slocum, clean):
+@pytest.mark.parametrize("noise", [PUSHED, SWELL, LASTING], ids=["pushed", "swell", "lasting"])
+def test_an_online_filter_predicts_as_that_of_a_fit_does(slocum, clean, noise):
     record = clean.select(clean.time <= 1200.0)
-    problem = PredictionErrors(slocum, record, stretches_of(slocum, record))
-    point = problem.point(slocum.vector, problem.logs_of(PUSHED))
+    problem = PredictionErrors(slocum, record, stretches_of(slocum, record)).with_noises_of(noise)
+    point = problem.point(slocum.vector, problem.logs_of(noise))
     own, found = OnlineFilter(problem.online(point, 1e12)), np.zeros_like(point.errors)
     inputs, outputs, first = inputs_of(slocum, record), outputs_of(slocum, record), int(problem.rows[0])
     own.begin(inputs[first], outputs[first])
@@ -46,6 +52,17 @@ def test_an_online_filter_predicts_as_that_of_a_fit_does(slocum, clean):
         found[k] = own.innovations
     late = slice(len(found) // 2, None)  # where nothing is left of how it began
     assert np.abs(found[late] - point.errors[late]).max() < 0.05
+
+
+@pytest.mark.slow
+def test_a_monitor_takes_waves_of_the_clean_log_for_noise():
+    """The torpedo of the driven study in a swell of 6 s."""
+    torpedo = load_vehicle("vt690")
+    monitor = Monitor.learn(cruised(torpedo, np.random.default_rng(9981), 300.0), torpedo)
+    kicks = monitor.learned.plan.kicks
+    periods = 2.0 * np.pi / kicks[kicks[:, 3] > 0.0, 3]
+    assert periods.size > 1
+    assert periods == pytest.approx(PERIOD, rel=0.05)
 
 
 @pytest.mark.parametrize("steady", [False, True])

@@ -1,6 +1,7 @@
 """Several logs of one vehicle, and effects that only some of them have."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.log.several import in_last_log, logs_in, with_own_effects
 from identification.diagnosis.result_files import again
 from identification.diagnosis.search.candidates import Candidate, candidates_of
-from identification.diagnosis.search.constancy import steadiness
+from identification.diagnosis.search.constancy import _sixths, steadiness
 from identification.diagnosis.search.explanations import meaning
 from identification.diagnosis.search.workbench import Workbench
 from identification.fit.changing import change
@@ -149,3 +150,18 @@ def test_two_sizes_of_one_effect_are_told_apart():
     assert found.verdict in ("named", "tied")
     sizes = [value_at(found.after.plant.at_row(log.rows.start), OFFSET) for log in logs_in(found.record)]
     assert sizes == pytest.approx([0.05, 0.02], abs=0.002)
+
+
+@pytest.mark.parametrize("count, sixths", [(2, 6), (4, 8), (6, 6), (9, 6)])
+def test_parts_of_several_logs_are_about_six_and_begin_where_logs_do(count, sixths):
+    rows, each = np.arange(60 * count), 60
+    record = Record.from_arrays(
+        rows.astype(float),
+        {"heading_rad": np.zeros(rows.size)},
+        segment=rows // each,
+    ).with_labels([f"dive {k}" for k in range(count)])
+    bench = SimpleNamespace(record=record, problem=SimpleNamespace(rows=rows))
+    parts = _sixths(bench)  # type: ignore[arg-type]
+    assert np.unique(parts).tolist() == list(range(sixths))
+    begins, logs = {0, *(np.flatnonzero(np.diff(parts)) + 1).tolist()}, set(range(0, rows.size, each))
+    assert begins <= logs if count > sixths else logs <= begins

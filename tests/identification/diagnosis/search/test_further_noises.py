@@ -16,6 +16,7 @@ from identification.diagnosis.search.further_noises import with_further_noises
 from identification.diagnosis.search.remainder import coloured_channels, what_is_left
 from identification.diagnosis.search.swell import period_of_swell
 from identification.diagnosis.search.workbench import State, Workbench
+from identification.fit.noises import Noise
 from identification.fit.prediction_errors import PredictionErrors
 from scripts.blind import own_cruise
 from scripts.blind.own_cruise import cruised
@@ -163,15 +164,36 @@ def test_both_of_a_pair_have_the_noises_of_the_first_and_cost_as_one(pushed):
     assert not problem.pushes(point)[-2:].any()
 
 
-def test_a_filter_for_samples_one_by_one_knows_no_swell(pushed):
+def test_a_filter_for_samples_one_by_one_has_all_of_the_noises(pushed):
     bench, _ = pushed
     problem = PredictionErrors(bench.plant, bench.record, [slice(0, ROWS)])
     problem = problem.with_noises(problem.velocities, [0], PERIOD).with_noises([], [0], 0.0)
     logs, count = problem.first_noise(), len(problem.channels)
     logs[count : count + len(problem.pushed)] = np.log(0.1 * problem.unit)
     plan = problem.online(problem.point(bench.plant.vector, logs), 100.0)
-    assert len(plan.times) == int((~(problem.swells | problem.misread)).sum())
-    assert not plan.kicks[:, 3].any()
+    assert np.array_equal(plan.kicks, problem.kicks)
+    assert (plan.kicks[:, 3] > 0.0).sum() == len(problem.velocities) + 1
+    assert (plan.kicks[:, 0] < 0.0).sum() == 2
+
+
+def test_a_problem_has_the_noises_that_were_found_elsewhere(pushed):
+    bench, _ = pushed
+    problem = PredictionErrors(bench.plant, bench.record, [slice(0, ROWS)])
+    names = [problem.pushed[d] for d in problem.velocities]
+    told = Noise(
+        dict.fromkeys(problem.channels, 0.1),
+        {},
+        {PERIOD: dict.fromkeys(names, (0.02, 30.0))},
+        {0.0: {problem.channels[0]: (0.3, 40.0)}},
+    )
+    there = problem.with_noises_of(told)
+    wanted = problem.with_noises(problem.velocities, [], PERIOD).with_noises([], [0], 0.0)
+    assert (there.pushed, there.periods.tolist()) == (wanted.pushed, wanted.periods.tolist())
+    assert np.array_equal(there.kicks, wanted.kicks)
+    variances, deviations, times = there._numbers(there.logs_of(told))
+    assert deviations[there.swells] == pytest.approx(0.02)
+    assert (deviations[-1], times[-1]) == (pytest.approx(0.3), pytest.approx(40.0))
+    assert problem.with_noises_of(Noise(told.measurement, {})) is problem
 
 
 def test_what_swings_in_one_velocity_alone_is_no_swell(pushed, monkeypatch):
