@@ -38,10 +38,10 @@ class ClosedLoop:
     words: str
 
 
-def closed_loop(record: Record, stages: Mapping[str, Plant]) -> tuple[ClosedLoop, ...]:
+def closed_loop(record: Record, stages: Mapping[str, Plant], name: str = "the log") -> tuple[ClosedLoop, ...]:
     """The closed loop with each model of a diagnosis, for each channel that has set points in the log.
 
-    stages: the vehicle as "given", "before" and "after".
+    stages: the vehicle as "given", "before" and "after".  name: what the log is called in words.
 
     The vehicle's autopilot steers the model by the log's set points.  What the logged commands have beside those of
     this autopilot at the logged readings, such as an excitation or another controller's habits, is added to its
@@ -68,10 +68,10 @@ def closed_loop(record: Record, stages: Mapping[str, Plant]) -> tuple[ClosedLoop
         return (ClosedLoop(first, channel(first).unit, np.nan, np.nan, np.nan, np.nan, nothing, reason),)
     record = _beginning(record)
     told, runs = commands_at_log_samples(plant, controller, record, targets), {}
-    for name, model in stages.items():
+    for stage, model in stages.items():
         same = next((runs[n] for n in runs if np.array_equal(stages[n].vector, model.vector)), None)
-        runs[name] = steered(model, controller, record, targets, told) if same is None else same
-    return tuple(_judged(name, record, {stage: run[name] for stage, run in runs.items()}) for name in targets)
+        runs[stage] = steered(model, controller, record, targets, told) if same is None else same
+    return tuple(_judged(target, record, {s: run[target] for s, run in runs.items()}, name) for target in targets)
 
 
 def targets_of(plant: Plant, record: Record) -> tuple[str, ...]:
@@ -183,14 +183,14 @@ def _beginning(record: Record) -> Record:
     return record if len(record) <= MOST_SAMPLES else record.select(np.arange(len(record)) < MOST_SAMPLES)
 
 
-def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray]) -> ClosedLoop:
+def _judged(name: str, record: Record, runs: Mapping[str, np.ndarray], log: str) -> ClosedLoop:
     logged = _errors(name, record, record[name])
     errors = {stage: _errors(name, record, run) for stage, run in runs.items()}
     apart = {stage: inf if np.isinf(runs[stage]).any() else _rms(_apart(name, errors[stage], logged)) for stage in runs}
     unit = channel(name).unit
     said = {stage: quantity(v, unit) if np.isfinite(v) else "no stable run" for stage, v in apart.items()}
     words = (
-        f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in the log. The "
+        f"In closed loop, the RMS error of {channel(name).label} was {quantity(_rms(logged), unit)} in {log}. The "
         f"simulated loop differs from the logged one by {said['before']} before and {said['after']} after."
     )
     tracking = {stage: inf if np.isinf(runs[stage]).any() else _rms(e) for stage, e in errors.items()}

@@ -18,6 +18,7 @@ from identification.diagnosis.judge.scoring import Scored, Scoring
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.judge.weighing import weigh
 from identification.diagnosis.log.checking import CheckedLog
+from identification.diagnosis.log.several import last_log
 from identification.diagnosis.search.bars import threshold
 from identification.diagnosis.search.candidates import Regression, candidates_of
 from identification.diagnosis.search.remainder import passing_effect
@@ -98,7 +99,8 @@ def judge(log: CheckedLog, searched: Searched, source: str, progress: Progress) 
         common=told.common,
         unfinished=tuple(bench.unfinished),
     )
-    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(record, diagnosis.plants), ())
+    steered, name = last_log(after.plant, record)
+    loops = extras.attempt("The closed loop with each model", lambda: closed_loop(steered, diagnosis.plants, name), ())
     final = discovery.state if discovery is not None and discovery.holds else state
     spread = bench.spread(final) if final.finite else ()
     currents = extras.attempt("The current of each dive", lambda: dive_currents(after.plant, record, spread), ())

@@ -64,6 +64,14 @@ def in_last_log(plant: Plant, record: Record) -> Plant:
     return plant.at_row(len(record) - 1) if isinstance(plant, ChangingPlant) else plant
 
 
+def last_log(plant: Plant, record: Record) -> tuple[Record, str]:
+    """The log of which `in_last_log` has the vehicle, and what it is called; the record where all are of one."""
+    if not isinstance(plant, ChangingPlant):
+        return record, "the log"
+    last = logs_in(record)[-1]
+    return record.select(np.arange(len(record)) >= last.rows.start), last.name
+
+
 def _courses(logs: Sequence[OneLog]) -> dict[str, Course]:
     found = {
         f"log{one.number}": Course((one.rows.start, one.rows.stop), (0.0, 1.0, 0.0), f"in {one.name}") for one in logs

@@ -11,7 +11,7 @@ from auv_gym.param import value_at
 from auv_gym.records.record import Record
 from identification import closed_loop, diagnose, write_diagnosis
 from identification.diagnosis.log.checking import Asked, check_log
-from identification.diagnosis.log.several import in_last_log, logs_in, with_own_effects
+from identification.diagnosis.log.several import in_last_log, last_log, logs_in, with_own_effects
 from identification.diagnosis.result_files import again
 from identification.diagnosis.search.candidates import Candidate, candidates_of
 from identification.diagnosis.search.constancy import _sixths, steadiness
@@ -76,6 +76,13 @@ def test_the_vehicle_that_is_written_is_that_of_the_last_log():
     assert value_at(in_last_log(plant, log.record), OFFSET) == pytest.approx(0.05)
     assert value_at(plant.at_row(0), OFFSET) == pytest.approx(0.02)
     assert in_last_log(log.plant, log.record) is log.plant
+    record, name = last_log(plant, log.record)
+    assert (name, len(record), record.time[0]) == (
+        "log1.csv",
+        len(log.record) // 2,
+        log.record.time[len(log.record) // 2],
+    )
+    assert last_log(log.plant, log.record) == (log.record, "the log")
 
 
 @pytest.mark.parametrize("begins, varies", [(0.0, False), (0.5, True)])
@@ -127,6 +134,9 @@ def test_an_effect_of_one_log_is_named_with_that_log(tmp_path):
     assert "rudder offset in log1.csv, 2.8" in found.summary()
     assert "vehicle.toml has the vehicle as it was in the last log, log1.csv." in found.summary()
     assert rivals_of(found) == ()
+    (loop,) = found.loops
+    assert "in log1.csv." in loop.words
+    assert loop.after < 0.7 * loop.before
     files = write_diagnosis(found, tmp_path)
     assert value_at(load_vehicle(files["vehicle.toml"]), OFFSET) == pytest.approx(only.value)
     assert f'"{change("log2", OFFSET)}"' in files["diagnosis.json"].read_text()
