@@ -118,6 +118,15 @@ def one_after_the_other(records: list[Record]) -> Record:
     return joined.with_notes([*everywhere, *left, *own], **dated)
 
 
+def labels_of(logs: Sequence[tuple[Path, str]]) -> list[str]:
+    """What each of some logs is called: its own label or the file's name, with the folder where two have the same."""
+    names = [label or file.name for file, label in logs]
+    return [
+        f"{file.parent.name}/{name}" if names.count(name) > 1 else name
+        for (file, _), name in zip(logs, names, strict=True)
+    ]
+
+
 def labelled(record: Record, label: str) -> Record:
     """The record with a file's name as the label of its segments."""
     own = record.labels

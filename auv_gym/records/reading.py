@@ -16,7 +16,7 @@ from auv_gym.records.clocks import clocks_of
 from auv_gym.records.completing import completed, hydrography
 from auv_gym.records.formats import check_file, format_of
 from auv_gym.records.gliding import glide_speed
-from auv_gym.records.joining import check_apart, labelled, one_after_the_other, side_by_side
+from auv_gym.records.joining import check_apart, labelled, labels_of, one_after_the_other, side_by_side
 from auv_gym.records.log import Column, Format, Group, Log, Scope
 from auv_gym.records.mapping import (
     YOURS,
@@ -123,16 +123,17 @@ def read_record(
             found.append((file, _saved(file, needs, max_gap_s)))
         else:
             found.append((file, _read_one(file, names, beside, partial(_share, told, number, len(paths)))))
-    records = []
-    for file, one in side_by_side(found):
+    records, logs = [], side_by_side(found)
+    labels = labels_of([(file, "" if isinstance(one, Record) else one.label) for file, one in logs])
+    for (file, one), label in zip(logs, labels, strict=True):
         if isinstance(one, Record):
-            records.append((file, labelled(one, file.name) if len(paths) > 1 else one))
+            records.append((file, labelled(one, label) if len(paths) > 1 else one))
             continue
         try:
             record = assembled(understood(one, names, needs), needs, max_gap_s, long_runs)
         except ValueError as error:
             raise _named(file, error) from error
-        records.append((file, labelled(record, one.label or file.name) if len(paths) > 1 else record))
+        records.append((file, labelled(record, label) if len(paths) > 1 else record))
     check_apart([(str(file), record) for file, record in records])
     return one_after_the_other([record for _, record in records])
 

@@ -3,8 +3,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auv_gym.records.joining import check_apart, one_after_the_other, side_by_side
+from auv_gym.records.joining import check_apart, labels_of, one_after_the_other, side_by_side
 from auv_gym.records.log import Group, Log
+from auv_gym.records.reading import read_record
 from auv_gym.records.record import Record
 
 
@@ -92,3 +93,13 @@ def test_logs_of_two_vehicles_are_refused():
     both = one_after_the_other([mission(1, 1.4e9, "SG561"), mission(2, 1.5e9, "SG561")])
     with pytest.raises(ValueError, match=r"a.nc, b.nc is of SG561 and c.nc is of SG171"):
         check_apart([("a.nc, b.nc", both), ("c.nc", mission(3, vehicle="SG171"))])
+
+
+def test_logs_of_one_name_from_two_folders_are_told_apart_by_these(tmp_path):
+    files = []
+    for folder in ("monday", "tuesday"):
+        (tmp_path / folder).mkdir()
+        files.append(tmp_path / folder / "log.csv")
+        files[-1].write_text("time_s,heading_deg,rudder_rad\n" + "".join(f"{t},{t},{len(folder)}\n" for t in range(9)))
+    assert read_record(files, required=("rudder_rad",)).labels == ["monday/log.csv", "tuesday/log.csv"]
+    assert labels_of([(files[0], ""), (tmp_path / "b.csv", ""), (files[1], "dive 3")]) == ["log.csv", "b.csv", "dive 3"]
