@@ -183,18 +183,25 @@ def _timings_table(seconds: Mapping[str, float]) -> Table:
 
 
 def _effect_table(diagnosis: Diagnosis) -> Table:
+    """Each effect, and in the rows below it what it is tied with, with the size that this would have."""
     from auv_gym.param import spec_at
     from identification.diagnosis.wording import interval, quantity
 
     weighed = any(effect.members for effect in diagnosis.added)
-    heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else []), "alternatives"]
+    heads = ["effect", "value>", "95 % interval>", *(["probability>"] if weighed else [])]
     shown = table("Effects" if diagnosis.effects else "What the difference acts like", *heads)
+
+    def add(title: str, size: tuple[float, tuple[float, float], str] | None, probability: float | None) -> None:
+        told = ("", "") if size is None else (quantity(size[0], size[2]), interval(size[1], size[2]))
+        odds = "" if probability is None else f"{100.0 * probability:.0f} %"
+        shown.add_row(title, *told, *([odds] if weighed else []))
+
     for effect in diagnosis.added:
         told = effect.coefficient or effect  # an effect that does nothing but change a coefficient is told as that
-        size, limits = quantity(told.value, told.unit), interval(told.ci95, told.unit)
-        others = [path for path in effect.tied_with if path != told.path]
-        odds = {m.path: f" ({100.0 * m.probability:.0f} %)" for m in effect.members}
-        alike = ", ".join(spec_at(diagnosis.given.plant, path).title + odds.get(path, "") for path in others)
-        own = "" if effect.probability is None else f"{100.0 * effect.probability:.0f} %"
-        shown.add_row(told.title, size, limits, *([own] if weighed else []), alike)
+        add(told.title, (told.value, told.ci95, told.unit), effect.probability)
+        members = {m.path: m for m in effect.members}
+        for path in (path for path in effect.tied_with if path != told.path):
+            m = members.get(path)
+            title = f"or {spec_at(diagnosis.given.plant, path).title}"
+            add(title, None if m is None else (m.value, m.ci95, m.unit), None if m is None else m.probability)
     return shown
