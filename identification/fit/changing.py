@@ -240,13 +240,15 @@ def _resolved(plant: ChangingPlant, path: str) -> tuple[Course, str]:
 
 
 def _spec(plant: Plant, path: str, when: str) -> Spec:
-    """What is known of a change: it may take the parameter from one bound to the other."""
-    spec = spec_at(plant, path)
+    """What is known of a change: it may take the parameter from one bound to the other.
+
+    One with a name for when it acts is an effect of its own, and takes the parameter from its value to either bound.
+    """
+    spec, value = spec_at(plant, path), value_at(plant, path)
     low, high = spec.bounds
-    probe = _SHARE * abs(value_at(plant, path)) if path in plant.doubted else spec.probe
-    return spec._replace(
-        title=named_when(spec.title or path, when), neutral=0.0, bounds=(low - high, high - low), probe=probe
-    )
+    bounds = (low - value, high - value) if when else (low - high, high - low)
+    probe = _SHARE * abs(value) if path in plant.doubted else spec.probe
+    return spec._replace(title=named_when(spec.title or path, when), neutral=0.0, bounds=bounds, probe=probe)
 
 
 def _group(name: str, specs: Mapping[str, Spec]) -> type:

@@ -113,16 +113,11 @@ def _divisions(
 
 
 def _sixths(bench: Workbench) -> np.ndarray:
-    """In which sixth of the record each row is, (n,); of several logs, about as many parts, cut where these begin.
-
-    No part is of two logs, or if they are more than six, each is of whole logs.
-    """
+    """In which sixth of the record each row is, (n,); of up to six logs, about as many parts, none of two logs."""
     begins = [begin for _, begin in dives_of(bench.record, bench.problem.rows)]
-    if len(begins) < 2:
+    if not 2 <= len(begins) <= MOST_PARTS:
         return bench.block_of_row * MOST_PARTS // BLOCKS
     log = np.searchsorted(begins, bench.problem.rows, side="right") - 1
-    if len(begins) > MOST_PARTS:
-        return log * MOST_PARTS // len(begins)
     each, found = round(MOST_PARTS / len(begins)), np.zeros(log.size, dtype=int)
     for k in range(len(begins)):
         own = log == k

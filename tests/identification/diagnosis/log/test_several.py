@@ -10,6 +10,7 @@ from auv_gym import concat, load_vehicle, replace_at
 from auv_gym.param import value_at
 from auv_gym.records.record import Record
 from identification import closed_loop, diagnose, write_diagnosis
+from identification.deciding import BLOCKS
 from identification.diagnosis.log.checking import Asked, check_log
 from identification.diagnosis.log.several import in_last_log, last_log, logs_in, with_own_effects
 from identification.diagnosis.result_files import again
@@ -162,16 +163,14 @@ def test_two_sizes_of_one_effect_are_told_apart():
     assert sizes == pytest.approx([0.05, 0.02], abs=0.002)
 
 
-@pytest.mark.parametrize("count, sixths", [(2, 6), (4, 8), (6, 6), (9, 6)])
-def test_parts_of_several_logs_are_about_six_and_begin_where_logs_do(count, sixths):
+@pytest.mark.parametrize("count, parts", [(1, 6), (2, 6), (4, 8), (6, 6), (9, 6)])
+def test_parts_of_up_to_six_logs_begin_where_these_do(count, parts):
     rows, each = np.arange(60 * count), 60
-    record = Record.from_arrays(
-        rows.astype(float),
-        {"heading_rad": np.zeros(rows.size)},
-        segment=rows // each,
-    ).with_labels([f"dive {k}" for k in range(count)])
-    bench = SimpleNamespace(record=record, problem=SimpleNamespace(rows=rows))
-    parts = _sixths(bench)  # type: ignore[arg-type]
-    assert np.unique(parts).tolist() == list(range(sixths))
-    begins, logs = {0, *(np.flatnonzero(np.diff(parts)) + 1).tolist()}, set(range(0, rows.size, each))
-    assert begins <= logs if count > sixths else logs <= begins
+    record = Record.from_arrays(rows.astype(float), {"heading_rad": np.zeros(rows.size)}, segment=rows // each)
+    record = record.with_labels([f"dive {k}" for k in range(count)])
+    blocks = rows * BLOCKS // rows.size
+    bench = SimpleNamespace(record=record, problem=SimpleNamespace(rows=rows), block_of_row=blocks)
+    found = _sixths(bench)  # type: ignore[arg-type]
+    assert np.unique(found).tolist() == list(range(parts))
+    begins = {0, *(np.flatnonzero(np.diff(found)) + 1).tolist()}
+    assert (set(range(0, rows.size, each)) <= begins) == (count <= 6)
