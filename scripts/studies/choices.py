@@ -18,6 +18,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from auv_gym.plant import Plant, load_vehicle
 from auv_gym.records.record import Record
@@ -108,14 +109,11 @@ def groups_of(found: Diagnosis) -> list[list[str]]:
 
 
 def kept(whole: Sequence[Sequence[str]], other: Sequence[Sequence[str]]) -> int:
-    """How many groups of the whole share a member with one of the others, each with one of its own."""
-    left, count = [set(group) for group in other], 0
-    for group in map(set, whole):
-        same = next((one for one in left if one & group), None)
-        if same is not None:
-            left.remove(same)
-            count += 1
-    return count
+    """How many groups of the whole share a member with one of the others, each with one of its own, at the most."""
+    shared = np.array([[bool(set(a) & set(b)) for b in other] for a in whole], dtype=int).reshape(
+        len(whole), len(other)
+    )
+    return int(shared[linear_sum_assignment(shared, maximize=True)].sum())
 
 
 def sheets(found: Found) -> list[Sheet]:

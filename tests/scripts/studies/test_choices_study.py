@@ -17,6 +17,7 @@ from scripts.studies.harness import Found
         ([["a", "b"], ["b", "c"]], [["b"]], 1),  # one name is not two
         ([["a"]], [["b"]], 0),
         ([], [["b"]], 0),
+        ([["a", "c"], ["b"]], [["b", "c"], ["a"]], 2),  # whichever comes first
     ],
 )
 def test_a_name_is_kept_where_one_of_its_tie_is_named(whole, other, same):
