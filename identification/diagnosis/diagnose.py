@@ -11,6 +11,7 @@ from auv_gym.plant import Plant
 from auv_gym.plant.record_check import described
 from auv_gym.records.record import Record
 from identification.deciding import DOUBT, MOST_EFFECTS
+from identification.diagnosis.extras import Extras
 from identification.diagnosis.judge.judging import judge
 from identification.diagnosis.judge.verdict import Diagnosis
 from identification.diagnosis.log.checking import Asked, CheckedLog, check_log
@@ -65,9 +66,12 @@ def diagnose(
         seconds[step] = seconds.get(step, 0.0) + perf_counter() - begin
         return found
 
-    def sought(log: CheckedLog) -> Searched:
+    def sought(log: CheckedLog, progress: Progress = progress) -> Searched:
         known = timed("fitting what is known", lambda: fit_known(log, progress))
         return timed("searching effects", lambda: search_effects(log, known, progress))
+
+    def once_more(fraction: float, text: str) -> None:
+        progress(0.9 + 0.1 * fraction, f"effects of only some logs: {text}")
 
     progress(0.0, "looking for slips in the log")
     log = timed("checking the log", lambda: check_log(record, plant, asked))
@@ -80,13 +84,22 @@ def diagnose(
     if brief is not log and searched.state is searched.nominal:  # what is weak needs all of the log
         searched, brief = sought(log), log
     found = timed("judging", lambda: judge(brief, searched, source, progress))
-    several = found.verdict == "unexplained" and len(logs_in(log.record)) > 1
-    own = with_own_effects(log, may_differ(searched)) if several else None
-    if own is not None:
+
+    def of_some_logs() -> tuple[Diagnosis, CheckedLog]:
+        """The diagnosis with effects of only some of the logs, if these explain them, or that without."""
+        own = with_own_effects(log, may_differ(searched))
+        if own is None:
+            return found, brief
         own = own.in_brief()
-        again = sought(own)
-        if again.state is not again.nominal:
-            apart = timed("judging", lambda: judge(own, again, source, progress))
-            found, brief = (apart, own) if apart.verdict in ("named", "tied") else (found, brief)
+        again = sought(own, once_more)
+        if again.state is again.nominal:
+            return found, brief
+        apart = timed("judging", lambda: judge(own, again, source, once_more))
+        return (apart, own) if apart.verdict in ("named", "tied") else (found, brief)
+
+    if found.verdict == "unexplained" and len(logs_in(log.record)) > 1:
+        extras = Extras()
+        found, brief = extras.attempt("The search for effects of only some logs", of_some_logs, (found, brief))
+        found = replace(found, failures=(*found.failures, *extras.failures))
     # with the channels that were not compared, and the rows that windows count
     return replace(found, record=described(plant, record).with_notes(brief.record.notes), seconds=seconds)

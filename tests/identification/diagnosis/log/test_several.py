@@ -1,13 +1,14 @@
 """Several logs of one vehicle, and effects that only some of them have."""
 
 import json
+from importlib import import_module
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from auv_gym import concat, load_vehicle, replace_at
-from auv_gym.param import value_at
+from auv_gym.param import spec_at, value_at
 from auv_gym.records.record import Record
 from identification import closed_loop, diagnose, write_diagnosis
 from identification.deciding import BLOCKS
@@ -69,6 +70,17 @@ def test_candidates_are_those_of_all_logs_and_of_some_and_neither_hides_the_othe
     for found in (OFFSET, change("log2", OFFSET)):
         left = {c.paths for c in candidates_of(replace_at(plant, found, 0.05), log.record)}
         assert set(every) - left == {(found,)}
+
+
+def test_an_effect_of_some_logs_stays_within_the_bounds_of_one_of_all():
+    """Beyond them nothing changes, so that a fit would go on for ever."""
+    log = check_log(logs_of(0.0, 0.0), load_vehicle("slocum"), Asked(trust=True))
+    gain, deadband = "effects.rudder.gain", "effects.rudder.deadband"
+    plant = with_own_effects(log, [gain, deadband]).plant
+    for path in (gain, deadband):
+        low, high = spec_at(plant, path).bounds
+        neutral = spec_at(plant, path).neutral
+        assert spec_at(plant, change("log1", path)).bounds == (low - neutral, high - neutral)
 
 
 def test_the_vehicle_that_is_written_is_that_of_the_last_log():
@@ -146,6 +158,17 @@ def test_an_effect_of_one_log_is_named_with_that_log(tmp_path):
     assert not any(
         p.startswith("changes.") for p in json.loads(files["diagnosis.json"].read_text())["vehicle"]["units"]
     )
+
+
+def test_what_was_found_is_not_lost_where_the_search_in_some_logs_fails(monkeypatch):
+    def failing(log, paths):
+        raise RuntimeError("no memory left")
+
+    monkeypatch.setattr(import_module("identification.diagnosis.diagnose"), "with_own_effects", failing)
+    found = diagnose(logs_of(0.0, 0.05, duration=400.0), load_vehicle("slocum"))
+    assert found.verdict == "unexplained"
+    (failure,) = found.failures
+    assert failure.text.startswith("The search for effects of only some logs could not be made: RuntimeError")
 
 
 @pytest.mark.slow
